@@ -4,8 +4,8 @@ The one module of `renew` that knows files. Numba's own cache looks at the sourc
 alone and misses an edit of another that it inlines; here the cache's folder is named by a hash of
 all sources with kernels. It lies in the package where that can be written, else in the user's
 cache, else in a temporary folder; a folder that can only be read (an installation by root, a
-container that was warmed up) is read all the same. What can't be read, or is damaged, counts as not
-there.
+container that was warmed up) is read all the same. A file that can't be read, or is damaged, counts
+as missing.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def user_cache() -> Path | None:
 
 
 def _open_as_package(*folders: Path) -> None:
-    """Let all those look into folders of this user who may look into the package."""
+    """Let everybody who may look into the package look into folders of this user."""
     mode = stat.S_IMODE(_PACKAGE.stat().st_mode)
     for folder in folders:
         state = folder.stat()
@@ -136,7 +136,7 @@ def _open_as_package(*folders: Path) -> None:
 def _temporary_folder() -> Path:
     """A folder for this user alone: machine code is loaded from it, so no other may write there.
 
-    Where none can be made it is one that can't be there, and nothing is saved.
+    Where none can be made, the answer is a folder that can't exist, and nothing is saved.
     """
     with contextlib.suppress(OSError):
         own = Path(tempfile.gettempdir()) / f"renew-{os.getuid()}"

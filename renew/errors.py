@@ -16,7 +16,7 @@ import numpy as np
 from renew._types import FloatArray
 
 PlaceSpelling: TypeAlias = Callable[[FloatArray], str]
-"""Spells a place (2,), m, for a message: in metres, or as whoever knows more would give it."""
+"""Spells a place (2,), m, for a message: in metres, or in the coordinates that the caller knows."""
 _SHORT = reprlib.Repr()
 
 
@@ -34,7 +34,7 @@ class Moment:
 
 
 MomentSpelling: TypeAlias = Callable[[Moment], str]
-"""Spells a moment for a message: in seconds, or as a date by whoever knows when the clock began."""
+"""Spells a moment for a message: in seconds, or as a date where the clock's beginning is known."""
 
 
 def in_seconds(moment: Moment) -> str:
@@ -54,7 +54,7 @@ class Length:
 
 
 LengthSpelling: TypeAlias = Callable[[Length], str]
-"""Spells a length for a message: as it is, or in true metres by whoever knows the scale."""
+"""Spells a length for a message: as it is, or in true metres if the caller knows the scale."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +125,7 @@ def _values_in(text: Text) -> Iterator[FloatArray | Moment | Length]:
 
 
 def from_until(begin: float, end: float, *, on: str = "") -> Text:
-    """Say from when until when (s), where these are finite; `on` stands for an end that is not."""
+    """Say from when until when (s), as far as that is finite; `on` replaces an infinite end."""
     parts = [Text(" from {0}", (Moment(begin),))] if math.isfinite(begin) else []
     parts.append(Text(" until {0}", (Moment(end),)) if math.isfinite(end) else Text(on))
     return Text.joined("", parts)
@@ -229,8 +229,9 @@ class Strait:
 class UnreachableError(PlanningError):
     """No water joins start and goal, or no class between them can be sailed.
 
-    `straits` are the gaps that block the classes; none where anything else blocks one of them.
-    `causes` are the errors for which classes were rejected; none where no class was found.
+    `straits` are the gaps that block the classes; empty where something else blocks one of the
+    classes. `causes` are the errors for which classes were rejected; empty where no class was
+    found.
     """
 
     straits: tuple[Strait, ...] = ()
@@ -251,7 +252,7 @@ class InfeasibleError(PlanningError):
     def at_strait(
         cls, strait: Strait, blocked: Iterable[tuple[int, int, int]] = ()
     ) -> InfeasibleError:
-        """Blame one gap, with what it lacks, of all that are blocked."""
+        """Blame one of all blocked gaps, with the width that its paddings take."""
         error = cls(
             "blocked at {0}, between {1} and {2}: the gap is {3} wide, and the padding takes {4} "
             "on the left and {5} on the right bank",
@@ -268,15 +269,15 @@ class InfeasibleError(PlanningError):
 class TooSharpError(InfeasibleError):
     """Corners of the class's path leave the vessel too little room to turn in.
 
-    `excess` (n,) says for each point of the path by what factor the arc there, or beside it, asks
-    for more of a leg than there is; at most 1 where there is enough.
+    `excess` (n,) is, at each point of the path, the length that arcs need of a leg beside it
+    divided by the length that the leg has: at most 1 where there is room enough.
     """
 
     excess: FloatArray
 
     @classmethod
     def at_points(cls, path: FloatArray, asked: FloatArray, length: FloatArray) -> TooSharpError:
-        """Blame the leg of a path (n, 2) that lacks most: lengths (n - 1,), m, asked and had."""
+        """Blame the leg of a path (n, 2) that lacks most of the length (n - 1,), m, asked of it."""
         worst = int((asked - length).argmax())
         error = cls(
             "the corners beside the leg at {0} need {1} to turn in; it has {2}",
@@ -297,12 +298,12 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 100
 
 
 def shown(value: object) -> str:
-    """A value as Python writes it, on one line; of a long one the beginning and the end."""
+    """A value as Python writes it, on one line; a long value without its middle."""
     return " ".join(_SHORT.repr(value).split())
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Whether a value is a real number, and neither true or false nor a duration."""
+    """Whether a value is a real number; truth values and durations are not."""
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(
         value, bool | np.timedelta64
     )
@@ -317,7 +318,7 @@ def is_finite(value: object) -> TypeGuard[float]:
 
 
 def as_floats(name: str, value: object) -> FloatArray:
-    """Take real numbers as an array of floats; not text, complex numbers, dates or masked ones."""
+    """Return real numbers as floats; refuse text, complex numbers, dates and masked values."""
     try:
         array = np.asarray(value)
         if array.dtype.kind == "O":
@@ -331,6 +332,6 @@ def as_floats(name: str, value: object) -> FloatArray:
 
 
 def check_kind(name: str, value: object, kind: type) -> None:
-    """Refuse an object that is not of a class of ours."""
+    """Refuse an object that is not of a given class of this package."""
     if not isinstance(value, kind):
         raise ParameterError(f"{name} = {shown(value)} must be a renew.{kind.__name__}")

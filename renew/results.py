@@ -41,7 +41,7 @@ _MAX_ROUTES = len(_COLOURS)
 class FuelBound:
     """The fuel that no route of a voyage can stay below, of any class, however close to land.
 
-    It is worked out from the voyage when it is first asked for, or known already.
+    It is computed from the voyage when first asked for, unless it is known already.
     """
 
     source: Voyage | float
@@ -61,7 +61,7 @@ class OverpoweredHours(NamedTuple):
 
     At `place` (2,), m, it is nearly as strong as the vessel is fast, or stronger, from `begin`
     until `end` (s): part of the time in which the vessel may be there, or comes there and has to
-    wait. Of a stretch of such water it is the place where that lasts longest. The times are
+    wait. In a stretch of such water, `place` is where these hours last longest. The times are
     infinite where the current is held before its first time or after its last.
     """
 
@@ -165,10 +165,10 @@ def unite_soft_no_go(routes: Sequence[Route]) -> None:
     capsules = shapely.buffer(lines, rows[:, 4], quad_segs=16)
     parts = [shapely.union_all(capsules[group.ravel() == one]) for one in range(len(members))]
     for at, route in enumerate(routes):
-        # Most islands' paddings are apart: only what meets is overlaid.
+        # Most islands' paddings are apart: only parts that meet are overlaid.
         own = [parts[one] for one in np.flatnonzero(members[:, at])]
         zone = shapely.disjoint_subset_union_all(own) if own else shapely.MultiPolygon()
-        route._zone[:] = [zone]  # noqa: SLF001 - kept for the next to ask
+        route._zone[:] = [zone]  # noqa: SLF001 - kept for the next call
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,9 +286,9 @@ class Departures:
 
     Attributes
     ----------
-    departures : (n,) s, ascending: those asked for, and those planned between them.
-    arrivals : (n,) s; inf where no class can be sailed. A departure arrives no later than
-        those after it, unless the padding for its hours leaves it less room.
+    departures : (n,) s, ascending: the departures asked for, and more planned between them.
+    arrivals : (n,) s; inf where no class can be sailed. A departure arrives no later than later
+        departures, unless the padding for its hours leaves it less room.
     fuels : (n,) fuel units; inf where no class can be sailed.
     paths : the paths (m, 2), m; None where no class can be sailed.
     times : when the points of each path are passed (m,), s; None where there is none.
@@ -338,7 +338,7 @@ class Departures:
 
     @property
     def best(self) -> int:
-        """Index of the departure that takes least fuel, the earliest of those that do."""
+        """Index of the departure of least fuel; of equals, the earliest."""
         return int(self.fuels.argmin())
 
 

@@ -43,7 +43,7 @@ from renew.voyage.voyage import Voyage
 # Largest number of steps of a search: a few seconds. It is reached only where fewer than k classes
 # exist in a chart full of islands.
 _MAX_STEPS = 1_000_000
-# Size of an island by which paths differ that are looked at closer, in cells.
+# Least size, in cells, of the islands by which paths differ in a closer look.
 _WIDE = 2.0
 # Largest number of steps of the depth-first search, which looks at triangles one by one.
 _MAX_DEPTH_FIRST_STEPS = 100_000
@@ -95,9 +95,9 @@ class _Roads:
 class ClassEnumerator:
     """Gives channels from start to goal, no two of the same class.
 
-    Passing edges are only crossed where that is `clearance` m from the land at their ends. Order
-    "length" takes the water as still. The roadmaps are those of the first departure. Channels that
-    need more than `dearest` times as much as the best, at first sight, are left out.
+    Passing edges are only crossed at places `clearance` m or more from the land at their ends.
+    Order "length" takes the water as still. The roadmaps are those of the first departure. Channels
+    that need more than `dearest` times as much as the best, at first sight, are left out.
     """
 
     _voyage: Voyage
@@ -163,7 +163,7 @@ class ClassEnumerator:
     def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
         """The first `count` channels of paths beside some (n, 2), looked at closer.
 
-        They differ by islands that are wider than a cell: of many islets between them each takes
+        They differ by islands that are wider than two cells; among smaller islets each path takes
         the best sides.
         """
         graph, cell = self._roads.beside(paths, self._voyage)

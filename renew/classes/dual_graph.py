@@ -88,7 +88,7 @@ def simple_paths(
 ) -> Iterator[list[int]]:
     """Rows of triangles, none twice, as a depth-first search meets them.
 
-    A triangle is only entered if the last one can still be reached from it without those in the
+    A triangle is only entered if the last one can still be reached from it without triangles of the
     row: otherwise the search would spend most of its time in dead ends. It gives up after having
     looked at `max_steps` triangles.
     """
@@ -113,7 +113,7 @@ def simple_paths(
 
 
 def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: int) -> set[int]:
-    """Triangles that are met from one, without those in use, until some other is met."""
+    """Triangles that are met from one on, without the used ones, until another is met."""
     reached, waiting = {start}, [start]
     while waiting and until not in reached:
         found = [node for node in beside[waiting.pop()] if node not in used and node not in reached]
@@ -137,8 +137,8 @@ def surroundings(
 ) -> dict[int, int]:
     """Triangles around a row, each with the place in it that it is nearest to.
 
-    They are those at most `layers` edges away from the row, or from those of some path that bulges
-    out of it. The row's own come first, in their order.
+    They are at most `layers` edges away from the row, or from the triangles that a path crosses
+    beside it. The row's own come first, in their order.
     """
     nearest = {triangle: place for place, triangle in enumerate(row)}
     outermost = row
@@ -156,7 +156,7 @@ def _beside(
     nearest: dict[int, int],
     among: Container[int] | None = None,
 ) -> list[int]:
-    """Triangles next to the outermost ones, added to the nearest; all, or those among some."""
+    """Triangles next to the outermost ones, added to the nearest; all, or only some."""
     found: dict[int, int] = {}
     for triangle in outermost:
         for beside in triangulation.neighbours[triangle].tolist():

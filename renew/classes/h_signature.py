@@ -103,9 +103,9 @@ class Rays:
 
 
 def _islands(polygons: npt.NDArray[np.object_], chart: Chart) -> npt.NDArray[np.object_]:
-    """Return those of some polygons that can be passed on either side, the largest first."""
-    # Land that touches the extent's edge belongs to the outside; what touches such land too,
-    # and the chart's union has already merged what overlaps.
+    """Islands among polygons: they can be passed on either side. The largest comes first."""
+    # Land that touches the extent's edge belongs to the outside. So does land that touches such
+    # land, but the chart's union has already merged both.
     outside = shapely.dwithin(polygons, chart.extent.exterior, 4 * chart.precision)
     islands = polygons[~np.asarray(outside, dtype=bool)]
     bounds = shapely.bounds(islands).reshape(-1, 4)

@@ -3,8 +3,8 @@
 The search is A* over pairs of (node, word so far), as in h-signature-augmented graphs
 (Bhattacharya, Likhachev & Kumar, 2012), with the exact time to go as its heuristic. A label that is
 no quicker than k others of the same node, each with another word, can't belong to the k best
-classes: these reach the goal by the same way on. So at most k words live at any node, however many
-islands there are.
+classes: the others reach the goal by the same way on. So at most k words live at any node, however
+many islands there are.
 """
 
 import heapq
@@ -44,8 +44,8 @@ _CAPACITY = 1024
 # Number of buckets by which labels are ordered, and the ratio of their times, less 1: buckets take
 # a tenth of a heap's time. The last one holds all that take more than a hundred times the best.
 _BUCKETS, _BUCKET_SIZE = 1 << 18, 2e-5
-# Times of the paths that are looked for, as shares of the best: at most. Among many triangles most
-# of the dearer ones wind about islands that no better path has to pass.
+# Largest times of the paths that are looked for, as multiples of the best. Among many triangles
+# most of the dearer paths wind about islands that no better path has to pass.
 _DEAREST, _ANY = 1.6, 1e300
 # Columns of labels, (l, 6) whole numbers: the node, the row, its word, the label before, the label
 # that the node had before, and whether it is settled. A node has one label for each word.
@@ -54,7 +54,7 @@ _NODE, _ROW, _WORD, _PARENT, _OLDER, _SETTLED = range(6)
 
 @kernel
 def time_to_go(graph: Roadmap) -> FloatArray:
-    """Least time (n,) in s from each node to the goal, whenever; inf where no legs lead there."""
+    """Least time (n,) in s from each node to the goal, at any hour; inf where no leg leads on."""
     time = np.full(len(graph.points), np.inf)
     time[GOAL] = 0.0
     done = np.zeros(len(time), dtype=np.bool_)
@@ -95,8 +95,8 @@ def k_best_paths(
     """Rows of triangles, and nodes (n,), of the `count` quickest paths with different words.
 
     `to_go` (n,) is :func:`time_to_go`; the clock of the `stream` runs. No row has a triangle twice.
-    Those that take more than `dearest` times as long as the best are left out.
-    The search gives up after `max_steps`.
+    Paths that take more than `dearest` times as long as the best are left out. The search gives up
+    after `max_steps`.
     """
     graph = task.graph
     rows, words = first_row(task), no_words()
@@ -207,9 +207,9 @@ def _first_filled(bucket: IntArray, at: int) -> int:
 def _known(
     labels: IntArray, times: FloatArray, label: int, word: int, time: float, count: int
 ) -> int:
-    """Label of a word among `label` and those older, for a time to be noted in; if any.
+    """Label of a word among `label` and its older ones, for a time to be noted in.
 
-    None is wanted where that, or `count` others, are as quick.
+    UNKNOWN if there is none; _BEATEN if that label, or `count` others, are as quick.
     """
     quicker = 0
     while label >= 0:

@@ -18,8 +18,8 @@ from renew.kernels.ground_speed import Polar, ground_speed
 Extremes: TypeAlias = tuple[CurrentTable, CurrentTable, bool]
 """Tables of the least and of the largest velocity along x and y at any time; whether they agree."""
 
-# Most columns or rows of the current's table that a leg crosses where Simpson's rule is used once:
-# about half of the smallest eddy that the table holds.
+# Largest number of the table's columns or rows over which Simpson's rule is used once: about half
+# of the smallest eddy that the table holds.
 _PANEL = 20.0
 # Number of triangles that a leg may cross, and by how much of its length it may miss its end.
 _MAX_CROSSED, _ROUNDING = 4096, 1e-9
@@ -39,7 +39,7 @@ def time_along(leg: Segment, begin: float, table: CurrentTable, polar: Polar) ->
     halves = 2 * _panels(leg, table)
     total, slowness, now = 0.0, 0.0, begin
     for k in range(halves + 1):
-        # When the vessel is there at the pace of the place before.
+        # When the vessel is there, at its pace at the place before.
         now += slowness * length / halves
         u, v = velocity(table, leg.ax + k / halves * dx, leg.ay + k / halves * dy, now)
         slowness = 1.0 / max(slowest, ground_speed(u, v, dx / length, dy / length, polar))
@@ -114,7 +114,7 @@ def _fastest(
 ) -> float:
     """Largest speed over ground (m/s) along the unit tangent t in currents between two extremes.
 
-    No current is as helpful along t as the one taken, and none lies less across it.
+    The current taken helps at least as much along t as any other, and lies no more across it.
     """
     along = max(tx * low_u, tx * high_u) + max(ty * low_v, ty * high_v)
     low = min(tx * low_v, tx * high_v) - max(ty * low_u, ty * high_u)
@@ -126,7 +126,7 @@ def _fastest(
 class Mesh(NamedTuple):
     """The triangulation as legs are followed through it; `clearance` in m.
 
-    A passing edge is only crossed where that is `clearance` off its ends on land.
+    A passing edge is only crossed at places that are `clearance` off its ends on land.
     """
 
     corners: FloatArray  # (t, 3, 2), m
@@ -181,7 +181,8 @@ def _crossings(
 ) -> tuple[IntArray, IntArray]:
     """Edges that the lines between pairs of nodes cross, and where those of each (p,) begin.
 
-    They end before the next place that is not -1, which stands for a line that can't be sailed.
+    The edges of a line end where those of the next begin; -1 stands for a line that can't be
+    sailed.
     """
     begin = np.full(len(pairs) + 1, -1, dtype=np.int64)
     edges, count = np.empty(len(pairs) + _MAX_CROSSED, dtype=np.int64), 0

@@ -17,11 +17,12 @@ from renew.classes.legs import Mesh
 from renew.classes.roadmap import GOAL, START, Roadmap
 from renew.kernels.capsules import Segment
 
-# A row of triangles that may not be: it enters a triangle twice, or makes a blocked transition.
+# A row of triangles that is not allowed: it enters a triangle twice, or makes a blocked transition.
 _IMPOSSIBLE, UNKNOWN = -2, -1
 # From here downwards: a row that is still to be made; see `followed`.
 TO_BE_MADE = -3
-# Number of triangles by which a path may bulge from where it leads on.
+# Largest number of last triangles of a row from which the goal can't be reached without turning
+# back.
 _MAX_ASTRAY = 2
 # Number of triangles up to which rows that can't lead to the goal are recognised: among more, k
 # classes are found long before such rows are looked at.
@@ -120,7 +121,8 @@ def row_after(
 def followed(graph: Roadmap, rows: IntArray, row: int, leg: int) -> int:
     """Row after a leg, negative where there can be none.
 
-    TO_BE_MADE, less three times a row and the edge that it is left by, where that is not known.
+    Where it is not known: TO_BE_MADE less three times the last known row, less the edge by which
+    that is left.
     """
     for k in range(graph.first_crossed[leg], graph.first_crossed[leg + 1]):
         out = graph.crossed[k] % 3
@@ -133,10 +135,10 @@ def followed(graph: Roadmap, rows: IntArray, row: int, leg: int) -> int:
 
 @kernel
 def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) -> int:
-    """Make row number `new` of another by the triangle across an edge; how many were made.
+    """Lengthen a row by the triangle across an edge, as row `new`; returns how many were made.
 
-    None is made, and that noted, where the triangle may not be entered. `place` is three times the
-    row that is lengthened, and the corner opposite to the edge.
+    Where the triangle may not be entered none is made, and that is noted. `place` is three times
+    the row that is lengthened, and the corner opposite to the edge.
     """
     mesh, rays = task.graph.mesh, task.rays
     row, out = divmod(place, 3)
@@ -250,7 +252,7 @@ def triangles_of(rows: IntArray, row: int) -> IntArray:
 
 @kernel
 def up_to(table: IntArray, row: int, column: int, before: int) -> IntArray:
-    """Values of a column along the rows that lead to one; another column has the row before."""
+    """Values of a column along the rows that lead to one; `before` is the column of stems."""
     values = [table[row, column]]
     while table[row, before] >= 0:
         row = table[row, before]
@@ -290,7 +292,8 @@ def number_of_classes(
 ) -> tuple[int, IntArray, int]:
     """Number of rows to the goal, at most `most`: with the last one found the search may end.
 
-    Also all rows made for that, and how many these are. Among many triangles it isn't counted.
+    Also returned are all rows made for that, and their number. Among many triangles nothing is
+    counted.
     """
     found, waiting = 0, [0]
     used = len(waiting)  # not 1: for a literal the compiler would make `_lengthened` once more

@@ -23,8 +23,9 @@ from renew.classes.triangulation import Triangulation
 from renew.kernels.current_table import CurrentTable
 from renew.voyage.voyage import Voyage
 
-# Number of cells in still water, in small eddies, for each triangle, and at most; and that from
-# which legs lead in more directions. In between, cells for each node of a table that would just do.
+# Number of cells: in still water, in small eddies, for each triangle, at most, and from which on
+# legs lead in more directions. In smooth currents, cells for each node of the coarsest table that
+# would do.
 _SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 22_500, 20, 40_000, 5_000
 _PER_NODE = 0.1
 # By what factor nodes stand closer together where a path is looked at closer, and half the width of
@@ -32,9 +33,8 @@ _PER_NODE = 0.1
 _CLOSER, _TUBE = 4, 8.0
 START, GOAL = 0, 1
 """Numbers of the start's and the goal's node."""
-# Number of gates on a passing edge that is shorter than this, in cells; longer ones have one, so
-# that legs lead wherever triangles do. Number of the nearest nodes that a gate is joined to, and
-# itself.
+# A passing edge shorter than so many cells has so many gates; longer edges have one, so that legs
+# lead wherever triangles do. Number of nearest nodes to which a gate is joined, itself included.
 _GATE_LENGTH, _GATES, _NEAREST = 3.0, 3, 17
 # Least number of cells between start and goal; around them the grid is as fine as that takes, and
 # grows coarser outwards by this factor from cell to cell.
@@ -108,7 +108,8 @@ def closer_look(
 ) -> tuple[Resolution, Tube]:
     """Resolution and water in which paths (n, 2) that were found at another are looked at closer.
 
-    Legs lead in many directions: the sides of an islet differ by less than a detour in few.
+    Legs lead in many directions: the ways round an islet differ by less than the detour that few
+    directions cost.
     """
     xmin, ymin, xmax, ymax = voyage.chart.bounds
     cell = math.sqrt((xmax - xmin) * (ymax - ymin) / resolution.cells) / _CLOSER

@@ -180,7 +180,7 @@ def triangulate(
 
 
 def _by_triangle(water: BaseGeometry, precision: float) -> FloatArray:
-    """Corners (t, 3, 2) by Triangle, over the convex hull less what segments wall off."""
+    """Corners (t, 3, 2) by Triangle, over the convex hull less the parts that segments wall off."""
     import triangle  # an extra: only where it is installed
 
     rings = [

@@ -33,9 +33,9 @@ class Chart:
     no_go : iterable of Polygon
         Land and shoals (m). MultiPolygons are taken apart.
     land : iterable of Polygon, optional
-        What of the no-go zone no vessel can cross, if that is less: the land itself, where `no_go`
-        is grown by a margin or simplified outwards. The lower bound on fuel holds for every route
-        off it; the plan keeps off `no_go`.
+        The part of the no-go zone that no vessel can cross (m), if that is smaller: the land
+        itself, where `no_go` is grown by a margin or simplified outwards. The lower bound on fuel
+        holds for every route off this land; the plan keeps off `no_go`.
 
     Raises
     ------
@@ -65,8 +65,8 @@ class Chart:
         self.no_go: tuple[Polygon, ...] = tuple(_polygons(clipped))
         """The hard no-go zone inside the extent as disjoint polygons."""
         self.islands: tuple[tuple[Polygon, ...], ...] = (self.no_go,)
-        """Islands that tell classes apart, in kinds numbered one after the other: land, and what
-        `without` took away."""
+        """Islands that tell classes apart. The kinds are numbered one after the other: land, then
+        the areas of `without`."""
         self._land = bare
         if self.water.is_empty:
             raise GeometryError(
@@ -79,7 +79,7 @@ class Chart:
     def without(self, areas: Iterable[Polygon], *, is_land: bool) -> Chart:
         """Return the chart with areas (m) as no-go; land keeps its numbers in names of classes.
 
-        As land, they also bound what the lower bound on fuel takes as water.
+        If they are land, the lower bound on fuel keeps off them, too.
         """
         areas = list(areas)
         bare = list(self.no_go if self._land is None else self._land)
@@ -126,7 +126,7 @@ class Chart:
 
 
 def _all_polygons(name: str, geometries: object) -> list[Polygon]:
-    """Take the polygons out of geometries; refuse what is none."""
+    """Return the polygons in geometries; refuse anything else."""
     is_text = isinstance(geometries, str | bytes)
     # An array without axes claims to be iterable, and is not.
     if is_text or not isinstance(geometries, Iterable) or not np.iterable(geometries):
@@ -139,7 +139,7 @@ def _all_polygons(name: str, geometries: object) -> list[Polygon]:
 
 
 def _polygons(geometry: BaseGeometry) -> list[Polygon]:
-    """Take the polygons out of any geometry; points and lines have no area to keep out of."""
+    """Return the polygons in any geometry; points and lines have no area to keep out of."""
     return [
         part
         for part in shapely.get_parts(geometry, return_index=False).tolist()
@@ -173,7 +173,7 @@ class ShutArea:
     begin, end : float
         Times (s) from which and until which no vessel may be in it.
     name : str
-        What messages call it.
+        Its name in messages.
 
     Raises
     ------
@@ -189,7 +189,7 @@ class ShutArea:
     name: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse what is no area, and no time."""
+        """Refuse a polygon that is not valid, and hours that are not in order."""
         polygon = self.polygon
         if not isinstance(polygon, Polygon | MultiPolygon) or polygon.is_empty:
             raise GeometryError(f"area {self.name!r} must be a non-empty polygon, not {polygon!r}")

@@ -24,7 +24,7 @@ from renew.kernels.current_table import CurrentTable, table_of, velocities
 # are taken: 36 points, vertices included. The single gyre's paddings are 2.8 % wider by them, in
 # the median, than by a dense lattice, and none is narrower (`python -m tests.bench draws`).
 _LATTICE_ROWS = 8
-# Largest number of times in a window over which they are taken.
+# Largest number of times in a window over which mean and spread are taken.
 _MAX_TIMES = 25
 # Largest figure of a field (m, m/s): far beyond any sea, and squares don't overflow.
 _MAX_FIGURE = 1e12
@@ -47,7 +47,8 @@ class CurrentStatistics(NamedTuple):
 class CurrentField(ABC):
     """A current: call it with points, ask it for the statistics of triangles.
 
-    A steady field says no more than that. One that changes also has `velocity` and `slice_times`.
+    A steady field defines the call alone. A field that changes also defines `velocity` and
+    `slice_times`.
     """
 
     @abstractmethod
@@ -157,7 +158,7 @@ def as_field(current: CurrentLike) -> CurrentField:
 
 
 def checked_velocity(points: FloatArray, answer: object) -> FloatArray:
-    """Velocities (..., 2) that a function gave for points (..., 2), if that is what they are."""
+    """Velocities (..., 2) that a function gave for points (..., 2); refuses any other answer."""
     velocity = as_floats("current: what the function returned", answer)
     if velocity.shape != points.shape:
         raise ParameterError(
@@ -229,7 +230,7 @@ class GyreCurrent(CurrentField):
     rows: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse what is not finite, and a rectangle without area."""
+        """Refuse figures that are not finite, and a rectangle without area."""
         check_finite(
             "gyre",
             amplitude=self.amplitude,

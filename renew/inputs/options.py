@@ -93,7 +93,7 @@ class PlanOptions:
     min_lateness: float = field(default=0.0, metadata={"ge": 0})
 
     def __post_init__(self) -> None:
-        """Refuse options out of range; all faults at once."""
+        """Refuse options out of range; the error names all faults."""
         faults = self._faults()
         if faults:
             raise ParameterError("; ".join(faults))
@@ -119,7 +119,7 @@ class PlanOptions:
         return max(least, turning_radius if self.is_adaptive else 0.0)
 
     def _faults(self) -> list[str]:
-        """What is wrong with the options."""
+        """Faults of the options."""
         found = [
             fault
             for name in ("classes", "samples", "seed")
@@ -172,7 +172,7 @@ RANGES = {one.name: one.metadata for one in fields(PlanOptions) if one.metadata}
 
 
 def count_faults(name: str, value: object) -> list[str]:
-    """What is wrong with a whole number."""
+    """Faults of a whole number."""
     least, most = RANGES[name]["ge"], RANGES[name]["le"]
     if is_number(value) and isinstance(value, int | np.integer) and least <= value <= most:
         return []
@@ -180,7 +180,7 @@ def count_faults(name: str, value: object) -> list[str]:
 
 
 def choice_faults(name: str, value: object) -> list[str]:
-    """What is wrong with an option that is one of some words."""
+    """Faults of an option that is one of some words."""
     words = get_args(_CHOICES[name])
     if is_one_of(value, words):
         return []
@@ -188,7 +188,7 @@ def choice_faults(name: str, value: object) -> list[str]:
 
 
 def punctuality_faults(lateness: object, min_lateness: object) -> list[str]:
-    """What is wrong with how late the vessel may be."""
+    """Faults of the shares and times by which the vessel may be late."""
     found = []
     if not (is_finite(lateness) and 0 <= lateness < 1):
         found.append(f"lateness = {shown(lateness)} must be a share of at least 0 and below 1")
@@ -216,7 +216,7 @@ Speeds: TypeAlias = tuple[float, float]
 class Request(PlanOptions):
     """Options, times (s) and speeds (m/s) of one plan, so that the faults of all are named at once.
 
-    `is_sweep` says that it is asked for several departures, of which `departure` is the first.
+    With `is_sweep` several departures are asked for; `departure` is the first.
     """
 
     departure: float = 0.0
@@ -227,7 +227,7 @@ class Request(PlanOptions):
     is_sweep: bool = False
 
     def _faults(self) -> list[str]:
-        """What is wrong with the options, and with what is asked for beside them."""
+        """Faults of the options, and of the times and speeds beside them."""
         found = super()._faults()
         found += _time_faults(self.departure, self.arrive_by, self.to_within)
         found += [
@@ -248,7 +248,7 @@ class Request(PlanOptions):
         ]
 
     def _sweep_faults(self) -> list[str]:
-        """What is wrong with a sweep of departures."""
+        """Faults of a sweep of departures."""
         found = []
         if not is_one_of(self.method, ("optimal",)):
             found.append(
@@ -265,7 +265,7 @@ class Request(PlanOptions):
 
 
 def check_objects(chart: Chart, vessel: Vessel, avoid: Sequence[ShutArea]) -> None:
-    """Refuse what is no chart, no vessel and no row of areas."""
+    """Refuse arguments that are no chart, no vessel or no row of areas."""
     check_kind("chart", chart, Chart)
     check_kind("vessel", vessel, Vessel)
     if not _is_row(avoid):
@@ -283,9 +283,10 @@ def check_turns(
     seed: object,
     late: tuple[object, object],
 ) -> None:
-    """Refuse what :func:`renew.contingency` can't fly, along a path of a length (m).
+    """Refuse arguments with which :func:`renew.contingency` can't fly turns.
 
-    `late` are the share of the time and the time (s) by which the vessel may be so.
+    The path is `length` m long; `late` are the share of the time and the time (s) by which the
+    vessel may be late.
     """
     check_objects(chart, vessel, ())
     faults = punctuality_faults(*late) + count_faults("seed", seed)
@@ -301,13 +302,13 @@ def check_turns(
 
 
 def check_seed(seed: object) -> None:
-    """Refuse what is no seed of draws."""
+    """Refuse a value that is no seed of draws."""
     for fault in count_faults("seed", seed):
         raise ParameterError(fault)
 
 
 def as_point(name: str, value: FloatArray | tuple[float, float]) -> FloatArray:
-    """Take a start or goal as an array (2,)."""
+    """Return a start or goal as an array (2,)."""
     point = as_floats(name, value)
     if point.shape != (2,) or not np.isfinite(point).all():
         raise ParameterError(f"{name} = {shown(value)} must be two finite numbers (m)")
@@ -315,7 +316,7 @@ def as_point(name: str, value: FloatArray | tuple[float, float]) -> FloatArray:
 
 
 def as_via(given: ViaPoints) -> FloatArray:
-    """Take via points as an array (n, 2), m; all that are no points are named at once."""
+    """Return via points as an array (n, 2), m; the error names all that are no points."""
     if not _is_row(given):
         raise ParameterError(f"via = {shown(given)} must be points (m) in a row, as in [(x, y)]")
     points, faults = [], []
@@ -330,7 +331,7 @@ def as_via(given: ViaPoints) -> FloatArray:
 
 
 def _time_faults(departure: object, arrive_by: object, to_within: object) -> list[str]:
-    """What is wrong with times (s) that a plan was asked for."""
+    """Faults of the times (s) of a plan."""
     faults = []
     if not is_finite(departure):
         faults.append(f"departure = {shown(departure)} s must be finite")
@@ -344,7 +345,7 @@ def _time_faults(departure: object, arrive_by: object, to_within: object) -> lis
 
 
 def _speed_faults(speed: object) -> list[str]:
-    """What is wrong with the speeds (m/s) from which a vessel may choose."""
+    """Faults of the speeds (m/s) from which a vessel may choose."""
     if speed is None:
         return []
     if not _is_row(speed) or len(speed) != len(("least", "most")):
@@ -362,7 +363,7 @@ def _speed_faults(speed: object) -> list[str]:
 
 
 def check_speed_choice(vessel: Vessel) -> None:
-    """Refuse a choice of speeds where it can't be planned."""
+    """Refuse a choice of speeds for a vessel with which it can't be planned."""
     if vessel.fuel_exponent < 1:
         raise ParameterError(
             f"speed needs a fuel_exponent of at least 1, not {vessel.fuel_exponent:g}: below that "
@@ -371,7 +372,7 @@ def check_speed_choice(vessel: Vessel) -> None:
 
 
 def as_departures(departures: Sequence[float] | FloatArray) -> FloatArray:
-    """Take departures as an array (n,), s; refuse those that don't ascend."""
+    """Return departures as an array (n,), s; refuse times that don't ascend."""
     times = as_floats("departures", departures)
     if times.ndim != 1 or not 1 <= times.size <= MAX_DEPARTURES or not np.isfinite(times).all():
         raise ParameterError(

@@ -14,18 +14,18 @@ from renew.kernels.current_table import CurrentTable, largest_speed, table_of, v
 # Number of cells a side of the first table, which are halved while it is not fine, and of the last
 # one, of 16 MB.
 _MIN_CELLS, _MAX_CELLS = 64, 1024
-# Ratio of a table's error to that of the coarser one before, above which refining stops: in a
-# smooth field it is a quarter, so a field in which it is more has a step.
+# Ratio of a table's error to the coarser table's above which refining stops: it is a quarter in a
+# smooth field, and more in a field that has a step.
 _MAX_ERROR_RATIO = 0.5
 # Largest number of nodes of all slices together: 128 MB.
 _MAX_NODES = 8_000_000
 # Number of slices of a changing current at which a table is made, to find how fine it must be.
 _PROBES = 5
-# Difference between a field and the cubics through its nodes, as a share of the strongest current,
-# up to which they stand for it between them; a table that is fine has ten times that.
+# Share of the strongest current up to which the cubics through the nodes may differ from the field,
+# to stand for it between nodes; the error of a fine table may be ten times that.
 _CUBIC_TOLERANCE = 1e-4
-# Number of points at random at which it is looked whether they do, twice as many as there are
-# elsewhere at least, and the ratio of the error there to that of the table from which they don't.
+# Number of points at random at which the cubics are checked, about twice as many as the first table
+# takes, and the ratio of the error there to the table's above which they are not trusted.
 _RANDOM_POINTS, _MAX_EXCESS = 16_384, 1.5
 
 
@@ -94,7 +94,7 @@ def tabulated_in_time(
 ) -> CurrentTable:
     """Table of a changing field, with a slice for each of some times (nt,), s.
 
-    It is as fine as the finest of a few of its slices needs to be, if memory allows that.
+    It is as fine as the most demanding of a few slices needs, if memory allows that.
     """
     probes = np.unique(np.linspace(0, len(times) - 1, _PROBES).astype(int))
     made = [_made(partial(_at, field, float(times[k])), bounds) for k in probes]

@@ -143,7 +143,7 @@ class SwingingGyre(CurrentField):
     omega: float
 
     def __post_init__(self) -> None:
-        """Refuse what is not finite, and a rectangle without area."""
+        """Refuse figures that are not finite, and a rectangle without area."""
         check_finite(
             "swinging gyre",
             amplitude=self.amplitude,
@@ -190,7 +190,7 @@ class SwingingGyre(CurrentField):
 
 
 def _faults(times: FloatArray) -> list[str]:
-    """What is wrong with the times of a current, each with the two times around it."""
+    """Faults of the times of a current, each with the two times around it."""
     if times.ndim != 1 or times.size <= 1:
         return [f"times have shape {times.shape}; there must be two or more in a row"]
     if not np.isfinite(times).all():

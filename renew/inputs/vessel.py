@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from renew.errors import ParameterError, is_number, shown
 
 MAX_SPEED = 1e6
-"""Highest speed through water (m/s) that is no slip of the pen."""
+"""Highest speed through water (m/s) that is taken for no typing error."""
 
-# Largest figures that are no slip of the pen: m/s, rad/s, m; beyond them powers overflow.
+# Largest figures that are taken for no typing error: m/s, rad/s, m; beyond them powers overflow.
 _LIMITS = {
     "speed": MAX_SPEED,
     "turn_rate": 1e6,
@@ -46,7 +46,7 @@ class Vessel:
     fuel_exponent: float = 2.0
 
     def __post_init__(self) -> None:
-        """Refuse what no vessel has; all faults at once."""
+        """Refuse figures that no vessel has; the error names all faults."""
         faults = [
             f"{name} = {shown(value)} must be a number above 0 and at most {most:g}"
             for name, most in _LIMITS.items()
@@ -54,7 +54,7 @@ class Vessel:
         ]
         if faults:
             raise ParameterError("vessel: " + "; ".join(faults))
-        # For a whole number the compiler would make every kernel once more.
+        # For whole numbers the compiler would compile every kernel once more.
         for name in _LIMITS:
             object.__setattr__(self, name, float(getattr(self, name)))
 

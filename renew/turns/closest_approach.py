@@ -54,9 +54,9 @@ def tightest(
     route : Route
         As planned.
     current : CurrentField or callable
-        The one it was planned in.
+        The current in which it was planned.
     vessel : Vessel
-        The one it was planned for.
+        The vessel for which it was planned.
     seed : int
         Seed of the draws.
 

@@ -106,7 +106,7 @@ def contingency(
     lateness : float
         Share of the time since departure by which the vessel may be early or late.
     min_lateness : float
-        Time (s) by which it may be so at least.
+        Least time (s) by which it may be early or late.
     drift : {"projected", "crab"}
         Drift model by which the time of passage is reckoned.
     speeds : array_like, optional

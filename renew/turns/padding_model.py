@@ -31,8 +31,8 @@ from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, furthest_reach, no
 _LAYERS = 2
 # Number of triangles that are surveyed beside those asked for: fewer cost no less time.
 _BATCH = 128
-# Factor by which edges are looked for further off than a reach asks for, as the current changes: in
-# the next window of time it may be larger.
+# Factor by which edges are looked for further off than a reach asks for where the current changes:
+# the reach may be larger in the next window of time.
 _ROOM = 1.5
 
 
@@ -103,7 +103,7 @@ class PaddedEdges:
     def widened(self, places: FloatArray, by: FloatArray, reach: float) -> PaddedEdges:
         """Return them with the parts of edges within reach (m) of places (n, 2) padded more.
 
-        By how much more is said for each place, (n,) metres.
+        `by` (n,) is how much more, m, at each place.
         """
         distance = segment_distance(places[:, None], self.start, self.end)
         place, edge = np.nonzero(distance < reach)
@@ -175,8 +175,8 @@ class PaddingModel:
 
         Its triangles are crossed in windows of time (c, 2), s.
 
-        Next to means: within the furthest reach of a turn, which takes in all that touch the
-        channel by edge or vertex (the paper's rule) and those just beyond a narrow triangle. An
+        Next to means: within the furthest reach of a turn. So all edges count that touch the
+        channel by edge or vertex (the paper's rule), and edges just beyond a narrow triangle. An
         edge that is near triangles beside the channel only is padded as those need it, since a path
         may bulge into them; the path is assumed to cross them as it does the channel beside them.
         """
@@ -207,8 +207,8 @@ class PaddingModel:
 
         Its visits fall into windows of time (v, 2), s.
 
-        Where a path bulges out of the channel for which the padding was set it meets other edges,
-        or the same on another heading. It is assumed to cross each of its triangles from one
+        Where a path bulges out of the channel for which the padding was set, it meets other edges,
+        or meets edges on another heading. It is assumed to cross each of its triangles from one
         passing edge's midpoint to the next's, as in its channel; where it comes back through the
         edge by which it went, its own heading counts. None where nothing is short.
         """

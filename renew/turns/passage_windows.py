@@ -26,8 +26,8 @@ def passage_windows(
 ) -> FloatArray:
     """Windows (n, 2), s, between two places (n, 2) each of a path (m, 2).
 
-    From when the vessel, if early, comes to the first, to when a turn that it begins at the last,
-    if late, is over. In a steady current any window will do.
+    A window opens when the vessel, if early, comes to the first place. It closes when a turn that
+    the vessel, if late, begins at the last place is over. In a steady current any window will do.
     """
     if voyage.current.is_steady or not len(enter):
         return np.zeros((len(enter), 2))
@@ -49,9 +49,9 @@ def meeting(
     voyage: Voyage,
     reach: TurnReach | float,
 ) -> tuple[FloatArray, float, float] | None:
-    """Where (2,), from when and until when (s) a vessel may be in an area that is shut; or None.
+    """Place (2,) where a vessel may be in a shut area, from when and until when (s); or None.
 
-    It passes the points of a line (n, 2) at times (n,), s, and turns there as far as `reach` m.
+    The vessel passes the points of a line (n, 2) at times (n,), s; a turn carries it `reach` m.
     """
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     spacing = max(_SPACING * voyage.vessel.turning_radius, length / _MAX_POINTS)

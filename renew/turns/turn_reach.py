@@ -38,8 +38,8 @@ MAX_DEVIATIONS = 2.0
 
 # Number of draws that exceed the quantile, about, and of draws at least and at most.
 _TAIL_DRAWS, _MIN_DRAWS, _MAX_DRAWS = 20.0, 512, 20_000
-# Number of stretched draws with which risks are met that would need more than _MAX_DRAWS, and the
-# share of them that exceeds the quantile, about.
+# A risk that would need more than _MAX_DRAWS takes so many stretched draws; about such a share of
+# them exceeds the quantile.
 _STRETCHED_DRAWS, _STRETCHED_SHARE = 4096, 0.02
 # Share of the risk at which the quantile is taken: the rest covers the error of the draws.
 _SAFETY = 0.85
@@ -144,9 +144,8 @@ def furthest_reach(statistics: CurrentStatistics, vessel: Vessel) -> FloatArray:
 class TurnSampler:
     """A number of drawn turns, the same for every place: its figures depend on the place alone.
 
-    With a `stretch` above 1 speeds and directions deviate by that much more than they should, and
-    draws have weights instead that make up for it (importance sampling): a small number of them
-    reaches far into the tail.
+    With a `stretch` above 1 speeds and directions deviate by that factor more than they should, and
+    draws have weights that make up for it (importance sampling): few draws reach far into the tail.
     """
 
     def __init__(self, seed: int, count: int, stretch: float = 1.0) -> None:
@@ -196,7 +195,7 @@ class TurnSampler:
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def upper_quantile(self, values: FloatArray, risk: float) -> FloatArray:
-        """Value (n,) of those of the draws (n, draws) that a share `risk` exceeds, safely."""
+        """Value (n,) that a share `risk` of the draws (n, draws) exceeds, on the safe side."""
         order = np.argsort(-values, axis=1)
         beyond = np.cumsum(self._weight[order] / self.count, axis=1)
         at = np.minimum((beyond <= _SAFETY * risk).sum(axis=1), self.count - 1)

@@ -45,7 +45,7 @@ _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 # Margin (share of v/ω) by which land is taken as wider, so that draws of another seed, or the field
 # between two stations, don't find what the verification missed; growing adds the same again.
 _MARGIN = 0.05
-# Factor by which padding grows beyond what it lacks: the re-planned path meets another current.
+# Factor by which padding grows more than it lacks: the re-planned path meets another current.
 _OVERSHOOT = 1.3
 # Factor by which a perturbed current may carry a turn further off than the current of one turn's
 # water suggests: a track that is carried off meets other water.
@@ -57,8 +57,8 @@ _STEPS = 24
 # Deviations in which turns are flown: the field itself, and the corners of the box from which
 # contingency draws: a turn reaches furthest where the field deviates most.
 _CORNERS = MAX_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
-# Margin (share of v/ω) by which padding grows beyond what it lacks: the path planned around it
-# takes other headings.
+# Margin (share of v/ω) by which padding grows more than it lacks: the path planned around it takes
+# other headings.
 _HEADING_MARGIN = 0.05
 # Largest number of turns that are held in memory at a time: 32 MB.
 _MAX_TURNS = 4_000_000
@@ -73,9 +73,9 @@ def colliding_edges(
 ) -> tuple[IntArray, FloatArray] | None:
     """Constrained edges that turns along a path touch, and by how much their padding must grow (m).
 
-    None if no turn touches any. `reach` bounds how far a turn can get. Turns begun in the part of
-    V around a start or goal that itself lies in V are left out: no padding there could help. They
-    are flown at the vessel's speed, or at those (n - 1,) at which the legs are sailed.
+    None if no turn touches any. `reach` bounds how far a turn can get. Turns begun in the part of V
+    around a start or goal that itself lies in V are left out: no padding there could help. Turns
+    are flown at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed.
     """
     if speeds is None:
         speeds = np.full(len(path) - 1, voyage.vessel.speed)
@@ -200,12 +200,12 @@ def risky_edges(
     sampler: TurnSampler,
     risk: float,
 ) -> tuple[IntArray, FloatArray] | None:
-    """Constrained edges that too many turns along a path (n, 2) reach, and what padding lacks (m).
+    """Constrained edges that too many turns along a path (n, 2) reach, and the padding they lack.
 
-    From no station along it may more than a share `risk` of the drawn turns reach land: in
-    currents drawn from the mean and spread in its triangle, one of `corners` (t, 3, 2), and on
-    headings about its own. None where all stations meet the risk. Those in V around a start or
-    goal that itself lies in V are left out: no padding there could help.
+    No more than a share `risk` of the turns drawn at any station may reach land: in currents drawn
+    from the mean and spread in its triangle, one of `corners` (t, 3, 2), and on headings about its
+    own. None where all stations meet the risk. Stations in V around a start or goal that itself
+    lies in V are left out: no padding there could help.
     """
     if not len(padded.edge):
         return None

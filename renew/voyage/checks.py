@@ -23,8 +23,8 @@ from renew.kernels.current_table import changes
 from renew.kernels.overpowered_spells import overpowered_spells
 from renew.voyage.voyage import Voyage
 
-# Change of the current while the vessel turns by 1 rad, as a share of its speed, that is too much.
-# On a chart of 100 m a plan takes 1 s up to there, and half a minute beyond.
+# Largest change of the current while the vessel turns by 1 rad, as a share of its speed. On a chart
+# of 100 m a plan takes 1 s up to there, and half a minute beyond.
 _MAX_PACE = 0.5
 
 
@@ -91,7 +91,7 @@ def check_pace(voyage: Voyage) -> None:
 
 
 def check_current_at_endpoints(voyage: Voyage) -> None:
-    """Refuse a departure at which the current is as strong as the vessel where it has to be."""
+    """Refuse a departure at which the current at a stop is as strong as the vessel."""
     # In a current that changes it is not known yet when the vessel comes to the goal.
     names = ["start", *(f"via[{at}]" for at in range(len(voyage.via))), "goal"]
     ends = list(zip(names, voyage.stops, strict=True))

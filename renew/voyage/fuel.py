@@ -34,9 +34,9 @@ _PIECES = 256
 _MAX_PLACE = 1e150
 WITHIN = (_NODES + 1) / 2
 """Places of the nodes in a piece, from 0 to 1."""
-# Rounds in which times in a changing current are put in, the change of them, as a share of the time
-# under way, from which they count as settled (the next would be 1e-12, the method being Newton's),
-# that from which it shows a slope, and its largest.
+# Times in a changing current: largest number of rounds; the change, as a share of the time under
+# way, below which they count as settled (by Newton's method the next change would be 1e-12); the
+# change from which two rounds show a slope; the steepest slope.
 _ROUNDS, _SETTLED, _FAR, _STEEP = 12, 1e-7, 1e-6, 0.9
 
 
@@ -73,7 +73,7 @@ class Pieces(NamedTuple):
 
     Attributes
     ----------
-    leg : (p,), of the path, that each is of.
+    leg : (p,), the leg of the path to which each belongs.
     points : (p, 4, 2), m, its nodes.
     tangent : (p, 1, 2), its course as a unit vector.
     length : (p,), m.
@@ -90,7 +90,7 @@ class Pieces(NamedTuple):
         return cls(*_cut(for_kernels(path)))
 
     def total(self, a_metre: FloatArray) -> FloatArray:
-        """Sum over each piece (p,) of what its nodes (p, 4) take a metre."""
+        """Integral over each piece (p,) of a quantity per metre at its nodes (p, 4)."""
         whole = (a_metre * (_WEIGHTS / 2)).sum(axis=1) * self.length
         return np.asarray(np.where(self.length > 0, whole, 0))
 
@@ -140,9 +140,10 @@ def _durations(
 
 
 class Passage(NamedTuple):
-    """Times (p + 1,), s, at the ends of the pieces of a path, and the leg (p,) that each is of.
+    """Times (p + 1,), s, at the ends of the pieces of a path, and the leg (p,) of each piece.
 
-    The first time is the departure, on the current's clock; infinite is what no way leads to.
+    The first time is the departure, on the current's clock. A place to which no way leads has an
+    infinite time.
     """
 
     leg: IntArray
@@ -154,7 +155,7 @@ class Passage(NamedTuple):
         with np.errstate(invalid="ignore"):
             lasts = np.diff(self.times)
         durations = np.zeros(self.leg[-1] + 1)
-        # Nothing is known of what lies behind a leg that can't be passed.
+        # Nothing is known of legs behind one that can't be passed.
         np.add.at(durations, self.leg, np.where(np.isfinite(lasts), lasts, math.inf))
         return durations
 
@@ -175,10 +176,10 @@ def passage(
     drift: Drift = "projected",
     departure: float = 0.0,
 ) -> Passage:
-    """Passage along a path (n, 2), with the clock running, at the departure (s) and on.
+    """Passage along a path (n, 2), with the clock running from the departure (s).
 
-    Legs are sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's. From a `guess`
-    of the times (n,) at the path's points, s, the same is found sooner.
+    Legs are sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's. With a `guess`
+    of the times (n,) at the path's points, s, it is found sooner.
     """
     path = as_path(path)
     for fault in choice_faults("drift", drift):
@@ -228,8 +229,8 @@ def reading_times(
 ) -> FloatArray:
     """Times (n,), s, at which the current at the points of a path (n, 2) is to be read.
 
-    Those of passage at speeds (n - 1,), m/s, from the time it begins; of a steady current all are
-    alike. Where no way can be made the clock stops.
+    They are times of passage at speeds (n - 1,), m/s, from the time at which it begins; in a steady
+    current all are that time. Where no way can be made the clock stops.
     """
     if current.is_steady or len(path) < 2:
         return np.full(len(path), begin)
@@ -247,9 +248,9 @@ def times_under_way(
 ) -> FloatArray:
     """Times (count + 1,), s, at the ends of the pieces of a way, the first at departure.
 
-    `durations` gives the time over some pieces from the times at their ends. In a steady current
-    that is asked once. In one that changes times are put in until they come out again, a `guess`
-    of them first; a stretch of the way on which they don't is halved.
+    `durations` gives the time over some pieces from the times at their ends. In a steady current it
+    is asked once. In a current that changes, times are put in until the same times come out, a
+    `guess` first; a stretch of the way on which they never do is halved.
     """
     times = np.full(count + 1, float(departure))
     if is_steady:
@@ -282,10 +283,10 @@ def _settled(
     since: FloatArray,
     begin: float,
 ) -> tuple[FloatArray, bool]:
-    """Times (s + 1,), s since the beginning of some pieces, at their ends, and if they are settled.
+    """Times (s + 1,) at the ends of some pieces, s since they begin, and whether these are settled.
 
-    From a guess of them, by Newton's method: the time over a piece is taken as linear in that at
-    its middle, with the slope that the last two rounds show.
+    By Newton's method, from a guess: the time over a piece is taken as linear in the time at its
+    middle, with the slope that the last two rounds show.
     """
     middle, lasts, slope = (np.zeros(len(since) - 1) for _ in range(3))
     for at_round in range(_ROUNDS):
@@ -311,7 +312,7 @@ def _settled(
 
 @kernel
 def _chained(middle: FloatArray, lasts: FloatArray, slope: FloatArray) -> FloatArray:
-    """Times (s + 1,), s, at the ends of pieces that last so long (s) around these middles (s)."""
+    """Times (s + 1,), s, at the ends of pieces; each `lasts` so long if passed at `middle`."""
     since = np.zeros(len(lasts) + 1)
     for k in range(len(lasts)):
         half = slope[k] / 2
@@ -320,7 +321,7 @@ def _chained(middle: FloatArray, lasts: FloatArray, slope: FloatArray) -> FloatA
 
 
 def speeds_along(points: FloatArray, path: FloatArray, speeds: FloatArray) -> FloatArray:
-    """Speeds (m,) at points (m, 2) on a path (n, 2), or close to it, by its legs' (n - 1,), m/s."""
+    """Speeds (m,), m/s, at points (m, 2) on or near a path, of its legs' (n - 1,)."""
     if np.ptp(speeds) == 0:
         return np.full(len(points), speeds[0])
     ends = np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))

@@ -24,7 +24,8 @@ from renew.voyage.fuel import Pieces, passage
 # Share of the vessel's speed by which the current may change in a step of the clock, the number of
 # steps that a way across the chart has at most, and a change (m/s²) that counts as none.
 _CHANGE, _MAX_STEPS, _SLOWEST_CHANGE = 0.1, 2000, 1e-12
-# Share of v/ω by which a path may pass a via point again as closely: the first time counts.
+# Where a path passes a via point again, closer by no more than this share of v/ω, the first time
+# counts.
 _AS_CLOSE = 0.01
 
 
@@ -32,8 +33,8 @@ _AS_CLOSE = 0.01
 class SpeedChoice:
     """Speeds from `least` (m/s) to the vessel's own, to be at the goal by a deadline (s).
 
-    `price` is the Lagrange multiplier λ of the deadline (fuel units a second): what is least is
-    fuel + λ time. With an infinite one time is all that counts. Without `least` there is no choice.
+    `price` is the Lagrange multiplier λ of the deadline (fuel units a second): plans minimise fuel
+    + λ time. With an infinite price time alone counts. Without `least` there is no choice.
     """
 
     least: float = math.inf
@@ -64,7 +65,7 @@ class Waters:
 
     @cached_property
     def current_change(self) -> float:
-        """The most by which the current changes in a second anywhere in its table, m/s²."""
+        """Largest change of the current in a second, anywhere in its table, m/s²."""
         return float(changes(self.table).max())
 
 
@@ -127,10 +128,10 @@ class Voyage:
 
     @property
     def speed_change(self) -> float:
-        """The most by which the speed over ground changes in a second, as a share of itself (1/s).
+        """Largest change of the speed over ground in a second, as a share of that speed (1/s).
 
         On any course; infinite where the current is as strong as the vessel. A vessel that crabs at
-        an angle β loses or gains 1/cos β times what the current changes by.
+        an angle β loses or gains 1/cos β times the change of the current.
         """
         speed, strongest = self.vessel.speed, self.table.strongest
         if strongest >= speed:
@@ -173,12 +174,12 @@ class Voyage:
         return self._cut(path)[0]
 
     def cut_speeds(self, path: FloatArray, speeds: FloatArray) -> list[FloatArray]:
-        """Speeds (n - 1,), m/s, of the legs of each of these pieces, from those of the path's."""
+        """Speeds (n - 1,), m/s, of the legs of each of these pieces, from the path's speeds."""
         found, first = list[FloatArray](), 0
         for piece in self.cut(path):
             last = first + len(piece) - 1
             found.append(speeds[first:last])
-            # A leg that passes a via point between its ends is one of both pieces.
+            # A leg that passes a via point between its ends belongs to both pieces.
             first = last if (path[last] == piece[-1]).all() else last - 1
         return found
 
@@ -203,7 +204,7 @@ class Voyage:
         return replace(self, choice=replace(self.choice, deadline=deadline))
 
     def scheduled(self, path: FloatArray, times: FloatArray) -> Voyage:
-        """Return the voyage, when the points of a path (n, 2) are passed at times (n,), s."""
+        """Return the voyage with a schedule: the times (n,), s, at points of a path (n, 2)."""
         return replace(self, schedule=np.column_stack([shares(path), times]))
 
     @cached_property
@@ -237,14 +238,14 @@ class Voyage:
 
     @property
     def price_of_all_time(self) -> float:
-        """What the time from departure to deadline is worth (fuel units)."""
+        """Worth of the time from departure to deadline (fuel units)."""
         if self.has_price and self.choice.price > 0:
             return self.choice.price * (self.deadline - self.departure)
         return 0.0
 
     @property
     def cost_rate(self) -> float:
-        """Cost of a second at what the polar makes (fuel units): α vᵏ, where no speed is chosen."""
+        """Cost of a second by the polar (fuel units): α vᵏ, where no speed is chosen."""
         if self.has_price:
             return self.vessel.fuel_coefficient * self.polar.scale
         return self.vessel.fuel_rate
@@ -300,8 +301,8 @@ class Voyage:
     def reading_times(self, path: FloatArray) -> FloatArray:
         """Times (n,), s, at which the current at a path's points (n, 2) is to be read, nearly.
 
-        Those of passage by the schedule, or else by the table; of a steady current all are alike.
-        Where no way can be made the clock stops.
+        They are times of passage by the schedule, or else by the table; in a steady current all are
+        the departure. Where no way can be made the clock stops.
         """
         if self.current.is_steady:
             return np.full(len(path), self.departure)
@@ -343,8 +344,8 @@ def early_and_late(
 ) -> tuple[FloatArray, FloatArray]:
     """Earliest and latest times (n,), s, at places that are passed at `times` (n,), s.
 
-    Apart by a share `lateness` of the time since departure, and at least by `min_lateness` (s); but
-    the vessel is nowhere before the departure.
+    They differ from `times` by a share `lateness` of the time since departure, and at least by
+    `min_lateness` (s); but the vessel is nowhere before the departure.
     """
     away = np.maximum(lateness * (times - departure), min_lateness)
     return np.maximum(times - away, np.minimum(times, departure)), times + away
