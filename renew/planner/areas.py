@@ -1,10 +1,10 @@
 """Plans that keep out of areas while these are shut.
 
-What is always shut is no-go like land. An area that is shut for some hours is first taken as open:
-a route that may meet it in these hours, early, on time or late, or in a turn, falls away. Areas
-that are met are then taken as land, and the voyage is planned again, until no route meets any. Of
-all these plans the one with the best route counts. So no area is entered while it is shut, whatever
-happens; but the vessel never waits, and of all paths through an area only the least-fuel one of
+An area that is always shut is no-go like land. An area that is shut for some hours is first taken
+as open: a route is dropped if the vessel, early, on time, late or in a turn, may be in the area in
+these hours. Areas that are met are then taken as land, and the voyage is planned again, until no
+route meets any. Of all these plans the one with the best route counts. So no area is entered while
+it is shut; but the vessel never waits, and of all paths through an area only the least-fuel one of
 each class is known.
 """
 
@@ -27,7 +27,7 @@ def with_always_shut(chart: Chart, areas: Sequence[ShutArea]) -> Chart:
 
 
 def meets(route: Route, area: ShutArea, planner: ClassPlanner) -> InfeasibleError | None:
-    """Why a route falls away: it may be in an area while that is shut. None where it isn't."""
+    """Why a route is dropped: the vessel may be in an area while it is shut; or None."""
     voyage = planner.problem.voyage.leaving(float(route.times[0]))
     options = planner.options
     reach = planner.problem.reach if options.is_adaptive else options.min_width
@@ -77,7 +77,7 @@ def plan_around(
 ) -> Plan:
     """The best plan that keeps out of areas while these are shut.
 
-    `plan` makes one, and gives its planner, on the chart with some of them closed like land.
+    `plan` returns a plan and its planner, on the chart with some areas closed like land.
     """
     open_areas, closed = list(areas), list[ShutArea]()
     plans: list[Plan] = []
@@ -107,7 +107,7 @@ def plan_around(
 
 
 def unavoidable(closed: Sequence[ShutArea], failure: PlanningError | None) -> UnreachableError:
-    """Error where every way meets one of some areas while it is shut, and none leads around."""
+    """Error for areas that every way meets while they are shut, where no way leads around."""
     around = Text("") if failure is None else Text("; around them: {0}", (failure.text,))
     return UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "

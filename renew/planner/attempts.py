@@ -16,11 +16,11 @@ from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.planner.grow import PaddingGrowth
 
-# Ratio by which padding grows that may spoil a path. As the current changes, it grows by some per
-# cent each time: a path is passed at other hours than the rough one by which its class was found.
+# Ratio from which growing padding may spoil a path. In a current that changes, padding grows by
+# some per cent each time: a path is passed at other hours than the rough path of its class.
 _MUCH = 1.1
-# Ratio to the fuel of a rough path, which is a little dearer than it need be, from which padding
-# has pushed a path off it.
+# Ratio of fuel to that of the rough path, itself a little dearer than need be, from which padding
+# has pushed a path off the rough one.
 _PUSHED_OFF = 1.005
 
 
@@ -35,8 +35,8 @@ def attempts(
 
     A path (n, 2) `near` is refined before anything else is tried. Eq. 4 as published rewards
     tacking against currents above v/2, where v + c·T is no convex speed polar: such paths can't be
-    steered. The crab model's path then can, as it is: making room for it as well would double the
-    time of a class that can't be sailed.
+    steered. Then the crab model's path is tried, as it is: making room for it as well would double
+    the time of a class that can't be sailed.
     """
     if near is not None:
         yield partial(_refined, corridor, near)
@@ -50,11 +50,11 @@ def attempts(
 def _near_rough_or_bulging(
     corridor: Corridor, growth: PaddingGrowth
 ) -> tuple[Corridor, FloatArray]:
-    """Least-fuel path (n, 2) near that by which the class was found, and its corridor.
+    """Least-fuel path (n, 2) near the rough one of the class, and its corridor.
 
-    The path near the best one within the channel is taken if it needs less fuel: where the other
-    comes so close to land that it needs much more padding, which then stays, where padding pushes
-    it off the path by which the class was found, or where tacking pays.
+    The path near the best one within the channel is looked for as well, and taken if it needs less
+    fuel, in three cases: the first path needs much more padding, which then stays; padding pushes
+    it off the rough path; or tacking pays.
     """
     near = path_from(corridor, near_rough, growth)
     if not (_is_much_wider(near[0], corridor) or _is_pushed_off(*near) or _pays_tacking(*near)):
@@ -80,14 +80,14 @@ def path_from(
 
 
 def _is_pushed_off(corridor: Corridor, path: FloatArray) -> bool:
-    """Whether a path (n, 2) needs more than the rough path by which its class was found."""
+    """Whether a path (n, 2) needs clearly more fuel than the rough path of its class."""
     voyage = corridor.voyage
     rough = corridor.channel.rough_path(voyage.start, voyage.goal)
     return voyage.fuel(path) > _PUSHED_OFF * voyage.fuel(rough)
 
 
 def _pays_tacking(corridor: Corridor, path: FloatArray) -> bool:
-    """Whether Eq. 4 rewards tacking somewhere on a path (n, 2): against more than v/2."""
+    """Whether Eq. 4 rewards tacking somewhere on a path (n, 2): in a head current above v/2."""
     if corridor.polar.crab:
         return False
     legs, voyage = np.diff(path, axis=0), corridor.voyage

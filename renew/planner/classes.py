@@ -14,30 +14,31 @@ from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.overpowered_hours import hours_of, with_hours
 from renew.results import Plan, Rejected
 
-# Number of variants around islands that tell no classes apart among which the best route is looked
-# for, and of those that are planned beside it.
+# Number of variants, around islands that tell no classes apart, among which the best route is
+# looked for, and number of variants planned beside it.
 _VARIANTS, _BESIDE = 8, 4
 # Routes within this ratio of the best are searched again for variants around small islands, because
-# the first estimate is less exact than that.
+# the first estimate is no more exact.
 _NEARLY_BEST = 1.0005
-# Number of classes among which the best path is looked for at first, and the ratio to its fuel
-# above which the dearest of them says that the classes behind it are dearer still.
+# Number of classes among which the best path is looked for at first. If the dearest of them needs
+# more than this ratio times the best, later classes are taken to be dearer still.
 _FEW, _CLEARLY_DEARER = 4, 1.03
-# Ratio to the best, at first sight, above which no class is looked at if one below can be sailed.
+# Ratio to the best, at first sight, above which a class is not looked at if a cheaper one can be
+# sailed.
 _WORTH_A_LOOK = 1.25
 # Largest number of rounds in which channels around blocked transitions are looked for.
 _MAX_ROUNDS = 64
 
 
 def plan_classes(planner: ClassPlanner, classes: int) -> Plan:
-    """Plan the first k classes, and those that take the place of rejected ones.
+    """Plan the first k classes, and further classes in the place of rejected ones.
 
-    A channel that is blocked at some place is looked for again around all places found blocked, in
-    rounds, until a round finds no other. What a strait's padding blocks for one class it mostly
-    blocks for all, so that the rounds soon hold k classes that can be sailed. Where they don't,
-    there may be classes that no round looked into, because what is blocked for others was assumed
-    to be blocked for them, or a passing edge to be too narrow: these are then planned for
-    themselves, up to k. A class is rejected, with its first reason, when no channel of it is left.
+    Where channels are blocked, others are looked for around all blocked places, in rounds, until a
+    round finds no new one. A strait that padding blocks for one class is mostly blocked for all, so
+    the rounds soon hold k classes that can be sailed. Where they don't, no round may have looked
+    into some classes: a place blocked for others was taken as blocked for them, or a passing edge
+    as too narrow. These classes are then planned by themselves, up to k. A class is rejected, with
+    its first reason, when no channel of it is left.
     """
     search = ClassSearch(planner)
     search.find_first(classes)
@@ -47,8 +48,9 @@ def plan_classes(planner: ClassPlanner, classes: int) -> Plan:
 class ClassSearch:
     """Plans classes one by one, and keeps the path of each, or the first reason against it.
 
-    Classes that are `known` are not planned again. With an estimate of fuel for channels, those are
-    left out whose estimate is no less than the fuel of a path found: only the best is asked for.
+    Classes that are `known` are not planned again. With an estimate of fuel, channels are left out
+    whose estimate is no less than the fuel of a path that was found: then only the best is asked
+    for.
     """
 
     def __init__(
@@ -67,7 +69,7 @@ class ClassSearch:
 
     @property
     def all_found(self) -> Mapping[Word, ClassPath]:
-        """The best path of each class, whichever class it was looked for in."""
+        """The best path of each class, even if it was found in the search for another class."""
         self._add_slipped()
         return self.found
 
@@ -80,10 +82,10 @@ class ClassSearch:
     def find_best(self, classes: int) -> None:
         """Find the best path of the first classes: of a few, if the dearest is clearly dearer.
 
-        Classes come in the order of what they need at first sight, which tells nearly what they
-        come to; most of the time goes into finding many. Of the variants around islands that tell
-        no classes apart only the first is planned, and one beside the best route: others differ
-        from it by far less than departures do.
+        Classes come in the order of their fuel at first sight, which is nearly their fuel in the
+        end; finding many classes takes most of the time. Of the variants around islands that tell
+        no classes apart only the first is planned, and one beside the best route: the fuel of
+        others differs far less than that of departures.
         """
         if self._planner.options.order == "fuel":
             self._find_best(classes, _WORTH_A_LOOK)
@@ -118,7 +120,7 @@ class ClassSearch:
         """Find paths of the first k classes; see :func:`plan_classes`.
 
         Of the variants around islands that tell no classes apart, the first `variants` are tried,
-        and the first `beside` of those beside the best route. Those that need more than `dearest`
+        and the first `beside` of those beside the best route. Classes that need more than `dearest`
         times as much as the best, at first sight, are left out where another is found.
         """
         problem, options = self._planner.problem, self._planner.options
@@ -129,7 +131,8 @@ class ClassSearch:
             options.order == "fuel" and options.method == "optimal" and self._planner.is_thorough
         )
         if is_free and problem.rays.omits_islands:
-            # The best of all channels is the best of its class, whichever islands tell those apart.
+            # The best of all channels is the best of its class, whichever islands tell classes
+            # apart.
             self.plan_in_rounds(scout, min(classes, variants), self.add_variant)
         seen_all = self.plan_in_rounds(enumerator, classes, self.add)
         count = len(self.found.keys() | self._too_dear.keys())
@@ -144,7 +147,7 @@ class ClassSearch:
             self.find_beside_best(scout, beside)
 
     def plan(self, classes: int) -> Plan:
-        """Routes of `classes` classes, least fuel first; also those that slipped out of others."""
+        """Routes of `classes` classes, least fuel first, with paths that slipped out of others."""
         best = sorted(self.all_found.values(), key=lambda found: found.fuel)[:classes]
         routes = tuple(map(self._planner.route, best))
         rejected = tuple(one for word, one in self.rejected.items() if word not in self.found)
@@ -157,13 +160,13 @@ class ClassSearch:
         classes: int,
         add: Callable[[Channel], frozenset[Transition]],
     ) -> bool:
-        """Plan the first k classes around what is blocked; say whether these are all there are."""
+        """Plan the first k classes around blocked places; return whether these are all classes."""
         blocked: set[Transition] = set()
         there_are = classes
         for _ in range(_MAX_ROUNDS):
             known = len(blocked)
             channels = enumerator.channels(there_are, blocked)
-            # Where more is blocked there can't be more.
+            # With more places blocked there can't be more classes.
             there_are = len(channels)
             for channel in channels:
                 blocked |= add(channel)
@@ -214,7 +217,7 @@ class ClassSearch:
         return frozenset()
 
     def _find(self, channel: Channel) -> ClassPath:
-        """Path of a channel's class; one that slips out of it is put aside."""
+        """Path of a channel's class; a path that slips out of the class is put aside."""
         found = self._planner.find(channel)
         word = self._planner.problem.word(found.path)
         if word != channel.word:
@@ -223,7 +226,7 @@ class ClassSearch:
         return found
 
     def _add_slipped(self) -> None:
-        """Take the paths that slipped out of their classes as those of the classes they are of."""
+        """Add the paths that slipped out of their classes to the classes they belong to."""
         for word, found in self._slipped.items():
             _keep_best(self.found, word, found)
 
@@ -243,6 +246,6 @@ class ClassSearch:
 
 
 def _keep_best(best: dict[Word, ClassPath], word: Word, found: ClassPath) -> None:
-    """Keep a path of a class if it needs less fuel than the one there is."""
+    """Keep a path of a class if it needs less fuel than the class's best so far."""
     if word not in best or found.fuel < best[word].fuel:
         best[word] = found

@@ -1,7 +1,7 @@
 """Speeds in a current that changes: no price of time holds all the way there.
 
-So classes are looked for at one speed: that of least fuel on the quickest path, of those that are
-in time all the way. Each class's path and speeds are then improved together
+So classes are looked for at one speed: of the speeds that are in time, the one of least fuel on the
+quickest path. Each class's path and speeds are then improved together
 (:mod:`renew.paths.path_by_clock`, :mod:`renew.paths.speeds_by_clock`), and land is padded for the
 hours at which the vessel passes at these speeds.
 """
@@ -25,13 +25,13 @@ from renew.planner.room_to_turn import steered_with_room
 from renew.results import TradeOff
 from renew.steering.steer_in_corridor import steer_as_drawn
 
-# Largest number of rounds in which path and speeds of a class are improved, and the share of its
-# fuel that one has to save for another to follow.
+# Largest number of rounds in which path and speeds of a class are improved, and the share of fuel
+# that a round has to save for another to follow.
 _MAX_ROUNDS, _WORTH_IT = 3, 3e-4
 # Number of rounds of growing padding for the hours of passage, and for turns at those speeds.
 _GROWTH_ROUNDS = 8
-# How much longer than the quickest one a class may take: it is looked for at such a speed that it
-# arrives before the current ends.
+# How much longer than the quickest class another may take: the speed of the search lets it arrive
+# before the current ends.
 _LONGER = 1.25
 # Number of paths along which the trade-off is worked out.
 _CURVES = 3
@@ -67,9 +67,9 @@ class ClockSearch(PriceSearch):
         return self.in_time(best)
 
     def _improved(self, found: ClassPath) -> ClassPath:
-        """A path of less fuel; or the same one steered at its speeds, where there is none.
+        """A path of less fuel; or, where there is none, this path steered at its speeds.
 
-        It may have been found at another speed, at which it could be steered.
+        The path may have been found at another speed, at which it could be steered.
         """
         corridor = self._on_schedule(found).corridor
         with contextlib.suppress(InfeasibleError):

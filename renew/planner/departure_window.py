@@ -1,8 +1,8 @@
 """When to leave: departures are planned until, by the paths found, no other can beat the best.
 
-A vessel that leaves later never overtakes on the same path, and so the earliest arrival over all
-paths doesn't come earlier with a later departure either (FIFO). If a voyage begun at t takes D at
-best, one begun at s > t takes D - (s - t) at least.
+On the same path a vessel that leaves later never overtakes. So a later departure brings no earlier
+arrival over all paths either (FIFO). If a voyage begun at t takes D at best, one begun at s > t
+takes D - (s - t) at least.
 
 The rate at which the current changes gives a tighter bound. On a fixed path dt/dx = σ(x, t) = 1/g,
 with g the speed over ground. So the arrival A, as a function of the departure t, obeys
@@ -20,7 +20,8 @@ window / tolerance plans are enough on any scene, and far fewer where the curren
 D(t) is taken from the path found, not from a lower bound: the choice is settled to within the error
 of the paths and of the current's table, and is no proof. It rests on FIFO: nothing is known where
 the current reaches the vessel's speed in places. Adaptive padding depends on the hours of passage:
-a later departure may have more room, so a bound starts from the earliest arrival from there on.
+a later departure may have more room, so a bound starts from the earliest arrival of this departure
+and all later ones.
 """
 
 import itertools
@@ -45,8 +46,8 @@ _ROUNDING = 1e-6
 class _Interval(NamedTuple):
     """From one departure to the next (s).
 
-    A voyage begun at `begin` takes at least `duration` (s); one begun later takes at least that
-    minus `slope` times its delay.
+    A voyage begun at `begin` takes at least `duration` (s); a voyage begun later takes at least
+    that minus `slope` times its delay.
     """
 
     begin: float
@@ -60,12 +61,12 @@ class _Interval(NamedTuple):
         return self.duration - self.slope * (self.end - self.begin)
 
     def reach(self, goal: float) -> float:
-        """Departure (s) up to which no voyage in it takes less than `goal` (s)."""
+        """Departure (s) up to which no voyage of the interval takes less than `goal` (s)."""
         return self.begin + (self.duration - goal) / max(self.slope, _FLATTEST)
 
 
 class DepartureWindow:
-    """Departures (n,), s, ascending, each planned; more are added where one may beat the best.
+    """Planned departures (n,), s, ascending; more are added where one may beat the best.
 
     No voyage takes less than `least_duration` (s), whatever the departure. In a second the speed
     over ground changes by a share `speed_change` (1/s) at most; where that is infinite, nothing is
@@ -90,12 +91,12 @@ class DepartureWindow:
 
     @property
     def best(self) -> Sailing:
-        """The sailing that takes least time, the earliest of those that do."""
+        """The sailing that takes least time; of equals, the earliest."""
         return min(self.sailings, key=lambda one: one.duration)
 
     @property
     def unproven(self) -> float:
-        """Time (s) by which a departure between those planned may beat the best of these."""
+        """Time (s) by which a departure that is not planned may beat the best planned one."""
         if math.isinf(self._change) or self.best.found is None:
             return math.inf
         bound = min((one.least_duration for one in self._intervals()), default=math.inf)
@@ -130,13 +131,13 @@ class DepartureWindow:
         self.sailings = self._planner.by_arrival(self.sailings)
 
     def replace(self, sailing: Sailing) -> None:
-        """Put a sailing in the place of the one with the same departure."""
+        """Replace the sailing of the same departure."""
         kept = [one for one in self.sailings if one.departure != sailing.departure]
         self._insert(kept, sailing)
         self.sailings = self._planner.by_arrival(self.sailings)
 
     def departures(self, plan: Plan) -> Departures:
-        """What has been found, with the plan at the best departure."""
+        """The result, with the plan at the best departure."""
         return Departures.of([one.outcome for one in self.sailings], self.unproven, plan)
 
     def _plan(self, departure: float) -> None:

@@ -1,4 +1,4 @@
-"""The best route by departure, on what all departures share: water, classes, what padding is known.
+"""The best route by departure; all departures share water, classes and known paddings.
 
 At a departure a class is planned completely only if it can still be the best.
 """
@@ -28,14 +28,14 @@ from renew.results import Departed, Plan, Rejected
 from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.voyage.checks import check_current_at_endpoints
 
-# Share of the time under way by which a later departure has to arrive earlier for its path to be
-# tried from the departure before: rounding.
+# A later departure's path is tried from the departure before if it arrives earlier by this share of
+# the time under way: less is rounding.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Sailing:
-    """What a departure (s) came to: its least-fuel path, or why there is none."""
+    """Outcome of a departure (s): its least-fuel path, or why there is none."""
 
     departure: float
     planner: ClassPlanner
@@ -55,7 +55,7 @@ class Sailing:
 
     @property
     def arrival(self) -> float:
-        """When the goal is reached (s); infinite where it is not."""
+        """Time of arrival at the goal (s); infinite where there is no path."""
         return self.departure + self.duration
 
     @property
@@ -83,15 +83,15 @@ class Sailing:
 
     @property
     def is_late(self) -> bool:
-        """Whether every class arrives after the last time of the current: later ones do as well."""
+        """Whether every class arrives after the current's last time: later departures do, too."""
         causes = [one.cause for one in self.rejected]
         return bool(causes) and all(isinstance(cause, TooLateError) for cause in causes)
 
 
 class Sailings:
-    """Plans the best route of each departure, around areas that it would meet while shut.
+    """Plans the best route of each departure, around areas that it would meet while they are shut.
 
-    All departures share what their planners know; areas that are met are closed like land.
+    All departures share the knowledge of their planners; areas that are met are closed like land.
     """
 
     def __init__(self, task: Task) -> None:
@@ -133,7 +133,7 @@ class Sailings:
     def by_arrival(self, sailings: Sequence[Sailing]) -> list[Sailing]:
         """Sailings of which none arrives later than the next, as far as is safe.
 
-        Where areas are shut they are left as they are: one of another departure may meet an area.
+        Where areas are shut nothing is changed: the path of another departure may meet an area.
         """
         return list(sailings) if self._task.areas else in_order_of_arrival(sailings)
 
@@ -153,7 +153,7 @@ class Sailings:
 
 
 def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
-    """The best route of a planner's classes at its departure, with one that plans them unpadded."""
+    """The best route of a planner's classes at its departure; `unpadded` estimates their fuel."""
     voyage, options = planner.problem.voyage, planner.options
     try:
         check_current_at_endpoints(voyage)
@@ -171,10 +171,10 @@ def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
 
 
 def in_order_of_arrival(sailings: Sequence[Sailing]) -> list[Sailing]:
-    """Sailings by departure, none of which arrives later than the next, as far as is safe.
+    """Sailings by departure, of which none arrives later than the next, as far as is safe.
 
-    On a path the vessel that leaves earlier is the first everywhere. So where the next one's path,
-    sailed from the departure before it, is better and its turns are safe then as well, it is taken.
+    On a path the vessel that leaves earlier is first everywhere. So a departure takes the path of
+    the next one, if that arrives earlier and its turns are safe at these hours as well.
     """
     result = list(sailings)
     for k in range(len(result) - 2, -1, -1):
@@ -187,7 +187,7 @@ def in_order_of_arrival(sailings: Sequence[Sailing]) -> list[Sailing]:
 
 
 def _sailed_from(planner: ClassPlanner, found: ClassPath) -> ClassPath | None:
-    """A path of another departure, sailed at a planner's own; None where that isn't safe."""
+    """A path of another departure, sailed at the planner's departure; None if that isn't safe."""
     path = found.path
     corridor = planner.growth.fitted(planner.corridor(found.corridor.channel), path)
     try:
@@ -204,7 +204,7 @@ def _sailed_from(planner: ClassPlanner, found: ClassPath) -> ClassPath | None:
 def _fuel_estimate(unpadded: ClassPlanner, channel: Channel) -> float:
     """Fuel of a channel's path with the least padding there can be, before it is steered.
 
-    Its route needs hardly ever less. Minus infinity where no such path is found.
+    The channel's route hardly ever needs less. Minus infinity where no such path is found.
     """
     corridor = unpadded.corridor(channel)
     try:

@@ -1,4 +1,4 @@
-"""Why no class can be sailed, and what would leave a route: less padding, or more risk."""
+"""Why no class can be sailed, and which remedies leave a route: less padding, or more risk."""
 
 import itertools
 import math
@@ -14,14 +14,14 @@ from renew.results import Rejected, Route
 
 # Number of halvings by which the largest margin is found.
 _HALVINGS = 6
-# Largest risk that is suggested, and to how much it is found.
+# Largest risk that is suggested, and the ratio to which it is exact.
 _MAX_RISK, _RISK_STEP = 0.5, 0.01
 # Number of reasons that are quoted, and of classes that are named with each.
 _MAX_REASONS = 3
 
 
 def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> UnreachableError:
-    """Error for a plan whose classes were all rejected: the first reasons, and what would help."""
+    """Error for a plan whose classes were all rejected: the first reasons, and remedies."""
     if not rejected:
         return UnreachableError(
             "the search for classes met none before it ended. To find a route: take "
@@ -63,7 +63,7 @@ def _named(group: list[Rejected]) -> str:
 
 
 def suggest_relaxations(planner: ClassPlanner) -> list[Text]:
-    """What would leave a route, each tried out; the widest way through comes first."""
+    """Remedies that leave a route, each tried out; the widest way through comes first."""
     options, search = planner.options, _RelaxationSearch(planner)
     triangulation = planner.problem.triangulation
     stops = [triangulation.locate(stop) for stop in planner.problem.voyage.stops]
@@ -79,7 +79,7 @@ def suggest_relaxations(planner: ClassPlanner) -> list[Text]:
 
 
 class _RelaxationSearch:
-    """Plans with other padding: how much less of it would leave a route."""
+    """Plans with other padding, to find how much less of it leaves a route."""
 
     def __init__(self, planner: ClassPlanner) -> None:
         self._problem, self._options = planner.problem, planner.options
@@ -87,7 +87,7 @@ class _RelaxationSearch:
     def route(self, **changes: Any) -> Route | None:  # noqa: ANN401 - as of PlanOptions
         """Best route of the first class that has one with changed options, or None."""
         options = replace(self._options, **changes)
-        # Making room to turn takes long, and less padding leaves more of it.
+        # Making room to turn takes long, and less padding leaves more room.
         planner = ClassPlanner(self._problem, options, thorough=False)
         routes = plan_classes(planner, classes=1).routes
         return routes[0] if routes else None
@@ -108,7 +108,7 @@ class _RelaxationSearch:
         return f"a risk of {high:g} would leave one"
 
     def largest_padding(self, most: float) -> list[Text]:
-        """The largest fixed padding up to `most` m that leaves a route, to 2 %, if one does."""
+        """The largest fixed padding up to `most` m that leaves a route, to 2 %; or None."""
         if not 0 < most < math.inf:
             return []
         low, high, best = 0.0, most, None

@@ -1,4 +1,4 @@
-"""Padding that grows until a path's own triangles, and its hard-over turns, need no more.
+"""Padding grows until neither a path's own triangles nor its hard-over turns need more.
 
 The padding of a class is first set for its channel. A path that bulges out of it, or a turn in a
 perturbed current, may need more: the edges concerned grow, and the class is planned again.
@@ -46,7 +46,7 @@ def grown_until_clear(
 ) -> _Path:
     """Grow the padding of a path until it lacks nothing; `plan_again` plans near the last path.
 
-    InfeasibleError where it still lacks some in the last of `most` rounds.
+    InfeasibleError where padding is still too small in the last of `most` rounds.
     """
     for rounds_left in reversed(range(most)):
         short = shortfall(found)
@@ -60,7 +60,7 @@ def grown_until_clear(
 
 
 def grown(corridor: Corridor, shortfall: Shortfalls) -> Corridor:
-    """Corridor with the padding larger by what it lacks."""
+    """Corridor with the padding larger by its shortfall."""
     both = zip(corridor.paddings, shortfall, strict=True)
     return corridor.with_padding(
         [padded.grown(*short) if short else padded for padded, short in both]
@@ -69,14 +69,14 @@ def grown(corridor: Corridor, shortfall: Shortfalls) -> Corridor:
 
 @dataclass(frozen=True)
 class PaddingGrowth:
-    """Finds what the padding of a corridor lacks for a path, where padding is adaptive."""
+    """Finds the shortfall of a corridor's padding for a path, where padding is adaptive."""
 
     problem: Problem
     model: PaddingModel
     options: PlanOptions
 
     def shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
-        """What padding lacks for the triangles that a path (n, 2) crosses, else for its turns."""
+        """Shortfall of padding for the triangles that a path (n, 2) crosses, else for its turns."""
         if not self.options.is_adaptive:
             return None
         return self.crossed_shortfall(corridor, path) or _any(
@@ -86,7 +86,7 @@ class PaddingGrowth:
     def collisions(
         self, corridor: Corridor, path: FloatArray, speeds: FloatArray
     ) -> Shortfalls | None:
-        """What padding lacks for turns along a path (n, 2) sailed at speeds (n - 1,), m/s."""
+        """Shortfall of padding for turns along a path (n, 2) sailed at speeds (n - 1,), m/s."""
         if not self.options.is_adaptive:
             return None
         own_speeds = corridor.voyage.cut_speeds(path, speeds)
@@ -101,20 +101,20 @@ class PaddingGrowth:
         return corridor if short is None else grown(corridor, short)
 
     def crossed_shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
-        """What padding lacks where a path bulges out of the channel for which it was set."""
+        """Shortfall of padding where a path bulges out of the channel for which it was set."""
         if not self.options.is_adaptive:
             return None
         return _any(self._bulge_shortfall(*part) for part in corridor.parts(path))
 
     def _bulge_shortfall(self, corridor: Corridor, path: FloatArray) -> _Shortfall | None:
-        """What padding lacks where a path (n, 2) between two via points bulges."""
+        """Shortfall of padding where a path (n, 2) between two via points bulges."""
         inside = visits(path, corridor.corners)
         crossed = inside._replace(triangle=corridor.triangles[inside.triangle])
         windows = passage_windows(corridor.voyage, path, inside.enter, inside.leave)
         return self.model.shortfall(crossed, windows, corridor.channel, corridor.padded)
 
     def _turns_shortfall(self, corridor: Corridor, path: FloatArray) -> _Shortfall | None:
-        """What padding lacks for turns along a path (n, 2) between two via points."""
+        """Shortfall of padding for turns along a path (n, 2) between two via points."""
         voyage, padded = corridor.voyage, corridor.padded
         short = colliding_edges(path, voyage, padded, self.problem.reach)
         if short or self.options.risk_at == "route":

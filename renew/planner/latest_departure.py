@@ -1,7 +1,8 @@
 """The latest departure that arrives in time: a later departure arrives no earlier (FIFO).
 
-The arrival rises with the departure, mostly as fast as that: the next guess is the departure that
-would do if it did so exactly, kept inside what is known to be in time and what is not.
+The arrival mostly rises as fast as the departure. So the next guess is the departure that would be
+just in time if it did exactly, kept between a departure known to be in time and one known to be
+late.
 """
 
 import math
@@ -13,17 +14,17 @@ from renew.planner.departures import Sailing, Sailings
 from renew.voyage.voyage import Voyage
 
 # Share of the time under way by which the vessel may arrive earlier than asked, and largest number
-# of departures that are planned to come as close.
+# of departures that are planned to come that close.
 _EARLY, _MAX_PLANS = 1e-3, 40
-# Number of halvings by which a remedy is found, the highest speed, as a multiple of the vessel's,
-# and the earliest departure, in times under way.
+# For remedies: number of halvings; the highest speed, as a multiple of the vessel's; how much
+# earlier the vessel may leave, in times under way.
 _HALVINGS, _FASTEST, _EARLIEST = 12, 4.0, 4.0
 
 
 def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> Sailing:
     """Latest sailing from `earliest` on that is at the goal by a time (s), nearly.
 
-    ArrivalError where the earliest one is too late already; it says what would do.
+    ArrivalError where the earliest departure is too late already; it names remedies.
     """
     best = sailings.sailing(earliest)
     if best.found is None:
@@ -54,10 +55,10 @@ def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> S
 def too_late_error(
     first: Sailing, arrive_by: float, faster: str = "take a vessel that makes {:.3g} m/s"
 ) -> ArrivalError:
-    """Error for an arrival that can't be made, with the speed or departure that would do.
+    """Error for an arrival that can't be made, with a speed or departure that can make it.
 
-    Both are found along the path of the sailing, and so will do, at least nearly. `faster` says in
-    what way the vessel has to be.
+    Both are found along the path of the sailing, so they are enough, at least nearly. `faster` is
+    the wording of the remedy by speed.
     """
     voyage = first.planner.problem.voyage
     path = first.found.path if first.found else voyage.start[None]
@@ -97,7 +98,7 @@ def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> li
 
 
 def _least(is_enough: Callable[[float], bool], low: float, high: float) -> float | None:
-    """The least figure that is enough, where more always is; None where `high` isn't."""
+    """The least figure that is enough, if every larger one is; None if `high` is not."""
     if high <= low or not is_enough(high):
         return None
     for _ in range(_HALVINGS):

@@ -54,7 +54,7 @@ class ClassPath(NamedTuple):
 
 
 class ClassPlanner:
-    """Plans the best route of a class by some options; of a padding `model` if there is one.
+    """Plans the best route of a class by some options, with the padding `model` if one is given.
 
     Where it is `thorough`, land is padded more where a path can't be steered, and variants are
     tried.
@@ -76,7 +76,7 @@ class ClassPlanner:
         self.growth = PaddingGrowth(problem, self._model, options)
 
     def for_problem(self, problem: Problem) -> ClassPlanner:
-        """Return the planner of a problem in the same water; what is known of padding is shared."""
+        """Return the planner of a problem in the same water; known paddings are shared."""
         return ClassPlanner(problem, self.options, self._model, thorough=self.is_thorough)
 
     @cached_property
@@ -101,7 +101,7 @@ class ClassPlanner:
         return found
 
     def find_in(self, corridor: Corridor, near: FloatArray | None = None) -> ClassPath:
-        """Best path of a corridor, near one (n, 2) of before, if any; its padding may grow."""
+        """Best path of a corridor, near an earlier one (n, 2), if any; its padding may grow."""
         return grown_until_clear(
             self._found(corridor, near),
             lambda found: self.growth.shortfall(found.corridor, found.path),
@@ -162,7 +162,7 @@ class ClassPlanner:
         return speed_profile(path, voyage).fuel if voyage.has_price else voyage.fuel(path)
 
     def corridor(self, channel: Channel) -> Corridor:
-        """Where a class's paths are planned."""
+        """Corridor in which a class's paths are planned."""
         voyage, triangulation = self.problem.voyage, self.problem.triangulation
         parts = voyage.parts(channel.rough_path(voyage.start, voyage.goal))
         padded = [
@@ -192,7 +192,7 @@ class ClassPlanner:
         )
 
     def _found(self, corridor: Corridor, near: FloatArray | None) -> ClassPath:
-        """Best path of a corridor; near the one found while its padding was smaller, if any."""
+        """Best path of a corridor; near the path found while its padding was smaller, if any."""
         if self.options.method == "sampled":
             return self._best_sample(corridor)
         if near is None:
@@ -200,7 +200,7 @@ class ClassPlanner:
         return self._best_path(corridor, near)
 
     def _best_path(self, corridor: Corridor, near: FloatArray | None) -> ClassPath:
-        """Best path of some attempts; of another class where each of them slips into one."""
+        """Best path of some attempts; it is of another class if all attempts slip into another."""
         first: InfeasibleError | None = None
         best: ClassPath | None = None
         slipped: list[tuple[Corridor, FloatArray]] = []
@@ -216,15 +216,15 @@ class ClassPlanner:
             if found is None:
                 slipped.append((used, path))
                 if near is not None and not self._is_of(corridor, near):
-                    # So did each attempt while the padding was smaller.
+                    # Each attempt slipped while the padding was smaller, too.
                     break
                 continue
             if best is None or found.fuel < best.fuel:
                 best = found
             if near is not None or found.fuel <= _DEAR * self.problem.voyage.fuel(path):
                 break
-            # Much room had to be made to turn in: another path may need less of it. Where the
-            # padding has only grown, the others have been tried before.
+            # Much room had to be made to turn in: another path may need less room. Where only the
+            # padding has grown, other attempts have been made before.
         if best is None and slipped:
             best = self._steered(corridor, *slipped[0])
         if best is None:
@@ -232,7 +232,7 @@ class ClassPlanner:
         return self._or_straight(best)
 
     def _or_straight(self, found: ClassPath) -> ClassPath:
-        """A path that was found, or the straight line, where that is clear and needs less fuel.
+        """A path that was found, or the straight line if that is clear and needs less fuel.
 
         Paths are looked for in a table of the current: where the field hardly changes across the
         line, a bend may gain in the table what it loses in the field.
@@ -262,10 +262,11 @@ class ClassPlanner:
         self.check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
         if not math.isfinite(fuel):
-            # As steered the vessel may just be through in time, and not so by the drift model.
+            # As steered the vessel may be just in time, while by the drift model it is not.
             raise InfeasibleError("the current leaves no way to be made along its path")
         if self.problem.voyage.has_price:
-            # What can be steered at the highest speed may not be at a lower one, across a current.
+            # A path that can be steered at the highest speed may not be at a lower one, across a
+            # current.
             profile = speed_profile(path, self.problem.voyage)
             steer_as_drawn(profile.path, used, profile.speeds)
         return ClassPath(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
@@ -295,7 +296,7 @@ class ClassPlanner:
             )
 
     def _best_sample(self, corridor: Corridor) -> ClassPath:
-        """Least-fuel path of the paper's sampling; the harmonic mean is its class's."""
+        """Least-fuel path of the paper's sampling, with the harmonic mean of its class."""
         samples, seed = self.options.samples, self.options.seed
         paths, class_mean = sampled_paths(corridor, self.problem.rays, samples, seed)
         first: InfeasibleError | None = None

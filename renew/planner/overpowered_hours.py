@@ -1,13 +1,13 @@
 """Where and when the current shuts the way of a class for a while: no vessel waits for it to open.
 
 Water is shut while its current is nearly as strong as the vessel is fast, or stronger, whichever
-way it flows. Where that is so for a while only, a vessel that comes later may be the first through,
-and the search, in which none waits, gives the best *without waiting*.
+way it flows. Where water is shut for a while only, a vessel that comes later may be through first;
+the search, in which no vessel waits, gives the best path *without waiting*.
 
 What counts for a class are the places on its way, and at each the time from the vessel's earliest
 arrival there to its latest departure. A route has its own times. Along the rough path by which a
-class was found the vessel is taken to wait wherever it comes while the water is shut, until that
-opens: so the hours of a class that fails are those at which it would come to the place of failure.
+class was found the vessel is taken to wait wherever it meets shut water, until that opens. So the
+hours of a class that fails are the hours at which the vessel would come to the place of failure.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class _PathPoints(NamedTuple):
                 for _, end in self._spells(at, now, now):
                     now = max(now, end)
                 if math.isinf(now):
-                    # What lies behind is not reached.
+                    # Points behind this one are not reached.
                     late = now
                 else:
                     _, (late, *_) = voyage.early_and_late(np.array([now]))
@@ -122,7 +122,7 @@ class _PathPoints(NamedTuple):
             now += lengths[at] * slowness(u, v, tx, ty, voyage.polar)
 
     def stretches(self, spells: Iterable[_Spell]) -> tuple[OverpoweredHours, ...]:
-        """Of spells at points that follow each other, in overlapping hours, the longest."""
+        """Longest spell of each stretch: of spells at successive points in overlapping hours."""
         found: list[tuple[_Spell, _Spell]] = []  # the longest of a stretch, and its last
         for spell in spells:
             for k, (longest, last) in enumerate(found):
@@ -136,7 +136,7 @@ class _PathPoints(NamedTuple):
         )
 
     def _spells(self, at: int, begin: float, end: float) -> list[tuple[float, float]]:
-        """Spells (s) at which the current shuts a point, of those that overlap a time (s)."""
+        """Spells (s) in which the current shuts a point and that overlap a window of time (s)."""
         place, table = self.points[at], self.voyage.table
         spells = overpowered_spells(table, place, _level(self.voyage), begin, end)
         return [(float(first), float(last)) for first, last in spells]

@@ -246,7 +246,7 @@ def _task(
     avoid: Sequence[ShutArea],
     given: Mapping[str, Any],
 ) -> Task:
-    """What is to be planned; refuses options, times, speeds and points that can't be."""
+    """The task; refuses options, times, speeds and points out of range."""
     points = as_via(via)
     request = Request(**given, has_via=len(points) > 0)
     return Task(

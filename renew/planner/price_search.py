@@ -2,9 +2,9 @@
 
 The deadline gets a Lagrange multiplier: at a price λ of time the planner looks for the classes and
 paths of least fuel + λ time, as it does for those of least time, and along a path the price at
-which the deadline is just met gives the speeds of least fuel (:mod:`renew.paths.speed_profile`).
-That is the next price, until it stays. It is found for the best class at first, and then for each
-class by itself, since each has its own.
+which the deadline is just met gives the speeds of least fuel (:mod:`renew.paths.speed_profile`). It
+is the next price, until it changes no more. The price is found for the best class first, and then
+for each class by itself, since each class has its own.
 """
 
 import functools
@@ -27,8 +27,8 @@ from renew.planner.latest_departure import too_late_error
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.results import Plan, Route, TradeOff
 
-# Largest number of rounds in which the price is looked for, and its change, as a share of it, from
-# which it counts as settled: fuel differs by the square of that.
+# Largest number of rounds in which the price is looked for, and the relative change below which it
+# counts as settled: fuel differs by the square of that.
 _MAX_ROUNDS, _SETTLED = 4, 0.03
 # Number of rounds of growing padding for turns at the speeds that are sailed.
 _GROWTH_ROUNDS = 4
@@ -99,7 +99,7 @@ class PriceSearch:
     def search_with(
         self, planner: ClassPlanner, word: Word, first: ClassPath
     ) -> tuple[ClassSearch, dict[Word, ClassPath]]:
-        """Find the first classes by a planner; a path of the class of a word is known already."""
+        """Find the first classes by a planner; the path of one word's class is known already."""
         search = ClassSearch(planner)
         search.find_first(self.classes)
         paths = {one: self.with_speeds(found) for one, found in search.all_found.items()}
@@ -134,7 +134,7 @@ class PriceSearch:
         )
 
     def collisions(self, found: ClassPath) -> Shortfalls | None:
-        """What padding lacks for turns at the speeds of a path."""
+        """Shortfall of padding for turns at the speeds of a path."""
         profile = profile_of(found)
         return self.planner.growth.collisions(found.corridor, profile.path, profile.speeds)
 
@@ -163,7 +163,7 @@ class PriceSearch:
         return trade_off(path, self.voyage)
 
     def trade_off(self, paths: Sequence[FloatArray]) -> TradeOff:
-        """Least fuel by arrival along the paths that have been found, one of them for each."""
+        """Least fuel by arrival along the paths found, the cheapest for each arrival."""
         curves = [self.curve(path) for path in paths]
         earliest = min(times[0] for times, _ in curves)
         latest = min(curves, key=lambda curve: curve[1][-1])[0][-1]
@@ -173,12 +173,12 @@ class PriceSearch:
 
 
 def _is_settled(price: float, before: float) -> bool:
-    """Whether a price is nearly the one before; or both are infinite."""
+    """Whether a price is nearly the price before; or both are infinite."""
     return price == before or abs(price - before) <= _SETTLED * before
 
 
 def profile_of(found: ClassPath) -> SpeedProfile:
-    """Speeds along a path that has some."""
+    """Speeds along a path for which speeds were chosen."""
     if found.profile is None:
         raise ValueError("the path has no speeds of its own")
     return found.profile

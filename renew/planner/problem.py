@@ -1,4 +1,4 @@
-"""What all classes of a plan share, whatever their padding; each part is computed once."""
+"""Everything that the classes of a plan share, whatever their padding; computed once."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Problem:
         if options.distinct_by != "auto":
             return rays.only(rays.size >= options.distinct_by)
         start, goal = self.voyage.start, self.voyage.goal
-        # Where padding shuts all ways, the best of those that it shuts.
+        # Where padding shuts all ways, the best of them.
         found = self.scout(self.likely_width).channels(1) or self.scout(0.0).channels(1)
         path = found[0].midline(start, goal) if found else np.stack([start, goal])
         return rays_that_matter(rays, path, options.classes)
@@ -74,13 +74,13 @@ class Problem:
 
     @cached_property
     def reach(self) -> TurnReach:
-        """How far hard-over turns can get."""
+        """Upper bound on the reach of hard-over turns."""
         voyage = self.voyage
         return self.first.reach if self.first else TurnReach.of(voyage.table, voyage.vessel)
 
     @cached_property
     def fuel_bound(self) -> FuelBound:
-        """The fuel that no route can stay below."""
+        """Lower bound on the fuel of any route."""
         return FuelBound(self.voyage)
 
     @property

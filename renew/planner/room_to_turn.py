@@ -12,21 +12,21 @@ from renew.steering.steer_in_corridor import steer_in_corridor, steer_thinned_in
 
 # Maximum number of times that padding is increased where a path can't be steered.
 _MAX_WIDENINGS = 16
-# First and largest increase of the padding, and its reach around a place; as multiples of v/ω.
+# First and largest increase of the padding, and its reach around a place, in multiples of v/ω.
 _WIDENING, _WIDEST, _AROUND = 0.15, 4.0, 3.0
 
 
 def steered_as_it_is(
     corridor: Corridor, path: FloatArray
 ) -> tuple[Corridor, FloatArray, FloatArray]:
-    """The corridor, and path (n, 2) and trajectory (m, 4) that can be steered in it."""
+    """The corridor, with the path (n, 2) and the trajectory (m, 4) steered in it."""
     return corridor, *steer_in_corridor(path, corridor)
 
 
 def steered_with_room(
     corridor: Corridor, path: FloatArray
 ) -> tuple[Corridor, FloatArray, FloatArray]:
-    """Path (n, 2) and trajectory (m, 4) that can be steered, and the corridor with room for them.
+    """Path (n, 2) and trajectory (m, 4) that can be steered, with room for them in the corridor.
 
     A path without padding wraps corners so closely that there may be no room to round them. Where
     it can't be steered, the edges nearby are padded more, and the path is refined again. If no edge

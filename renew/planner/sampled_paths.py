@@ -1,7 +1,7 @@
 """Paths of a class by the paper's sampling: random chains, each smoothed within its class.
 
 The published figures are of smoothed paths. So each chain is smoothed before it is checked and
-counts in the harmonic mean: as they are drawn, hardly any can be steered.
+counted in the harmonic mean: hardly any chain can be steered as it is drawn.
 """
 
 import math
@@ -19,7 +19,7 @@ from renew.planner.harmonic_mean import harmonic_mean
 from renew.steering.turning_radius import steerable
 from renew.voyage.voyage import Voyage
 
-# Number of sampled chains, least fuel first, that are tried to be steered, and number of those that
+# Number of sampled chains, least fuel first, that are steered on trial, and number of chains that
 # are smoothed further.
 _MAX_CHAINS, _MAX_SMOOTHED = 60, 4
 
@@ -52,7 +52,7 @@ def sampled_paths(
 
 
 def _are_steerable(paths: Sequence[FloatArray], voyage: Voyage) -> BoolArray:
-    """Which of some paths (n, 2) can be steered: those with equally many points in one go."""
+    """Which of some paths (n, 2) can be steered; paths of equal length go in one call."""
     points = np.array([len(path) for path in paths])
     result = np.zeros(len(paths), dtype=bool)
     for count in np.unique(points):

@@ -147,7 +147,7 @@ def _with_one_speed(plan: Plan, planner_up_to: _PlannerUpTo, voyage: Voyage) -> 
 def _plan_and_narrow(
     planner_up_to: _PlannerUpTo, search: Callable[[ClassPlanner], PriceSearch]
 ) -> Plan:
-    """Plan with padding for the highest speed allowed, and again with that for the fastest leg.
+    """Plan with padding for the highest speed allowed, then with padding for the fastest leg.
 
     ArrivalError where no route arrives in time even at the highest speed.
     """

@@ -1,4 +1,4 @@
-"""What a plan is asked for, and the planners of classes that its parts share."""
+"""The request for a plan, and the planners of classes that its parts share."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
@@ -39,7 +39,7 @@ class Task:
     def planner(self, closed: Collection[ShutArea] = (), most: float | None = None) -> ClassPlanner:
         """Planner of classes, with some areas closed like land, for speeds up to `most` (m/s).
 
-        It is at the first departure; where the request has no speeds, the vessel's own counts.
+        It plans at the first departure; where the request has no speeds, at the vessel's own.
         """
         key = frozenset(closed), most
         if key not in self._planners:
