@@ -10,11 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 
 # Smallest slope (no unit) that is divided by: a line with less counts as level.
 _MIN_SLOPE = 1e-300
+# Factor on a squared distance beyond which rounding can't bring two things within it.
+_FOR_CERTAIN = 1 + 1e-9
 # Number of consecutive legs or points that are compared with capsules by one common bounding box.
 _BLOCK = 32
 
@@ -171,10 +173,23 @@ def leg_is_clear(leg: Segment, capsules: Capsules, chosen: IntArray, exempt: Boo
         ):
             continue
         axis = Segment(start[h, 0], start[h, 1], end[h, 0], end[h, 1])
+        if _lies_beside(axis, leg, reach) or _lies_beside(leg, axis, reach):
+            continue
         enter, leave = capsule_interval(leg, axis, reach)
         if enter < leave or (radius[h] < 0.0 and enter == leave):
             return False
     return True
+
+
+@small_kernel
+def _lies_beside(segment: Segment, line: Segment, distance: float) -> bool:
+    """Whether a segment lies to one side of another's line, for certain further than a distance."""
+    dx, dy = line.bx - line.ax, line.by - line.ay
+    one = dx * (segment.ay - line.ay) - dy * (segment.ax - line.ax)
+    other = dx * (segment.by - line.ay) - dy * (segment.bx - line.ax)
+    nearer = min(abs(one), abs(other))
+    far = _FOR_CERTAIN * distance * distance * (dx * dx + dy * dy)
+    return one * other > 0.0 and nearer * nearer > far
 
 
 @kernel

@@ -31,6 +31,8 @@ from renew.kernels.ground_speed import Polar, ground_speed
 TOO_STRONG = 0.97**2
 # Least way made (m²/s: length times speed over ground); it keeps an inverse finite.
 _MIN_WAY = 1e-300
+# Number of figures that processors take at once, or a multiple.
+_LANES = 4
 
 
 @small_kernel
@@ -131,29 +133,30 @@ def arrivals(path: FloatArray, water: Stream) -> FloatArray:
 def shortcut(path: FloatArray, water: Stream, capsules: Capsules, longest: float) -> BoolArray:
     """Points (n,) of a path to keep so that no short leg past one is clear and no slower.
 
-    Legs up to `longest` metres are tried, in one pass along the path.
+    Legs up to `longest` metres are tried, in one pass along the path; each is timed as begun when
+    the path comes there.
     """
     every = np.arange(len(capsules.radius))
     none_exempt = np.zeros(len(capsules.radius), dtype=np.bool_)
-    kept = np.zeros(len(path), dtype=np.int64)
+    kept, lasts = np.zeros(len(path), dtype=np.int64), np.zeros(len(path))
     times = arrivals(path, water)
     count = 1
     for new in range(1, len(path)):
+        (cx, cy), onward = path[new], times[new] - times[new - 1]
         while count >= 2:
-            a, b = kept[count - 2], kept[count - 1]
-            (ax, ay), (bx, by), (cx, cy) = path[a], path[b], path[new]
+            before = kept[count - 2]
+            ax, ay = path[before]
             dx, dy = cx - ax, cy - ay
             if dx * dx + dy * dy > longest * longest:
                 break
-            direct = leg_time(ax, ay, cx, cy, times[a], water)
-            via = leg_time(ax, ay, bx, by, times[a], water)
-            via += leg_time(bx, by, cx, cy, times[a] + via, water)
-            if direct > via or not leg_is_clear(
+            direct = leg_time(ax, ay, cx, cy, times[before], water)
+            if direct > lasts[count - 1] + onward or not leg_is_clear(
                 Segment(ax, ay, cx, cy), capsules, every, none_exempt
             ):
                 break
+            onward = direct
             count -= 1
-        kept[count] = new
+        kept[count], lasts[count] = new, onward
         count += 1
     keep = np.zeros(len(path), dtype=np.bool_)
     keep[kept[:count]] = True
@@ -187,16 +190,21 @@ def quickest_chain(
     exempt : (2, capsules) True where the first, or the last, leg may enter a capsule.
     """
     rows, count = points.shape[:2]
-    x, y = points[..., 0].copy(), points[..., 1].copy()
-    u, v = np.zeros((rows, count)), np.zeros((rows, count))
-    arrival = np.full((rows, count), np.inf)
+    # Wider than it need be, by points that are never reached, so that it can be vectorised.
+    wide = -(-count // _LANES) * _LANES
+    x, y = np.zeros((rows, wide)), np.zeros((rows, wide))
+    x[:, :count], y[:, :count] = points[..., 0], points[..., 1]
+    x[:, count:], y[:, count:] = x[:, :1], y[:, :1]
+    u, v = np.zeros((rows, wide)), np.zeros((rows, wide))
+    arrival = np.full((rows, wide), np.inf)
     arrival[0, 0] = water.clock.departure
     u[0, 0], v[0, 0] = velocity(water.table, x[0, 0], y[0, 0], arrival[0, 0])
     came_from = np.zeros((rows, count), dtype=np.int64)
     bounds = capsule_bounds(capsules)
     none_exempt = np.zeros(len(capsules.radius), dtype=np.bool_)
+    is_simple = len(water.table.times) == 1 and water.polar.least >= water.polar.speed
     for row in range(rows - 1):
-        width = 1 if row == 0 else count
+        width = 1 if row == 0 else wide
         following = 1 if row == rows - 2 else count
         here = _Row(
             x[row, :width], y[row, :width], u[row, :width], v[row, :width], arrival[row, :width]
@@ -211,11 +219,57 @@ def quickest_chain(
         )
         near = _capsules_between(here, there, bounds)
         free = exempt[0] if row == 0 else exempt[1] if row == rows - 2 else none_exempt
-        _advance(here, there, came_from[after], water, capsules, near, free)
+        if is_simple:
+            _advance_in_steady(here, there, came_from[after], water, capsules, near, free)
+        else:
+            _advance(here, there, came_from[after], water, capsules, near, free)
     chain = np.zeros(rows, dtype=np.int64)
     for row in range(rows - 1, 0, -1):
         chain[row - 1] = came_from[row, chain[row]]
     return arrival[rows - 1, 0], chain
+
+
+@kernel
+def _advance_in_steady(
+    here: _Row,
+    there: _Row,
+    came_from: IntArray,
+    water: Stream,
+    capsules: Capsules,
+    near: IntArray,
+    exempt: BoolArray,
+) -> None:
+    """Do what :func:`_advance` does, in a steady current at the vessel's own speed: far quicker."""
+    table, polar, _ = water
+    x, y, u, v, departure = here
+    most = TOO_STRONG * polar.speed * polar.speed
+    totals = np.empty(len(x))
+    for j in range(len(there.x)):
+        bx, by = there.x[j], there.y[j]
+        bu, bv = velocity(table, bx, by, 0.0)
+        if bu * bu + bv * bv >= most:
+            continue
+        for i in range(len(totals)):
+            dx, dy = bx - x[i], by - y[i]
+            first, second = _way(u[i], v[i], dx, dy, polar), _way(bu, bv, dx, dy, polar)
+            totals[i] = departure[i] + 0.5 * (dx * dx + dy * dy) * (1.0 / first + 1.0 / second)
+        while True:
+            i = int(totals.argmin())
+            if totals[i] == np.inf:
+                break
+            if leg_is_clear(Segment(x[i], y[i], bx, by), capsules, near, exempt):
+                there.arrival[j], there.u[j], there.v[j] = totals[i], bu, bv
+                came_from[j] = i
+                break
+            totals[i] = np.inf
+
+
+@small_kernel
+def _way(u: float, v: float, dx: float, dy: float, polar: Polar) -> float:
+    """Way made along a leg in a current (m²/s): its length times the speed over ground."""
+    most = polar.speed * polar.speed * (dx * dx + dy * dy)
+    across = v * dx - u * dy if polar.crab else 0.0
+    return max(u * dx + v * dy + math.sqrt(max(most - across * across, 0.0)), _MIN_WAY)
 
 
 @kernel
@@ -229,6 +283,7 @@ def _advance(
     exempt: BoolArray,
 ) -> None:
     """Fill in the next row's arrival times and currents, and from which point each comes."""
+    # In a current that changes, or where speeds are chosen, some legs can only be timed one by one.
     first = here.arrival.argmin()
     if here.arrival[first] == np.inf:
         return
@@ -280,8 +335,8 @@ def _arrivals(
     """Fill in the arrival times (m,) at one point from each of a row, and which are exact.
 
     Those are of legs of one piece that arrive while the current there is known from `bend`:
-    :func:`leg_time` without its branches. With d the leg and g its slowness' denominator, a time
-    is |d|² / (|d| g): no unit vector is needed. Any other leg is taken at `fastest` (m/s) over
+    :func:`leg_time` without its branches. With d the leg and g the speed over ground, a time is
+    |d|² / (|d| g): no unit vector is needed. Any other leg is taken at `fastest` (m/s) over
     ground: if it is not the quickest even so, it need not be timed. Where the current is as strong
     as the vessel, `here.arrival` is inf.
     """
@@ -291,32 +346,18 @@ def _arrivals(
             totals[i] = departure[i] + math.hypot(bx - x[i], by - y[i]) / fastest
             timed[i] = False
         return
-    speed = polar.speed
     for i in range(len(totals)):
         dx, dy = bx - x[i], by - y[i]
         square = dx * dx + dy * dy
-        way, most = speed * math.sqrt(square), speed * speed * square
-        first = u[i] * dx + v[i] * dy
-        if polar.crab:
-            across = v[i] * dx - u[i] * dy
-            first += math.sqrt(max(most - across * across, 0.0))
-        else:
-            first += way
-        a_metre = 1.0 / max(first, _MIN_WAY)
+        a_metre = 1.0 / _way(u[i], v[i], dx, dy, polar)
         since = departure[i] + square * a_metre - bend.time
         before, after = max(min(since, 0.0), -bend.before), min(max(since, 0.0), bend.after)
         bu = bend.u + before * bend.u_before + after * bend.u_after
         bv = bend.v + before * bend.v_before + after * bend.v_after
-        second = bu * dx + bv * dy
-        if polar.crab:
-            across = bv * dx - bu * dy
-            second += math.sqrt(max(most - across * across, 0.0))
-        else:
-            second += way
         # Between points that coincide the time is 0.
-        time = 0.5 * square * (a_metre + 1.0 / max(second, _MIN_WAY))
+        time = 0.5 * square * (a_metre + 1.0 / _way(bu, bv, dx, dy, polar))
         is_known = square <= step * step and since == before + after
-        totals[i] = departure[i] + (time if is_known else way / (speed * fastest))
+        totals[i] = departure[i] + (time if is_known else math.sqrt(square) / fastest)
         timed[i] = is_known
 
 

@@ -152,7 +152,7 @@ def test_shortcuts_are_those_of_a_plain_twin_and_leave_no_point_to_skip(
         leg = shapely.LineString(path[[a, c]])
         clear = (shapely.distance(leg, land) >= capsules.radius).all()
         via = plain_leg_time(path[a], path[b], times[a], water)
-        via += plain_leg_time(path[b], path[c], times[a] + via, water)
+        via += plain_leg_time(path[b], path[c], times[b], water)
         direct = plain_leg_time(path[a], path[c], times[a], water)
         return bool(leg.length <= longest and clear and not direct > via)
 
