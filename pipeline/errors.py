@@ -76,14 +76,14 @@ class RequestError(PipelineError):
     Parameters
     ----------
     faults
-        One line each: the value, the limit and the remedy. Those that are alike but for their
-        place are said once.
+        One text, or several: the value, the limit and the remedy in a line. Faults that differ
+        in their place only are said once.
     """
 
     exit_code = 2
 
-    def __init__(self, faults: Sequence[str]) -> None:
-        self.faults = condensed(faults)
+    def __init__(self, faults: str | Sequence[str]) -> None:
+        self.faults = condensed([faults] if isinstance(faults, str) else faults)
         super().__init__("\n".join(self.faults))
 
     def __reduce__(self) -> tuple[type[RequestError], tuple[tuple[str, ...]]]:

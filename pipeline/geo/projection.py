@@ -81,7 +81,7 @@ class Projection:
     def __post_init__(self) -> None:
         """Refuse a scale that is not a positive number."""
         if not (math.isfinite(self.scale) and self.scale > 0):
-            raise RequestError([f"scale is {self.scale:g}, must be above 0: 1 is the true scale"])
+            raise RequestError(f"scale is {self.scale:g}, must be above 0: 1 is the true scale")
 
     @classmethod
     def for_region(cls, region: Polygon, scale: float = 1.0, crs: str | None = None) -> Projection:
@@ -103,11 +103,10 @@ class Projection:
         """
         west, south, east, north = region.bounds
         if region.is_empty or not (-90 <= south <= north <= 90 and east - west <= 360):
-            fault = (
+            raise RequestError(
                 f"region ({west:g} to {east:g} E, {south:g} to {north:g} N) is not on the globe: "
                 "keep latitudes in -90 to 90 and longitudes within one turn of 360"
             )
-            raise RequestError([fault])
         centre = (west + east) / 2
         if crs is not None:
             chosen = cls(_checked(crs, region), scale, centre)
@@ -155,11 +154,10 @@ class Projection:
         planar: FloatArray = np.stack([x, y], axis=-1) * (_unit_m(self.crs) / self.scale)
         if not np.isfinite(planar).all():
             bad = points[~np.isfinite(planar).all(axis=-1)].reshape(-1, 2)[0]
-            fault = (
+            raise RequestError(
                 f"point {bad[0]:g} E {bad[1]:g} N can't be projected by {self.crs!r}: "
                 "give coordinates in degrees, and a region that contains them"
             )
-            raise RequestError([fault])
         return planar
 
     def to_lonlat(self, xy: npt.ArrayLike) -> FloatArray:
@@ -306,20 +304,19 @@ def _checked(crs: str, region: Polygon) -> str:
         parsed = pyproj.CRS.from_user_input(crs)
     except pyproj.exceptions.CRSError as error:
         raise RequestError(
-            [f"crs {crs!r} is not known to pyproj ({error}); try 'EPSG:32651', or leave it out"]
+            f"crs {crs!r} is not known to pyproj ({error}); try 'EPSG:32651', or leave it out"
         ) from error
     if not parsed.is_projected:
         raise RequestError(
-            [f"crs {crs!r} ({parsed.name}) is not a projected CRS; leave it out to have one chosen"]
+            f"crs {crs!r} ({parsed.name}) is not a projected CRS; leave it out to have one chosen"
         )
     distortion = float(Projection(crs).angular_distortion(_samples(region)).max())
     if distortion > _MAX_ANGULAR_DISTORTION_DEG:
-        fault = (
+        raise RequestError(
             f"crs {crs!r} ({parsed.name}) distorts angles by up to {distortion:.2g} degrees in "
             f"the region, more than {_MAX_ANGULAR_DISTORTION_DEG:g}: turning circles need a "
             "conformal one (leave crs out to have one chosen)"
         )
-        raise RequestError([fault])
     return crs
 
 

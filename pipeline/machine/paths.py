@@ -65,7 +65,7 @@ def expanded(path: str | Path, key: str) -> Path:
     """
     name = os.fspath(path)
     if reason := unusable_reason(name):
-        raise RequestError([f"{key}: {shown(name)} {reason}"])
+        raise RequestError(f"{key}: {shown(name)} {reason}")
     return working_directory() / Path(name).expanduser()
 
 
@@ -104,23 +104,22 @@ def folder_to_write(path: Path, key: str) -> Path:
     path = expanded(path, key)
     try:
         if path.exists() and not path.is_dir():
-            raise RequestError([f"{key}: {shown(path)} is not a folder; name another one"])
+            raise RequestError(f"{key}: {shown(path)} is not a folder; name another one")
         path.lstat()
     except FileNotFoundError:
         pass
     except NotADirectoryError:
-        raise RequestError(
-            [f"{key}: {shown(path)} lies below a file; name another folder"]
-        ) from None
+        raise RequestError(f"{key}: {shown(path)} lies below a file; name another folder") from None
     except PermissionError:
         pass  # the machine's fault: said when it is written to
     except OSError as error:
-        raise RequestError([f"{key}: {shown(path)} {_failure(path, error)}"]) from None
+        raise RequestError(f"{key}: {shown(path)} {_failure(path, error)}") from None
     try:
         return path.resolve()
     except RuntimeError:  # as Python 3.11 and 3.12 say it
-        fault = f"{key}: {shown(path)} is a link that leads to itself; name a folder"
-        raise RequestError([fault]) from None
+        raise RequestError(
+            f"{key}: {shown(path)} is a link that leads to itself; name a folder"
+        ) from None
 
 
 def shown(path: str | Path) -> str:

@@ -11,28 +11,19 @@ from pydantic import Field, TypeAdapter, ValidationError
 from pipeline.errors import RequestError
 from pipeline.machine.paths import NOT_THERE, expanded, unreadable_reason
 from pipeline.machine.paths import shown as shown_path
+from pipeline.scenario import strict
 from pipeline.scenario.season import Season
-from pipeline.scenario.strict import (
-    Integer,
-    Latitude,
-    Name,
-    NonNegative,
-    Positive,
-    StrictModel,
-    model_faults,
-    near_miss,
-    shown,
-)
+from pipeline.scenario.strict import StrictModel, model_faults, near_miss, shown
 
 # As of `renew.Vessel`: larger figures are a slip of the pen, and powers of them overflow.
-_Figure = Annotated[Positive, Field(le=1e6)]
+_Figure = Annotated[strict.Positive, Field(le=1e6)]
 _TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
 
 
 class VesselSpec(StrictModel):
     """A vessel: speed, turn rate and fuel law. An entry of the catalogue has the same keys."""
 
-    name: Name = Field(
+    name: strict.Name = Field(
         default="vessel",
         description="Name of the vessel. Use up to 64 lower-case letters, digits, '-' and '_'.",
     )
@@ -49,7 +40,7 @@ class VesselSpec(StrictModel):
     length_m: _Figure = Field(
         description="Length overall, metres. Give the length overall in metres.", examples=[7.0]
     )
-    draught_m: Positive | None = Field(
+    draught_m: strict.Positive | None = Field(
         default=None,
         description="Draught, metres; needed on charts with depths. Give the metres that the "
         "vessel reaches below the water line.",
@@ -60,19 +51,19 @@ class VesselSpec(StrictModel):
         "in m/s.",
         examples=[5.0],
     )
-    turn_rate_deg_s: Positive = Field(
+    turn_rate_deg_s: strict.Positive = Field(
         le=_TURN_RATE_LIMIT_DEG_S,
         description="Turn rate with the helm hard over, degrees/s. Give the hard-over turn rate "
         "in degrees/s.",
         examples=[16.5],
     )
-    fuel_coefficient: Positive = Field(
+    fuel_coefficient: strict.Positive = Field(
         default=1.0,
         le=1e12,
         description="Factor of the fuel law: fuel per second = coefficient × speed^exponent, "
         "which sets the unit of all fuel figures. Give a number above 0.",
     )
-    fuel_exponent: Positive = Field(
+    fuel_exponent: strict.Positive = Field(
         default=2.0,
         le=20,
         description="Exponent of the fuel law: fuel per second = coefficient × speed^exponent. "
@@ -106,7 +97,7 @@ class SourceBase(StrictModel):
     """The keys of every source's entry."""
 
     schema_version: Literal[1]
-    name: Name
+    name: strict.Name
     title: str
 
 
@@ -126,7 +117,7 @@ class VectorSpec(SourceBase, Licence):
     """Land polygons in a vector file that the user names."""
 
     adapter: Literal["vector"]
-    accuracy_m: Positive
+    accuracy_m: strict.Positive
 
 
 class TableSeason(Licence):
@@ -184,21 +175,21 @@ class CopernicusSpec(SourceBase, Licence):
     version: str = Field(default="", pattern=r"^(\d{6})?$")
     eastward: str = "uo"
     northward: str = "vo"
-    cell_deg: Positive
-    latitudes: tuple[Latitude, Latitude] = (-80.0, 90.0)
+    cell_deg: strict.Positive
+    latitudes: tuple[strict.Latitude, strict.Latitude] = (-80.0, 90.0)
     across_180: bool = True
-    depth_m: NonNegative | None = None
+    depth_m: strict.NonNegative | None = None
     step: StepLength
     kind: StepKind
     covers: str
     first_day: str = Field(default="", pattern=r"^(\d{4}-\d{2}-\d{2})?$")
-    days_ahead: Integer = 0
-    settles_after_days: NonNegative = 0.0
+    days_ahead: strict.Integer = 0
+    settles_after_days: strict.NonNegative = 0.0
     gaps_vary: bool = False
-    speed_limit_m_s: Positive
-    deadline_s: Positive = 900.0
+    speed_limit_m_s: strict.Positive
+    deadline_s: strict.Positive = 900.0
     attempts: Annotated[int, Field(ge=1)] = 3
-    pause_s: NonNegative = 20.0
+    pause_s: strict.NonNegative = 20.0
 
 
 ChartEntry = OsmLandSpec | S57Spec | VectorSpec
@@ -215,7 +206,7 @@ def root() -> Path:
         if (place / "scenarios").is_dir():
             return place
     raise RequestError(
-        [f"no catalogue in {package} or beside it: the installation is incomplete; install again"]
+        f"no catalogue in {package} or beside it: the installation is incomplete; install again"
     )
 
 
@@ -243,7 +234,7 @@ def table(name: str) -> Path:
 def source(name: str) -> ChartEntry | CurrentEntry:
     """Read and check a source's entry."""
     if name not in names("sources"):
-        raise RequestError([f"unknown source {name!r}: {near_miss(name, names('sources'))}"])
+        raise RequestError(f"unknown source {name!r}: {near_miss(name, names('sources'))}")
     data = entry("sources", name)
     try:
         return _SOURCE.validate_python(data)
@@ -255,7 +246,7 @@ def source(name: str) -> ChartEntry | CurrentEntry:
 def vessel(name: str) -> VesselSpec:
     """Read and check a vessel's entry."""
     if name not in names("vessels"):
-        raise RequestError([f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}"])
+        raise RequestError(f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}")
     data = entry("vessels", name)
     data.pop("schema_version", None)
     try:
@@ -280,16 +271,16 @@ def scenario_path(asked: str) -> Path:
     reason = unreadable_reason(path)
     if not reason and path.is_dir():
         raise RequestError(
-            [f"{asked!r} is a directory, not a scenario; name the .toml file inside it"]
+            f"{asked!r} is a directory, not a scenario; name the .toml file inside it"
         )
     if not reason:
         return path
     if reason != NOT_THERE:
-        raise RequestError([f"scenario: {shown_path(path)} {reason}"])
+        raise RequestError(f"scenario: {shown_path(path)} {reason}")
     looks_like_file = Path(asked).suffix or len(Path(asked).parts) > 1
     reason = "no such file" if looks_like_file else "no such file or entry"
     raise RequestError(
-        [f"no scenario {asked!r} ({reason}): {near_miss(Path(asked).stem, names('scenarios'))}"]
+        f"no scenario {asked!r} ({reason}): {near_miss(Path(asked).stem, names('scenarios'))}"
     )
 
 
@@ -301,7 +292,7 @@ def entry_path(asked: str) -> Path:
     if unreadable_reason(expanded(asked, "entry")) != NOT_THERE:
         return scenario_path(asked)
     known = [name for section in SECTIONS for name in names(section)]
-    raise RequestError([f"no entry {asked!r} in the catalogue: {near_miss(asked, known)}"])
+    raise RequestError(f"no entry {asked!r} in the catalogue: {near_miss(asked, known)}")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -311,20 +302,20 @@ def read_toml(path: Path) -> dict[str, Any]:
             content = file.read(_MAX_TOML_BYTES + 1)
         if len(content) > _MAX_TOML_BYTES:
             size = f"{path.stat().st_size >> 20:,} MB, more than {_MAX_TOML_BYTES >> 20}"
-            raise RequestError([f"{path} has {size}: too much for a request; {EXAMPLE}"])
+            raise RequestError(f"{path} has {size}: too much for a request; {EXAMPLE}")
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise RequestError(
-            [f"{path} is not text (byte {error.start} is not UTF-8); give a TOML file"]
+            f"{path} is not text (byte {error.start} is not UTF-8); give a TOML file"
         ) from None
     except OSError as error:
-        raise RequestError([f"{path} can't be read: {error.strerror}; check the path"]) from None
+        raise RequestError(f"{path} can't be read: {error.strerror}; check the path") from None
     try:
         table: dict[str, Any] = _without_bidi(tomllib.loads(text))
     except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
-        raise RequestError([f"{path} is not TOML: {error}; {EXAMPLE}"]) from None
+        raise RequestError(f"{path} is not TOML: {error}; {EXAMPLE}") from None
     except RecursionError:
-        raise RequestError([f"{path} is nested too deeply for a scenario; {EXAMPLE}"]) from None
+        raise RequestError(f"{path} is nested too deeply for a scenario; {EXAMPLE}") from None
     return table
 
 

@@ -55,7 +55,7 @@ def load_scenario(
     data = catalogue.read_toml(path)
     if not {"start", "goal", "seasons"} & data.keys():
         raise RequestError(
-            [f"{path} is TOML but not a scenario: it has no start, goal or seasons; {EXAMPLE}"]
+            f"{path} is TOML but not a scenario: it has no start, goal or seasons; {EXAMPLE}"
         )
     if charts is not None:
         data = _with_chart(data, charts)
@@ -228,7 +228,7 @@ def with_currents(
     """
     if "plane" in data:
         raise RequestError(
-            ["--currents needs a scenario with a [region]; a [plane] gives its current as numbers"]
+            "--currents needs a scenario with a [region]; a [plane] gives its current as numbers"
         )
     currents = asked_currents(asked)
     given = data.get("seasons")

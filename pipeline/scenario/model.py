@@ -14,20 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from pipeline.scenario import catalogue
+from pipeline.scenario import catalogue, strict
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.published import Published
 from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane, Region
 from pipeline.scenario.season import Season
-from pipeline.scenario.strict import (
-    FAULT_SEPARATOR,
-    Integer,
-    Name,
-    NonNegative,
-    Number,
-    Point,
-    StrictModel,
-)
+from pipeline.scenario.strict import StrictModel
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -43,34 +35,34 @@ class PlannerOptions(StrictModel):
     # Ranges and defaults are those of renew.PlanOptions, as a test compares: to import them would
     # load the compiler for every `renew --help`.
 
-    classes: Integer = Field(
+    classes: strict.Integer = Field(
         default=16,
         ge=1,
         le=10_000,
         description="Number of homotopy classes, ways round the islands, to find a route for; "
         "which ones, 'order' says. Give a whole number from 1 to 10,000, such as 16.",
     )
-    risk: Number = Field(
+    risk: strict.Number = Field(
         default=0.05,
         ge=1e-9,
         lt=1,
         description="Share of sampled hard-over turns that may reach beyond the adaptive padding: "
         "smaller keeps routes further off land. Give a share between 0 and 1, such as 0.05.",
     )
-    padding: Literal["adaptive", "none"] | NonNegative = Field(
+    padding: Literal["adaptive", "none"] | strict.NonNegative = Field(
         default="adaptive",
         description="Width of the soft no-go zone around land: adaptive to the current, none, or "
         "the same number of planar metres everywhere. Give 'adaptive', 'none' or metres.",
         json_schema_extra={"unit": "planar m"},
     )
-    clearance: NonNegative | None = Field(
+    clearance: strict.NonNegative | None = Field(
         default=None,
         description="Minimum padding, planar metres; left out, an offing for the vessel and the "
         "chart, which the notes of a run state, and 0 in a plane. Give metres, 0 or more.",
         examples=[500],
         json_schema_extra={"unit": "planar m"},
     )
-    narrow_share: Number = Field(
+    narrow_share: strict.Number = Field(
         default=1.0,
         ge=0.01,
         le=1,
@@ -78,7 +70,7 @@ class PlannerOptions(StrictModel):
         "keep, if no way keeps the clearance; 1: the clearance yields nowhere. It is at most 0.5 "
         "with an offing that a run chooses. Give a share from 0.01 to 1.",
     )
-    distinct_by: Literal["auto"] | NonNegative = Field(
+    distinct_by: Literal["auto"] | strict.NonNegative = Field(
         default="auto",
         description="Islands smaller than this tell no classes apart, planar metres; automatic: "
         "only the few largest islands near the route do. Give 'auto', metres, or 0 to count every "
@@ -90,7 +82,7 @@ class PlannerOptions(StrictModel):
         description="How the path inside a class is found: by dynamic programming, or as the best "
         "of random chains as in the paper. Give 'optimal' or 'sampled'.",
     )
-    samples: Integer = Field(
+    samples: strict.Integer = Field(
         default=500,
         ge=1,
         le=1_000_000,
@@ -102,7 +94,7 @@ class PlannerOptions(StrictModel):
         description="Drift model of the fuel law: the current projected on the course, as in the "
         "paper, or a vessel that crabs to hold its course. Give 'projected' or 'crab'.",
     )
-    seed: Integer = Field(
+    seed: strict.Integer = Field(
         default=0,
         ge=0,
         le=2**63 - 1,
@@ -119,7 +111,7 @@ class PlannerOptions(StrictModel):
         description="Where adaptive padding meets the risk: on the way through each triangle, as "
         "in the paper, or from every point of the route as well. Give 'route' or 'point'.",
     )
-    lateness: Number = Field(
+    lateness: strict.Number = Field(
         default=0.05,
         ge=0,
         lt=1,
@@ -160,7 +152,7 @@ class Scenario(StrictModel):
     schema_version: Literal[1] = Field(
         description="Version of this format. Write schema_version = 1.", examples=[1]
     )
-    name: Name = Field(
+    name: strict.Name = Field(
         description="Name of the scenario, and of its folder of results. Use up to 64 lower-case "
         "letters, digits, '-' and '_'.",
         examples=["my-strait"],
@@ -195,7 +187,7 @@ class Scenario(StrictModel):
         examples=["usv-7m"],
     )
     # Below it memory grows as its inverse, by the length of the routes in vessel lengths.
-    scale: Number = Field(
+    scale: strict.Number = Field(
         default=1.0,
         ge=0.1,
         le=1e6,
@@ -203,19 +195,19 @@ class Scenario(StrictModel):
         "with speeds unchanged. Give true metres to a planar metre: 1 is the true scale.",
         json_schema_extra={"unit": "true m per planar m"},
     )
-    start: Point = Field(
+    start: strict.Point = Field(
         description="Where the routes start, in water. Give [lon, lat] in degrees, or [x, y] in "
         "metres in a plane.",
         examples=[[120.3, 12.8]],
         json_schema_extra={"unit": "degrees, or m in a plane"},
     )
-    goal: Point = Field(
+    goal: strict.Point = Field(
         description="Where the routes end, in water. Give [lon, lat] in degrees, or [x, y] in "
         "metres in a plane.",
         examples=[[116.8, 7.7]],
         json_schema_extra={"unit": "degrees, or m in a plane"},
     )
-    via: tuple[Point, ...] = Field(
+    via: tuple[strict.Point, ...] = Field(
         default=(),
         max_length=100,
         description="Points that the routes pass in this order, in water and clear of its padding. "
@@ -296,7 +288,7 @@ class Scenario(StrictModel):
                 )
         faults += self._itinerary_faults()
         if faults:
-            raise ValueError(FAULT_SEPARATOR.join(faults))
+            raise ValueError(strict.FAULT_SEPARATOR.join(faults))
         return self
 
     def _itinerary_faults(self) -> Iterator[str]:
@@ -334,7 +326,7 @@ class Scenario(StrictModel):
         return max(map(self.vessel_in, self.seasons), key=lambda one: one.speed_m_s)
 
     @property
-    def stops(self) -> dict[str, Point]:
+    def stops(self) -> dict[str, strict.Point]:
         """Start, via points and goal as given, by their keys."""
         via = {f"via[{at}]": point for at, point in enumerate(self.via)}
         return {"start": self.start, **via, "goal": self.goal}

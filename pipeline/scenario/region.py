@@ -13,19 +13,8 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.scenario.strict import (
-    Corners,
-    Latitude,
-    Longitude,
-    LonLat,
-    NonNegative,
-    Number,
-    PathText,
-    Positive,
-    SimpleRing,
-    StrictModel,
-    looks_like_path,
-)
+from pipeline.scenario import strict
+from pipeline.scenario.strict import NonNegative, StrictModel
 
 if TYPE_CHECKING:
     from pydantic import SerializerFunctionWrapHandler
@@ -45,13 +34,13 @@ class Region(StrictModel):
     Across 180 degrees, longitudes continue (170 to 190).
     """
 
-    bbox: tuple[Longitude, Latitude, Longitude, Latitude] | None = Field(
+    bbox: strict.LonLatBox | None = Field(
         default=None,
         description="Limits of the region, degrees. Give [west, south, east, north], or a polygon.",
         examples=[[115.5, 7.0, 122.0, 13.5]],
         json_schema_extra={"unit": "degrees"},
     )
-    polygon: Annotated[tuple[LonLat, ...], Field(min_length=3), SimpleRing] | None = Field(
+    polygon: strict.LonLatRing | None = Field(
         default=None,
         description="Corners [lon, lat] of the region, degrees, in place of bbox. List them in "
         "their order round the edge.",
@@ -96,12 +85,12 @@ _MIN_RATIO = 1e-6
 class Plane(StrictModel):
     """The area of a plane scenario in metres, in place of region and chart."""
 
-    extent: tuple[Number, Number, Number, Number] = Field(
+    extent: tuple[strict.Number, strict.Number, strict.Number, strict.Number] = Field(
         description="Limits of the plane, metres. Give [xmin, ymin, xmax, ymax].",
         examples=[[0, 0, 100, 100]],
         json_schema_extra={"unit": "m"},
     )
-    obstacles: tuple[Corners, ...] = Field(
+    obstacles: tuple[strict.Corners, ...] = Field(
         default=(),
         description="No-go polygons, each a list of its corners [x, y], metres. List the corners "
         "in their order round the edge.",
@@ -156,7 +145,7 @@ class ChartSource(StrictModel):
         "sources, or a path.",
         examples=["osm-land"],
     )
-    path: PathText = Field(
+    path: strict.PathText = Field(
         default="",
         description="File or folder with the data; relative paths start at the scenario's folder. "
         "Give a vector file, or a folder of S-57 cells.",
@@ -174,7 +163,7 @@ class ChartSource(StrictModel):
         "it states none. Give what pyproj knows, such as 'EPSG:4326'.",
         examples=["EPSG:4326"],
     )
-    radius_m: Positive | None = Field(
+    radius_m: strict.Positive | None = Field(
         default=None,
         description="Radius of the no-go zone around each point and line of the file, metres; "
         "needed if it has any. Give metres above 0.",
@@ -208,7 +197,7 @@ class ChartSource(StrictModel):
 def _as_sources(given: object) -> object:
     """Turn one source into a list of one, and a text into a source by its name or path."""
     return [
-        {"path" if looks_like_path(one) else "name": one} if isinstance(one, str) else one
+        {"path" if strict.looks_like_path(one) else "name": one} if isinstance(one, str) else one
         for one in (given if isinstance(given, (list, tuple)) else (given,))
     ]
 
@@ -228,7 +217,7 @@ class ChartSpec(StrictModel):
         "name (`renew list`), a path, a table, or a list of them.",
         examples=["osm-land", ["osm-land", {"path": "./piers.gpkg", "accuracy_m": 5}]],
     )
-    depths: PathText = Field(
+    depths: strict.PathText = Field(
         default="",
         description="Grid of depths in NetCDF, as of GEBCO or EMODnet: what it shows shallower "
         "than the vessel's draught plus the under-keel clearance is no-go, with one cell around; "
@@ -261,7 +250,7 @@ class AvoidedArea(StrictModel):
 
     model_config = ConfigDict(populate_by_name=True)
 
-    path: PathText = Field(
+    path: strict.PathText = Field(
         description="File with the polygons, in lon/lat or the CRS that it states; relative paths "
         "start at the scenario's folder. Give a GeoJSON file, or another vector file.",
         examples=["./firing-range.geojson"],

@@ -13,19 +13,12 @@ from pydantic import (
     model_validator,
 )
 
-from pipeline.scenario.strict import (
-    Integer,
-    Name,
-    Number,
-    Positive,
-    StrictModel,
-    looks_like_path,
-    usable_path,
-)
+from pipeline.scenario import strict
+from pipeline.scenario.strict import StrictModel
 from pipeline.scenario.times import DepartureTimes, Interval, Period, period
 
 # As of a vessel's own speed.
-_Speed = Annotated[Positive, Field(le=1e6)]
+_Speed = Annotated[strict.Positive, Field(le=1e6)]
 
 
 class SpeedRange(StrictModel):
@@ -55,7 +48,7 @@ STILL = "still"
 MAX_CURRENT_M_S = 100.0
 # Longest voyage in changing currents, hours: a year.
 MAX_HOURS = 8784.0
-Velocity = Annotated[Number, Field(ge=-MAX_CURRENT_M_S, le=MAX_CURRENT_M_S)]
+Velocity = Annotated[strict.Number, Field(ge=-MAX_CURRENT_M_S, le=MAX_CURRENT_M_S)]
 
 
 class Gyre(StrictModel):
@@ -67,10 +60,10 @@ class Gyre(StrictModel):
         examples=[0.8],
         json_schema_extra={"unit": "m/s"},
     )
-    columns: Integer = Field(
+    columns: strict.Integer = Field(
         default=1, ge=1, description="Number of gyres along x. Give a whole number, 1 or more."
     )
-    rows: Integer = Field(
+    rows: strict.Integer = Field(
         default=1, ge=1, description="Number of gyres along y. Give a whole number, 1 or more."
     )
 
@@ -102,12 +95,14 @@ def _valid_period(valid: str) -> str:
 
 def _as_files(given: object) -> object:
     """Turn a text that looks like a path into a group of one file of currents."""
-    return (given,) if isinstance(given, str) and looks_like_path(given) else given
+    return (given,) if isinstance(given, str) and strict.looks_like_path(given) else given
 
 
 def _usable_files(given: str | tuple[str, ...], info: ValidationInfo) -> str | tuple[str, ...]:
     """Refuse texts that can't be paths; not inside the union, which adds a fault per member."""
-    return given if isinstance(given, str) else tuple(usable_path(text, info) for text in given)
+    return (
+        given if isinstance(given, str) else tuple(strict.usable_path(text, info) for text in given)
+    )
 
 
 Valid = Annotated[str, AfterValidator(_valid_period)]
@@ -123,7 +118,7 @@ Currents = Annotated[
 class Season(StrictModel):
     """One current to plan in: from sources in order of preference, or given as numbers."""
 
-    name: Name = Field(
+    name: strict.Name = Field(
         description="Name of the season, and of its files. Use up to 64 lower-case letters, "
         "digits, '-' and '_'.",
         examples=["summer"],
@@ -201,7 +196,7 @@ class Season(StrictModel):
         "'arrive_by'. Give a table as "
         "{ least = 2.5, most = 6.0 } in m/s, or leave it out.",
     )
-    max_hours: Positive | None = Field(
+    max_hours: strict.Positive | None = Field(
         default=None,
         le=MAX_HOURS,
         description="Longest voyage in changing currents: time steps that long after the last "

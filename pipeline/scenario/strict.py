@@ -49,6 +49,7 @@ NonNegative = Annotated[Number, Field(ge=0)]
 Longitude = Annotated[Number, Field(ge=-180, le=360)]
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 LonLat = tuple[Longitude, Latitude]
+LonLatBox = tuple[Longitude, Latitude, Longitude, Latitude]
 # A coordinate, degrees or metres: beyond any plane, where squares still don't overflow.
 Coordinate = Annotated[Number, Field(ge=-1e9, le=1e9)]
 Point = tuple[Coordinate, Coordinate]
@@ -89,8 +90,9 @@ def usable_path(text: str, info: ValidationInfo) -> str:
 
 
 PathText = Annotated[str, AfterValidator(usable_path)]
-SimpleRing = AfterValidator(_simple_polygon)
-Corners = Annotated[tuple[Point, ...], Field(min_length=3), SimpleRing]
+_SimpleRing = AfterValidator(_simple_polygon)
+Corners = Annotated[tuple[Point, ...], Field(min_length=3), _SimpleRing]
+LonLatRing = Annotated[tuple[LonLat, ...], Field(min_length=3), _SimpleRing]
 
 
 # Maximum length of a value in a message, in characters.

@@ -25,7 +25,7 @@ from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, Zone
 from pipeline.sources.depth_file import DepthFile, Heights, name_of
 from pipeline.sources.interfaces import LandSource
-from pipeline.sources.land.polygons import box_around, extract_polygons
+from pipeline.sources.land.shapes import box_around, extract_polygons
 from pipeline.sources.quality.field import LandMask
 
 
@@ -52,7 +52,7 @@ def overlay(lands: Sequence[Land]) -> Land:
     """
     zones = [zone for land in lands for zone in land.zones if zone.kind != "uncharted"]
     blank = reduce(shapely.intersection, (_uncharted(land) for land in lands))
-    uncharted = extract_polygons(np.array([blank], dtype=object))
+    uncharted = extract_polygons(blank)
     if len(uncharted):
         zones.append(Zone("uncharted", "", "no chart covers it", shapely.union_all(uncharted)))
     return Land(
@@ -118,11 +118,10 @@ class SoundedChart:
         heights = self.file.heights(box_around(region).bounds)
         name = name_of(self.file.path)
         if heights is None or not _covered_share(heights, region):
-            fault = (
+            raise RequestError(
                 f"chart.depths: {name} covers nothing of the region; give a grid of the region, or "
                 "leave depths out"
             )
-            raise RequestError([fault])
         self._check_sign(heights, land, region)
         shallow = shallow_polygons(heights, self.safety_depth_m)
         rule = f"shallower than {self.safety_depth_m:g} m"
@@ -168,13 +167,12 @@ class SoundedChart:
         dry = float((height_m[known] > 0).mean()) if known.sum() >= _MIN_PLACES else 0.0
         if dry > _MAX_DRY_SHARE:
             sign = "up" if self.file.sign > 0 else "down"
-            fault = (
+            raise RequestError(
                 f"chart.depths: by {name_of(self.file.path)}, {dry:.0%} of the region's water lies "
                 f"above the sea: {self.file.variable} is read as positive {sign}, but may be "
                 f"positive {'down' if self.file.sign > 0 else 'up'}, or belong to another place; "
                 "set its attribute 'positive', or its standard name"
             )
-            raise RequestError([fault])
 
 
 @lru_cache(maxsize=8)

@@ -20,13 +20,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.machine.paths import require_readable, shown
 from pipeline.sources.cf.axes import axis_role, coordinate_axis, grid_fault
-from pipeline.sources.cf.dataset import (
-    check_chunks,
-    check_is_number,
-    fatal_files,
-    open_dataset,
-    reading,
-)
+from pipeline.sources.cf.dataset import check_values, fatal_files, open_dataset, reading
 from pipeline.sources.cf.grid import find_window, read_window
 from pipeline.sources.quality.coverage import Bounds
 
@@ -131,15 +125,14 @@ def _refused(path: Path) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise RequestError([f"chart.depths: {path.name}: {error}"]) from None
+        raise RequestError(f"chart.depths: {path.name}: {error}") from None
 
 
 def _described(path: Path, dataset: xr.Dataset) -> DepthFile:
     """Find the variable of an open file; ValueError where there is none that can be used."""
     name, sign = _variable(dataset)
     array = dataset[name]
-    check_is_number(name, array)
-    check_chunks(array)
+    check_values(array)
     units = str(array.attrs.get("units", "")).strip()
     if units.lower() not in _METRES:
         raise ValueError(

@@ -40,18 +40,17 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
 
         return OsmLand()
     if not source.path:
-        fault = (
+        raise RequestError(
             f"chart.source {source.name!r} is a kind of chart and needs files: give them with "
             f'--charts PATH, or as {{ name = "{source.name}", path = "…" }}'
         )
-        raise RequestError([fault])
     path = Path(source.path)
     require_readable([path], "chart.source")
     is_s57 = path.suffix == ".000" or (path.is_dir() and path.suffix != ".gdb")
     if entry is not None and is_s57 != (entry.adapter == "s57"):
         found = "S-57 cells" if is_s57 else "a vector file"
         raise RequestError(
-            [f"chart.source: {path} is {found}, not {source.name!r}; leave the name out"]
+            f"chart.source: {path} is {found}, not {source.name!r}; leave the name out"
         )
     if is_s57:
         from pipeline.sources.land.s57 import S57Chart, find_cells
@@ -66,11 +65,10 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
 def _safety_depth_m(chart: ChartSpec, draught_m: float | None) -> float:
     """Return draught and under-keel clearance."""
     if draught_m is None:
-        fault = (
+        raise RequestError(
             "vessel.draught_m is missing, and the chart has depths: give the vessel's draught in "
             "metres"
         )
-        raise RequestError([fault])
     return draught_m + chart.under_keel_clearance_m
 
 
@@ -94,5 +92,5 @@ def current_source(named: str | tuple[str, ...]) -> CurrentSource:
 
         return StillWater(spec)
     if isinstance(spec, catalogue.ChartEntry):
-        raise RequestError([f"source {named!r} gives land, not currents"])
+        raise RequestError(f"source {named!r} gives land, not currents")
     assert_never(spec)

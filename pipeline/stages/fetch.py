@@ -14,7 +14,8 @@ from pipeline.errors import RequestError, StageError
 from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.text import season_text
 from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
-from pipeline.model import CurrentGrid, Fetched, Land, PassedOver, current_notes
+from pipeline.model import CurrentGrid, Fetched, Land, PassedOver
+from pipeline.model.inputs import current_notes
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.scenario.season import MAX_HOURS, Season

@@ -20,7 +20,7 @@ from pipeline.geo.projection import Projection, rotated
 from pipeline.machine.store import Made, Store
 from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
-from pipeline.sources.land.polygons import extract_polygons, repaired
+from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.stages.projecting import planar
 from pipeline.stages.projecting.avoided_areas import area_identities, known_clocks, shut_areas
 from pipeline.stages.projecting.endpoints import check_endpoints

@@ -7,7 +7,7 @@ import shapely
 from pipeline.nightly.request.cases import Block, Cases
 from pipeline.nightly.request.config import NightConfig
 from pipeline.scenario.model import Scenario
-from pipeline.sources.land.polygons import box_around
+from pipeline.sources.land.shapes import box_around
 from pipeline.sources.registry import land_source
 from pipeline.stages.projecting.endpoint_look import endpoints_on_land
 

@@ -21,15 +21,9 @@ from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.scenario.season import Season
+from pipeline.sources.cf import grid
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import is_zarr
-from pipeline.sources.cf.grid import (
-    FieldReader,
-    Window,
-    coverage_faults,
-    covered_bounds,
-    find_window,
-)
 from pipeline.sources.cf.slices import SelectedSlices, select_slices
 from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, widened
@@ -74,7 +68,7 @@ class CfFiles(CurrentSource):
             contents = self._contents()
         except RequestError as error:
             return "; ".join(error.faults)
-        faults = coverage_faults(contents, region.bounds)
+        faults = grid.coverage_faults(contents, region.bounds)
         try:
             select_slices(contents, season)
         except ValueError as error:
@@ -85,7 +79,7 @@ class CfFiles(CurrentSource):
         """Return the part that the files' grid covers."""
         del season
         try:
-            return covered_bounds(self._contents(), region.bounds)
+            return grid.covered_bounds(self._contents(), region.bounds)
         except RequestError:
             return None
 
@@ -108,20 +102,20 @@ class CfFiles(CurrentSource):
         try:
             contents, slices = self._selected(season)
         except ValueError as error:
-            raise RequestError([f"{name_of(find_files(self.paths))}: {error}"]) from None
+            raise RequestError(f"{name_of(find_files(self.paths))}: {error}") from None
         name = name_of(contents.files)
         bounds = _with_margin(contents, region.bounds)
-        window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
+        window = grid.find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
         mask = LandMask.world()
         try:
             found = read_checked_fields(contents, slices, window, mask, bounds, region.bounds)
         except ValueError as error:
-            raise RequestError([str(error)]) from None
+            raise RequestError(str(error)) from None
         if found.assessment.faults:
             reason = "; ".join(found.assessment.faults)
-            raise RequestError([f"{name} is refused: {reason}; correct it, or give another file"])
+            raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
         lacking = water_without_data(found.wide, mask, region)
-        grid = CurrentGrid(
+        current = CurrentGrid(
             season=season.name,
             lon=found.lon,
             lat=found.lat,
@@ -144,7 +138,7 @@ class CfFiles(CurrentSource):
             climatology_for=season.valid if slices.is_climatology else "",
         )
         # Empty unless it is a climatology: what was passed over is not known here.
-        return replace(grid, notes=(*grid.notes, *grid.stand_in_notes))
+        return replace(current, notes=(*current.notes, *current.stand_in_notes))
 
     def _selected(self, season: Season) -> tuple[Contents, SelectedSlices]:
         """Read what the files contain, and select the season's fields."""
@@ -272,7 +266,7 @@ class CheckedFields:
 def read_checked_fields(
     contents: Contents,
     slices: SelectedSlices,
-    window: Window,
+    window: grid.Window,
     mask: LandMask,
     bounds: Bounds,
     region: Bounds,
@@ -285,7 +279,7 @@ def read_checked_fields(
         The file is damaged.
     """
     kept: list[Field] = []
-    with FieldReader(contents, window) as reader:
+    with grid.FieldReader(contents, window) as reader:
         first = reader.field(slices.weights[0])
         last = reader.field(slices.weights[-1]) if len(slices.weights) > 1 else first
         zeros, notes = _zeros_on_land((first, last), mask)

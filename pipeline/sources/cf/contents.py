@@ -21,25 +21,9 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.machine.paths import shown, unreadable_reason
 from pipeline.model import Note
-from pipeline.sources.cf.axes import (
-    TimeSteps,
-    axis_role,
-    coordinate_axis,
-    grid_fault,
-    is_same_axis,
-    merge_steps,
-    read_steps,
-    reference_time,
-    surface_level,
-    time_axis,
-)
-from pipeline.sources.cf.dataset import (
-    check_chunks,
-    check_is_number,
-    fatal_files,
-    groups_of,
-    open_dataset,
-)
+from pipeline.sources.cf import axes
+from pipeline.sources.cf.axes import TimeSteps
+from pipeline.sources.cf.dataset import check_values, fatal_files, groups_of, open_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -176,7 +160,7 @@ def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Cont
     """Return what open files contain; RequestError as in `read_contents`."""
     pair = _component_pair(list(datasets.values()))
     if isinstance(pair, str):
-        raise RequestError([f"{name_of(files)}: {pair}{_groups_hint(files)}"])
+        raise RequestError(f"{name_of(files)}: {pair}{_groups_hint(files)}")
     faults: list[str] = []
     found: tuple[list[Component], list[Component]] = ([], [])
     for (standard, name), components in zip(pair, found, strict=True):
@@ -192,7 +176,7 @@ def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Cont
     try:
         return _combined(datasets, *found, _kind_notes(pair))
     except ValueError as error:
-        raise RequestError([f"{name_of(files)}: {error}"]) from None
+        raise RequestError(f"{name_of(files)}: {error}") from None
 
 
 def name_of(files: Sequence[Path]) -> str:
@@ -261,20 +245,19 @@ def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[Note, ..
 def _component(file: Path, dataset: xr.Dataset, name: str) -> Component:
     """Return a component of a file; ValueError where something is wrong with it."""
     array = dataset[name]
-    check_is_number(name, array)
-    check_chunks(array)
+    check_values(array)
     for dim, size in array.sizes.items():
         if not size:
             raise ValueError(f"{name} is empty, as {dim} has no values; give a file with data")
     unit_m_s, notes = _unit_m_s(array)
-    roles = {dim: axis_role(dataset, str(dim)) for dim in array.dims}
+    roles = {dim: axes.axis_role(dataset, str(dim)) for dim in array.dims}
     by_role = {role: str(dim) for dim, role in roles.items() if role}
     if "lon" not in by_role or "lat" not in by_role:
-        raise ValueError(grid_fault(dataset, array))
+        raise ValueError(axes.grid_fault(dataset, array))
     fixed: dict[str, int] = {}
     for dim, role in roles.items():
         if role == "level":
-            fixed[str(dim)], level_notes = surface_level(dataset, str(dim))
+            fixed[str(dim)], level_notes = axes.surface_level(dataset, str(dim))
             notes += level_notes
         elif not role and array.sizes[dim] == 1:
             fixed[str(dim)] = 0
@@ -292,9 +275,9 @@ def _component(file: Path, dataset: xr.Dataset, name: str) -> Component:
         lon=by_role["lon"],
         fixed=fixed,
         unit_m_s=unit_m_s,
-        steps=read_steps(*time_axis(dataset, time)) if time else TimeSteps(),
-        lons_deg=coordinate_axis(dataset, by_role["lon"], period=360.0),
-        lats_deg=coordinate_axis(dataset, by_role["lat"]),
+        steps=axes.read_steps(*axes.time_axis(dataset, time)) if time else TimeSteps(),
+        lons_deg=axes.coordinate_axis(dataset, by_role["lon"], period=360.0),
+        lats_deg=axes.coordinate_axis(dataset, by_role["lat"]),
         notes=tuple(notes),
     )
 
@@ -325,13 +308,13 @@ def _combined(
     for other in (*u, *v):
         for axis in ("longitudes", "latitudes"):
             own, theirs = (getattr(one, f"{axis[:3]}s_deg") for one in (other, first))
-            if not is_same_axis(own, theirs):
+            if not axes.is_same_axis(own, theirs):
                 raise ValueError(
                     f"{other.name} has other {axis} than {first.name}: interpolate both to the "
                     "same nodes (a staggered grid is not supported)"
                 )
     (u_steps, u_index), (v_steps, v_index) = (
-        merge_steps([one.steps for one in components]) for components in (u, v)
+        axes.merge_steps([one.steps for one in components]) for components in (u, v)
     )
     if u_steps != v_steps:
         raise ValueError(
@@ -349,5 +332,5 @@ def _combined(
         v_index=v_index,
         notes=tuple(dict.fromkeys([*notes, *(note for one in (*u, *v) for note in one.notes)])),
         attributes={str(k): str(v) for k, v in next(iter(datasets.values())).attrs.items()},
-        reference_time=reference_time(datasets.values()),
+        reference_time=axes.reference_time(datasets.values()),
     )

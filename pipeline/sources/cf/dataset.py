@@ -139,20 +139,14 @@ def coordinate_values(dataset: xr.Dataset, name: str) -> FloatArray:
     """Read a coordinate, or its bounds, as numbers; ValueError where it is something else."""
     variable = dataset.variables[name]
     _check_axis_size(name, variable.size)
-    check_is_number(name, variable)
+    _check_is_number(name, variable)
     with reading():
         return np.asarray(variable.values, dtype=float)
 
 
-def check_is_number(name: str, variable: xr.Variable | xr.DataArray) -> None:
-    """Refuse a variable that holds text or anything else that is no number."""
-    if variable.dtype.kind not in _NUMBERS:
-        kind = "text" if variable.dtype.kind in _TEXT else "another type"
-        raise ValueError(f"{name} holds {kind}, not numbers; give it as numbers")
-
-
-def check_chunks(array: xr.DataArray) -> None:
-    """Refuse a variable whose chunks do not fit in memory."""
+def check_values(array: xr.DataArray) -> None:
+    """Refuse a variable whose values are no numbers, or whose chunks do not fit in memory."""
+    _check_is_number(str(array.name), array)
     chunks = array.encoding.get("chunksizes") or array.encoding.get("chunks") or ()
     size = math.prod(map(int, chunks)) * array.dtype.itemsize
     if size > _MAX_CHUNK_BYTES:
@@ -160,6 +154,13 @@ def check_chunks(array: xr.DataArray) -> None:
             f"{array.name} is stored in chunks of {size >> 20:,} MB, above "
             f"{_MAX_CHUNK_BYTES >> 20}; divide them, as with `nccopy -c`"
         )
+
+
+def _check_is_number(name: str, variable: xr.Variable | xr.DataArray) -> None:
+    """Refuse a variable that holds text or anything else that is no number."""
+    if variable.dtype.kind not in _NUMBERS:
+        kind = "text" if variable.dtype.kind in _TEXT else "another type"
+        raise ValueError(f"{name} holds {kind}, not numbers; give it as numbers")
 
 
 def _check_axis_size(name: str, size: int) -> None:

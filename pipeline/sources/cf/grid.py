@@ -17,13 +17,8 @@ from pipeline._types import FloatArray, IndexArray
 from pipeline.sources.cf.axes import SAME_SHARE
 from pipeline.sources.cf.contents import Component, Contents
 from pipeline.sources.cf.dataset import open_dataset, reading
-from pipeline.sources.quality.coverage import (
-    Bounds,
-    cell_bounds,
-    common_bounds,
-    sides_beyond,
-    widened,
-)
+from pipeline.sources.quality import coverage
+from pipeline.sources.quality.coverage import Bounds
 from pipeline.sources.quality.field import Field
 
 if TYPE_CHECKING:
@@ -94,7 +89,7 @@ def read_window(variable: xr.Variable, dims: tuple[str, str], window: Window) ->
 def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
     """Say how far a region reaches beyond the grid's cells."""
     cell = contents.largest_cell
-    around = find_window(contents.lon, contents.lat, widened(region, *cell))
+    around = find_window(contents.lon, contents.lat, coverage.widened(region, *cell))
     lon, lat = around.lon, around.lat
     if lon.size * lat.size > _MAX_NODES:
         fault = (
@@ -104,7 +99,7 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
         return [fault]
     if lon.size == 0 or lat.size == 0:
         return ["it has no data there at all; give a file of the region"]
-    lacking = sides_beyond(region, cell_bounds(lon, lat, cell))
+    lacking = coverage.sides_beyond(region, coverage.cell_bounds(lon, lat, cell))
     gaps = np.diff(lon) > _GAP_STEPS * cell[0]
     if gaps.any():
         first = int(gaps.argmax())
@@ -119,10 +114,10 @@ def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
 def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
     """Return the bounds of the part of a region that the grid's cells cover; None where none is."""
     cell = contents.largest_cell
-    around = find_window(contents.lon, contents.lat, widened(region, *cell))
+    around = find_window(contents.lon, contents.lat, coverage.widened(region, *cell))
     if around.lon.size < 2 or around.lat.size < 2:
         return None
-    return common_bounds(region, cell_bounds(around.lon, around.lat, cell))
+    return coverage.common_bounds(region, coverage.cell_bounds(around.lon, around.lat, cell))
 
 
 class FieldReader:

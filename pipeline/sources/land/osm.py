@@ -37,16 +37,7 @@ from shapely.geometry import Polygon
 from pipeline._types import Geometries
 from pipeline.machine.files import UNFINISHED, whole_file
 from pipeline.model import Credit, Land, Note
-from pipeline.sources.land.polygons import (
-    BEYOND_M,
-    box_around,
-    clipped,
-    extract_polygons,
-    meets_box,
-    near_box,
-    repair_note,
-    repaired,
-)
+from pipeline.sources.land import shapes
 from renew._compiled import user_cache
 
 Shoreline = Literal["Osm", "Gshhg"]
@@ -133,8 +124,10 @@ def unpacked(shoreline: Shoreline) -> bytes:
 
 def read_near(wkb: bytes, box: Polygon) -> NearPolygons:
     """Return what `polygons_near` does from a WKB MultiPolygon, without a file."""
-    near = [polygons[meets_box(shapely.bounds(polygons), box)] for polygons, _, _ in _chunks(wkb)]
-    polygons, _ = near_box(np.concatenate([np.empty(0, dtype=object), *near]), box)
+    near = [
+        polygons[shapes.meets_box(shapely.bounds(polygons), box)] for polygons, _, _ in _chunks(wkb)
+    ]
+    polygons, _ = shapes.near_box(np.concatenate([np.empty(0, dtype=object), *near]), box)
     return NearPolygons(polygons, shapely.is_valid(polygons))
 
 
@@ -182,7 +175,7 @@ def read_cached(path: Path, box: Polygon) -> NearPolygons | None:
             content = np.memmap(file, dtype=np.uint8, mode="r", offset=_HEAD.size + table.nbytes)
     except (OSError, ValueError):  # absent; a map of an empty file
         return None
-    near = np.flatnonzero(meets_box(table["bounds"], box))
+    near = np.flatnonzero(shapes.meets_box(table["bounds"], box))
     ends = table["end"][near].astype(np.int64)
     begins = np.where(near > 0, table["end"][near - 1], 0).astype(np.int64)
     texts = [content[a:b].tobytes() for a, b in zip(begins.tolist(), ends.tolist(), strict=True)]
@@ -191,7 +184,7 @@ def read_cached(path: Path, box: Polygon) -> NearPolygons | None:
         for text, crc in zip(texts, table["crc"][near].tolist(), strict=True)
     ):
         return None
-    polygons, index = near_box(np.asarray(shapely.from_wkb(texts), dtype=object), box)
+    polygons, index = shapes.near_box(np.asarray(shapely.from_wkb(texts), dtype=object), box)
     return NearPolygons(polygons, table["is_valid"][near][index])
 
 
@@ -243,14 +236,14 @@ class LandPolygons:
     notes: tuple[Note, ...] = ()
 
 
-def land(region: Polygon, beyond_m: float = BEYOND_M) -> Land:
+def land(region: Polygon, beyond_m: float = shapes.BEYOND_M) -> Land:
     """Return the land near a region with its credit, as the fetch stage passes it on."""
     found, second = (land_polygons(region, beyond_m, shoreline) for shoreline in ("Osm", "Gshhg"))
     return Land(
         found.polygons,
         (credit(),),
         ACCURACY_M,
-        notes=(*found.notes, *repair_note("OpenStreetMap land", found.repaired)),
+        notes=(*found.notes, *shapes.repair_note("OpenStreetMap land", found.repaired)),
         second_shore=second.polygons,
     )
 
@@ -268,7 +261,7 @@ def credit() -> Credit:
 
 
 def land_polygons(
-    region: Polygon, beyond_m: float = BEYOND_M, shoreline: Shoreline = "Osm"
+    region: Polygon, beyond_m: float = shapes.BEYOND_M, shoreline: Shoreline = "Osm"
 ) -> LandPolygons:
     """Return OpenStreetMap's land near a region, or that of another shoreline.
 
@@ -286,15 +279,15 @@ def land_polygons(
         Valid, in the region's own longitudes, and whole unless they cross the box: pieces that the
         source cuts at 180 degrees are joined again.
     """
-    box = box_around(region, beyond_m)
+    box = shapes.box_around(region, beyond_m)
     near, notes = polygons_near(shoreline, box)
     return replace(clean(near, box), notes=notes)
 
 
 def clean(near: NearPolygons, box: Polygon) -> LandPolygons:
     """Repair polygons, clip them to the box, drop duplicates and join pieces at 180 degrees."""
-    valid, repairs = repaired(*near)
-    parts = clipped(valid, box)
+    valid, repairs = shapes.repaired(*near)
+    parts = shapes.clipped(valid, box)
     distinct = np.array(list(dict.fromkeys(parts.tolist())), dtype=object)
     joined, seam_pieces = _joined_at_180(distinct)
     return LandPolygons(
@@ -316,7 +309,7 @@ def _joined_at_180(polygons: Geometries) -> tuple[Geometries, int]:
     at_seam = ((xmin % 360 == 180) | (xmax % 360 == 180)) & (xmax - xmin < 360)
     if not at_seam.any():
         return polygons, 0
-    merged = extract_polygons(np.array([shapely.union_all(polygons[at_seam])], dtype=object))
+    merged = shapes.extract_polygons(shapely.union_all(polygons[at_seam]))
     return np.concatenate([polygons[~at_seam], merged]), int(at_seam.sum())
 
 

@@ -26,18 +26,9 @@ from pipeline.errors import RequestError
 from pipeline.geo.known_cells import DepthCover
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
-from pipeline.model import Credit, DepthArea, Land, Note, PlaceName, Zone
-from pipeline.sources.land.polygons import (
-    box_around,
-    buffered,
-    extract_polygons,
-    inner_lines,
-    merged,
-    named_places,
-    reading,
-    repair_note,
-    subtract,
-)
+from pipeline.model import Credit, Land, Note, PlaceName, Zone
+from pipeline.model.inputs import DepthArea
+from pipeline.sources.land import shapes
 from pipeline.sources.land.s57_cells import Cell, base_files, cell_files, read_cell
 
 # Areas with a depth range, and what they are called.
@@ -125,20 +116,20 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
         Draught and under-keel clearance.
     """
     parts = _parts(cells, box)
-    covered = merged(np.array([part.area for part in parts], dtype=object))
+    covered = shapes.merged([part.area for part in parts])
     depths = [tuple(_depth_areas(part)) for part in parts]
     safe = [[one.area for one in areas if one.least_m >= safety_depth_m] for areas in depths]
-    sea = merged(np.array([area for areas in safe for area in areas], dtype=object))
+    sea = shapes.merged([area for areas in safe for area in areas])
     # An unknown depth is NaN, and so not deep enough.
     shoals = [
-        merged(np.array([a.area for a in areas if not a.least_m >= safety_depth_m], dtype=object))
+        shapes.merged([one.area for one in areas if not one.least_m >= safety_depth_m])
         for areas in depths
     ]
     # A cell's depth areas must not overlap; where they do, the shallower one counts.
-    sea = subtract(sea, merged(np.array(shoals, dtype=object)))
+    sea = shapes.subtract(sea, shapes.merged(shoals))
     hazards = [zone for part in parts for zone in _hazards(part, sea, safety_depth_m)]
-    unsafe = extract_polygons(np.array([subtract(covered, sea)], dtype=object))
-    uncharted = subtract(box, covered)
+    unsafe = shapes.extract_polygons(shapes.subtract(covered, sea))
+    uncharted = shapes.subtract(box, covered)
     zones = [
         Zone("shoal", part.cell.name, f"shallower than {safety_depth_m:g} m", shoal)
         for part, shoal in zip(parts, shoals, strict=True)
@@ -152,13 +143,15 @@ def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: f
     return Land(
         polygons=(
             *unsafe.tolist(),
-            *extract_polygons(np.array([zone.area for zone in hazards], dtype=object)).tolist(),
+            *shapes.extract_polygons(
+                np.array([zone.area for zone in hazards], dtype=object)
+            ).tolist(),
         ),
         credits=tuple(_credits([part.cell for part in parts])),
         accuracy_m=_DRAWING_ACCURACY_M * max(part.cell.scale for part in used),
         notes=(depth_note, *_notes(parts, sea, region)),
         zones=tuple(zones),
-        depths=DepthCover(areas=tuple(extract_polygons(np.array([covered], dtype=object)))),
+        depths=DepthCover(areas=tuple(shapes.extract_polygons(covered))),
         places=tuple(place for part in parts for place in _places(part)),
         depth_areas=tuple(area for areas in depths for area in areas),
     )
@@ -169,7 +162,7 @@ def _places(part: _Part) -> Iterator[PlaceName]:
     objects = part.cell.objects.get("LNDARE")
     if objects is not None:
         inside = shapely.intersection(objects.geometry, part.area)
-        yield from named_places(objects.texts("OBJNAM"), inside)
+        yield from shapes.named_places(objects.texts("OBJNAM"), inside)
 
 
 def _parts(cells: Iterable[Cell], box: Polygon) -> tuple[_Part, ...]:
@@ -177,7 +170,7 @@ def _parts(cells: Iterable[Cell], box: Polygon) -> tuple[_Part, ...]:
     parts, taken = [], shapely.Polygon()
     newest = sorted(cells, key=lambda cell: (cell.issued, cell.name), reverse=True)
     for cell in sorted(newest, key=lambda cell: cell.scale):
-        area = subtract(shapely.intersection(cell.covered, box), taken)
+        area = shapes.subtract(shapely.intersection(cell.covered, box), taken)
         if area.area > 0:
             parts.append(_Part(cell, area))
             taken = shapely.union(taken, area)
@@ -232,8 +225,8 @@ def _areas_in(sea: BaseGeometry, geometry: Geometries, radius_m: float) -> Geome
     """Return the objects that overlap the sea as areas: points and lines buffered by a radius."""
     dimension = shapely.get_dimensions(geometry)
     # Coasts and quays run along the edge of the sea: only lines inside it are dangers.
-    lines = inner_lines(geometry[dimension == 1], sea)
-    grown = buffered(np.concatenate([geometry[dimension == 0], lines]), radius_m)
+    lines = shapes.inner_lines(geometry[dimension == 1], sea)
+    grown = shapes.buffered(np.concatenate([geometry[dimension == 0], lines]), radius_m)
     areas = np.concatenate([geometry[dimension == 2], grown])
     shapely.prepare(sea)
     near: Geometries = areas[shapely.intersects(areas, sea)]
@@ -262,12 +255,12 @@ def _zones(part: _Part) -> Iterator[Zone]:
 
 def _notes(parts: Sequence[_Part], sea: BaseGeometry, region: Polygon) -> Iterator[Note]:
     """Yield notes on parts of the region without chart, poorly surveyed, or with entry rules."""
-    covered = merged(np.array([part.area for part in parts], dtype=object))
+    covered = shapes.merged([part.area for part in parts])
     blank = shapely.area(shapely.difference(region, covered))
     if (share := blank / region.area) > _MIN_NOTED_SHARE:
         yield Note.of("no-cell", share=share)
     water = shapely.intersection(sea, region)
-    poor = shapely.area(shapely.intersection(water, merged(_poor(parts))))
+    poor = shapely.area(shapely.intersection(water, shapes.merged(_poor(parts))))
     if water.area and (share := poor / water.area) > _MIN_NOTED_SHARE:
         yield Note.of("poor-survey", share=share)
     prohibited = [
@@ -280,7 +273,7 @@ def _notes(parts: Sequence[_Part], sea: BaseGeometry, region: Polygon) -> Iterat
         names = dict.fromkeys(zone.name or "unnamed" for zone in prohibited)
         yield Note.of("entry-prohibited", areas=tuple(names))
     for part in parts:
-        yield from repair_note(part.cell.name, part.cell.repaired)
+        yield from shapes.repair_note(part.cell.name, part.cell.repaired)
         for text in part.cell.warnings:
             yield Note.of("gdal-warning", source=part.cell.name, warning=text)
 
@@ -334,7 +327,7 @@ class S57Chart:
         """Safety depth, and a hash of all files."""
         digest = hashlib.sha256()
         bases = self._bases
-        with reading(str(self.path), "fetch the cells and their updates again"):
+        with shapes.reading(str(self.path), "fetch the cells and their updates again"):
             for base in bases:
                 for file in cell_files(base):
                     digest.update(file.name.encode() + file_hash(file).encode())
@@ -347,18 +340,17 @@ class S57Chart:
 
     def land(self, region: Polygon) -> Land:
         """Return the no-go areas near a region (lon/lat degrees), and the chart's zones."""
-        box = box_around(region)
+        box = shapes.box_around(region)
         read = (read_cell(base, box, CLASSES) for base in self._bases)
         cells = [cell for cell in read if cell is not None]
         if not any(cell.covered.intersects(region) for cell in cells):
             names = ", ".join(base.stem for base in self._bases[:_MAX_NAMES])
-            fault = (
+            raise RequestError(
                 f"no S-57 cell in {self.path} covers any of the region; it holds {names}"
                 f"{' and others' * (len(self._bases) > _MAX_NAMES)}: fetch the region's cells"
             )
-            raise RequestError([fault])
         # Geometries that are valid one by one may fail together, where a cell is damaged.
-        with reading(str(self.path), "fetch the cells and their updates again"):
+        with shapes.reading(str(self.path), "fetch the cells and their updates again"):
             return land(cells, box, region, self.safety_depth_m)
 
 
@@ -372,8 +364,7 @@ def find_cells(path: Path) -> tuple[Path, ...]:
     """
     found = base_files(path)
     if not found:
-        fault = f"{path} holds no S-57 cell (.000 file): name the folder of the cells"
-        raise RequestError([fault])
+        raise RequestError(f"{path} holds no S-57 cell (.000 file): name the folder of the cells")
     twice = [name for name, count in Counter(base.stem for base in found).items() if count > 1]
     if twice:
         where = f"in {path}; keep the latest"

@@ -20,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import Geometries
 from pipeline.errors import RequestError
-from pipeline.sources.land.polygons import MAX_LONLAT, near_box, reading, repaired, vector_library
+from pipeline.sources.land.shapes import MAX_LONLAT, near_box, reading, repaired, vector_library
 
 # Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
 # zones of confidence, restrictions, names.
@@ -106,8 +106,9 @@ def base_files(path: Path) -> tuple[Path, ...]:
     for folder, _, names in os.walk(path):
         count += len(names)
         if count > _MAX_FILES:
-            fault = f"{path} holds more than {_MAX_FILES:,} files: name the folder of the cells"
-            raise RequestError([fault])
+            raise RequestError(
+                f"{path} holds more than {_MAX_FILES:,} files: name the folder of the cells"
+            )
         found += [Path(folder, name) for name in names if name.endswith(".000")]
     return tuple(sorted(found))
 

@@ -21,13 +21,7 @@ from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land, Note
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
-from pipeline.sources.land.polygons import (
-    box_around,
-    buffered,
-    extract_polygons,
-    flattened,
-    repair_note,
-)
+from pipeline.sources.land import shapes
 from pipeline.sources.land.vector_layer import VectorLayer, chart_fault, open_layer, reading_chart
 
 # Dimensions of geometries.
@@ -92,13 +86,13 @@ class VectorFile:
 
     def land(self, region: Polygon) -> Land:
         """Return the land near a region (lon/lat degrees)."""
-        box = box_around(region)
+        box = shapes.box_around(region)
         require_readable(self._files, "chart.source")
         layer = open_layer(self.path, self.source.layer, self.source.crs)
         found = layer.near(box)
         if len(found.geometry) == 0:
             raise self._nothing_near(layer)
-        repairs = repair_note(self.path.name, found.repaired)
+        repairs = shapes.repair_note(self.path.name, found.repaired)
         return Land(
             polygons=tuple(self._areas(found.geometry).tolist()),
             credits=(self.credit,),
@@ -110,7 +104,7 @@ class VectorFile:
     def _areas(self, geometry: Geometries) -> Geometries:
         """Return areas as they are, and points and lines buffered by the radius given."""
         # Clipping to the region makes collections again.
-        parts = flattened(geometry)
+        parts = shapes.flattened(geometry)
         dimension = shapely.get_dimensions(parts)
         thin = parts[dimension < _AREA]
         if len(thin) and self.source.radius_m is None:
@@ -125,8 +119,8 @@ class VectorFile:
                 "of them, or give the radius in metres that is no-go around them: "
                 f'{{ path = "{self.path.name}", radius_m = 20 }}',
             )
-        grown = buffered(thin, self.source.radius_m or 0.0)
-        return extract_polygons(np.concatenate([parts[dimension == _AREA], grown]))
+        grown = shapes.buffered(thin, self.source.radius_m or 0.0)
+        return shapes.extract_polygons(np.concatenate([parts[dimension == _AREA], grown]))
 
     def _nothing_near(self, layer: VectorLayer) -> RequestError:
         """Say where the file's land is, when none is near the region."""

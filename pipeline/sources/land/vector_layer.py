@@ -18,16 +18,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.model import Note, PlaceName
 from pipeline.scenario.strict import near_miss
-from pipeline.sources.land.polygons import (
-    MAX_LONLAT,
-    NAME_COLUMNS,
-    flattened,
-    named_places,
-    one_line,
-    reading,
-    repaired,
-    vector_library,
-)
+from pipeline.sources.land import shapes
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an
@@ -78,7 +69,7 @@ class VectorLayer:
             for window in self._windows(box):
                 if not self._meets(window):
                     continue
-                valid, count = repaired(self._read(window))
+                valid, count = shapes.repaired(self._read(window))
                 total += count
                 shapely.prepare(window)
                 crosses = ~shapely.covers(window, valid)
@@ -88,19 +79,21 @@ class VectorLayer:
 
     def places(self, box: Polygon) -> tuple[PlaceName, ...]:
         """Return the names of areas near a box, where the layer has a column of names."""
-        pyogrio = vector_library()
+        pyogrio = shapes.vector_library()
 
         found: list[PlaceName] = []
         # Its warnings are those of reading the areas themselves.
         with reading_chart(self.path):
             columns = pyogrio.read_info(self.path, layer=self.name)["fields"]
-            column = next((one for one in columns if one.casefold() in NAME_COLUMNS), None)
+            column = next((one for one in columns if one.casefold() in shapes.NAME_COLUMNS), None)
             for window in self._windows(box) if column is not None else ():
                 _, _, wkb, (names,) = pyogrio.raw.read(
                     self.path, layer=self.name, columns=[column], bbox=window.bounds
                 )
-                geometry = repaired(shapely.force_2d(shapely.from_wkb(wkb, on_invalid="ignore")))[0]
-                found += named_places(names, self._to_lonlat(geometry, box))
+                geometry = shapes.repaired(
+                    shapely.force_2d(shapely.from_wkb(wkb, on_invalid="ignore"))
+                )[0]
+                found += shapes.named_places(names, self._to_lonlat(geometry, box))
         return tuple(found)
 
     def bounds(self) -> tuple[float, float, float, float] | None:
@@ -120,7 +113,7 @@ class VectorLayer:
                 f"has a geometry that can't be read ({reason}), in feature {listed}; correct or "
                 "remove it",
             )
-        limits = np.array(MAX_LONLAT * 2 if self._is_lonlat else (_MAX_PLANAR,) * 4)[:, None]
+        limits = np.array(shapes.MAX_LONLAT * 2 if self._is_lonlat else (_MAX_PLANAR,) * 4)[:, None]
         with np.errstate(invalid="ignore"):
             beyond = (np.abs(self.extents) > limits).any(axis=0)
         if beyond.any():
@@ -145,7 +138,7 @@ class VectorLayer:
 
     def _unread_reason(self) -> str:
         """Say why features can't be read; empty where those without a geometry never had one."""
-        pyogrio = vector_library()
+        pyogrio = shapes.vector_library()
 
         if not self._is_suspect.any() or self.numbers.size > _MAX_REREAD:
             return ""
@@ -153,7 +146,7 @@ class VectorLayer:
             # Without bounds pyogrio returns what it can't read as having no geometry.
             pyogrio.raw.read(self.path, layer=self.name, columns=[], bbox=_EVERYWHERE)
         except pyogrio.errors.FeatureError as error:
-            return one_line(error)
+            return shapes.one_line(error)
         # GDAL gives some damaged geometries as none, with a warning.
         return self.warnings[0] if self.warnings and self._is_blank.any() else ""
 
@@ -202,7 +195,7 @@ class VectorLayer:
 
     def _read(self, window: Polygon) -> Geometries:
         """Read the geometries whose bounds meet a window, unchanged but without collections."""
-        pyogrio = vector_library()
+        pyogrio = shapes.vector_library()
 
         _, numbers, wkb, _ = pyogrio.raw.read(
             self.path, layer=self.name, columns=[], bbox=window.bounds, return_fids=True
@@ -219,7 +212,7 @@ class VectorLayer:
         if not np.isfinite(coordinates).all():
             first = int(index[~np.isfinite(coordinates).all(axis=1)][0])
             raise self._damaged(int(numbers[first]), "a coordinate that is no finite number")
-        parts = flattened(shapely.force_2d(geometry))
+        parts = shapes.flattened(shapely.force_2d(geometry))
         return np.asarray(parts[~shapely.is_empty(parts)])
 
     def _damaged(self, number: int, fault: str) -> RequestError:
@@ -269,7 +262,7 @@ def open_layer(path: Path, name: str, crs: str) -> VectorLayer:
         No vector file; no such layer, or several to choose from; no CRS, or an unknown one;
         coordinates outside the CRS.
     """
-    pyogrio = vector_library()
+    pyogrio = shapes.vector_library()
 
     with reading_chart(path) as issued:
         name = _layer(path, name)
@@ -288,13 +281,13 @@ def _unread_reason(wkb: bytes) -> str:
     except shapely.errors.ShapelyError as error:
         if "closed" in str(error):
             return "a ring that is not closed: its last point must be its first"
-        return f"a geometry that can't be built: {one_line(error)}"
+        return f"a geometry that can't be built: {shapes.one_line(error)}"
     return "a geometry that can't be built"
 
 
 def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
     """Turn what is raised about a chart's file into a RequestError, and list warnings."""
-    return reading(
+    return shapes.reading(
         f"chart.source: {path}",
         "correct it, or export it again as GeoPackage, GeoJSON or Shapefile, or give a folder of "
         "S-57 cells",
@@ -303,12 +296,12 @@ def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
 
 def chart_fault(path: Path, fault: str) -> RequestError:
     """Say what is wrong with a chart's file."""
-    return RequestError([f"chart.source: {path} {fault}"])
+    return RequestError(f"chart.source: {path} {fault}")
 
 
 def _layer(path: Path, name: str) -> str:
     """Name of the layer to read."""
-    pyogrio = vector_library()
+    pyogrio = shapes.vector_library()
 
     names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
     if not names:
@@ -328,7 +321,7 @@ def _layer(path: Path, name: str) -> str:
 
 def _crs(path: Path, layer: str, crs: str) -> pyproj.CRS:
     """CRS of a layer: the one given, or the file's own."""
-    pyogrio = vector_library()
+    pyogrio = shapes.vector_library()
     import pyproj
 
     given = crs or pyogrio.read_info(path, layer=layer)["crs"]

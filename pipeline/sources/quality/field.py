@@ -1,4 +1,11 @@
-"""A current on its source's own grid, the land mask that it is checked against, and its gaps."""
+"""A current on its source's own grid, the land mask that it is checked against, gaps and shifts.
+
+A field may be shifted against the land. So its gaps are compared with the land, in place and at
+trial offsets. Gaps reach a little beyond the land in many fields, ice and lakes add more, and
+coarse cells blur the coast; but none of that puts data on dry land, least of all on one side only.
+So a field counts as shifted where cells that are entirely land have data, and lose them at an
+offset where the gaps match the land better.
+"""
 
 from __future__ import annotations
 
@@ -53,8 +60,6 @@ class LandMask:
     @classmethod
     def from_land(cls, land: Land, bounds: tuple[float, float, float, float]) -> LandMask:
         """Make a mask of land polygons, known in the region that they were fetched for."""
-        import shapely
-
         polygons = np.array(land.polygons, dtype=object)
 
         def is_land(lon: FloatArray, lat: FloatArray) -> BoolArray:
@@ -151,3 +156,139 @@ def _distance_m(field: Field, points: FloatArray) -> float:
     nodes = np.stack([field.lon[column], field.lat[row]], axis=-1)
     per_degree = METRES_PER_DEGREE * np.array([np.cos(np.radians(points[:, 1].mean())), 1.0])
     return float(KDTree(nodes * per_degree).query(points * per_degree)[0].max())
+
+
+# Raster points of the land per cell and side; offsets are whole numbers of them.
+_POINTS_PER_CELL = 4
+# Largest trial offset: degrees, but a number of cells within limits: coarse cells are larger, and
+# the raster of a grid of fine ones would not fit in memory.
+_MAX_OFFSET_DEG, _MIN_OFFSET_CELLS, _MAX_OFFSET_CELLS = 1.5, 2, 60
+# Number of trial offsets to each side.
+_TRIALS_PER_SIDE = 8
+# Largest trial offset as a share of the region, where the land beyond the region is unknown.
+_MAX_OFFSET_SHARE = 1 / 6
+# A cell with at least (at most) this share of land is entirely land (water).
+_LAND_SHARE, _WATER_SHARE = 0.95, 0.05
+# Relative variation of an axis's steps up to which an offset is a whole number of raster points.
+_MAX_STEP_VARIATION = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """By how much a field was moved from its place: `east` and `north`, in degrees.
+
+    `land_cells` counts the cells to which such a move would bring data although they are land, and
+    `explained` those of them that have data here and lose them when the move is undone.
+    """
+
+    east: float
+    north: float
+    explained: int
+    land_cells: int
+
+    @property
+    def share(self) -> float:
+        """Share of the land cells that the shift explains, up to 1."""
+        return self.explained / max(self.land_cells, 1)
+
+
+def find_shift(field: Field, mask: LandMask) -> Shift | None:
+    """Find the offset at which the field's gaps match the land best; None where it is in place."""
+    window = _testable_window(field, mask)
+    if window is None:
+        return None
+    rows, columns, reach = window
+    lon, lat, gap = field.lon[columns], field.lat[rows], field.gap[rows, columns]
+    if gap.all() or not gap.any():
+        return None
+    shares = _LandShares.sample(lon, lat, field.cell_deg, mask, reach)
+    land, water = shares.entirely(0, 0)
+    fewest_mismatches, best = int((land & ~gap).sum() + (water & gap).sum()), None
+    stride = max(1, max(reach) // _TRIALS_PER_SIDE)
+    trials = [range(-most + most % stride, most + 1, stride) for most in reach]
+    for east in trials[0]:
+        for north in trials[1]:
+            moved_land, moved_water = shares.entirely(east, north)
+            mismatches = int((moved_land & ~gap).sum() + (moved_water & gap).sum())
+            if mismatches < fewest_mismatches:
+                fewest_mismatches = mismatches
+                explained = int((land & ~gap).sum() - (moved_land & ~gap).sum())
+                best = (east, north, explained, int((land & ~moved_land).sum()))
+    if best is None:
+        return None
+    east, north, explained, land_cells = best
+    # The land matches at this offset, so the field itself was moved the other way.
+    return Shift(
+        east=-east / _POINTS_PER_CELL * field.cell_deg[0],
+        north=-north / _POINTS_PER_CELL * field.cell_deg[1],
+        explained=explained,
+        land_cells=land_cells,
+    )
+
+
+def _testable_window(field: Field, mask: LandMask) -> tuple[slice, slice, tuple[int, int]] | None:
+    """Rows and columns around which the land is known up to a reach (raster points east, north)."""
+    slices, reaches = [], []
+    limits = (mask.bounds[0::2], mask.bounds[1::2])
+    axes = zip((field.lon, field.lat), field.cell_deg, limits, strict=True)
+    for axis, cell, (low, high) in axes:
+        if np.abs(np.diff(axis) - cell).max() > _MAX_STEP_VARIATION * cell:
+            return None
+        span = min(float(axis[-1]), high) - max(float(axis[0]), low)
+        furthest = max(min(_MAX_OFFSET_DEG, _MAX_OFFSET_CELLS * cell), _MIN_OFFSET_CELLS * cell)
+        if np.isfinite(high - low):
+            furthest = min(furthest, _MAX_OFFSET_SHARE * span)
+        cells = int(furthest / cell)
+        margin = (cells + 0.5) * cell
+        inside = np.flatnonzero((axis - margin >= low) & (axis + margin <= high))
+        if cells < 1 or inside.size < 2:
+            return None
+        slices.append(slice(int(inside[0]), int(inside[-1]) + 1))
+        reaches.append(cells * _POINTS_PER_CELL)
+    return slices[1], slices[0], (reaches[0], reaches[1])
+
+
+@dataclass(frozen=True, slots=True)
+class _LandShares:
+    """Share of land in the cells of a grid at any offset, from a summed-area table of a raster."""
+
+    table: FloatArray
+    shape: tuple[int, int]
+    reach: tuple[int, int]
+
+    @classmethod
+    def sample(
+        cls,
+        lon: FloatArray,
+        lat: FloatArray,
+        cell: tuple[float, float],
+        mask: LandMask,
+        reach: tuple[int, int],
+    ) -> _LandShares:
+        """Sample the land in a grid's cells and `reach` raster points beyond them."""
+        fine = [
+            axis[0]
+            - step / 2
+            + step
+            / _POINTS_PER_CELL
+            * (np.arange(axis.size * _POINTS_PER_CELL + 2 * beyond) - beyond + 0.5)
+            for axis, step, beyond in zip((lon, lat), cell, reach, strict=True)
+        ]
+        land = mask.on_grid(fine[0], fine[1])
+        table = np.zeros((land.shape[0] + 1, land.shape[1] + 1))
+        table[1:, 1:] = land.cumsum(axis=0).cumsum(axis=1)
+        return cls(table, (lat.size, lon.size), reach)
+
+    def entirely(self, east: int, north: int) -> tuple[BoolArray, BoolArray]:
+        """Cells (ny, nx) that are entirely land, and entirely water, at a raster offset."""
+        ny, nx = self.shape
+        size = _POINTS_PER_CELL
+        row, column = self.reach[1] + north, self.reach[0] + east
+        share = np.zeros(self.shape)
+        for up, right, sign in ((size, size, 1), (0, 0, 1), (0, size, -1), (size, 0, -1)):
+            first_row, first_column = row + up, column + right
+            rows = slice(first_row, first_row + size * ny, size)
+            columns = slice(first_column, first_column + size * nx, size)
+            share += sign * self.table[rows, columns]
+        share /= size**2
+        return share >= _LAND_SHARE, share <= _WATER_SHARE

@@ -24,8 +24,7 @@ import numpy.typing as npt
 
 from pipeline._types import BoolArray, FloatArray
 from pipeline.geo.earth import EARTH_RADIUS_M
-from pipeline.sources.quality.field import Field, LandMask
-from pipeline.sources.quality.misregistration import find_shift
+from pipeline.sources.quality.field import Field, LandMask, find_shift
 
 # Limits of the root mean square speed of moving water: (width of the field in degrees, both ways,
 # from which they hold; speed in m/s above which to warn; above which to refuse). Real fields of

@@ -18,16 +18,8 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 from pipeline._types import FloatArray
-from pipeline.model import (
-    Evaluation,
-    NumberedIsland,
-    Passage,
-    PlaceName,
-    RouteKey,
-    Scene,
-    SeasonPlan,
-    Side,
-)
+from pipeline.model import Evaluation, Passage, PlaceName, RouteKey, Scene, SeasonPlan
+from pipeline.model.evaluation import NumberedIsland, Side
 from renew.classes.h_signature import Rays, rays_that_matter
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")

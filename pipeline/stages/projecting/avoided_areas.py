@@ -16,7 +16,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Note, Scene, SeasonPlan, Zone
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import AvoidedArea, ChartSource
-from pipeline.sources.land.polygons import extract_polygons, repaired
+from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.sources.land.vector import VectorFile
 
 

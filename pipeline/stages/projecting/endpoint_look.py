@@ -9,7 +9,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.scenario.model import Scenario
 from pipeline.sources.interfaces import LandSource
-from pipeline.sources.land.polygons import box_around
+from pipeline.sources.land.shapes import box_around
 from pipeline.sources.registry import land_source
 from pipeline.stages.projecting.endpoints import endpoints, not_in_water
 

@@ -26,8 +26,8 @@ from pipeline.model import (
     ShutStrait,
     Simplified,
     Zone,
-    current_notes,
 )
+from pipeline.model.inputs import current_notes
 from pipeline.scenario.model import Scenario
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.project import project

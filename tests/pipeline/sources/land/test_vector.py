@@ -14,7 +14,7 @@ from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_text
 from pipeline.scenario import catalogue
 from pipeline.scenario.region import ChartSource, ChartSpec
-from pipeline.sources.land.polygons import BEYOND_M
+from pipeline.sources.land.shapes import BEYOND_M
 from pipeline.sources.land.vector import VectorFile
 from pipeline.sources.registry import land_source
 

@@ -124,14 +124,15 @@ def clipped(polygons: Geometries, box: Polygon) -> Geometries:
     return extract_polygons(np.concatenate([polygons[~crosses], cut]))
 
 
-def flattened(geometries: Geometries) -> Geometries:
+def flattened(geometries: Geometries | BaseGeometry) -> Geometries:
     """Take the points, lines and polygons out of collections, however deeply they are nested."""
+    geometries = np.atleast_1d(geometries)
     while (shapely.get_type_id(geometries) >= shapely.GeometryType.MULTIPOINT).any():
         geometries = shapely.get_parts(geometries)
     return geometries
 
 
-def extract_polygons(geometries: Geometries) -> Geometries:
+def extract_polygons(geometries: Geometries | BaseGeometry) -> Geometries:
     """Take the polygons out of any geometries, dropping points and lines that clipping left."""
     parts = flattened(geometries)
     is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
@@ -139,7 +140,7 @@ def extract_polygons(geometries: Geometries) -> Geometries:
     return polygons
 
 
-def merged(geometries: Geometries) -> BaseGeometry:
+def merged(geometries: Geometries | Sequence[BaseGeometry]) -> BaseGeometry:
     """Merge areas, closing the gaps that rounding leaves between neighbours."""
     return shapely.union_all(geometries, grid_size=_GRID_DEG)
 
@@ -177,7 +178,7 @@ def named_places(names: Sequence[object], geometries: Geometries) -> Iterator[Pl
     Of several areas under one name, such as a country's, only the largest has it.
     """
     for name, geometry in zip(names, geometries, strict=True):
-        parts = extract_polygons(np.array([geometry], dtype=object))
+        parts = extract_polygons(geometry)
         text = " ".join(str(name).split()) if isinstance(name, str) else ""
         if not text or not len(parts):
             continue
@@ -232,8 +233,7 @@ def reading(what: str, remedy: str) -> Iterator[list[str]]:
         except PipelineError:
             raise
         except Exception as error:
-            fault = f"{what} can't be read ({one_line(error)}); {remedy}"
-            raise RequestError([fault]) from error
+            raise RequestError(f"{what} can't be read ({one_line(error)}); {remedy}") from error
         finally:
             said = dict.fromkeys(one_line(warning.message) for warning in caught)
             issued += [text for text in said if not _HARMLESS.match(text)]

@@ -9,7 +9,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.sources.land.polygons import box_around, buffered, repaired
+from pipeline.sources.land.shapes import box_around, buffered, repaired
 
 GEOD = pyproj.Geod(ellps="WGS84")
 
