@@ -178,13 +178,13 @@ def is_switched_on() -> bool:
 
 
 def is_cold() -> bool:
-    """Whether nothing is compiled, and what this process compiles is kept for others."""
+    """Whether nothing is compiled yet, and code compiled by this process is kept for others."""
     folders = () if cache_is_temporary() else _lasting_folders()
     return is_switched_on() and bool(folders) and not any(map(_holds_code, folders))
 
 
 def _holds_code(folder: Path) -> bool:
-    """Whether there is machine code in a folder; what can't be read counts as none."""
+    """Whether there is machine code in a folder; a folder that can't be read counts as empty."""
     with contextlib.suppress(OSError):
         return any(name.endswith(".nbi") for name in os.listdir(folder))  # noqa: PTH208 - as names
     return False
@@ -213,7 +213,7 @@ def save_failures() -> tuple[OSError, ...]:
 
 
 def load_failures() -> tuple[OSError, ...]:
-    """What of the cache can't be read or is damaged, and counts as not there, with each file."""
+    """Faults of the cache: files that can't be read or are damaged, and so count as missing."""
     found = list[OSError]()
     for folder in dict.fromkeys((cache_folder(), *_lasting_folders())):
         try:
@@ -232,7 +232,7 @@ def load_failures() -> tuple[OSError, ...]:
 
 
 def _content(path: Path) -> bytes:
-    """Read what was saved in a file; OSError where it can't be read or is damaged."""
+    """Read the saved content of a file; OSError where it can't be read or is damaged."""
     content = path.read_bytes()
     if hashlib.sha256(content[:-_DIGEST]).digest() != content[-_DIGEST:]:
         raise OSError(errno.EIO, "is damaged", str(path))
@@ -252,7 +252,7 @@ class _CacheFiles(IndexDataCacheFile):
         return self._load(self._data_path(name))
 
     def _load(self, path: str) -> object:
-        """What was saved in a file; None where it can't be read or is damaged."""
+        """The saved content of a file; None where it can't be read or is damaged."""
         try:
             return pickle.loads(_content(Path(path)))  # noqa: S301 - as Numba does
         except OSError:
@@ -271,7 +271,7 @@ class _CacheFiles(IndexDataCacheFile):
         with super()._open_for_write(filepath) as file:
             yield file
             if Path(filepath).is_relative_to(_PACKAGE):
-                # Whoever may read the package may read its machine code, whatever the umask.
+                # Everybody who may read the package may read its machine code, whatever the umask.
                 os.fchmod(file.fileno(), Path(__file__).stat().st_mode & 0o666)
 
 
@@ -292,11 +292,11 @@ class _Locator(_CacheLocator):
         return str(cache_folder())
 
     def get_source_stamp(self) -> str:
-        """What must be equal for cached code to hold."""
+        """Stamp that must be equal for cached code to hold."""
         return _name()
 
     def get_disambiguator(self) -> str:
-        """What tells functions of one name in different modules apart."""
+        """Text that tells functions of one name in different modules apart."""
         return self._module
 
 

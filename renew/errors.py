@@ -134,7 +134,7 @@ def from_until(begin: float, end: float, *, on: str = "") -> Text:
 class PlanningError(Exception):
     """A plan that cannot be made; the base of all errors that `renew` raises on purpose.
 
-    Its class says of what kind it is.
+    Its class says which kind of error it is.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ class Strait:
     gap : (2, 2) metres, from the left to the right bank.
     triangle : the triangle that holds it, by its number in the triangulation; `before` and `after`
         are the ones that the channel comes from and leads to, -1 at its ends.
-    padding_left, padding_right : what the two banks need, m.
+    padding_left, padding_right : the paddings that the two banks need, m.
     """
 
     gap: FloatArray

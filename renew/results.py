@@ -52,7 +52,7 @@ class FuelBound:
         return fuel_lower_bound(self.source) if isinstance(self.source, Voyage) else self.source
 
     def __reduce__(self) -> tuple[type[FuelBound], tuple[float]]:
-        """Pickle the bound instead of what it is made from: a current may be any function."""
+        """Pickle the bound instead of its source: a current may be any function."""
         return FuelBound, (self.value,)
 
 
@@ -183,7 +183,7 @@ class Rejected:
     strait : where padding fills a whole gap, if that is the reason.
     cause : the error behind the reason; its places are in metres.
     overpowered : water on its way that the current shuts for a while.
-    fuel_source : `unpadded_fuel`, or what computes it.
+    fuel_source : `unpadded_fuel`, or a function that computes it.
     """
 
     homotopy: str
@@ -312,7 +312,7 @@ class Departures:
 
     @classmethod
     def of(cls, found: Iterable[Departed], unproven: float, plan: Plan) -> Departures:
-        """List what each departure came to, with the plan at the best of them."""
+        """List the outcome of each departure, with the plan at the best of them."""
         departures, arrivals, fuels, paths, times, homotopies, causes = zip(*found, strict=True)
         return cls(
             np.array(departures, dtype=float),

@@ -84,7 +84,7 @@ REHEARSALS = (
 
 
 def rehearse() -> Iterator[str]:
-    """Plan each of `REHEARSALS`, and ask of the routes all that can be asked; yields what is next.
+    """Plan each of `REHEARSALS`, and ask its routes for everything; yields the next one's name.
 
     Compiled are the kernels for which no machine code is found; see :mod:`renew._compiled`.
     """
@@ -97,7 +97,7 @@ def rehearse() -> Iterator[str]:
 
 
 def rehearse_half(half: int) -> None:
-    """Compile half of what a first plan calls: the search for classes and the bound, or the rest.
+    """Compile half of a first plan's kernels: the search for classes and the bound, or the rest.
 
     Of equal times, for two processes; the few kernels of both are compiled by both.
     """
@@ -114,7 +114,7 @@ def rehearse_half(half: int) -> None:
 
 
 def _ask(route: Route, chart: Chart, current: CurrentLike) -> None:
-    """Ask of a route what is computed only then."""
+    """Ask a route for everything that is computed on demand."""
     contingency(route, chart, current, _VESSEL)
     tightest(route, current, _VESSEL)
     fuel(route.path, current, _VESSEL)

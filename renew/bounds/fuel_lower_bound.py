@@ -15,13 +15,13 @@ triangle gets the ratio λ = max (∇u·T) g(x, T) over all T and x in it, never
 - in a triangle the current is within a radius r of the linear interpolant of its corners' currents
   (`interpolation_error.py`); the maximum is convex in the current, so it is taken at a corner;
 - crab: g T runs over the disc of radius v about c, so max over T is v |∇u| + ∇u·c;
-- projected: max (∇u·T)(v + c·T) over the unit circle is a quadratic's, bounded by any Lagrange
-  multiplier (`growth_rate.py`);
+- projected: max (∇u·T)(v + c·T) over the unit circle is the maximum of a quadratic, bounded by any
+  Lagrange multiplier (`growth_rate.py`);
 - both grow by at most |δ| |∇u| when c changes by δ, whence the term r |∇u|.
 
 f has slope 1/Λ(u) between start and goal and 0 beyond, where Λ(s) is the largest λ of the cells
 through which the level set u = s runs. So (1) holds for φ: ∇φ = ∇u/Λ. Cells of nothing but land
-hold no route and don't count; those that a shore crosses are treated as water. Where λ > 1 (fans
+hold no route and don't count; cells that a shore crosses are treated as water. Where λ > 1 (fans
 around the start and corners), the cell's slowness is lowered by λ and u is solved again: every
 round gives a bound, and the best is returned.
 
@@ -41,7 +41,7 @@ What is proven for which current: everything for `UniformCurrent`, `GyreCurrent`
 values alone: r is four times the error that the second differences between neighbouring nodes
 suggest, so the bound holds for fields that the grid resolves (a cell is under 1 % of a square
 extent's side). Of a current that changes r is the largest of all its slices; where it is not linear
-between them, what second differences in time suggest is added.
+between them, the deviation that second differences in time suggest is added.
 
 Where the vessel chooses its speed v, and has to arrive by a deadline D, let λ be a price of time.
 (1) is then asked of (∇φ·T) g(x, T, v) <= α vᵏ + λ for every v as well: φ bounds fuel + λ time from
@@ -72,7 +72,8 @@ from renew.voyage.voyage import Voyage
 # Number of cells of the grid: the gap is 2 % on the published single gyre; twice as many take twice
 # the time and make it 1.5 %. Small eddies need more: with as few the gap is 7 % there.
 _CELLS, _CELLS_IN_EDDIES = 16_000, 64_000
-# Where speeds are chosen in a current that changes: what makes that bound loose is not the grid.
+# Number where speeds are chosen in a current that changes: that bound is loose, but not for the
+# grid.
 _CELLS_AT_CHOICE = 4_000
 # Price of time there, as a share of the route's own: where all hours count time is worth less.
 _SHARE_OF_PRICE = 0.9
@@ -174,7 +175,7 @@ def _grid(voyage: Voyage, least_cells: int = 0) -> TravelGrid:
 
 
 def _hours(voyage: Voyage, x: FloatArray, y: FloatArray, strongest: float) -> FloatArray:
-    """From when until when (2, ny - 1, nx - 1), s, a vessel may be in each cell that is in time.
+    """Hours (2, ny - 1, nx - 1), s, from and until which a vessel in time may be in each cell.
 
     It goes no faster than at its highest speed with the strongest current (m/s) behind. Where the
     end comes before the beginning no way leads there.
@@ -241,7 +242,7 @@ def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple
     """λ of every cell (ny - 1, nx - 1), 0 where it doesn't count, and φ, s, where u = high.
 
     Level by level of u from low to high: a cell's λ is worked out when its lowest corner is
-    reached, for the times from what φ is then to what it can be at the highest.
+    reached, for the times from the present φ to the largest φ that its highest corner can have.
     """
     rows, columns = grid.wet.shape
     rates = np.zeros((rows, columns))
@@ -283,10 +284,10 @@ def _march(time: FloatArray, grid: TravelGrid, low: float, high: float) -> tuple
 def _by_level(
     time: FloatArray, grid: TravelGrid, low: float, step: float
 ) -> tuple[IntArray, IntArray]:
-    """Level of u at which each cell (c,) begins to count, and those that do, in that order.
+    """Level of u at which each cell (c,) begins to count; the cells that count, in that order.
 
-    Cells out of reach of the start don't: no route gets there. Those beyond the last level come
-    last.
+    Cells out of reach of the start don't count: no route gets there. Cells beyond the last level
+    come last.
     """
     rows, columns = grid.wet.shape
     first = np.full(rows * columns, _LEVELS + 1)
@@ -353,7 +354,7 @@ def _cell_rate(
 
 
 def _relax(rate: FloatArray, stretch: FloatArray, dirty: BoolArray) -> None:
-    """Lower the slowness of the cells that broke (1) by how much they did; mark their nodes."""
+    """Lower the slowness of each cell that broke (1) by its λ; mark its nodes."""
     broken = rate > 1 + TOLERANCE
     stretch[broken] /= rate[broken]
     dirty[:-1, :-1] |= broken

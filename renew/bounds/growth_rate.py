@@ -3,8 +3,8 @@
 Where the vessel chooses its speed v, a second costs (vᵏ + μ) over the polar's scale
 (:mod:`renew.kernels.ground_speed`), and λ is the largest growth for that cost:
 
-- crab: over T the growth is at most v |p| + p·c; over v the ratio is largest where a vessel that
-  meets no cross-current would find it so;
+- crab: over T the growth is at most v |p| + p·c; over v the ratio is largest at the speed that
+  would be best without a cross-current;
 - projected: the largest growth over T is convex in v, and so lies below its chords. [v₁, v₂] is cut
   into a few pieces, on each of which the chord takes its place.
 """

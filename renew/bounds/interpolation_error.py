@@ -1,7 +1,7 @@
 """How far a current can be from its linear interpolant in the triangles of a grid.
 
 The lower bound on fuel (:mod:`renew.bounds.fuel_lower_bound`) knows a current at the grid's nodes
-and takes it as linear between them; what that leaves out is bounded here, per kind of field.
+and takes it as linear between them; the error of that is bounded here, by kind of field.
 `UniformCurrent`, `GyreCurrent` and `GriddedCurrent` have closed forms, whose proofs stand with
 them: second derivatives of the gyre's sines, slopes of the bilinear cells. Any other field is known
 by its values alone, and gets an estimate.

@@ -107,8 +107,8 @@ def _passage(
     """
     length = math.sqrt(dx * dx + dy * dy)
     tx, ty = dx / length, dy / length
-    # A current that is off by up to the deviation helps at most as a faster vessel would; one that
-    # chooses its speed may not want to be faster, but takes as much of a following current.
+    # A current that is off by up to the deviation helps no more than as much speed would. A vessel
+    # that chooses its speed may not want more of it, so it gets a following current instead.
     following = deviation if polar.least < polar.speed else 0.0
     speed, crab, least, price, exponent, scale, still, _ = polar
     faster = speed + deviation - following
@@ -176,8 +176,8 @@ def solve(
 
     It ends a little after `cell`, a view of some of the times, is known; later nodes stay dirty.
 
-    Dijkstra's order, but a node whose time is improved later is settled again: with currents,
-    the quickest way to a node may come through one that is reached after it.
+    Dijkstra's order, but a node whose time is improved later is settled again: with currents, the
+    quickest way to a node may come through a node that is reached after it.
     """
     rows, columns = time.shape
     table = grid.current
@@ -236,7 +236,7 @@ def wet_cells(chart: Chart, x: FloatArray, y: FloatArray) -> BoolArray:
     from scipy.ndimage import label
 
     near_shore = _near_lines(chart.open_water.boundary, x, y)
-    # Water is all or nothing of what lies apart from its shores: one point tells which.
+    # A region apart from all shores is all water or all land: one point tells which.
     regions, count = label(~near_shore)
     one_of = np.zeros(count + 1, dtype=np.int64)
     one_of[regions.ravel()] = np.arange(regions.size)

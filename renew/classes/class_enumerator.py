@@ -154,7 +154,7 @@ class ClassEnumerator:
         return replace(self, _voyage=voyage)
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
-        """The first `count` channels, except those that make a blocked transition."""
+        """The first `count` channels that make no blocked transition."""
         if self._roads.order == "depth-first":
             return list(itertools.islice(self._depth_first(frozenset(blocked)), count))
         graph, to_go = self._roads.everywhere, self._roads.time_to_go
@@ -236,12 +236,12 @@ class ViaEnumerator:
 
     @property
     def sees_all(self) -> bool:
-        """As of :class:`ClassEnumerator`."""
+        """See :class:`ClassEnumerator`."""
         return all(part.sees_all for part in self.parts)
 
     @property
     def has_many_triangles(self) -> bool:
-        """As of :class:`ClassEnumerator`."""
+        """See :class:`ClassEnumerator`."""
         return any(part.has_many_triangles for part in self.parts)
 
     def by_rays(self, rays: Rays) -> ViaEnumerator:
@@ -249,7 +249,7 @@ class ViaEnumerator:
         return replace(self, parts=tuple(part.by_rays(rays) for part in self.parts))
 
     def up_to(self, dearest: float) -> ViaEnumerator:
-        """As of :class:`ClassEnumerator`, in each part."""
+        """See :class:`ClassEnumerator`; in each part."""
         return replace(self, parts=tuple(part.up_to(dearest) for part in self.parts))
 
     def leaving(self, voyage: Voyage) -> ViaEnumerator:
@@ -257,7 +257,7 @@ class ViaEnumerator:
         return replace(self, voyage=voyage)
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
-        """The first `count` channels, except those that make a blocked transition."""
+        """The first `count` channels that make no blocked transition."""
         return self._combined(count, lambda _, part: part.channels(count, blocked))
 
     def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:

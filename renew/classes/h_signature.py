@@ -122,8 +122,8 @@ def _sizes(islands: npt.NDArray[np.object_]) -> FloatArray:
 def rays_between(x: FloatArray, ax: float, bx: float) -> tuple[int, int, int]:
     """Rays first, first + step, ... before last that stand between ax and bx, in a leg's order.
 
-    A leg crosses those whose origin lies below it: see :func:`is_crossed`. Half-open on the west,
-    so that a path through a point right above an origin counts once.
+    A leg crosses a ray whose origin lies below the leg: see :func:`is_crossed`. Half-open on the
+    west, so that a path through a point right above an origin counts once.
     """
     here = int(np.searchsorted(x, ax, side="right"))
     there = int(np.searchsorted(x, bx, side="right"))

@@ -104,7 +104,7 @@ def k_best_paths(
     count, rows, used_rows = number_of_classes(task, words, rows, count)
     used, changes, found, paths = 1, word_changes(task), _no_rows(), _no_rows()
     dearest = min(dearest, _DEAREST if len(graph.mesh.neighbours) > MAX_FLOODED else _ANY)
-    # In a steady current the least time is that of the best path.
+    # In a steady current the least time is the time of the best path.
     latest = to_go[START] * (dearest if len(stream.table.times) == 1 else _ANY)
     # Buckets of labels by their whole time: each holds its newest entry, which leads to older ones.
     bucket, entries, at = np.full(_BUCKETS, -1), [(0, -1)], 0
@@ -167,7 +167,7 @@ def _by_clock(
 
 @kernel
 def _no_rows() -> list[IntArray]:
-    """Return an empty list of rows; the compiler takes its type from what is removed again."""
+    """Return an empty list of rows; the compiler takes its type from the one removed again."""
     rows = [np.empty(0, dtype=np.int64)]
     rows.clear()
     return rows
@@ -225,7 +225,7 @@ def _known(
 def triangles_crossed(graph: Roadmap, nodes: IntArray) -> IntArray:
     """Triangles (c,) that a path over nodes (n,) leaves, and the last one's.
 
-    A row of triangles leaves those out from which its path turns back.
+    A row of triangles leaves out triangles from which its path turns back.
     """
     legs, count = np.empty(len(nodes) - 1, dtype=np.int64), 0
     for k in range(len(legs)):

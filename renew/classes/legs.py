@@ -179,10 +179,9 @@ def legs_between(
 def _crossings(
     points: FloatArray, triangle: IntArray, pairs: IntArray, mesh: Mesh
 ) -> tuple[IntArray, IntArray]:
-    """Edges that the lines between pairs of nodes cross, and where those of each (p,) begin.
+    """Edges that the lines between pairs of nodes cross, and where each line's (p,) begin.
 
-    The edges of a line end where those of the next begin; -1 stands for a line that can't be
-    sailed.
+    The edges of a line end where the next line's begin; -1 stands for a line that can't be sailed.
     """
     begin = np.full(len(pairs) + 1, -1, dtype=np.int64)
     edges, count = np.empty(len(pairs) + _MAX_CROSSED, dtype=np.int64), 0
@@ -221,7 +220,7 @@ def _crossed(mesh: Mesh, leg: Segment, triangle: int, last: int, edges: IntArray
 def _by_leg(
     pair: IntArray, leads_back: BoolArray, begin: IntArray, edges: IntArray, mesh: Mesh
 ) -> tuple[IntArray, IntArray]:
-    """Edges that legs cross, from those of their pairs, and where each leg's begin (m + 1,)."""
+    """Edges that legs cross, from their pairs' edges, and where each leg's begin (m + 1,)."""
     end = begin[1:].copy()
     for k in range(len(end) - 2, -1, -1):
         if end[k] < 0:

@@ -85,7 +85,7 @@ def first_row(task: Task) -> IntArray:
 def _note(
     rows: IntArray, new: int, stem: int, triangle: int, entry: int, word: int, astray: int
 ) -> None:
-    """Fill in the columns of a row but for those of the rows that it becomes."""
+    """Fill in the columns of a row, but for the columns of longer rows."""
     rows[new, _STEM], rows[new, _TRIANGLE], rows[new, _ENTRY] = stem, triangle, entry
     rows[new, WORD], rows[new, _ASTRAY] = word, astray
 

@@ -1,10 +1,10 @@
 """A roadmap of the water: nodes of a grid and in straits, and straight legs between them.
 
-What a search for classes runs on. Nodes stand on a rectangular grid, and on passing edges
-(*gates*): straits may be far narrower than a cell. The more eddies and islands there are, the
-closer they stand; beside a path that is looked at closer, they stand in a tube of water only. A leg
-joins nodes whose straight line crosses passing edges only; it is followed from triangle to
-triangle, so that a search knows which class it is in.
+A search for classes runs on it. Nodes stand on a rectangular grid, and on passing edges (*gates*):
+straits may be far narrower than a cell. The more eddies and islands there are, the closer they
+stand; beside a path that is looked at closer, they stand in a tube of water only. A leg joins nodes
+whose straight line crosses passing edges only; it is followed from triangle to triangle, so that a
+search knows which class it is in.
 """
 
 import itertools
@@ -28,8 +28,8 @@ from renew.voyage.voyage import Voyage
 # would do.
 _SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 22_500, 20, 40_000, 5_000
 _PER_NODE = 0.1
-# By what factor nodes stand closer together where a path is looked at closer, and half the width of
-# the water in which it is, in cells.
+# Factor by which nodes stand closer together in a closer look at a path, and half the width of the
+# tube of water around it, in cells.
 _CLOSER, _TUBE = 4, 8.0
 START, GOAL = 0, 1
 """Numbers of the start's and the goal's node."""
@@ -243,7 +243,7 @@ class _Gates(NamedTuple):
 def _gates(
     triangulation: Triangulation, clearance: float, short: float, is_way: BoolArray
 ) -> _Gates:
-    """Gates on passing edges between triangles on some way (t,), a few on those under `short` m."""
+    """Gates on passing edges between triangles on some way (t,); a few on edges under `short` m."""
     neighbours = triangulation.neighbours
     is_passed = (neighbours > np.arange(len(neighbours))[:, None]) & is_way[:, None]
     triangle, corner = np.nonzero(is_passed & is_way[neighbours])
@@ -276,7 +276,7 @@ def _grid_pairs(node: IntArray, reach: int) -> IntArray:
 
 
 def _loose_pairs(points: FloatArray, around: IntArray, radius: float) -> IntArray:
-    """Pairs (p, 2) of start, goal and gates with what stands around them, each pair once.
+    """Pairs (p, 2) of start, goal and gates with the nodes around them, each pair once.
 
     These come first among the points; `around` (l, 2) has the triangles on both sides of each. All
     on the same triangle are joined, and the nearest others within a radius (m).

@@ -267,7 +267,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 def overpowered_water(voyage: Voyage) -> BaseGeometry:
     """Water where the current is always at least as strong as the vessel is fast, as one geometry.
 
-    It is bounded by a contour of the table's currents, lowered by what the table may be in error.
+    It is bounded by a contour of the table's currents, lowered by the error of the table.
     """
     table, chart, speed = voyage.table, voyage.chart, voyage.vessel.speed
     weakest, _ = weakest_and_strongest(table)

@@ -1,1 +1,1 @@
-"""What a plan is given: chart, current, vessel, areas, options, and the check of arguments."""
+"""The inputs of a plan: chart, shut areas, current, vessel, and the request with its options."""

@@ -84,7 +84,7 @@ class Chart:
         areas = list(areas)
         bare = list(self.no_go if self._land is None else self._land)
         other = Chart(self.extent, [*self.no_go, *areas], bare + areas if is_land else bare)
-        # What touches land is one obstacle with it, and land has a number.
+        # An area that touches land is one obstacle with it, and land has a number.
         merged = _polygons(shapely.union_all(np.array(areas, dtype=object)))
         land = shapely.union_all(np.array(sum(self.islands, ()), dtype=object))
         apart = tuple(one for one in merged if not shapely.intersects(one, land))

@@ -1,4 +1,4 @@
-"""What a plan may be asked for: its options, times, speeds and points, with their ranges."""
+"""The request for a plan: options, times, speeds and points, with their ranges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields

@@ -143,9 +143,9 @@ def _error_at_random(field: Callable[[FloatArray], FloatArray], table: CurrentTa
 
 @kernel
 def halved(uv: FloatArray) -> FloatArray:
-    """Velocities (2n - 1, 2m - 1, 2) with cells halved from those (n, m, 2) at even nodes; n >= 4.
+    """Velocities (2n - 1, 2m - 1, 2) of halved cells, from velocities (n, m, 2) of nodes; n >= 4.
 
-    Between nodes they are those of the cubics through the nearest four.
+    New nodes lie on the cubics through the nearest four.
     """
     rows, columns = uv.shape[:2]
     finer = np.empty((2 * rows - 1, 2 * columns - 1, 2))

@@ -1,4 +1,4 @@
-"""The vessel: what its hull, rudder and engine can do."""
+"""The vessel: its speed, rate of turn, length and fuel law."""
 
 import math
 from dataclasses import dataclass

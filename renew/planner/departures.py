@@ -76,7 +76,7 @@ class Sailing:
 
     @property
     def error(self) -> PlanningError:
-        """Why there is no path, with what would help."""
+        """Why there is no path, with remedies."""
         if not self.rejected and self.cause is not None:
             return self.cause
         return no_class_error(self.rejected, self.planner)

@@ -22,7 +22,7 @@ _Shortfall: TypeAlias = tuple[IntArray, FloatArray]
 """Constrained edges, and by how much their padding is too small (m)."""
 
 Shortfalls: TypeAlias = tuple[_Shortfall | None, ...]
-"""What padding lacks on the way to each via point, and to the goal; None where it is enough."""
+"""Shortfall of padding on the way to each via point, and to the goal; None where it is enough."""
 
 
 class _HasCorridor(Protocol):

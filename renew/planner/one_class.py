@@ -42,7 +42,7 @@ class ClassPath(NamedTuple):
     """The best path (n, 2) of a class, its trajectory (m, 4), fuel, and where it was found.
 
     `harmonic_mean` is the figure by which its class is chosen; where the vessel chooses its speeds
-    the `profile` has those along the path.
+    the `profile` has the speeds along the path.
     """
 
     corridor: Corridor

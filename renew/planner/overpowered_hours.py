@@ -4,7 +4,7 @@ Water is shut while its current is nearly as strong as the vessel is fast, or st
 way it flows. Where water is shut for a while only, a vessel that comes later may be through first;
 the search, in which no vessel waits, gives the best path *without waiting*.
 
-What counts for a class are the places on its way, and at each the time from the vessel's earliest
+For a class the places on its way count, and at each place the time from the vessel's earliest
 arrival there to its latest departure. A route has its own times. Along the rough path by which a
 class was found the vessel is taken to wait wherever it meets shut water, until that opens. So the
 hours of a class that fails are the hours at which the vessel would come to the place of failure.

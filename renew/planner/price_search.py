@@ -1,10 +1,10 @@
 """Speeds in a steady current, by a price of time.
 
 The deadline gets a Lagrange multiplier: at a price λ of time the planner looks for the classes and
-paths of least fuel + λ time, as it does for those of least time, and along a path the price at
-which the deadline is just met gives the speeds of least fuel (:mod:`renew.paths.speed_profile`). It
-is the next price, until it changes no more. The price is found for the best class first, and then
-for each class by itself, since each class has its own.
+paths of least fuel + λ time, as elsewhere for those of least time; along a path the price at which
+the deadline is just met gives the speeds of least fuel (:mod:`renew.paths.speed_profile`). It is
+the next price, until it changes no more. The price is found for the best class first, and then for
+each class by itself, since each class has its own.
 """
 
 import functools

@@ -91,7 +91,7 @@ def contingency(
     route : Route
         Anything with a `path` (n, 2) in metres.
     chart : Chart
-        Its no-go zone is what must not be touched; need not be the chart planned on.
+        No turn may touch its no-go zone; it need not be the chart planned on.
     current : CurrentField or callable
         The field flown in.
     vessel : Vessel
@@ -111,7 +111,7 @@ def contingency(
         Drift model by which the time of passage is reckoned.
     speeds : array_like, optional
         Speeds through water (n - 1,), m/s, at which the legs are sailed and turns are flown; by
-        default those that were chosen for the route, or the vessel's.
+        default the speeds chosen for the route, or the vessel's.
 
     Returns
     -------

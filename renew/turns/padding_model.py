@@ -29,7 +29,7 @@ from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, furthest_reach, no
 
 # Number of triangles by which a path may bulge out of its channel, or of the path it is found by.
 _LAYERS = 2
-# Number of triangles that are surveyed beside those asked for: fewer cost no less time.
+# Number of triangles that are surveyed besides the ones asked for: fewer cost no less time.
 _BATCH = 128
 # Factor by which edges are looked for further off than a reach asks for where the current changes:
 # the reach may be larger in the next window of time.
@@ -143,7 +143,7 @@ def region_of(triangulation: Triangulation, channel: Channel) -> dict[int, int]:
 
 
 class PaddingModel:
-    """Paddings on one triangulation in a current; what channels share is computed once."""
+    """Paddings on one triangulation in a current; parts that channels share are computed once."""
 
     def __init__(
         self,
@@ -177,8 +177,9 @@ class PaddingModel:
 
         Next to means: within the furthest reach of a turn. So all edges count that touch the
         channel by edge or vertex (the paper's rule), and edges just beyond a narrow triangle. An
-        edge that is near triangles beside the channel only is padded as those need it, since a path
-        may bulge into them; the path is assumed to cross them as it does the channel beside them.
+        edge that is near triangles beside the channel only is padded as these triangles need it,
+        since a path may bulge into them; the path is assumed to cross them as it does the channel
+        beside them.
         """
         middle = channel.midline(start, goal)
         transitions = channel.transitions

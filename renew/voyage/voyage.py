@@ -1,4 +1,4 @@
-"""What every step of a plan is given: chart, current, vessel, start and goal, in one object."""
+"""The voyage that every step of a plan works on: chart, current, vessel, start and goal."""
 
 from __future__ import annotations
 
@@ -275,7 +275,7 @@ class Voyage:
 
     @cached_property
     def _arrivals(self) -> dict[bytes, FloatArray]:
-        """Times at the points of paths: each step towards a route asks for those of the last."""
+        """Times at the points of paths, kept because each step towards a route asks again."""
         return {}
 
     def _timed(self, path: FloatArray) -> FloatArray:
