@@ -12,10 +12,9 @@ from typing import Annotated
 import typer
 
 from experiments.jobs import Result
-from pipeline.cli.ending import short_path
-from pipeline.cli.failures import reported_errors
-from pipeline.cli.interruption import ending_promptly
-from pipeline.cli.waiting import still_at_work
+from pipeline.cli.failures import ending_promptly, reported_errors
+from pipeline.cli.log_lines import still_at_work
+from pipeline.machine.paths import short_path
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 

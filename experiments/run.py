@@ -22,7 +22,7 @@ from experiments.tables.tables import Findings, Results, tables
 from experiments.workers import begin_warming, processors, results_of
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.manifest import versions
-from pipeline.running.session import session
+from pipeline.session import session
 
 NAME = "experiments"
 """Folder of the results, in the folder of all results."""

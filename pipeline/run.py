@@ -1,6 +1,7 @@
 """Run the seven stages of a scenario in order; its seasons are planned as independent tasks."""
 
 import contextlib
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -9,16 +10,16 @@ from typing import Literal
 
 from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.result import RunResult
+from pipeline.machine.interpreters import cores, python_command, python_environment
 from pipeline.machine.store import Made, Store, artefact_key, file_hash
-from pipeline.model import Note, Say
-from pipeline.running.first_compilation import first_compilation
-from pipeline.running.outcome import Event, EventHandler, Outcome, Stage, ignore
-from pipeline.running.session import Origin, session
+from pipeline.model.inputs import Note, Say
+from pipeline.outcome import Event, EventHandler, Outcome, Stage, ignore
 from pipeline.scenario.model import Scenario
+from pipeline.session import Origin, session
 from pipeline.stages.choose import choose
 from pipeline.stages.choosing.coverage import require_covered
 from pipeline.stages.choosing.departures import Chosen
-from pipeline.stages.choosing.region_search import search_region
+from pipeline.stages.choosing.region import search_region
 from pipeline.stages.compare import compare
 from pipeline.stages.fetch import fetch
 from pipeline.stages.plan import plan_seasons
@@ -26,6 +27,8 @@ from pipeline.stages.project import projected
 from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import simplify
 from pipeline.stages.write import load_libraries, write
+
+_COMPILE = "from renew.warming import rehearse_half; rehearse_half({half})"
 
 
 def run(
@@ -210,3 +213,43 @@ class _Stages:
             (directory / name).is_file() and file_hash(directory / name) == digest
             for name, digest in hashes.items()
         )
+
+
+@contextlib.contextmanager
+def first_compilation() -> Iterator[Callable[[], None]]:
+    """Start to compile if nothing is compiled yet; yield a function that waits for the end.
+
+    If a process fails or is killed, kernels that it did not compile are compiled when they are
+    called. With a single core, or without a lasting cache, no process is started.
+    """
+    processes = [_compiling(half) for half in range(2)] if _pays() else []
+    try:
+        yield lambda: _wait(processes)
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+def _pays() -> bool:
+    """Whether nothing is compiled yet, and two processes can run in parallel."""
+    from renew._compiled import is_cold
+
+    return cores() > 1 and is_cold()
+
+
+def _compiling(half: int) -> subprocess.Popen[bytes]:
+    """Start a process that compiles half of the kernels, 0 or 1."""
+    return subprocess.Popen(  # noqa: S603 - this interpreter
+        python_command("-c", _COMPILE.format(half=half)),
+        env=python_environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def _wait(processes: list[subprocess.Popen[bytes]]) -> None:
+    """Wait until all processes have ended."""
+    for process in processes:
+        process.wait()

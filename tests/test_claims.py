@@ -16,8 +16,7 @@ from pydantic import BaseModel
 
 import renew
 from experiments.environments.model import Case, EnvironmentSpec
-from pipeline.nightly.request.config import CaseTable, NightTable
-from pipeline.nightly.request.departures import DepartureSpec
+from pipeline.nightly.request.config import CaseTable, DepartureSpec, NightTable
 from pipeline.scenario.catalogue import VesselSpec
 from renew.inputs.options import Changes
 from tests import claims, command_reference, scenario_reference

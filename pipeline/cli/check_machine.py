@@ -8,16 +8,18 @@ import shutil
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, distribution, version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Literal
 
-from pipeline.cli.finding import Finding
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.paths import folder_to_write
 from pipeline.sources.land.osm import cache_file
 
+State = Literal["ok", "warning", "fault"]
 _DISTRIBUTION = "renew-planner"
 _PYTHON, _NEXT_PYTHON = (3, 11), (3, 14)
 # Time limit for reading the land, s.
@@ -37,6 +39,21 @@ _READ_LAND = (
     "print(len(wkb), wkb[:5].hex())\n"
 )
 _LAND_HEAD = "0106000000"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """The checked item `what`, its state, details, and a remedy for a warning or a fault."""
+
+    state: State
+    what: str
+    detail: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        """Return the finding as one line."""
+        remedy = f"; {self.remedy}" if self.remedy else ""
+        return f"{self.state:<8} {self.what}: {self.detail}{remedy}"
 
 
 def python() -> Finding:

@@ -1,25 +1,48 @@
-"""Print the end of a run: its table, the folder of its results, and its failures."""
+"""The end of a run on the command line: a table of its seasons, or JSON, and its failures."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from datetime import datetime
+from typing import NoReturn
 
 import typer
 
-if TYPE_CHECKING:
-    from pipeline.running.outcome import Outcome
+from pipeline.cli.progress import progress
+from pipeline.formats.shared import text
+from pipeline.formats.shared.note_words import note_json, note_texts, rejections
+from pipeline.formats.shared.result import unknowns
+from pipeline.formats.shared.writing import json_value
+from pipeline.machine.paths import short_path
+from pipeline.model import ClockWorth, RouteMetrics
+from pipeline.outcome import Outcome
+from pipeline.scenario.model import Scenario
+from pipeline.stages.write import season_stem
+
+_HEAD = "season,rank,way,length {unit},duration,clearance,fuel,F/D,gap,turns"
+# Number of the first columns that are left-aligned.
+_LEFT_ALIGNED = 3
+# If the longest route is shorter than this, lengths are in metres, not kilometres.
+_SHORT_M = 10_000.0
 
 
-def end(outcome: Outcome, *, as_json: bool = False, quiet: bool = False) -> NoReturn:
-    """Print an outcome as a table or JSON, or only its failures if `quiet`; exit with its code."""
+def run_to_end(
+    run: Callable[..., Outcome],
+    scenario: Scenario,
+    notes: Sequence[str],
+    *,
+    as_json: bool,
+    quiet: bool,
+) -> NoReturn:
+    """Run a scenario and show its progress; print the outcome, and exit with its code.
+
+    The outcome is a table or JSON; if `quiet`, only the failures are printed.
+    """
+    with progress(scenario, notes, quiet=quiet) as on_event:
+        outcome = run(on_event=on_event)
     if as_json:
-        from pipeline.cli.outcome_json import outcome_json
-
         typer.echo(outcome_json(outcome))
     elif not quiet:
-        from pipeline.cli.summary import season_table
-
         typer.echo(season_table(outcome))
         verb = "Written to" if outcome.fresh else "Unchanged in"
         typer.echo(f"\n{verb} {short_path(outcome.directory)} ({outcome.seconds:.1f} s)")
@@ -28,9 +51,166 @@ def end(outcome: Outcome, *, as_json: bool = False, quiet: bool = False) -> NoRe
     raise typer.Exit(outcome.exit_code)
 
 
-def short_path(path: Path) -> str:
-    """Return a path relative to the working directory if it lies inside."""
-    try:
-        return str(path.relative_to(Path.cwd()))
-    except ValueError:
-        return str(path)
+def season_table(outcome: Outcome) -> str:
+    """Return the run's table, with notes before and after it.
+
+    For each season it has the best route on each side of the main island.
+    """
+    lengths = [row.length_m for row in outcome.evaluation.routes]
+    unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
+    head = tuple(_HEAD.format(unit=unit).split(","))
+    rows: list[tuple[str, ...]] = [head]
+    passed: set[str] = set()
+    for plan in outcome.plans:
+        if plan.plan is None:
+            blank = ("",) * (len(head) - _LEFT_ALIGNED)
+            rows.append((text.season_name(plan.season), "-", "not planned", *blank))
+            continue
+        seen: set[str] = set()
+        for row in outcome.evaluation.routes:
+            if row.season == plan.season and row.main_passage not in seen:
+                seen.add(row.main_passage)
+                passed.update(name for passage in row.passages for name in passage.islands)
+                rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    lines = [*_unused_currents(outcome)]
+    lines += [f"{text.capitalised(choice)}." for choice in outcome.choices]
+    lines += [""] * bool(outcome.choices)
+    found = unknowns(outcome.result)
+    lines += ["Not known:", *(f"- {line}" for line in note_texts(found)), ""] * bool(found)
+    lines += [
+        "  ".join(
+            cell.ljust(width) if i < _LEFT_ALIGNED else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    if places := [
+        f"{'island ' * (not island.name)}{island.label} at {island.place}"
+        for island in outcome.evaluation.islands
+        if island.label in passed
+    ]:
+        lines.append(f"\nPassed: {'; '.join(places)}.")
+    no_go = outcome.fetched.land.no_go_name
+    lines += [
+        f"\n{text.season_name(one.season)}: {text.gap_text(one, no_go)}"
+        for one in outcome.evaluation.gap_shares
+    ]
+    rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
+    routes = text.count(len(outcome.evaluation.routes), "route", "routes")
+    classes = text.count(rejected, "rejected class", "rejected classes")
+    lines.append(
+        "\nThe best route on each side of the main island. In report.html: "
+        f"{routes}; {classes}, with reasons."
+    )
+    return "\n".join(lines)
+
+
+def _unused_currents(outcome: Outcome) -> Iterator[str]:
+    """Yield one line on preferred currents that were not used, if there are any."""
+    unused: dict[str, list[str]] = {}
+    for grid in outcome.fetched.currents:
+        for passed in grid.passed_over:
+            unused.setdefault(f"{passed.source} ({passed.reason})", []).append(
+                text.season_name(grid.season)
+            )
+    if unused:
+        reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
+        yield f"Currents NOT used: {'; '.join(reasons)}\n"
+
+
+def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
+    """Return one route's cells; the last is "collisions/all" of the simulated hard-over turns."""
+    kept = text.clearance(row.clearance_m) if row.has_land else "-"
+    return (
+        text.season_name(row.season),
+        str(row.rank),
+        row.way or "-",
+        f"{row.length_m / unit_m:.1f}",
+        text.days(row.duration_s) or text.hours(row.duration_s),
+        kept,
+        text.fuel(row.fuel),
+        f"{row.fuel_per_distance:.3f}",
+        text.gap_figure(row.optimality_gap) if math.isfinite(row.optimality_gap) else "-",
+        f"{row.collisions}/{row.trials:,}" if row.has_land else "-",
+    )
+
+
+def outcome_json(outcome: Outcome) -> str:
+    """Return an outcome as JSON on one line; numbers that are not finite are null.
+
+    Lengths are in true metres, durations in seconds. `files` of the best route are all files of its
+    season. `files` of another route are those with all routes of the season: a GPX and a GeoJSON.
+    """
+    files = sorted(path.name for path in outcome.directory.iterdir() if path.is_file())
+    fields = {
+        "scenario": outcome.scenario.name,
+        "directory": str(outcome.directory),
+        "files": files,
+        "routes": [
+            _route(
+                row,
+                outcome.scenario.passage(row.season, round(row.duration_s)),
+                season_stem(outcome.scenario.name, row.season),
+                files,
+            )
+            for row in outcome.evaluation.routes
+        ],
+        "rejected": [
+            {"season": plan.season, **json_value(one)}
+            for plan in outcome.plans
+            for one in rejections(outcome.result, plan.season)
+        ],
+        "clock_worth": [_clock_worth(one) for one in outcome.evaluation.clock_worths],
+        "unknown": note_texts(outcome.result.unknowns),
+        "notes": note_texts(outcome.fetched.notes),
+        "note_values": json_value([note_json(note) for note in outcome.fetched.notes]),
+        "failures": list(outcome.failures),
+    }
+    return json.dumps(fields, ensure_ascii=False, allow_nan=False)
+
+
+def _route(
+    row: RouteMetrics, passage: tuple[datetime, datetime] | None, stem: str, files: list[str]
+) -> dict[str, object]:
+    """Return one route's values and the files that contain it."""
+    of_all = ("-all.gpx", ".geojson")
+    of_best = (".rtz", ".gpx", *of_all, ".kml", ".plan", ".waypoints")
+    return {
+        "season": row.season,
+        "rank": row.rank,
+        "way": row.way,
+        "class": row.homotopy,
+        "fuel": row.fuel,
+        "length_m": row.length_m,
+        "clearance_m": _finite(row.clearance_m),
+        "duration_s": row.duration_s,
+        "speed_through_water_m_s": row.speed_m_s,
+        "departure": passage[0].isoformat() if passage else None,
+        "arrival": passage[1].isoformat() if passage else None,
+        "optimality_gap": _finite(row.optimality_gap),
+        "filled_share": row.filled_share,
+        "uncharted_share": _finite(row.uncharted_share),
+        "files": [
+            name
+            for name in (f"{stem}{end}" for end in (of_best if row.rank == 1 else of_all))
+            if name in files
+        ],
+    }
+
+
+def _clock_worth(worth: ClockWorth) -> dict[str, object]:
+    """Return the fuel of plans for a steady current, sailed in a season's changing current."""
+    return {
+        "season": worth.season,
+        "best_fuel": worth.best,
+        "departure_plan_fuel": _finite(worth.frozen),
+        "mean_plan_fuel": _finite(worth.mean),
+        "shortest_path_fuel": _finite(worth.shortest),
+        "fuel_bound": worth.bound,
+    }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, or None if it is not finite, as the clearance without any land."""
+    return value if math.isfinite(value) else None

@@ -14,45 +14,31 @@ Exit codes:
 Results go to standard output; progress, notes and errors to standard error.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipeline.cli.earlier_results import dating_earlier_results
-from pipeline.cli.ending import end, short_path
-from pipeline.cli.failures import BriefRefusals, reported_errors
+from pipeline.cli import failures, options
+from pipeline.cli.failures import reported_errors
 from pipeline.cli.go import NegativeFigures, go
-from pipeline.cli.interruption import ending_promptly
+from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.nightly import app as nightly_app
-from pipeline.cli.options import (
-    ChartsOption,
-    CurrentsOption,
-    ExplainGapOption,
-    JsonOption,
-    OfflineOption,
-    OutputOption,
-    QuietOption,
-    ScenarioArgument,
-    StrictOption,
-)
-from pipeline.cli.waiting import still_at_work
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory
 
 if TYPE_CHECKING:
-    from pipeline.running.session import Origin
     from pipeline.scenario.model import Scenario
+    from pipeline.session import Origin
 
 app = typer.Typer(
     name="renew",
-    cls=BriefRefusals,
+    cls=failures.BriefRefusals,
     help="Vessel routes that are safe and cheap in ocean currents.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -63,7 +49,7 @@ app = typer.Typer(
 def main() -> None:
     """Entry point `renew`."""
     _open_missing_streams()
-    with ending_promptly(), ignoring_working_directory():
+    with failures.ending_promptly(), ignoring_working_directory():
         app()
 
 
@@ -81,14 +67,12 @@ def _open_missing_streams() -> None:
 def _version(asked: bool) -> None:  # noqa: FBT001 - typer calls it with the option's value
     if asked:
         with reported_errors():
-            from pipeline.cli.version import program_version
-
-            typer.echo(f"renew {program_version()}")
+            typer.echo(f"renew {failures.program_version()}")
         raise typer.Exit
 
 
 @app.callback()
-def options(
+def root(
     *,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
@@ -104,16 +88,16 @@ _MIN_LIMIT_S = 1.0
 
 @app.command()
 def run(
-    scenario: ScenarioArgument,
+    scenario: options.Scenario,
     *,
-    output: OutputOption = Path("outputs"),
-    offline: OfflineOption = False,
-    charts: ChartsOption = None,
-    currents: CurrentsOption = None,
-    strict: StrictOption = False,
-    explain_gap: ExplainGapOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: options.Output = Path("outputs"),
+    offline: options.Offline = False,
+    charts: options.Charts = None,
+    currents: options.Currents = None,
+    strict: options.Strict = False,
+    explain_gap: options.ExplainGap = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
     limit: Annotated[
         float | None,
         typer.Option(
@@ -122,28 +106,25 @@ def run(
             help="Time limit of a season; if it takes longer it fails, and the others are written.",
         ),
     ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
-    ] = None,
+    scheduler: options.Scheduler = None,
 ) -> None:
     """Plan a scenario's routes and write them to OUTPUT/<scenario>/."""
-    with reported_errors(), dating_earlier_results(output, scenario):
+    with reported_errors(), failures.dating_earlier_results(output, scenario):
         wanted = _wanted(scenario, output, charts, currents)
-        from pipeline.cli.progress import progress
+        from pipeline.cli.ending import run_to_end
         from pipeline.run import run as run_scenario
 
-        with progress(wanted.scenario, wanted.notes, quiet=quiet) as on_event:
-            outcome = run_scenario(
-                wanted.scenario.explaining_gap() if explain_gap else wanted.scenario,
-                output,
-                offline=offline,
-                strict=strict,
-                scheduler=scheduler,
-                limit_s=limit,
-                origin=wanted.origin,
-                on_event=on_event,
-            )
-        end(outcome, as_json=as_json, quiet=quiet)
+        run = partial(
+            run_scenario,
+            wanted.scenario.explaining_gap() if explain_gap else wanted.scenario,
+            output,
+            offline=offline,
+            strict=strict,
+            scheduler=scheduler,
+            limit_s=limit,
+            origin=wanted.origin,
+        )
+        run_to_end(run, wanted.scenario, wanted.notes, as_json=as_json, quiet=quiet)
 
 
 app.command(cls=NegativeFigures)(go)
@@ -152,7 +133,7 @@ app.add_typer(nightly_app, name="nightly")
 
 @app.command()
 def plot(
-    scenario: ScenarioArgument,
+    scenario: options.Scenario,
     *,
     season: Annotated[
         list[str] | None,
@@ -166,10 +147,10 @@ def plot(
     width: Annotated[
         Width, typer.Option(help="Width of a journal's column (3.3 in) or page (7 in), or screen.")
     ] = Width.SCREEN,
-    output: OutputOption = Path("outputs"),
-    offline: OfflineOption = False,
-    charts: ChartsOption = None,
-    currents: CurrentsOption = None,
+    output: options.Output = Path("outputs"),
+    offline: options.Offline = False,
+    charts: options.Charts = None,
+    currents: options.Currents = None,
 ) -> None:
     """Draw a scenario's figures to OUTPUT/<scenario>/figures/.
 
@@ -179,6 +160,7 @@ def plot(
         wanted = _wanted(scenario, output, charts, currents)
         from pipeline.cli.plot import plot as plot_scenario
         from pipeline.cli.progress import progress
+        from pipeline.machine.paths import short_path
 
         with progress(wanted.scenario, wanted.notes) as on_event:
             drawn = plot_scenario(
@@ -204,7 +186,7 @@ def plot(
 @app.command("list")
 def list_entries(
     *,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: options.JsonOnly = False,
 ) -> None:
     """List the catalogue: scenarios and what they need, vessels, sources."""
     with reported_errors():
@@ -238,8 +220,7 @@ def check(
         found = load_scenario(file)
         # After loading, so that faults in the file are reported at once.
         from pipeline.errors import RequestError
-        from pipeline.stages.choosing.coverage import uncovered_seasons
-        from pipeline.stages.projecting.endpoint_look import endpoints_on_land
+        from pipeline.stages.choosing.coverage import endpoints_on_land, uncovered_seasons
 
         if faults := [*uncovered_seasons(found), *endpoints_on_land(found)]:
             raise RequestError(faults)
@@ -252,7 +233,7 @@ def check(
 @app.command()
 def clean(
     *,
-    output: OutputOption = Path("outputs"),
+    output: options.Output = Path("outputs"),
     older: Annotated[
         str, typer.Option(help="Remove files that were not used for this long: 30d, 12h, 2w.")
     ] = "30d",
@@ -263,20 +244,20 @@ def clean(
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
     with reported_errors(), still_at_work():
-        from pipeline.cli.clean import clean as clean_store
+        from pipeline.cli.listing import freed
 
-        typer.echo(clean_store(output, older=older, everything=everything))
+        typer.echo(freed(output, older=older, everything=everything))
 
 
 @app.command()
 def doctor(
     *,
-    output: OutputOption = Path("outputs"),
-    offline: OfflineOption = False,
+    output: options.Output = Path("outputs"),
+    offline: options.Offline = False,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler to check, with its workers.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: options.JsonOnly = False,
 ) -> None:
     """Check that this machine can run RENEW; exit code 1 if something would make a run fail."""
     with reported_errors(), still_at_work():
@@ -305,9 +286,9 @@ def warm() -> None:
 class _Wanted:
     """The requested scenario, its file, and notes on how it was loaded."""
 
-    scenario: Scenario
-    origin: Origin
-    notes: list[str] = field(default_factory=list)
+    scenario: "Scenario"
+    origin: "Origin"
+    notes: list[str]
 
 
 def _wanted(
@@ -321,7 +302,7 @@ def _wanted(
     folder_to_write(output, "--output")
     notes: list[str] = []
     scenario = load_scenario(asked, charts=charts, currents=currents or (), on_note=notes.append)
-    from pipeline.running.session import Origin
+    from pipeline.session import Origin
 
     return _Wanted(scenario, Origin.of(scenario_path(asked)), notes)
 

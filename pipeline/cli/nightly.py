@@ -1,20 +1,15 @@
 """The commands `renew nightly check | run | status | show`: plan many cases, unattended."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.waiting import still_at_work
-
-if TYPE_CHECKING:
-    from pipeline.nightly.outcome import NightOutcome
-    from pipeline.nightly.request.config import NightConfig
+from pipeline.cli.log_lines import still_at_work
 
 app = typer.Typer(
     help="Plan all cases of a night on the newest currents, and publish what changed.",
@@ -51,10 +46,10 @@ def check(
     """List all faults of a night's file with their lines; write nothing."""
     with reported_errors(), still_at_work():
         from pipeline.errors import RequestError
-        from pipeline.nightly.request.expansion import expand
-        from pipeline.nightly.request.pairs_in_water import pairs_on_land
+        from pipeline.nightly.request.config import load_config
+        from pipeline.nightly.request.expansion import expand, pairs_on_land
 
-        loaded = _loaded(config, output)
+        loaded = load_config(config, output)
         cases = expand(loaded, only=only, yes=yes)
         if faults := pairs_on_land(loaded, cases):
             raise RequestError(faults)
@@ -72,9 +67,7 @@ def run(
         str | None,
         typer.Option(metavar="I/N", help="Plan one share of N, as in a job array: 3/64."),
     ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
-    ] = None,
+    scheduler: options.Scheduler = None,
     yes: YesOption = False,
     metrics: Annotated[
         Path | None,
@@ -93,24 +86,26 @@ def run(
 ) -> None:
     """Plan every case on the newest currents, and then point OUTPUT/latest at the results."""
     with reported_errors():
-        from pipeline.cli.night_progress import night_progress
-        from pipeline.cli.night_watch import watched
+        from pipeline.cli.night_watch import night_progress, watched
         from pipeline.nightly.night import run_night
+        from pipeline.nightly.request.config import load_config
 
         _refuse_no_file(metrics)
         with night_progress() as on_event:
-
-            def night() -> NightOutcome:
-                return run_night(
-                    _loaded(config, output),
+            # The night's file is loaded inside, so that its faults are reported as a failed night.
+            outcome = watched(
+                lambda: run_night(
+                    load_config(config, output),
                     only=only,
                     share=_share(part),
                     scheduler=scheduler,
                     yes=yes,
                     on_event=on_event,
-                )
-
-            outcome = watched(night, metrics=metrics, url=ping, on_event=on_event)
+                ),
+                metrics=metrics,
+                url=ping,
+                on_event=on_event,
+            )
         typer.echo(outcome.message)
         raise typer.Exit(outcome.exit_code)
 
@@ -119,9 +114,10 @@ def run(
 def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> None:
     """Print the latest cycle, whether a job is at work, and its progress."""
     with reported_errors():
+        from pipeline.nightly.request.config import load_config
         from pipeline.nightly.status import status_lines
 
-        for line in status_lines(_loaded(config, output).output):
+        for line in status_lines(load_config(config, output).output):
             typer.echo(line)
 
 
@@ -134,22 +130,11 @@ def show(
 ) -> None:
     """Print a case of the last cycle: its route, and what changed."""
     with reported_errors():
+        from pipeline.nightly.request.config import load_config
         from pipeline.nightly.status import case_lines
 
-        for line in case_lines(_loaded(config, output).output, case):
+        for line in case_lines(load_config(config, output).output, case):
             typer.echo(line)
-
-
-def _loaded(config: Path | None, output: Path | None) -> NightConfig:
-    """Load the night's file."""
-    from pipeline.nightly.request.config import load_config
-
-    return load_config(config, output)
-
-
-def _is_regular(path: Path) -> bool:
-    """Whether a path is a file or a folder, not a pipe; writing to a folder gives a note later."""
-    return path.is_file() or path.is_dir()
 
 
 def _refuse_no_file(metrics: Path | None) -> None:
@@ -157,9 +142,10 @@ def _refuse_no_file(metrics: Path | None) -> None:
     from pipeline.errors import RequestError
     from pipeline.machine.paths import shown
 
-    # Not Path.exists, which raises an error if a name is too long.
-    if metrics is not None and os.path.exists(metrics) and not _is_regular(metrics):  # noqa: PTH110
-        raise RequestError([f"--metrics: {shown(metrics)} is no file; name one to replace"])
+    # Not Path.exists, which raises an error if a name is too long. A folder gives a note later.
+    if metrics is None or not os.path.exists(metrics) or metrics.is_file() or metrics.is_dir():  # noqa: PTH110
+        return
+    raise RequestError([f"--metrics: {shown(metrics)} is no file; name one to replace"])
 
 
 def _share(text: str | None) -> tuple[int, int]:

@@ -2,14 +2,13 @@
 
 import contextlib
 import sys
-import threading
 import time
 from collections.abc import Iterator, Sequence
-from typing import TextIO
 
+from pipeline.cli.log_lines import every, json_lines, log_event, progress_bar
 from pipeline.formats.shared.note_words import note_json
 from pipeline.formats.shared.writing import json_value
-from pipeline.running.outcome import STAGES, Event, EventHandler, ignore
+from pipeline.outcome import STAGES, Event, EventHandler, ignore
 from pipeline.scenario.model import Scenario
 
 _DESCRIPTIONS = {
@@ -40,7 +39,7 @@ def progress(
         return
     seasons = [season.name for season in scenario.seasons]
     provider = _bar if sys.stderr.isatty() else _lines
-    with provider(scenario.name, seasons, sys.stderr) as on_event:
+    with provider(scenario.name, seasons) as on_event:
         for note in (*notes, *_machine_notes()):
             on_event(Event("fetch", "note", detail=note))
         yield on_event
@@ -58,21 +57,10 @@ def _machine_notes() -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[EventHandler]:
+def _bar(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
     """Show a bar with a step for each stage and each season."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    console = Console(file=stream)
-    columns = (
-        TextColumn("{task.fields[scenario]}", style="bold", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.description}", markup=False),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("Starting", total=len(STAGES) + len(seasons), scenario=scenario)
+    with progress_bar(scenario) as bar:
+        task = bar.add_task("Starting", total=len(STAGES) + len(seasons))
 
         def on_event(event: Event) -> None:
             if event.status == "begun":
@@ -82,7 +70,7 @@ def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Even
             elif event.status == "part":
                 bar.update(task, description=f"{_DESCRIPTIONS[event.stage]} {event.detail}")
             elif event.status == "note":
-                console.print(f"note: {event.detail}", markup=False, highlight=False)
+                bar.console.print(f"note: {event.detail}", markup=False, highlight=False)
             else:
                 bar.advance(task)
 
@@ -90,40 +78,25 @@ def _bar(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[Even
 
 
 @contextlib.contextmanager
-def _lines(scenario: str, seasons: Sequence[str], stream: TextIO) -> Iterator[EventHandler]:
+def _lines(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
     """Write a line of JSON for each event, and one every _HEARTBEAT_S while the run works."""
-    from pipeline.cli.json_lines import json_lines
-
-    log = json_lines(stream).bind(scenario=scenario)
+    log = json_lines(sys.stderr).bind(scenario=scenario)
     state = _State(seasons)
 
     def on_event(event: Event) -> None:
         state.update(event)
-        fields: dict[str, object] = {"stage": event.stage}
-        if event.season:
-            fields["season"] = event.season
-        if event.detail:
-            fields["detail"] = event.detail
-        if event.note:
-            fields["note"] = json_value(note_json(event.note))
-        if event.status == "done" and event.seconds:
-            fields["seconds"] = round(event.seconds, 3)
-        level = {"failed": log.error, "note": log.warning}.get(event.status, log.info)
-        level(event.status, **fields)
+        seconds = event.seconds if event.status == "done" else 0.0
+        fields = {
+            "stage": event.stage,
+            "season": event.season,
+            "detail": event.detail,
+            "note": event.note and json_value(note_json(event.note)),
+            "seconds": round(seconds, 3) if seconds else None,
+        }
+        log_event(log, event.status, {name: value for name, value in fields.items() if value})
 
-    ended = threading.Event()
-
-    def beat() -> None:
-        while not ended.wait(_HEARTBEAT_S):
-            log.info("working", **state.fields())
-
-    thread = threading.Thread(target=beat, daemon=True)
-    thread.start()
-    try:
+    with every(_HEARTBEAT_S, lambda: log.info("working", **state.fields())):
         yield on_event
-    finally:
-        ended.set()
-        thread.join()
 
 
 class _State:

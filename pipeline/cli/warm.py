@@ -1,12 +1,14 @@
 """The command `renew warm`: compile the planner's code before the first run needs it."""
 
 import contextlib
+import itertools
 import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from pipeline.cli.log_lines import json_lines, progress_bar
 from pipeline.errors import RequestError, StageError
 
 _MB = 1e6
@@ -22,25 +24,19 @@ def warm() -> str:
     StageError
         The machine code can't be saved.
     """
-    from renew._compiled import (
-        cache_folder,
-        cache_is_temporary,
-        is_switched_on,
-        processor,
-        save_failures,
-    )
+    from renew import _compiled
     from renew.warming import REHEARSALS, rehearse
 
-    if not is_switched_on():
+    if not _compiled.is_switched_on():
         raise RequestError(["NUMBA_DISABLE_JIT is set, and so nothing would be compiled: unset it"])
-    folder = cache_folder()
+    folder = _compiled.cache_folder()
     _refuse_elsewhere(folder)
     started = time.perf_counter()
     with _counted_compilations() as compiled, _progress(len(REHEARSALS)) as on_step:
         for what in rehearse():
             on_step(what, compiled())
         number = compiled()
-    if failures := save_failures():
+    if failures := _compiled.save_failures():
         raise StageError(
             f"can't keep machine code in {folder}: {failures[0].strerror or failures[0]}; make "
             "room there, or set NUMBA_CACHE_DIR to another folder"
@@ -48,8 +44,9 @@ def warm() -> str:
     size = sum(file.stat().st_size for file in folder.iterdir()) / _MB
     seconds = time.perf_counter() - started
     done = f"Compiled {number:,} functions" if number else "Nothing had to be compiled"
-    text = f"{done} ({seconds:.1f} s); machine code for {processor()} in {folder} ({size:.1f} MB)"
-    if cache_is_temporary():
+    text = f"{done} ({seconds:.1f} s); machine code for "
+    text += f"{_compiled.processor()} in {folder} ({size:.1f} MB)"
+    if _compiled.cache_is_temporary():
         text += ". That is a temporary folder: set NUMBA_CACHE_DIR to one that lasts"
     return text
 
@@ -75,41 +72,14 @@ def _counted_compilations() -> Iterator[Callable[[], int]]:
 @contextlib.contextmanager
 def _progress(steps: int) -> Iterator[Callable[[str, int], None]]:
     """Yield a function that reports a step: as a bar on a terminal, else as a line of JSON."""
-    provider = _bar if sys.stderr.isatty() else _lines
-    with provider(steps) as on_step:
-        yield on_step
-
-
-@contextlib.contextmanager
-def _bar(steps: int) -> Iterator[Callable[[str, int], None]]:
-    """Show a bar with a step for each plan."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("Compiling", style="bold"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.description}"),
-        TimeElapsedColumn(),
+    if sys.stderr.isatty():
+        with progress_bar("Compiling") as bar:
+            task = bar.add_task("starting", total=steps, completed=-1)
+            yield lambda what, compiled: bar.update(
+                task, advance=1, description=f"{what} ({compiled} so far)"
+            )
+        return
+    log, numbers = json_lines(sys.stderr), itertools.count()
+    yield lambda what, compiled: log.info(
+        "compiling", step=next(numbers), steps=steps, plan=what, compiled=compiled
     )
-    with Progress(*columns, console=Console(file=sys.stderr), transient=True) as bar:
-        task = bar.add_task("starting", total=steps, completed=-1)
-        yield lambda what, compiled: bar.update(
-            task, advance=1, description=f"{what} ({compiled} so far)"
-        )
-
-
-@contextlib.contextmanager
-def _lines(steps: int) -> Iterator[Callable[[str, int], None]]:
-    """Write each step as a line of JSON."""
-    from pipeline.cli.json_lines import json_lines
-
-    log, done = json_lines(sys.stderr), 0
-
-    def on_step(what: str, compiled: int) -> None:
-        nonlocal done
-        log.info("compiling", step=done, steps=steps, plan=what, compiled=compiled)
-        done += 1
-
-    yield on_step

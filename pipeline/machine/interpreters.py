@@ -94,3 +94,8 @@ def _kill_session(process: subprocess.Popen[str]) -> None:
     except ProcessLookupError:
         process.kill()
     process.wait()
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

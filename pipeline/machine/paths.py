@@ -156,3 +156,11 @@ def _failure(path: Path, error: OSError) -> str:
             return f"is a symbolic link to {shown(path.readlink())}, which does not exist"
         return NOT_THERE
     return f"can't be read: {error.strerror}"
+
+
+def short_path(path: Path) -> str:
+    """Return a path relative to the working directory if it lies inside."""
+    try:
+        return str(path.relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)

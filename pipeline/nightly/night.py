@@ -3,8 +3,6 @@
 After an error, the link `latest` still points at the earlier cycle.
 """
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Iterator
@@ -15,36 +13,19 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
 from pipeline.machine.files import file_lock
-from pipeline.machine.store import Store
-from pipeline.nightly.cycle.folders import LATEST, Cycles, writing
-from pipeline.nightly.cycle.lock import night_lock
-from pipeline.nightly.cycle.record import (
-    faults_of,
-    finished_at,
-    reason_to_revise,
-    record_of,
-    summary,
-    write_record,
-)
-from pipeline.nightly.outcome import (
-    DONE,
-    OUTCOMES,
-    BusyError,
-    ComeAgainError,
-    NightEvent,
-    NightEventHandler,
-    NightOutcome,
-    NightStage,
-    ignore,
-)
+from pipeline.machine.store import MAX_STORE_BYTES, Store, prune, remove_unfinished
+from pipeline.nightly import outcome
+from pipeline.nightly.cycle import results
+from pipeline.nightly.cycle.folders import LATEST, Cycles, night_lock, writing
+from pipeline.nightly.cycle.part import Partial, gaps
+from pipeline.nightly.outcome import NightEvent, NightEventHandler, NightOutcome, NightStage
 from pipeline.nightly.request.cases import Cases, request_hash
-from pipeline.nightly.request.expansion import expand
+from pipeline.nightly.request.config import NightConfig
+from pipeline.nightly.request.expansion import expand, pairs_on_land
 from pipeline.nightly.request.newest_currents import Newest, base_of, newest_currents
 
 if TYPE_CHECKING:
-    from pipeline.nightly.cycle.look_back import LookBack
     from pipeline.nightly.planning.planning import Planning
-    from pipeline.nightly.request.config import NightConfig
 
 _ONLY = "only"
 _HOUR_S = 3600.0
@@ -107,7 +88,7 @@ class _Night:
     seconds: dict[str, float] = field(default_factory=dict)
     newest: Newest = field(init=False)
     cycles: Cycles = field(init=False)
-    _look_back: LookBack = field(init=False)
+    _look_back: results.LookBack = field(init=False)
     _revises: str = ""
     _current_stage: NightStage = "look"
 
@@ -122,14 +103,12 @@ class _Night:
     def run(self) -> NightOutcome:
         """Plan and publish the cycle, unless it is published already."""
         with self._stage("look"):
-            last_night = finished_at(self.cycles.folder(self.cycles.latest or LATEST))
+            last_night = results.finished_at(self.cycles.folder(self.cycles.latest or LATEST))
             self.newest = newest_currents(self.cases, self.started, last_night)
             for reason in self.newest.ahead.values():
                 self._note(reason)
             if (settled := self._settled()) is not None:
                 return settled
-            from pipeline.nightly.request.pairs_in_water import pairs_on_land
-
             if faults := pairs_on_land(self.config, self.cases):
                 raise RequestError(faults)
             self._note(f"{len(self.cases):,} cases on the currents of {self.newest.cycle}")
@@ -138,7 +117,7 @@ class _Night:
             if (settled := self._settled() or self._named()) is not None:
                 return settled
             planning = self._planning(is_alone=is_alone)
-            if faults_of(planning.partial.folder):
+            if results.faults_of(planning.partial.folder):
                 self._plan(planning)
             if is_alone:
                 return self._publish(planning)
@@ -167,13 +146,13 @@ class _Night:
             if newest.time is None and not newest.is_timeless:
                 stale = "the currents have no date"
             if stale:
-                raise ComeAgainError(
+                raise outcome.ComeAgainError(
                     f"nothing new: the currents of {latest} have been planned on, and {stale}; "
                     "come again later, and check that newer currents are still published"
                 )
             return self._outcome_of(latest, "nothing to do: these currents have been planned on")
         if self.cycles.is_older(latest, newest.time):
-            raise ComeAgainError(
+            raise outcome.ComeAgainError(
                 f"the currents of {newest.cycle} are older than those of the last cycle, {latest}; "
                 f"come again later or, if {latest} is dated wrongly, move "
                 f"{self.cycles.folder(latest)} away and run again"
@@ -182,7 +161,7 @@ class _Night:
 
     def _reason_to_revise(self, cycle: str) -> str:
         """Return why a finished cycle on these currents must be planned again, or ""."""
-        return reason_to_revise(self.cycles.folder(cycle), self.request, self.newest.digest)
+        return results.reason_to_revise(self.cycles.folder(cycle), self.request, self.newest.digest)
 
     def _named(self) -> NightOutcome | None:
         """Publish this cycle if a killed job finished it without changing `latest`; else None."""
@@ -196,8 +175,6 @@ class _Night:
     @contextlib.contextmanager
     def _alone(self, *, shared: bool) -> Iterator[None]:
         """Hold the locks of the output folder and its store; if not `shared`, remove leftovers."""
-        from pipeline.machine.store import remove_unfinished
-
         output = self.cycles.output
         with writing(output):
             output.mkdir(parents=True, exist_ok=True)
@@ -208,28 +185,26 @@ class _Night:
                     file_lock(store / "store.lock", shared=True, wait_s=60.0)
                 )
             if not shares:
-                raise BusyError(f"another program is cleaning {store}: wait until it has ended")
+                raise outcome.BusyError(
+                    f"another program is cleaning {store}: wait until it has ended"
+                )
             if not shared:
                 self.cycles.remove_leftovers()
                 remove_unfinished(store, "nightly")
             yield
 
-    def _planning(self, *, is_alone: bool) -> Planning:
+    def _planning(self, *, is_alone: bool) -> "Planning":
         """Open the cycle's folder, and return the planning of its cases."""
-        from pipeline.machine.store import Store
-        from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierRoutes
-        from pipeline.nightly.cycle.look_back import look_back
-        from pipeline.nightly.cycle.partial import Partial
-        from pipeline.nightly.planning.comparison import Rules
         from pipeline.nightly.planning.planning import Planning
-        from pipeline.stages.workers.connection import own_identity
+        from pipeline.nightly.planning.worker import Rules
+        from pipeline.stages.seasons.connection import own_identity
 
         identity, latest = own_identity(), self.cycles.latest
         if base_of(latest) == self.newest.cycle:
             self._revises = self._reason_to_revise(latest)
             self._note(f"planned anew: {self._revises}")
         self.newest = replace(self.newest, cycle=self.cycles.free_name(self.newest.cycle))
-        self._look_back = look_back(self.cycles)
+        self._look_back = results.look_back(self.cycles)
         for note in self._look_back.notes:
             self._note(note)
         compared = self._look_back.cycle
@@ -240,7 +215,9 @@ class _Night:
         )
         earlier = None
         if compared:
-            earlier = EarlierRoutes(compared, self.cycles.folder(compared) / CASES_FILE)
+            earlier = results.EarlierRoutes(
+                compared, self.cycles.folder(compared) / results.CASES_FILE
+            )
         return Planning(
             self.cases,
             self.newest,
@@ -258,11 +235,10 @@ class _Night:
 
     # --- the work ---
 
-    def _plan(self, planning: Planning) -> None:
+    def _plan(self, planning: "Planning") -> None:
         """Prepare charts and currents, and plan the cases that no part file contains yet."""
-        from pipeline.nightly.cycle.part import gaps
-        from pipeline.nightly.planning.night_workers import night_workers
         from pipeline.nightly.planning.planning import Share
+        from pipeline.nightly.planning.work import night_workers
 
         total = len(self.cases)
         if not gaps(planning.partial.parts(), 0, total):
@@ -278,33 +254,35 @@ class _Night:
             with self._stage("plan"):
                 planning.plan(workers, Share.of_night(total, *self.share))
 
-    def _publish_if_last(self, planning: Planning) -> NightOutcome:
+    def _publish_if_last(self, planning: "Planning") -> NightOutcome:
         """Publish if all shares are done; otherwise leave it to the job that ends last."""
-        from pipeline.nightly.cycle.part import gaps
-
         i, n = self.share
         if not gaps(planning.partial.parts(), 0, len(self.cases)):
-            with contextlib.suppress(BusyError), self._alone(shared=False):
+            with contextlib.suppress(outcome.BusyError), self._alone(shared=False):
                 if (settled := self._settled()) is not None:
                     return settled
                 return self._publish(planning)
         message = f"share {i}/{n} is done; the last job to end publishes the cycle"
         return self._outcome(
-            self.cycles.latest, DONE, dict.fromkeys(OUTCOMES, 0), message, fresh=False
+            self.cycles.latest,
+            outcome.DONE,
+            dict.fromkeys(outcome.OUTCOMES, 0),
+            message,
+            fresh=False,
         )
 
-    def _publish(self, planning: Planning) -> NightOutcome:
+    def _publish(self, planning: "Planning") -> NightOutcome:
         """Write the cycle's files, check them, and point `latest` at them."""
         from pipeline.nightly.publishing.publishing import RESULTS, Publishing
 
         partial = planning.partial
-        if faults_of(partial.folder):
+        if results.faults_of(partial.folder):
             publishing = Publishing(planning, partial.folder, self._look_back, self._revises)
             with self._stage("publish"):
                 published = publishing.write()
             with self._stage("check"):
                 publishing.check()
-            write_record(
+            results.write_record(
                 partial.folder,
                 RESULTS,
                 {
@@ -331,8 +309,6 @@ class _Night:
 
     def _prune_store(self, store: Store) -> None:
         """Prune the store if it is too large, except everything that this night used."""
-        from pipeline.machine.store import MAX_STORE_BYTES, prune
-
         with contextlib.suppress(OSError):
             since = self.started.timestamp()
             prune(store.root, max_bytes=MAX_STORE_BYTES, keep_since=since)
@@ -341,10 +317,10 @@ class _Night:
 
     def _outcome_of(self, cycle: str, message: str, *, fresh: bool = False) -> NightOutcome:
         """Return the outcome in a finished cycle's record; exit code 0 unless it is `fresh`."""
-        record = record_of(self.cycles.folder(cycle))
-        counts = {name: int(record["cases_by_outcome"][name]) for name in OUTCOMES}
-        code = int(record["exit_code"]) if fresh else DONE
-        text = message or summary(record)
+        record = results.record_of(self.cycles.folder(cycle))
+        counts = {name: int(record["cases_by_outcome"][name]) for name in outcome.OUTCOMES}
+        code = int(record["exit_code"]) if fresh else outcome.DONE
+        text = message or results.summary(record)
         return self._outcome(cycle, code, counts, text, fresh=fresh)
 
     def _outcome(
@@ -389,7 +365,7 @@ class _Night:
 
     def _event(self, event: NightEvent) -> None:
         """Report an event."""
-        (self.handler or ignore)(event)
+        (self.handler or outcome.ignore)(event)
 
     def _check_time(self) -> None:
         """Raise StageError after the night's time limit."""

@@ -5,47 +5,23 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
-from pipeline.nightly.cycle.earlier import CASES_FILE
-from pipeline.nightly.cycle.folders import Cycles
-from pipeline.nightly.cycle.lock import holder_of, is_busy
+from pipeline.nightly.cycle.folders import Cycles, holder_of, is_busy
 from pipeline.nightly.cycle.part import covering, parts_in
-from pipeline.nightly.cycle.record import record_of
+from pipeline.nightly.cycle.results import CASES_FILE, record_of
 from pipeline.nightly.outcome import OUTCOMES
-from pipeline.nightly.publishing.changes import rows_of
+from pipeline.nightly.publishing.tables import rows_of
 from pipeline.nightly.request.cases import matches
 
 # Largest number of cases that `show` prints.
 _MAX_SHOWN = 20
+# fmt: off
 _SHOWN = (
-    "case",
-    "outcome",
-    "why",
-    "status",
-    "reason",
-    "currents",
-    "source",
-    "stand_in",
-    "leaves",
-    "arrival",
-    "side",
-    "class",
-    "fuel",
-    "length_m",
-    "duration_s",
-    "clearance_m",
-    "optimality_gap",
-    "routes",
-    "rejected",
-    "collisions",
-    "earlier_cycle",
-    "earlier_side",
-    "earlier_class",
-    "earlier_arrival",
-    "keep_fuel",
-    "keep_arrival",
-    "saving_percent",
-    "apart_m",
+    "case", "outcome", "why", "status", "reason", "currents", "source", "stand_in", "leaves",
+    "arrival", "side", "class", "fuel", "length_m", "duration_s", "clearance_m", "optimality_gap",
+    "routes", "rejected", "collisions", "earlier_cycle", "earlier_side", "earlier_class",
+    "earlier_arrival", "keep_fuel", "keep_arrival", "saving_percent", "apart_m",
 )
+# fmt: on
 
 
 def status_lines(output: Path) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """Fourth stage: choose the offing and the departures that a scenario leaves open.
 
-`pipeline.stages.choosing.region_search` chooses an open region before the first stage.
+`pipeline.stages.choosing.region` chooses an open region before the first stage.
 """
 
 from dataclasses import replace

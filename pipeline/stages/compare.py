@@ -11,11 +11,12 @@ from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Note, Place, Say
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.choosing.offing import narrows_notes
-from pipeline.stages.comparing.overpowering_current import waiting_notes
-from pipeline.stages.comparing.second_shoreline import crossing_notes
-from pipeline.stages.comparing.shut_straits import shut_straits
-from pipeline.stages.comparing.side_bounds import side_bounds
-from pipeline.stages.comparing.unresolved_straits import unresolved_strait_notes
+from pipeline.stages.comparing.cautions import (
+    crossing_notes,
+    unresolved_strait_notes,
+    waiting_notes,
+)
+from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.plan import Planned
 from pipeline.stages.projecting.avoided_areas import shut_notes

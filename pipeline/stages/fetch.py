@@ -23,7 +23,7 @@ from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.interfaces import CurrentSource, LandSource
 from pipeline.sources.land.osm import OsmLand
 from pipeline.sources.registry import current_source, land_source
-from pipeline.stages.comparing.overpowering_current import overpowering_notes
+from pipeline.stages.comparing.cautions import overpowering_notes
 from pipeline.stages.projecting import planar
 from pipeline.stages.projecting.avoided_areas import avoided_zones
 

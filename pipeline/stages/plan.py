@@ -8,15 +8,15 @@ from functools import partial
 
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.text import seasons_text
+from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Evaluation, SeasonPlan
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.project import scene_inputs
 from pipeline.stages.projecting.speed_choices import speed_choices
-from pipeline.stages.seasons.evaluate_season import combine_seasons
+from pipeline.stages.seasons.one_season import combine_seasons
 from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, status_of
 from pipeline.stages.simplify import SimplifiedLand
-from pipeline.stages.workers.local_cluster import cores
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,11 +154,11 @@ def run_tasks(
 
     address = scheduler or dask.config.get("scheduler-address", None)
     if address is not None:
-        from pipeline.stages.seasons.cluster import run_on_scheduler
+        from pipeline.stages.seasons.task import run_on_scheduler
 
         run_on_scheduler(tasks, address, on_status)
     elif any(task.limit_s is not None for task in tasks):
-        from pipeline.stages.seasons.process import run_in_processes
+        from pipeline.stages.seasons.task import run_in_processes
 
         run_in_processes(tasks, cores(), on_status)
     else:

@@ -18,7 +18,8 @@ from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
 from pipeline.machine.store import Made, Store
-from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, planner_vessel
+from pipeline.model import CurrentGrid, Fetched, Scene, Simplified
+from pipeline.model.planning import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.stages.projecting import planar

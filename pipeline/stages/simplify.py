@@ -11,8 +11,6 @@ The steps, in true metres in the plane that is centred on the region:
 5. Check that the results are valid, the cover contains all land, and inner land is all land.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +28,9 @@ from pipeline.geo.earth import position_text
 from pipeline.geo.open_water import OpenWater, opened
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Made, Store
-from pipeline.model import Land, Note, Place, Simplified, planner_vessel
+from pipeline.model import Land, Simplified
+from pipeline.model.inputs import Note, Place
+from pipeline.model.planning import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
 from pipeline.stages.projecting import planar
@@ -180,7 +180,7 @@ class _Area:
     @classmethod
     def of(
         cls, region: Polygon, plane: Projection, endpoints: Sequence[tuple[float, float]]
-    ) -> _Area:
+    ) -> "_Area":
         """Project a region and its endpoints (lon/lat degrees)."""
         extent = plane.geometry_to_plane(region, _MAX_EDGE_M)
         shapely.prepare(extent)

@@ -25,8 +25,7 @@ from pipeline.model import Credit, CurrentGrid, Fetched, Land, Scene
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land import osm
 from pipeline.stages.project import project
-from pipeline.stages.seasons.evaluate_season import evaluate_season
-from pipeline.stages.seasons.plan_season import plan_season
+from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most
 from tests.bench.pipeline_figures import run_scenario

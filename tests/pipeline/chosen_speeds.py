@@ -12,8 +12,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.model import CurrentGrid, Fetched, Land, Scene, Simplified, SpeedChoice
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.project import project
-from pipeline.stages.seasons.evaluate_season import combine_seasons, evaluate_season
-from pipeline.stages.seasons.plan_season import plan_season
+from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from tests.pipeline.formats import small_run
 from tests.pipeline.tidal_run import BBOX, CREDIT, DEPARTURE, ISLAND
 

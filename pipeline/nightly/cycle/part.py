@@ -1,13 +1,17 @@
-"""Part files, each with the rows of neighbouring cases and of their routes.
+"""Part files, each with the rows of neighbouring cases and of their routes, and their folder.
 
 A part has the cases from `first` to `end` - 1: one row of rank 0 for each case, and one row for
 each of its routes, of which the best has rank 1. Geometries are WKB in lon/lat. A file consists of
 a hash and a Parquet table. A damaged part is treated as missing, so its cases are planned again.
 """
 
+import contextlib
+import json
 import re
+import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,66 +19,53 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
-from pipeline.machine.files import UNFINISHED
+from pipeline.machine.files import UNFINISHED, file_lock, write_whole
 from pipeline.machine.store import read_checked, write_checked
+from pipeline.nightly.cycle.folders import writing
 
-_TIME = pa.timestamp("ms", tz="UTC")
+_TIME, _TEXT, _NUMBER, _COUNT = pa.timestamp("ms", tz="UTC"), pa.string(), pa.float64(), pa.int64()
+
+
+def _fields(kind: pa.DataType, names: str) -> list[tuple[str, pa.DataType]]:
+    """Return columns of one type."""
+    return [(name, kind) for name in names.split()]
+
+
 # Columns of both kinds of rows, cases and routes.
-_SHARED = (
-    ("index", pa.int64()),
-    ("case", pa.string()),
-    ("scenario", pa.string()),
-    ("season", pa.string()),
-    ("pair", pa.string()),
-    ("departure", pa.string()),
-    ("vessel", pa.string()),
-    ("member", pa.string()),
-)
-_ROUTE = (
-    ("side", pa.string()),
-    ("class", pa.string()),
-    ("fuel", pa.float64()),
-    ("fuel_per_distance", pa.float64()),
-    ("length_m", pa.float64()),
-    ("duration_s", pa.float64()),
-    ("clearance_m", pa.float64()),
-    ("optimality_gap", pa.float64()),
-    ("trials", pa.int64()),
-    ("collisions", pa.int64()),
+_SHARED = [
+    ("index", _COUNT),
+    *_fields(_TEXT, "case scenario season pair departure vessel member"),
+]
+_ROUTE = [
+    *_fields(_TEXT, "side class"),
+    *_fields(_NUMBER, "fuel fuel_per_distance length_m duration_s clearance_m optimality_gap"),
+    *_fields(_COUNT, "trials collisions"),
     ("arrival", _TIME),
     ("geometry", pa.binary()),
-)
-_CASE = (
-    ("status", pa.string()),
-    ("reason", pa.string()),
-    ("outcome", pa.string()),
-    ("why", pa.string()),
+]
+_CASE = [
+    *_fields(_TEXT, "status reason outcome why"),
     ("leaves", _TIME),
-    ("currents", pa.string()),
-    ("source", pa.string()),
-    ("stand_in", pa.string()),
-    ("routes", pa.int64()),
-    ("rejected", pa.int64()),
-    ("earlier_cycle", pa.string()),
-    ("earlier_side", pa.string()),
-    ("earlier_class", pa.string()),
+    *_fields(_TEXT, "currents source stand_in"),
+    *_fields(_COUNT, "routes rejected"),
+    *_fields(_TEXT, "earlier_cycle earlier_side earlier_class"),
     ("earlier_arrival", _TIME),
-    ("keep_fuel", pa.float64()),
+    ("keep_fuel", _NUMBER),
     ("keep_arrival", _TIME),
-    ("saving_percent", pa.float64()),
-    ("apart_m", pa.float64()),
-)
+    *_fields(_NUMBER, "saving_percent apart_m"),
+]
 CASE_SCHEMA = pa.schema([*_SHARED, *_CASE, *_ROUTE])
 """Columns of `cases.parquet`: a case, its best route, and what changed."""
-ROUTE_SCHEMA = pa.schema([*_SHARED, ("rank", pa.int64()), *_ROUTE])
+ROUTE_SCHEMA = pa.schema([*_SHARED, ("rank", _COUNT), *_ROUTE])
 """Columns of `routes.parquet`."""
-PART_SCHEMA = pa.schema(
-    [*_SHARED, ("rank", pa.int64()), *_CASE, *_ROUTE, ("seconds", pa.float64())]
-)
+PART_SCHEMA = pa.schema([*_SHARED, ("rank", _COUNT), *_CASE, *_ROUTE, ("seconds", _NUMBER)])
 """Columns of a part; `seconds` is the planning time of the case."""
 _PART_NAME = re.compile(r"(\d{8})-(\d{8})\.part", re.ASCII)
 
 Row = dict[str, Any]
+_REQUEST, _PARTS, _MARKS, _LOCK = "request.json", "parts", "marks", "setup.lock"
+# Time to wait while another job of the night prepares the folder, s.
+_SETUP_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,3 +150,102 @@ def _is_whole(path: Path) -> bool:
     """Whether a part is undamaged and has the expected columns."""
     content = read_checked(path)
     return content is not None and pq.read_schema(pa.BufferReader(content)).equals(PART_SCHEMA)
+
+
+@dataclass(frozen=True)
+class Partial:
+    """The folder of an unfinished cycle; `started` is the start of its first run (UTC)."""
+
+    folder: Path
+    started: datetime
+
+    @classmethod
+    def opened(cls, folder: Path, request: str, *, is_alone: bool) -> "Partial":
+        """Create the folder, or open the one of an earlier run.
+
+        Parameters
+        ----------
+        request
+            Identifies all inputs of the results; part files of another request are removed.
+        is_alone
+            Whether no other job uses the folder.
+
+        Raises
+        ------
+        StageError
+            Nothing can be written, or the folder has another request and may be in use.
+        """
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            with file_lock(folder / _LOCK, wait_s=_SETUP_S):
+                found = _request(folder / _REQUEST)
+                if found.get("request") != request:
+                    if found and not is_alone:
+                        raise StageError(
+                            f"{folder.name} was begun by another request; run once without --part, "
+                            "or remove it"
+                        )
+                    _empty(folder)
+                    now = datetime.now(UTC).isoformat(timespec="seconds")
+                    found = {"request": request, "started": now}
+                    write_whole(folder / _REQUEST, json.dumps(found) + "\n")
+                for name in (_PARTS, _MARKS):
+                    (folder / name).mkdir(exist_ok=True)
+                if is_alone:
+                    remove_unfinished(folder / _PARTS)
+                    for path in (folder / _MARKS).iterdir():
+                        path.unlink(missing_ok=True)
+        return cls(folder, datetime.fromisoformat(found["started"]))
+
+    @property
+    def request_file(self) -> Path:
+        """A file that all workers must be able to read."""
+        return self.folder / _REQUEST
+
+    @property
+    def parts_folder(self) -> Path:
+        """Folder of the part files."""
+        return self.folder / _PARTS
+
+    @property
+    def marks_folder(self) -> Path:
+        """Folder of the marker files of batches that are being planned."""
+        return self.folder / _MARKS
+
+    def parts(self) -> list[Part]:
+        """Return the undamaged parts, sorted by first case."""
+        return parts_in(self.parts_folder)
+
+    def forget_parts(self) -> None:
+        """Remove all parts, so that the next run plans all cases again."""
+        with contextlib.suppress(OSError):
+            shutil.rmtree(self.parts_folder)
+
+    def clear(self) -> None:
+        """Remove everything except the results."""
+        with writing(self.folder):
+            for name in (_PARTS, _MARKS):
+                shutil.rmtree(self.folder / name, ignore_errors=True)
+            for name in (_REQUEST, _LOCK):
+                (self.folder / name).unlink(missing_ok=True)
+
+
+def _request(path: Path) -> dict[str, str]:
+    """Read the file of the request; return {} if it is missing or damaged."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        datetime.fromisoformat(found["started"])
+        return {key: str(found[key]) for key in ("request", "started")}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _empty(folder: Path) -> None:
+    """Remove everything in the folder except the lock's file."""
+    for path in folder.iterdir():
+        if path.name == _LOCK:
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()

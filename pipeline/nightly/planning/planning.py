@@ -1,7 +1,5 @@
 """Prepare the charts and currents of a night, and then plan its cases in batches."""
 
-from __future__ import annotations
-
 import secrets
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -12,20 +10,25 @@ from pathlib import Path
 
 from pipeline.errors import PipelineError
 from pipeline.machine.store import Store, artefact_key, read_checked
-from pipeline.nightly.cycle.earlier import EarlierIndex, EarlierRoutes
-from pipeline.nightly.cycle.part import gaps, part_path, write_part
-from pipeline.nightly.cycle.partial import Partial
+from pipeline.nightly.cycle.part import Partial, gaps, part_path, write_part
+from pipeline.nightly.cycle.results import EarlierIndex, EarlierRoutes
 from pipeline.nightly.outcome import ComeAgainError
-from pipeline.nightly.planning.batches import BatchWork
 from pipeline.nightly.planning.chart import STAGE, ChartTask, CurrentTask, chart_key
-from pipeline.nightly.planning.comparison import Rules
-from pipeline.nightly.planning.worker import BROKEN, BatchReport, CaseTask, PlanBatch, failed_row
+from pipeline.nightly.planning.work import BatchWork
+from pipeline.nightly.planning.worker import (
+    BROKEN,
+    BatchReport,
+    CaseTask,
+    PlanBatch,
+    Rules,
+    failed_row,
+)
 from pipeline.nightly.request.cases import Case, Cases
 from pipeline.nightly.request.newest_currents import Newest, named_currents
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
-from pipeline.stages.workers.fleet import Fleet
+from pipeline.stages.seasons.fleet import Fleet
 
 # Largest number of cases in a slice; neighbours stay together, because they share a current.
 _LARGEST_SLICE = 64
@@ -44,7 +47,7 @@ class Share:
     slice: int
 
     @classmethod
-    def of_night(cls, count: int, number: int = 1, of: int = 1) -> Share:
+    def of_night(cls, count: int, number: int = 1, of: int = 1) -> "Share":
         """Return a share of `count` cases; slices are so small that all shares have equal size."""
         return cls(number, of, max(1, min(_LARGEST_SLICE, count // (4 * of))))
 

@@ -2,10 +2,9 @@
 
 Chart and currents are loaded from their paths and cached. A batch writes a marker file before it
 begins and removes it at the end. A batch that finds its own marker has killed a worker before; it
-is not planned again in this form.
+is not planned again in this form. Yesterday's route, sailed in tonight's current, is compared with
+tonight's best route.
 """
-
-from __future__ import annotations
 
 import contextlib
 import math
@@ -19,11 +18,13 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+import renew
 from pipeline.errors import PipelineError, StageError
 from pipeline.machine.store import read_checked
-from pipeline.model import RouteMetrics, Scene
-from pipeline.nightly.cycle.earlier import EarlierRoute, EarlierRoutes
+from pipeline.model import RouteMetrics, Scene, SeasonPlan
 from pipeline.nightly.cycle.part import Row, write_part
+from pipeline.nightly.cycle.results import EarlierRoute, EarlierRoutes
+from pipeline.nightly.outcome import ACT, LOOK, SAME
 from pipeline.nightly.planning.chart import (
     NightChart,
     NightCurrent,
@@ -31,15 +32,23 @@ from pipeline.nightly.planning.chart import (
     loaded_current,
     options_of,
 )
-from pipeline.nightly.planning.comparison import Rules, compared, judged
+from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.strict import Point
 from pipeline.stages.comparing.way_names import with_way_names
-from pipeline.stages.seasons.evaluate_season import combine_seasons, evaluate_season
-from pipeline.stages.seasons.plan_season import plan_season
-from pipeline.stages.workers.fleet import DiedBeforeError
+from pipeline.stages.seasons.fleet import DiedBeforeError
+from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from renew import Route
 
 PLANNED, FAILED, BROKEN = "planned", "failed", "broken"
+# If start or goal moved by more than this share of the route's length, the routes of a pair are not
+# compared.
+_SAME_END = 1e-6
+# If yesterday's route is cheaper by more than this percentage, that is reported; the planner's
+# tolerance is smaller.
+_CHEAPER_PERCENT = 0.1
+# Largest spacing of the points from which the distance between two lines is measured, as a share of
+# a leg.
+_DENSIFY = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +72,16 @@ class CaseTask:
 
 
 @dataclass(frozen=True, slots=True)
+class BatchReport:
+    """Duration of a batch, s: of planning alone, and in total with reading and writing."""
+
+    first: int
+    end: int
+    planning_s: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
 class PlanBatch:
     """Neighbouring cases on one chart, with the paths of the part file and of the marker file."""
 
@@ -71,7 +90,7 @@ class PlanBatch:
     part_path: Path
     mark_path: Path
     identity: str
-    rules: Rules
+    rules: "Rules"
     earlier: EarlierRoutes | None
 
     @property
@@ -94,44 +113,27 @@ class PlanBatch:
         StageError
             The part can't be written, or the chart can't be read.
         """
-        return plan_batch(self)
-
-
-@dataclass(frozen=True, slots=True)
-class BatchReport:
-    """Duration of a batch, s: of planning alone, and in total with reading and writing."""
-
-    first: int
-    end: int
-    planning_s: float
-    seconds: float
-
-
-def plan_batch(batch: PlanBatch) -> BatchReport:
-    """Plan a batch; see `PlanBatch.make`."""
-    begun = time.perf_counter()
-    if (
-        read_checked(batch.part_path) is not None
-    ):  # planned before, but the worker died before it could report
-        return BatchReport(batch.first, batch.end, 0.0, 0.0)
-    _mark(batch.mark_path)
-    try:
-        earlier: dict[int, EarlierRoute] = {}
-        if batch.earlier is not None:
-            earlier = batch.earlier.read([case.earlier_row for case in batch.cases])
-        rows: list[Row] = []
-        planning_s = 0.0
-        for case in batch.cases:
-            case_begun = time.perf_counter()
-            rows += plan_case(case, batch.chart_path, batch.rules, earlier.get(case.earlier_row))
-            seconds = time.perf_counter() - case_begun
-            rows[-1]["seconds"] = seconds
-            planning_s += seconds
-        write_part(batch.part_path, rows)
-    finally:
-        with contextlib.suppress(OSError):
-            batch.mark_path.unlink(missing_ok=True)
-    return BatchReport(batch.first, batch.end, planning_s, time.perf_counter() - begun)
+        begun = time.perf_counter()
+        if read_checked(self.part_path) is not None:
+            # Planned before, but the worker died before it could report.
+            return BatchReport(self.first, self.end, 0.0, 0.0)
+        _mark(self.mark_path)
+        try:
+            places = [case.earlier_row for case in self.cases]
+            earlier = self.earlier.read(places) if self.earlier is not None else {}
+            rows: list[Row] = []
+            planning_s = 0.0
+            for case in self.cases:
+                case_begun = time.perf_counter()
+                rows += plan_case(case, self.chart_path, self.rules, earlier.get(case.earlier_row))
+                seconds = time.perf_counter() - case_begun
+                rows[-1]["seconds"] = seconds
+                planning_s += seconds
+            write_part(self.part_path, rows)
+        finally:
+            with contextlib.suppress(OSError):
+                self.mark_path.unlink(missing_ok=True)
+        return BatchReport(self.first, self.end, planning_s, time.perf_counter() - begun)
 
 
 def _mark(path: Path) -> None:
@@ -148,7 +150,7 @@ def _mark(path: Path) -> None:
 
 
 def plan_case(
-    case: CaseTask, chart_path: Path, rules: Rules, earlier: EarlierRoute | None
+    case: CaseTask, chart_path: Path, rules: "Rules", earlier: EarlierRoute | None
 ) -> list[Row]:
     """Plan a case; return the rows of its routes, then the row of the case itself."""
     if case.failure:
@@ -195,7 +197,7 @@ def plan_case(
 def failed_row(
     case: CaseTask,
     reason: str,
-    rules: Rules,
+    rules: "Rules",
     earlier: EarlierRoute | None = None,
     status: str = FAILED,
 ) -> Row:
@@ -219,18 +221,9 @@ def failed_row(
 
 def _row_of(case: CaseTask, rank: int) -> Row:
     """Return the columns that identify a row: the case's name and the route's rank."""
-    scenario, season, pair, departure, vessel, member = case.parts
-    return {
-        "index": case.index,
-        "case": case.name,
-        "scenario": scenario,
-        "season": season,
-        "pair": pair,
-        "departure": departure,
-        "vessel": vessel,
-        "member": member,
-        "rank": rank,
-    }
+    names = ("scenario", "season", "pair", "departure", "vessel", "member")
+    named = dict(zip(names, case.parts, strict=True))
+    return {"index": case.index, "case": case.name, **named, "rank": rank}
 
 
 def _described(current: NightCurrent) -> Row:
@@ -277,3 +270,81 @@ def _placed(chart: NightChart, place: Point) -> np.ndarray[tuple[int, ...], np.d
     if chart.scenario.is_planar:
         return np.asarray(place, dtype=float)
     return chart.scene.projection.to_plane(place)
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """Rules for the outcome "look": the smallest saving, percent; why currents are stale, or ""."""
+
+    look_percent: float
+    stale: str = ""
+
+
+def compared(
+    earlier: EarlierRoute,
+    scene: Scene,
+    planned: SeasonPlan,
+    best: RouteMetrics,
+    options: PlannerOptions,
+    scale: float,
+    leaves: datetime | None,
+) -> Row:
+    """Return the columns that compare tonight's best route with yesterday's.
+
+    `keep_fuel` is the fuel of yesterday's route in tonight's current. It is missing if the current
+    overpowers the vessel or the route now meets land. The arrival is computed from it, because
+    duration and fuel are proportional at constant thrust.
+    """
+    path = scene.projection.to_plane(earlier.path)
+    route = planned.ranked_routes[0]
+    allowed = _SAME_END * max(route.length, 1e-9)
+    if max(np.hypot(*(path[0] - scene.start)), np.hypot(*(path[-1] - scene.goal))) > allowed:
+        return {}
+    keep = renew.fuel(path, scene.currents[planned.season], scene.vessel, drift=options.drift)
+    line = shapely.LineString(path)
+    # A tolerance, because a route without padding may touch land, and rounding may move it onto it.
+    if shapely.intersection(scene.chart.hard_no_go, line).length > allowed:
+        keep = math.inf
+    row = earlier.columns()
+    apart = shapely.hausdorff_distance(line, shapely.LineString(route.path), densify=_DENSIFY)
+    row["apart_m"] = float(apart) * scale
+    if math.isfinite(keep):
+        row["keep_fuel"] = keep
+        row["saving_percent"] = 100 * (keep - route.fuel) / keep
+        if leaves is not None:
+            duration_s = best.duration_s * keep / route.fuel
+            row["keep_arrival"] = leaves + timedelta(seconds=round(duration_s))
+    return row
+
+
+def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
+    """Return a planned case's outcome, and the reasons if it is not "same"."""
+    act, look = list[str](), list[str]()
+    if row.get("earlier_class") is not None:
+        rejected = {one.homotopy for one in planned.plan.rejected} if planned.plan else set()
+        sailed = {route.homotopy for route in planned.ranked_routes}
+        name = row["earlier_class"]
+        if name in rejected - sailed or row.get("keep_fuel") is None:
+            act.append(f"yesterday's class {name} can't be sailed any more")
+        if _has_flipped(row["earlier_side"], row["side"]):
+            look.append(f"{row['earlier_side']} yesterday, {row['side']} now")
+        saving = row.get("saving_percent")
+        if saving is not None and saving < -_CHEAPER_PERCENT:
+            # Tonight's best route has the least fuel of all routes that are safe tonight.
+            look.append(
+                f"yesterday's route would need {-saving:.1f} % less, but no longer keeps the "
+                "clearance that tonight's current asks for"
+            )
+        if saving is not None and saving > rules.look_percent:
+            look.append(f"changing the route saves {saving:.1f} %")
+    if rules.stale:
+        look.append(rules.stale)
+    if row.get("stand_in"):
+        look.append(row["stand_in"])
+    outcome = ACT if act else LOOK if look else SAME
+    return outcome, "; ".join([*act, *look])
+
+
+def _has_flipped(earlier: str, now: str) -> bool:
+    """Whether the same main island is passed on another side."""
+    return earlier != now and earlier.partition(" of ")[2] == now.partition(" of ")[2]

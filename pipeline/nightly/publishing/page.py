@@ -10,39 +10,22 @@ import shapely
 
 from pipeline.formats.report.assets import style_colours
 from pipeline.formats.shared import text
-from pipeline.nightly.cycle.earlier import EarlierRoute
 from pipeline.nightly.cycle.part import Row
+from pipeline.nightly.cycle.results import EarlierRoute
 from pipeline.nightly.outcome import ACT, LOOK, OUTCOMES, SAME
 from pipeline.nightly.planning.chart import NightChart
-from pipeline.nightly.publishing.changes import rows_of
+from pipeline.nightly.publishing.tables import rows_of
 
 PAGE_FILE = "index.html"
 # Largest numbers of cases in the table, and of routes on a map.
 _MAX_ROWS, _MAX_LINES = 200, 40
+# fmt: off
 _COLUMNS = (
-    "index",
-    "case",
-    "scenario",
-    "season",
-    "vessel",
-    "outcome",
-    "why",
-    "status",
-    "reason",
-    "side",
-    "class",
-    "earlier_class",
-    "fuel",
-    "keep_fuel",
-    "saving_percent",
-    "arrival",
-    "earlier_arrival",
-    "apart_m",
-    "earlier_cycle",
-    "source",
-    "currents",
-    "geometry",
+    "index", "case", "scenario", "season", "vessel", "outcome", "why", "status", "reason", "side",
+    "class", "earlier_class", "fuel", "keep_fuel", "saving_percent", "arrival", "earlier_arrival",
+    "apart_m", "earlier_cycle", "source", "currents", "geometry",
 )
+# fmt: on
 
 
 @dataclass(frozen=True)
@@ -112,20 +95,6 @@ def write_page(
     earlier_of
         Returns the route that a case had yesterday.
     """
-    path.write_text(
-        _rendered(_gathered(cases_path, cycle, reference, notes, chart_of, earlier_of)), "utf-8"
-    )
-
-
-def _gathered(
-    cases_path: Path,
-    cycle: str,
-    reference: datetime | None,
-    notes: Sequence[str],
-    chart_of: Callable[[int], NightChart | None],
-    earlier_of: Callable[[Row], EarlierRoute | None],
-) -> NightPage:
-    """Read the page's content from the table of cases."""
     counts: Counter[str] = Counter(dict.fromkeys(OUTCOMES, 0))
     maps: dict[tuple[str, str], ChartMap] = {}
     rows: dict[str, list[Row]] = {ACT: [], LOOK: [], SAME: []}
@@ -148,7 +117,7 @@ def _gathered(
             if chart is not None:
                 _add_lines(chart_map, row, chart, earlier_of(row) if outcome != SAME else None)
     shown = [*rows[ACT], *rows[LOOK]][:_MAX_ROWS]
-    return NightPage(
+    page = NightPage(
         cycle=cycle,
         reference=reference.strftime("%Y-%m-%d %H:%M UTC") if reference else "no time",
         earlier=earlier_cycle,
@@ -159,6 +128,7 @@ def _gathered(
         hidden=counts[ACT] + counts[LOOK] - len(shown),
         maps=list(maps.values()),
     )
+    path.write_text(_rendered(page), "utf-8")
 
 
 def _map(row: Row, chart: NightChart | None) -> ChartMap:

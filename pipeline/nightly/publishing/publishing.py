@@ -3,32 +3,61 @@
 import json
 import sqlite3
 from collections import Counter
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+import shapely
 
 from pipeline.errors import StageError
 from pipeline.machine.store import load_artefact
-from pipeline.nightly.cycle.earlier import CASES_FILE, EarlierIndex, EarlierRoute
 from pipeline.nightly.cycle.folders import writing
-from pipeline.nightly.cycle.look_back import HISTORY_FILE, LookBack
 from pipeline.nightly.cycle.part import Row
+from pipeline.nightly.cycle.results import (
+    CASES_FILE,
+    HISTORY_FILE,
+    EarlierIndex,
+    EarlierRoute,
+    LookBack,
+)
 from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.planning.chart import NightChart
 from pipeline.nightly.planning.planning import Planning
 from pipeline.nightly.planning.worker import PLANNED
-from pipeline.nightly.publishing.changes import CHANGES_FILE, write_changes
-from pipeline.nightly.publishing.geopackage import GEOPACKAGE_FILE, LAYER, write_geopackage
-from pipeline.nightly.publishing.history import write_history
-from pipeline.nightly.publishing.merging import ROUTES_FILE, merge
 from pipeline.nightly.publishing.page import PAGE_FILE, write_page
-from pipeline.nightly.publishing.stac import ITEM_FILE, item_text
+from pipeline.nightly.publishing.tables import (
+    CHANGES_FILE,
+    GEOPACKAGE_FILE,
+    LAYER,
+    ROUTES_FILE,
+    merge,
+    write_changes,
+    write_geopackage,
+    write_history,
+)
 
+ITEM_FILE = "item.json"
+_VERSION = "1.1.0"
+_PARQUET = "application/vnd.apache.parquet"
+_ASSETS = {
+    "cases": (CASES_FILE, _PARQUET, "One row per case: its best route, and what changed", ["data"]),
+    "routes": (ROUTES_FILE, _PARQUET, "One row per route", ["data"]),
+    "geopackage": (
+        GEOPACKAGE_FILE,
+        "application/geopackage+sqlite3",
+        "The best routes, for a GIS",
+        ["data"],
+    ),
+    "changes": (CHANGES_FILE, "text/csv", "What changed since the cycle before", ["metadata"]),
+    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", ["metadata"]),
+    "page": (PAGE_FILE, "text/html", "What to look at", ["overview"]),
+}
 RESULTS = (
     CASES_FILE,
     ROUTES_FILE,
@@ -39,6 +68,46 @@ RESULTS = (
     ITEM_FILE,
 )
 """The files of a cycle except `night.json`, which is written after the others are checked."""
+
+
+def item_text(cycle: str, moment: datetime, routes_path: Path, counts: Mapping[str, int]) -> str:
+    """Return a cycle as a static STAC item (https://stacspec.org, 1.1.0), for catalogues.
+
+    `moment` is the time of the currents or else of the night. It is written without pystac, whose
+    `Link` would turn the relative `self` into an absolute path; the tests read it with pystac.
+    """
+    box = _bounds(routes_path)
+    item = {
+        "type": "Feature",
+        "stac_version": _VERSION,
+        "stac_extensions": [],
+        "id": cycle,
+        "geometry": shapely.geometry.mapping(shapely.box(*box)),
+        "bbox": list(box),
+        "properties": {
+            "datetime": moment.strftime("%Y-%m-%dT%H:%M:%SZ"),
+            "title": f"Routes of the night {cycle}",
+            **{f"renew:{outcome}": count for outcome, count in counts.items()},
+        },
+        "links": [{"rel": "self", "href": f"./{ITEM_FILE}", "type": "application/geo+json"}],
+        "assets": {
+            key: {"href": f"./{name}", "type": kind, "title": title, "roles": roles}
+            for key, (name, kind, title, roles) in _ASSETS.items()
+        },
+    }
+    return json.dumps(item, indent=2) + "\n"
+
+
+def _bounds(routes_path: Path) -> tuple[float, float, float, float]:
+    """Return the bounds (west, south, east, north) of all routes, degrees."""
+    file = pq.ParquetFile(routes_path)
+    bounds = []
+    for group in range(file.num_row_groups):
+        column = file.read_row_group(group, ["geometry"])["geometry"].to_pylist()
+        if column:
+            bounds.append(shapely.total_bounds(shapely.from_wkb(column)).tolist())
+    west, south, east, north = zip(*bounds, strict=True)
+    return min(west), min(south), max(east), max(north)
 
 
 @dataclass(frozen=True)

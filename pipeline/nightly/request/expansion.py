@@ -1,32 +1,32 @@
 """Expand a night's file into its cases; all faults of the file are reported together."""
 
-from __future__ import annotations
-
 import glob
 import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import shapely
 
 from pipeline.errors import RequestError
-from pipeline.nightly.request.cases import Block, Cases, Member, doubled
-from pipeline.nightly.request.pairs import Pair, read_pairs
+from pipeline.nightly.request.cases import Block, Cases, Member, Pair, doubled, read_pairs
+from pipeline.nightly.request.config import CaseTable, Departure, NightConfig
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import looks_like_path
-from pipeline.stages.choosing.coverage import require_covered
-
-if TYPE_CHECKING:
-    from pipeline.nightly.request.config import CaseTable, NightConfig
-    from pipeline.nightly.request.departures import Departure
+from pipeline.sources.land.shapes import box_around
+from pipeline.sources.registry import land_source
+from pipeline.stages.choosing.coverage import endpoints_on_land, require_covered
 
 MAX_UNASKED = 100_000
 """Largest number of cases without --yes."""
 _NO_NAME = re.compile(r"[^a-z0-9]+")
+# Land is read within this distance of any start or goal, m.
+_NEAR_M = 2_000.0
 
 
 def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -> Cases:
@@ -293,3 +293,41 @@ def _only(cases: Cases, asked: str) -> Cases:
         example = cases[0].name
         raise RequestError([f"--only: no case is called {asked!r}; a name is such as {example!r}"])
     return Cases(tuple(blocks))
+
+
+def pairs_on_land(config: NightConfig, cases: Cases) -> list[str]:
+    """Return a message for each start and goal on land."""
+    faults = []
+    for block in cases.blocks:
+        if block.scenario.is_planar:
+            continue
+        file = config.table.cases[block.number].pairs
+        voyages = _voyages(block)
+        for suspect in _suspects([scenario for scenario, _ in voyages]):
+            scenario, row = voyages[suspect]
+            where = f"cases[{block.number}].pairs: {file}, row {row}: " if row else ""
+            faults += [config.located(f"{where}{fault}") for fault in endpoints_on_land(scenario)]
+    return faults
+
+
+def _voyages(block: Block) -> list[tuple[Scenario, int]]:
+    """Return the scenario of each pair, with the pair's row; 0 for the scenario's own ends."""
+    return [
+        (block.scenario, 0)
+        if pair is None
+        else (block.scenario.model_copy(update={"start": pair.start, "goal": pair.goal}), pair.row)
+        for pair in block.pairs
+    ]
+
+
+def _suspects(scenarios: Sequence[Scenario]) -> list[int]:
+    """Return the indices of the voyages on one chart that have an end on land.
+
+    All are tested together, which is quick; finding the nearest water for messages takes longer.
+    """
+    ends = shapely.points([end for one in scenarios for end in (one.start, one.goal)])
+    around = box_around(shapely.box(*shapely.total_bounds(ends)), _NEAR_M)
+    source = land_source(scenarios[0].chart, scenarios[0].vessel.draught_m)
+    land = shapely.STRtree(source.land(around).polygons)
+    found = land.query(ends, predicate="intersects")[0]
+    return sorted(set((found // 2).tolist()))

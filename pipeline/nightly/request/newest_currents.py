@@ -6,8 +6,6 @@ is planned again, because the request or the data have changed, is called `2026-
 machine's clock is only used to leave out currents that are dated in the future.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import re
@@ -15,17 +13,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.errors import PipelineError
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.cases import Cases, Member
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.dataset import fatal_files
+from pipeline.sources.interfaces import Issue
 from pipeline.sources.registry import current_source
-
-if TYPE_CHECKING:
-    from pipeline.sources.interfaces import Issue
 
 # Number of a hash's digits in a cycle's name.
 _DIGITS = 8

@@ -17,14 +17,16 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.machine.store import Made, Store, artefact_key
-from pipeline.model import DepartureChoice, Note, Say, Scene, plan_options
+from pipeline.model import DepartureChoice, Scene
+from pipeline.model.inputs import Note, Say
+from pipeline.model.planning import plan_options
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import interval
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.projecting.avoided_areas import later
 from pipeline.stages.projecting.speed_choices import speed_choices
-from pipeline.stages.seasons.plan_season import MIN_LATENESS_S
+from pipeline.stages.seasons.one_season import MIN_LATENESS_S
 
 # Number of plans between two progress notes.
 _TOLD_EVERY = 5

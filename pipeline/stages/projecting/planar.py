@@ -11,7 +11,8 @@ from shapely.geometry import Polygon
 import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
-from pipeline.model import Credit, Current, Fetched, Land, Scene, Simplified, planner_vessel
+from pipeline.model import Credit, Current, Fetched, Land, Scene, Simplified
+from pipeline.model.planning import planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Plane
 from pipeline.scenario.season import Season

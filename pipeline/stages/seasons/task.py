@@ -4,19 +4,43 @@ A task has paths instead of arrays, because Dask can't transfer large arguments 
 are stored as soon as they are complete; the next run after a killed one loads them.
 """
 
+import contextlib
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
 import traceback
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import IO
 
 from pipeline.errors import PipelineError, StageError
+from pipeline.machine.interpreters import python_command, python_environment
 from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.seasons.clock_worth import clock_worth
-from pipeline.stages.seasons.evaluate_season import SeasonEvaluation, evaluate_season
-from pipeline.stages.seasons.gap_shares import gap_shares
-from pipeline.stages.seasons.plan_season import plan_season
+from pipeline.stages.seasons.connection import own_identity
+from pipeline.stages.seasons.fleet import fleet
+from pipeline.stages.seasons.one_season import SeasonEvaluation, evaluate_season, plan_season
+from pipeline.stages.seasons.other_plans import clock_worth, gap_shares
+
+# Time between two checks whether processes have ended, s.
+_PAUSE_S = 0.05
+# Time between two checks of a process whether its parent still runs, s.
+_PARENT_S = 0.5
+_PLAN = "from pipeline.stages.seasons.task import plan_from_stdin; plan_from_stdin()"
+# Largest length of a process's last output in a message, in characters.
+_MAX_SHOWN = 200
+# Number of tries of a season, because an error such as lack of memory may occur on one worker only.
+_TRIES = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,3 +114,194 @@ def status_of(season: str, result: Callable[[], str]) -> Status:
         frames = traceback.extract_tb(error.__traceback__)
         where = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
         return Status(season, f"{type(error).__name__}: {reason}{where}", crashed=True)
+
+
+class SeasonProcess:
+    """A separate process that runs a season's task; it has a deadline if the task has a limit."""
+
+    def __init__(self, task: SeasonTask) -> None:
+        self._task = task
+        self._deadline = time.monotonic() + (task.limit_s or float("inf"))
+        # Files, because a pipe would have to be read while the process runs.
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `status`
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as above
+        self._process = subprocess.Popen(  # noqa: S603 - this interpreter
+            python_command("-c", _PLAN, str(os.getpid())),
+            stdin=subprocess.PIPE,
+            stdout=self._output,
+            stderr=self._errors,
+            env=python_environment(),
+            start_new_session=True,
+        )
+        with contextlib.suppress(BrokenPipeError), self._stdin() as stdin:
+            stdin.write(pickle.dumps(task))
+
+    def _stdin(self) -> IO[bytes]:
+        """Return the pipe to the process's standard input."""
+        if self._process.stdin is None:
+            raise ValueError("started without a pipe")
+        return self._process.stdin
+
+    def status(self) -> Status | None:
+        """Return how the task ended, or None while it runs; after its deadline, kill it."""
+        if self._process.poll() is None:
+            if time.monotonic() < self._deadline:
+                return None
+            self.kill()
+            reason = f"took longer than the limit of {self._task.limit_s:g} s"
+            return Status(self._task.season, reason, crashed=True)
+        with self._output as output, self._errors as errors:
+            output.seek(0)
+            errors.seek(0)
+            words = errors.read().decode(errors="replace").split("\n")
+            try:
+                failure, crashed = json.loads(output.read())
+                return Status(self._task.season, str(failure), bool(crashed))
+            except ValueError:
+                last = next((line.strip() for line in reversed(words) if line.strip()), "")
+                reason = f"its process ended with code {self._process.returncode}"
+                return Status(
+                    self._task.season,
+                    f"{reason}: {last[:_MAX_SHOWN]}" if last else f"{reason} (out of memory?)",
+                    crashed=True,
+                )
+
+    def kill(self) -> None:
+        """Kill the process and all processes that it started."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self._output.close()
+        self._errors.close()
+
+
+def run_in_processes(
+    tasks: Sequence[SeasonTask], count: int, on_status: Callable[[Status], None]
+) -> None:
+    """Run tasks, at most `count` at a time; an exception or interruption kills all processes."""
+    waiting, working = deque(tasks), list[SeasonProcess]()
+    try:
+        while waiting or working:
+            while waiting and len(working) < count:
+                working.append(SeasonProcess(waiting.popleft()))
+            for process in tuple(working):
+                status = process.status()
+                if status is not None:
+                    working.remove(process)
+                    on_status(status)
+            time.sleep(_PAUSE_S)
+    finally:
+        for process in working:
+            process.kill()
+
+
+def _end_with(parent: int) -> None:
+    """End this process after its parent has ended, for whatever reason."""
+    while os.getppid() == parent:
+        time.sleep(_PARENT_S)
+    os._exit(1)
+
+
+def plan_from_stdin() -> None:
+    """Plan the pickled task on standard input; write failure and whether it crashed to output."""
+    threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()
+    task = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by the process that started this
+    answer, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answer
+    status = status_of(task.season, partial(plan_and_evaluate, task))
+    answer.write(json.dumps([status.failure, status.crashed]))
+
+
+def run_on_scheduler(
+    tasks: Sequence[SeasonTask], address: str, on_status: Callable[[Status], None]
+) -> None:
+    """Run tasks on a scheduler's workers.
+
+    If the scheduler or all workers die, the unfinished tasks are reported as failed.
+
+    Raises
+    ------
+    StageError
+        The scheduler can't be reached or has no workers, or a worker can't plan.
+    """
+    seasons = _Seasons(tasks, own_identity(), on_status)
+    with fleet(address, tasks[0].scene_path) as workers:
+        try:
+            workers.run(seasons)
+        except StageError as error:
+            seasons.give_up(error)
+
+
+def plan_on_worker(task: SeasonTask) -> Status:
+    """Run a task on a worker; if it has a time limit, in a process that is killed after it."""
+    if task.limit_s is None:
+        return Status(task.season, plan_and_evaluate(task), crashed=False)
+    ended: list[Status] = []
+    run_in_processes([task], 1, ended.append)
+    return ended[0]
+
+
+@dataclass(frozen=True, slots=True)
+class _OnWorker:
+    """A season for a worker, as `pipeline.stages.seasons.fleet.Task`."""
+
+    season: SeasonTask
+    identity: str
+
+    def make(self) -> Status:
+        """Plan the season."""
+        return plan_on_worker(self.season)
+
+
+class _Seasons:
+    """The seasons of a run, as `pipeline.stages.seasons.fleet.Work`."""
+
+    def __init__(
+        self, tasks: Sequence[SeasonTask], identity: str, on_status: Callable[[Status], None]
+    ) -> None:
+        self._waiting = deque(_OnWorker(task, identity) for task in tasks)
+        self._tries = {task.season: _TRIES for task in tasks}
+        self._open = {task.season: task for task in tasks}
+        self._on_status = on_status
+
+    def next_task(self, workers: int) -> _OnWorker | None:
+        """Return the next season, or None if all are handed out."""
+        del workers
+        return self._waiting.popleft() if self._waiting else None
+
+    def done(self, task: _OnWorker, result: Status) -> None:
+        """Report how a season ended."""
+        del task
+        self._end(result)
+
+    def died(self, task: _OnWorker) -> None:
+        """Report a season as crashed because several workers died while planning it."""
+        reason = "its workers died (out of memory, or a crash of the interpreter)"
+        self._end(Status(task.season.season, reason, crashed=True))
+
+    def failed(self, task: _OnWorker, error: Exception) -> None:
+        """Try a season again, or report its error."""
+        season = task.season.season
+        self._tries[season] -= 1
+        if self._tries[season]:
+            self._waiting.append(task)
+            return
+
+        def fail() -> str:
+            raise error
+
+        self._end(status_of(season, fail))
+
+    def give_up(self, error: StageError) -> None:
+        """Report each open season: with its result if the store has one, otherwise as crashed."""
+        for task in tuple(self._open.values()):
+            result = task.result()
+            self._end(
+                Status(task.season, str(error), crashed=True)
+                if result is None
+                else Status(task.season, result[0].failure, crashed=False)
+            )
+
+    def _end(self, status: Status) -> None:
+        """Report a season's status."""
+        del self._open[status.season]
+        self._on_status(status)

@@ -20,8 +20,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.cli import check_machine, check_network, doctor
-from pipeline.cli.finding import Finding
+from pipeline.cli import check_machine, doctor
+from pipeline.cli.check_machine import Finding
 from pipeline.cli.main import app
 from pipeline.sources.copernicus.account import login_fault
 from pipeline.sources.land.osm import cache_file
@@ -213,7 +213,7 @@ def test_land_that_cannot_be_read_is_a_fault(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_login_that_the_service_accepts(tmp_path: Path) -> None:
     with world.connected(world.store(DATASET), tmp_path):
         assert login_fault(60) == ("", "")
-        found = check_network.login(offline=False)
+        found = doctor.check_login(offline=False)
     assert found.state in {"ok", "warning"}  # in its 8 s, which a busy machine may exceed
 
 
@@ -269,7 +269,7 @@ def scheduler() -> Iterator[str]:
 
 
 def test_workers_of_this_version_are_in_order(scheduler: str, tmp_path: Path) -> None:
-    found = check_network.scheduler(scheduler, tmp_path)
+    found = doctor.check_scheduler(scheduler, tmp_path)
     assert found.state == "ok", found
     assert "1 worker of this version" in found.detail
 
@@ -277,24 +277,24 @@ def test_workers_of_this_version_are_in_order(scheduler: str, tmp_path: Path) ->
 def test_workers_of_another_version_are_a_fault(
     scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here = check_network.worker_state(str(tmp_path))
+    here = doctor.worker_state(str(tmp_path))
     other = {**here, "numba": "0.1"}
     answers: dict[str, Any] = {"tcp://a": here, "tcp://b": other, "tcp://c": ImportError("renew")}
-    wrong = check_network.differences(here, answers)
+    wrong = doctor.differences(here, answers)
     assert len(wrong) == 2
     assert "tcp://b has numba 0.1, here it is" in wrong[0]
     assert "tcp://c can't run this program (renew)" in wrong[1]
-    monkeypatch.setattr(check_network, "differences", lambda *_: wrong)
-    assert check_network.scheduler(scheduler, tmp_path).state == "fault"
+    monkeypatch.setattr(doctor, "differences", lambda *_: wrong)
+    assert doctor.check_scheduler(scheduler, tmp_path).state == "fault"
 
 
 def test_a_scheduler_that_does_not_answer_is_a_fault(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(check_network, "NETWORK_S", 2.5)
+    monkeypatch.setattr(doctor, "NETWORK_S", 2.5)
     odd = ("no address", "ftp://127.0.0.1:1", "tls://127.0.0.1:1", "tcp://:", "-1")
     for address in ("tcp://127.0.0.1:1", *odd):
-        found = check_network.scheduler(address, tmp_path)
+        found = doctor.check_scheduler(address, tmp_path)
         assert found.state == "fault", address
         assert found.remedy
     gc.collect()  # an error in what is thrown away is a warning, and so fails this test

@@ -45,7 +45,7 @@ def test_code_that_never_returns_is_ended_all_the_same() -> None:
     """The main thread waits in C for a lock that it holds itself, and sees no signal."""
     program = (
         "import ctypes\n"
-        "from pipeline.cli.interruption import ending_promptly\n"
+        "from pipeline.cli.failures import ending_promptly\n"
         "with ending_promptly():\n"
         "    print('ready', flush=True)\n"
         "    mutex = ctypes.create_string_buffer(64)\n"

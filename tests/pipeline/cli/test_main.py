@@ -15,7 +15,6 @@ import pytest
 import shapely
 from typer.testing import CliRunner
 
-from pipeline.cli import version as version_module
 from pipeline.cli.listing import listed
 from pipeline.cli.main import app
 from pipeline.scenario import catalogue
@@ -122,7 +121,7 @@ def test_version_in_a_checkout_that_is_not_installed(
     def not_installed(name: str) -> str:
         raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(version_module, "version", not_installed)
+    monkeypatch.setattr("importlib.metadata.version", not_installed)
     result = CliRunner().invoke(app, ["--version"])
     assert (result.exit_code, result.stdout) == (0, f"renew {declared_version}\n")
 

@@ -12,8 +12,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
 from pipeline.scenario.model import Scenario
 from pipeline.stages.project import project
-from pipeline.stages.seasons.evaluate_season import combine_seasons, evaluate_season
-from pipeline.stages.seasons.plan_season import plan_season
+from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from tests.pipeline.formats import small_run
 
 STREAM = Credit("Test stream", "current", "A stream made up for a test", "CC0")

@@ -14,7 +14,7 @@ import pystac
 import pytest
 
 from pipeline.errors import RequestError, StageError
-from pipeline.nightly.cycle.look_back import LookBack
+from pipeline.nightly.cycle.results import LookBack
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.config import load_config

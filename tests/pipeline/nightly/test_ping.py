@@ -7,9 +7,9 @@ import time
 
 import pytest
 
+from pipeline.cli import night_watch
+from pipeline.cli.night_watch import Ping, check_url, ping, report_for
 from pipeline.errors import RequestError
-from pipeline.nightly import ping as ping_module
-from pipeline.nightly.ping import Ping, check_url, ping, report_for
 from tests.pipeline.nightly.ping_service import Service
 
 SECRET = "0f5c3a1e-secret"  # noqa: S105 - a test's
@@ -54,14 +54,14 @@ def test_nobody_there_is_said_and_nothing_raised() -> None:
 def test_a_silent_service_costs_little_time(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ping_module, "_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(night_watch, "_TIMEOUT_S", 0.3)
     began = time.monotonic()
     said = ping(f"{service.url}/silent/{SECRET}", "success")
     assert said.endswith("was not told of the success: TimeoutError")
     assert time.monotonic() - began < 5
     # What knows no timeout of its own, as a name that is looked up, is left behind.
-    monkeypatch.setattr(ping_module, "_TIMEOUT_S", 15.0)
-    monkeypatch.setattr(ping_module, "_DEADLINE_S", 0.3)
+    monkeypatch.setattr(night_watch, "_TIMEOUT_S", 15.0)
+    monkeypatch.setattr(night_watch, "_DEADLINE_S", 0.3)
     said = ping(f"{service.url}/silent/{SECRET}", "success")
     assert said.endswith("was not told of the success: no answer within 0.3 s")
     assert SECRET not in said

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
+from pipeline.cli.night_watch import write_metrics
 from pipeline.nightly.outcome import NightOutcome
-from pipeline.nightly.prometheus import write_metrics
 
 NIGHT = NightOutcome(
     cycle="2026-11-21T00Z",

@@ -71,7 +71,7 @@ def test_every_stop_is_told(tmp_path: Path, service: Service) -> None:
 _WATCHED = """
 import sys, time
 from pathlib import Path
-from pipeline.cli.interruption import ending_promptly
+from pipeline.cli.failures import ending_promptly
 from pipeline.cli.night_watch import watched
 class Slow:  # what takes longer to close than a stopped process is given
     def __enter__(self): pass
@@ -106,7 +106,7 @@ def test_the_end_is_told_before_anything_is_closed(
 
 _LOST = """
 import os, signal, sys, time
-from pipeline.cli.interruption import ending_promptly
+from pipeline.cli.failures import ending_promptly
 class Deaf:
     def __del__(self):
         os.kill(os.getpid(), {number})

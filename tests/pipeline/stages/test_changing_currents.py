@@ -12,8 +12,7 @@ import renew
 from pipeline.formats.shared.legs import legs
 from pipeline.formats.shared.route_profile import route_profile
 from pipeline.stages.project import planar_current, project
-from pipeline.stages.seasons.evaluate_season import evaluate_season
-from pipeline.stages.seasons.plan_season import plan_season
+from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 from tests.pipeline.tidal_run import DEPARTURE, PERIOD_S, planned, tide
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import RequestError
 from pipeline.scenario.times import period
-from pipeline.voyage.months import read_months
+from pipeline.voyage.times import read_months
 
 months = st.dates(max_value=date(9998, 12, 31)).map(lambda day: f"{day:%Y-%m}".zfill(7))
 

@@ -19,12 +19,11 @@ import shapely
 import xarray as xr
 
 import pipeline
-from pipeline.cli.outcome_json import outcome_json
-from pipeline.cli.summary import season_table
+from pipeline.cli.ending import outcome_json, season_table
 from pipeline.errors import NoWayError, RequestError
 from pipeline.formats.shared.note_words import note_texts
+from pipeline.outcome import Outcome
 from pipeline.run import run
-from pipeline.running.outcome import Outcome
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.quality.field import Field
 from pipeline.voyage.vessel_options import VesselFigures

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pipeline.errors import RequestError
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.stages.choosing.coverage import require_covered
-from pipeline.voyage.request import VoyageRequest, voyage_scenario
+from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
 from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.synthetic_currents import dataset, sea, write
 

@@ -12,7 +12,7 @@ import pytest
 import shapely
 from matplotlib.text import Text
 
-from pipeline.cli.summary import season_table
+from pipeline.cli.ending import season_table
 from pipeline.formats.exchange.gpx import write_gpx
 from pipeline.formats.exchange.kml import write_kml
 from pipeline.formats.figures.kinds import Kind, figure
@@ -22,7 +22,7 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import GapShares
-from pipeline.running.outcome import Outcome
+from pipeline.outcome import Outcome
 from pipeline.stages.compare import safety_notes
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from pipeline.nightly.planning.batches import BatchWork
+from pipeline.nightly.planning.work import BatchWork
 from pipeline.nightly.planning.worker import BatchReport
 
 

@@ -22,7 +22,7 @@ from pipeline.scenario.season import Season
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.projecting.speed_choices import speed_choices
-from pipeline.stages.seasons.plan_season import plan_season
+from pipeline.stages.seasons.one_season import plan_season
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 
 COUNT = 5

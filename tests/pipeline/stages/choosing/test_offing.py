@@ -24,7 +24,7 @@ from pipeline.stages.choosing.offing import (
     with_offing,
 )
 from pipeline.stages.projecting import planar
-from pipeline.stages.seasons.plan_season import plan_season
+from pipeline.stages.seasons.one_season import plan_season
 
 FAR_M, MILE_M = 1e6, 1852.0
 

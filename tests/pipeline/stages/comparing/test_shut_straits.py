@@ -12,7 +12,7 @@ import shapely
 import renew
 from pipeline.model import CurrentGrid, Fetched, Land, Scene, SeasonPlan, ShutStrait, Simplified
 from pipeline.scenario.model import Scenario
-from pipeline.stages.comparing.shut_straits import shut_straits
+from pipeline.stages.comparing.other_ways import shut_straits
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
 from tests.pipeline.formats import small_run

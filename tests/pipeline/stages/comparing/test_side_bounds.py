@@ -10,7 +10,7 @@ import shapely
 
 import renew
 from pipeline.model import Evaluation, SeasonPlan
-from pipeline.stages.comparing.side_bounds import side_bounds
+from pipeline.stages.comparing.other_ways import side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
 from tests.pipeline.formats import small_run
 

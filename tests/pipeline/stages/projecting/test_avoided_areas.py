@@ -19,7 +19,7 @@ from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.sources.quality.field import Field
 from pipeline.stages.projecting.avoided_areas import later
-from pipeline.voyage.request import VoyageRequest, voyage_scenario
+from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)

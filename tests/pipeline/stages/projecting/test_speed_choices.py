@@ -12,13 +12,11 @@ import renew
 from pipeline.formats.shared.legs import legs
 from pipeline.formats.shared.result import RunResult
 from pipeline.scenario.season import Season
-from pipeline.stages.comparing.side_bounds import side_bounds
+from pipeline.stages.comparing.other_ways import side_bounds
 from pipeline.stages.project import project
 from pipeline.stages.projecting.speed_choices import speed_choices, true_duration_s
-from pipeline.stages.seasons.clock_worth import clock_worth, speeds_in_time
-from pipeline.stages.seasons.evaluate_season import combine_seasons, evaluate_season
-from pipeline.stages.seasons.gap_shares import gap_shares
-from pipeline.stages.seasons.plan_season import plan_season
+from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
+from pipeline.stages.seasons.other_plans import clock_worth, gap_shares, speeds_in_time
 from tests.pipeline import chosen_speeds
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 

@@ -15,8 +15,8 @@ import renew
 from pipeline.geo.known_cells import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, Scene, SeasonPlan
-from pipeline.running.outcome import Outcome
-from pipeline.stages.seasons.evaluate_season import (
+from pipeline.outcome import Outcome
+from pipeline.stages.seasons.one_season import (
     combine_seasons,
     evaluate_season,
     land_within_reach,

@@ -15,8 +15,7 @@ from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.projecting import planar
-from pipeline.stages.seasons.evaluate_season import evaluate_season
-from pipeline.stages.seasons.plan_season import plan_season
+from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 
 SCENARIO = {
     "schema_version": 1,

@@ -4,11 +4,15 @@ The duration of a case is measured on the first batch of its chart. Results do n
 the cases are cut.
 """
 
+import contextlib
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from pipeline.nightly.planning.worker import BatchReport, PlanBatch
+from pipeline.stages.seasons.connection import local_cluster
+from pipeline.stages.seasons.fleet import Fleet, fleet
 
 # Target and minimum duration of a batch, s, and its largest share of the work that is left for each
 # worker. Batches are short because a killed job loses the unfinished ones, and because at the end
@@ -18,6 +22,8 @@ _TARGET_S, _LEAST_S, _SHARE = 40.0, 2.0, 1 / 8
 _FIRST_CASES = 1
 # Number of workers that a single case may kill before it is recorded as broken.
 _DEATHS = 2
+# Number of times that local workers are checked, because a worker may die while it starts.
+_ATTEMPTS = 3
 
 
 @dataclass
@@ -109,3 +115,37 @@ def _cut(waiting: _Waiting, workers: int) -> tuple[int, int]:
     if middle < end:
         waiting.ranges.appendleft((middle, end))
     return first, middle
+
+
+@contextlib.contextmanager
+def night_workers(
+    scheduler: str | None, *, workers: int | None, memory_gb: float, shared: Path
+) -> Iterator[Fleet]:
+    """Yield the workers of a scheduler or of a local cluster.
+
+    Parameters
+    ----------
+    scheduler
+        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS, or else a cluster on this
+        machine.
+    workers
+        Number of local workers; default: one per core.
+    memory_gb
+        Memory limit of a local worker, GB.
+    shared
+        A file in the output folder that all workers must be able to read.
+
+    Raises
+    ------
+    StageError
+        There are no workers, or a worker can't plan.
+    """
+    import dask
+
+    address = scheduler or dask.config.get("scheduler-address", None)
+    with contextlib.ExitStack() as held:
+        if address is not None:
+            yield held.enter_context(fleet(address, shared))
+        else:
+            address = held.enter_context(local_cluster(workers, memory_gb))
+            yield held.enter_context(fleet(address, shared, attempts=_ATTEMPTS))

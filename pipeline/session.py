@@ -5,8 +5,6 @@ exclusive lock on its scenario. A process that removes files that others may use
 lock on the store.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json
@@ -44,7 +42,7 @@ class Origin:
     sha256: str
 
     @classmethod
-    def of(cls, path: Path) -> Origin:
+    def of(cls, path: Path) -> "Origin":
         """Return the absolute path and the hash of a scenario's file."""
         return cls(path.resolve(), hashlib.sha256(path.read_bytes()).hexdigest())
 

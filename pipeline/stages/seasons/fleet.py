@@ -4,8 +4,6 @@ A worker gets one task per thread at a time, so that no task waits in a worker t
 kills. If a worker dies, its task is reported to the `Work`, which decides whether to repeat it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Iterator
@@ -14,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pipeline.errors import StageError
-from pipeline.stages.workers.connection import (
+from pipeline.stages.seasons.connection import (
     quiet,
     refuse_other_version,
     refuse_unfit_workers,
@@ -24,6 +22,7 @@ from pipeline.stages.workers.connection import (
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
 
 # Time limits for an answer of the scheduler, for workers to appear, and for an orderly end, s.
 _ANSWER_S, _WORKERS_S, _CLOSE_S = 20.0, 120.0, 3.0
@@ -76,7 +75,7 @@ def make(task: Task) -> Any:  # noqa: ANN401 - as `Task.make`
 
 
 @contextlib.contextmanager
-def fleet(address: str, shared: Path, *, attempts: int = 1) -> Iterator[Fleet]:
+def fleet(address: str, shared: Path, *, attempts: int = 1) -> "Iterator[Fleet]":
     """Connect to a scheduler, and yield its workers.
 
     Parameters
@@ -112,7 +111,7 @@ def fleet(address: str, shared: Path, *, attempts: int = 1) -> Iterator[Fleet]:
 class Fleet:
     """A scheduler's workers."""
 
-    def __init__(self, address: str, client: Client) -> None:
+    def __init__(self, address: str, client: "Client") -> None:
         self.client = client
         self._address = address
         self._slots = 0
@@ -153,7 +152,7 @@ class Fleet:
             self._check_workers_since()
             time.sleep(10 * _PAUSE_S)
 
-    def _settle(self, work: Work, future: Future[Any], task: Task) -> None:
+    def _settle(self, work: Work, future: "Future[Any]", task: Task) -> None:
         """Report to `work` how a task ended."""
         from distributed.scheduler import KilledWorker
 
@@ -214,7 +213,7 @@ class Fleet:
 
 
 @contextlib.contextmanager
-def _client(address: str) -> Iterator[Client]:
+def _client(address: str) -> "Iterator[Client]":
     """Connect a client; a client that can't be closed in time stays open until the program ends."""
     from distributed import Client
 

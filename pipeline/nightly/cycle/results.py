@@ -1,23 +1,37 @@
-"""`night.json`: the time and inputs of a cycle, the outcomes of its cases, and hashes of its files.
+"""The results of finished cycles: `night.json`, yesterday's routes, and the history.
 
+`night.json` has the time and inputs of a cycle, the outcomes of its cases, and hashes of its files.
 It is written after all other files are on the disk. So a cycle with a record is complete, and the
 hashes show later changes. No other file of a cycle contains the time when it was made.
 """
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
+import shapely
 
 from pipeline.errors import StageError
 from pipeline.machine.files import flush_tree, write_whole
 from pipeline.machine.store import file_hash
-from pipeline.nightly.cycle.folders import RECORD, writing
+from pipeline.nightly.cycle.folders import RECORD, Cycles, writing
+from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.outcome import ACT, DONE, LOOK, LOOK_CODE, OUTCOMES
+
+CASES_FILE = "cases.parquet"
+_COLUMNS = ["status", "side", "class", "fuel", "arrival", "geometry"]
+HISTORY_FILE = "history.parquet"
+_CONSEQUENCES = {
+    CASES_FILE: "tonight is compared with an earlier night, if there is one",
+    HISTORY_FILE: "the history is made again from the cycles that are kept",
+}
 
 
 def write_record(
@@ -153,3 +167,117 @@ def summary(record: Mapping[str, Any]) -> str:
         if name != "planned"
     )
     return f"{record['cycle']}: {outcomes}" + (f"; {others}" if others else "")
+
+
+@dataclass(frozen=True)
+class EarlierRoute:
+    """Yesterday's best route of a case; its path (n, 2) is lon/lat, degrees."""
+
+    cycle: str
+    side: str
+    homotopy: str
+    fuel: float
+    arrival: datetime | None
+    path: npt.NDArray[np.float64]
+
+    def columns(self) -> Row:
+        """Return the columns that describe the route."""
+        return {
+            "earlier_cycle": self.cycle,
+            "earlier_side": self.side,
+            "earlier_class": self.homotopy,
+            "earlier_arrival": self.arrival,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class EarlierRoutes:
+    """Yesterday's routes: the name of their cycle, and the path of its table of cases."""
+
+    cycle: str
+    path: Path
+
+    def read(self, rows: Sequence[int]) -> dict[int, EarlierRoute]:
+        """Read the routes of rows; rows without a route, and row -1, are left out."""
+        wanted = sorted({row for row in rows if row >= 0})
+        found: dict[int, EarlierRoute] = {}
+        if not wanted:
+            return found
+        file = pq.ParquetFile(self.path)
+        begin = 0
+        for group in range(file.num_row_groups):
+            end = begin + file.metadata.row_group(group).num_rows
+            here = [row for row in wanted if begin <= row < end]
+            if here:
+                table = file.read_row_group(group, _COLUMNS).take([row - begin for row in here])
+                for row, one in zip(here, table.to_pylist(), strict=True):
+                    if one["geometry"] is not None:
+                        found[row] = self._route(one)
+            begin = end
+        return found
+
+    def _route(self, one: Row) -> EarlierRoute:
+        """Return the route of one row."""
+        return EarlierRoute(
+            self.cycle,
+            one["side"],
+            one["class"],
+            one["fuel"],
+            one["arrival"],
+            shapely.get_coordinates(shapely.from_wkb(one["geometry"])),
+        )
+
+
+class EarlierIndex:
+    """The row numbers of yesterday's cases by name."""
+
+    def __init__(self, path: Path) -> None:
+        names = pq.read_table(path, columns=["case"])["case"].to_pylist()
+        self._row = {name: row for row, name in enumerate(names)}
+
+    def rows(self, names: Sequence[str]) -> list[int]:
+        """Return the row number of each name; -1 for a new case."""
+        return [self._row.get(name, -1) for name in names]
+
+
+@dataclass(frozen=True, slots=True)
+class LookBack:
+    """The readable results of earlier nights.
+
+    Attributes
+    ----------
+    cycle : the newest cycle with a readable table of cases, for the comparison with tonight; or "".
+    history : the newest readable history, or None.
+    later : cycles newer than that history, oldest first: name and readable table of cases.
+    notes : one line for each file that could not be read.
+    """
+
+    cycle: str = ""
+    history: Path | None = None
+    later: tuple[tuple[str, Path], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def look_back(cycles: Cycles) -> LookBack:
+    """Find the readable results of earlier nights; set unreadable files aside, with a note.
+
+    The search goes backwards and usually ends after two files of the last cycle.
+    """
+    compared, history, notes = "", None, list[str]()
+    later: list[tuple[str, Path]] = []
+    for cycle in reversed(cycles.up_to_latest()):
+        folder = cycles.folder(cycle)
+        wanted = (CASES_FILE,) if history is not None else (CASES_FILE, HISTORY_FILE)
+        faults = faults_of(folder, wanted)
+        for name, fault in faults.items():
+            cycles.set_aside(folder / name)
+            notes.append(f"{cycle}/{name} {fault}; {_CONSEQUENCES[name]}")
+        if CASES_FILE not in faults:
+            compared = compared or cycle
+        if history is None and HISTORY_FILE not in faults:
+            history = folder / HISTORY_FILE
+        elif history is None and CASES_FILE not in faults:
+            later.insert(0, (cycle, folder / CASES_FILE))
+        if compared and history is not None:
+            break
+    return LookBack(compared, history, tuple(later), tuple(notes))

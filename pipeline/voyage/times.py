@@ -1,21 +1,50 @@
-"""Departure or window of departures, latest arrival, and range of speeds of a voyage."""
+"""When a voyage takes place: its months, or its departure, latest arrival and range of speeds."""
 
 import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import moment_text
-from pipeline.scenario.times import departure_name
-from pipeline.voyage.quantities import speed_range_m_s
+from pipeline.scenario.times import departure_name, period
+from pipeline.voyage.vessel_options import speed_range_m_s
 
+_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
 # Largest number of departures in the first sample of a window, and minimum time between two.
 _MAX_DEPARTURES, _MIN_STEP = 25, timedelta(minutes=30)
 # The planner adds departures until the best is known to within this share of the window, or to
 # within an hour if that is less.
 _PROVEN_SHARE, _MAX_PROVEN = 1 / 48, timedelta(hours=1)
 _MINUTE = timedelta(minutes=1)
+
+
+def read_months(texts: Sequence[str]) -> dict[str, str]:
+    """Return the title of each month 'YYYY-MM', such as "July 2024", in the order given.
+
+    Raises
+    ------
+    RequestError
+        The message has a line for each text that is not a month or is given twice.
+    """
+    titles: dict[str, str] = {}
+    faults = []
+    for text in texts:
+        if not _MONTH.fullmatch(text):
+            faults.append(f"--month {text} is not a month; give it as 'YYYY-MM', such as 2024-07")
+            continue
+        if text in titles:
+            faults.append(f"--month {text} is given twice; leave one out")
+            continue
+        try:
+            titles[text] = f"{period(text).begin:%B %Y}"
+        except ValueError as error:
+            faults.append(f"--month {error}")
+    if faults:
+        raise RequestError(faults)
+    return titles
 
 
 @dataclass(frozen=True, slots=True)

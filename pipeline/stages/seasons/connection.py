@@ -1,6 +1,4 @@
-"""Ask a Dask scheduler for its workers, with time limits, and check that they can plan."""
-
-from __future__ import annotations
+"""Dask clusters: start one on this machine, ask a scheduler for its workers, and check these."""
 
 import asyncio
 import concurrent.futures
@@ -14,15 +12,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import StageError
+from pipeline.machine.interpreters import cores, ignoring_working_directory
 from pipeline.machine.store import artefact_key
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, LocalCluster
+
 
 ValueT = TypeVar("ValueT")
 # Time limit for the answers of all workers, s: a worker imports the planner before it answers.
 _ANSWER_S = 60.0
 _OTHER_VERSION = "another version of RENEW or of its libraries; install the same on all machines"
+# Time limit for an orderly end, s, and number of tries to start.
+_CLOSE_S, _TRIES = 3.0, 3
+# A worker is ended at its memory limit, and neither spills nor pauses before. With the long timeout
+# the cluster still replaces a worker that dies again shortly after its first death.
+_SETTINGS = {
+    "distributed.deploy.lost-worker-timeout": "7 days",
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": 0.95,
+    "distributed.scheduler.work-stealing": False,
+}
 
 
 def scheduler_workers(address: str, limit_s: float) -> dict[str, Any]:
@@ -103,7 +115,7 @@ def worker_fault(identity: str, path: str) -> str:
     return ""
 
 
-def refuse_unfit_workers(client: Client, address: str, path: Path) -> None:
+def refuse_unfit_workers(client: "Client", address: str, path: Path) -> None:
     """Raise a StageError that names the workers that can't plan, read a path or answer."""
     ask = partial(client.run, worker_fault, own_identity(), str(path), on_error="return")
     try:
@@ -125,3 +137,53 @@ def refuse_unfit_workers(client: Client, address: str, path: Path) -> None:
     if faults:
         lines = [f"Dask worker {', '.join(names)} {fault}" for fault, names in faults.items()]
         raise StageError("; ".join(lines))
+
+
+@contextlib.contextmanager
+def local_cluster(workers: int | None, memory_gb: float) -> Iterator[str]:
+    """Start a cluster, and yield its scheduler's address.
+
+    Parameters
+    ----------
+    workers
+        Number of processes; default: one per core.
+    memory_gb
+        Memory limit of a process, GB; a process that exceeds it is ended.
+
+    Raises
+    ------
+    StageError
+        The cluster could not be started.
+    """
+    import dask
+
+    with quiet(), dask.config.set(_SETTINGS), ignoring_working_directory():
+        cluster = _started(workers or cores(), memory_gb)
+        try:
+            yield str(cluster.scheduler_address)
+        finally:
+            with contextlib.suppress(Exception):
+                within(2 * _CLOSE_S, partial(cluster.close, timeout=_CLOSE_S))
+
+
+def _started(workers: int, memory_gb: float, tries: int = _TRIES) -> "LocalCluster":
+    """Start a cluster; if that fails, for example because a process dies, try again."""
+    from distributed import LocalCluster
+
+    try:
+        return LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=int(memory_gb * 1e9),
+            host="127.0.0.1",
+            dashboard_address=":0",  # any free port; with None, Dask uses its default port
+            silence_logs=logging.CRITICAL + 1,
+        )
+    except Exception as error:
+        if tries > 1:
+            return _started(workers, memory_gb, tries - 1)
+        raise StageError(
+            f"can't start {workers} worker processes ({error}); check this machine's free memory: "
+            f"each may take {memory_gb:g} GB"
+        ) from error

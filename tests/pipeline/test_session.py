@@ -13,14 +13,14 @@ import pytest
 
 from pipeline.errors import RequestError, StageError
 from pipeline.machine.store import Store
-from pipeline.running.session import Origin, clean, session
+from pipeline.session import Origin, clean, session
 from tests.pipeline.processes import started
 
 # Holds a session until its input ends, after its script.
 HOLD = """
 import sys
 from pathlib import Path
-from pipeline.running.session import session
+from pipeline.session import session
 with session(sys.argv[2], Path(sys.argv[1])) as held:
     held.store.save("plan", "key", [1])
     (held.store.root / "plan" / f".{sys.argv[2]}.0a.tmp").touch()
@@ -92,7 +92,7 @@ def test_runs_that_are_refused_at_once_do_not_disturb_each_other(tmp_path: Path)
         "import sys, time\n"
         "from pathlib import Path\n"
         "from pipeline.errors import RequestError, StageError\n"
-        "from pipeline.running.session import session\n"
+        "from pipeline.session import session\n"
         "output, done = Path(sys.argv[1]) / 'outputs', 0\n"
         "while done < 100:\n"
         "    try:\n"
@@ -145,7 +145,7 @@ def test_cleaning_removes_what_is_old_then_what_is_too_much(tmp_path: Path) -> N
 def test_a_run_prunes_a_large_store_but_never_what_it_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipeline.running.session.MAX_STORE_BYTES", 1500)
+    monkeypatch.setattr("pipeline.session.MAX_STORE_BYTES", 1500)
     paths = fill(tmp_path, (3, 2, 1))
     with holding(tmp_path, "other"), session("a", tmp_path):
         pass

@@ -1,1 +1,0 @@
-"""What is around a run: its exclusive use of an output folder, what it reports, its outcome."""
