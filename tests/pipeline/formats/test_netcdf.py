@@ -8,18 +8,25 @@ import subprocess
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import netCDF4
 import numpy as np
+import pyproj
 import pytest
+import shapely
 import xarray as xr
-from scipy.interpolate import RegularGridInterpolator
 
+import renew
 from pipeline.formats.netcdf import write_currents
+from pipeline.formats.shared.legs import legs
 from pipeline.formats.shared.result import RunResult
+from pipeline.geo.projection import Projection
 from pipeline.model import CurrentGrid
+from pipeline.stages.project import extent_polygon, planar_current
 from pipeline.stages.write import formats_of
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import (
@@ -54,7 +61,44 @@ def small_files() -> Iterator[None]:
 
 
 def with_grids(result: RunResult, *grids: CurrentGrid) -> RunResult:
-    return replace(result, fetched=replace(result.fetched, currents=grids))
+    """The same run, planned with other currents (but for its routes)."""
+    scene = result.scene
+    currents = {
+        grid.season: planar_current(grid, scene.projection, scene.chart.bounds) for grid in grids
+    }
+    return replace(
+        result,
+        fetched=replace(result.fetched, currents=grids),
+        scene=replace(scene, currents=currents),
+    )
+
+
+def in_file(file: xr.Dataset, lonlat: np.ndarray, time: xr.DataArray | None = None) -> np.ndarray:
+    """East and north (n, 2) at points (n, 2) by what the file alone says, interpolated linearly."""
+    plane = pyproj.Transformer.from_crs("EPSG:4326", file.crs.crs_wkt, always_xy=True)
+    x, y = (xr.DataArray(axis, dims="point") for axis in plane.transform(*lonlat.T))
+    when = {} if time is None else {"time": time}
+    found = file[["uo", "vo"]].interp({"x": x, "y": y, **when})
+    return np.stack([found.uo, found.vo], axis=-1)
+
+
+def along_routes(result: RunResult, season: str, count: int) -> np.ndarray:
+    """Random points (count, 2), planar metres, along a season's routes."""
+    rng = np.random.default_rng(35)
+    routes = [shapely.LineString(one.route.path) for one in result.season_routes(season)]
+    shares = rng.random((count, 2))
+    lines = np.array(routes, dtype=object)[(shares[:, 0] * len(routes)).astype(int)]
+    points = shapely.line_interpolate_point(lines, shares[:, 1], normalized=True)
+    return np.asarray(shapely.get_coordinates(points))
+
+
+def planners(
+    result: RunResult, season: str, xy: np.ndarray, time: float | np.ndarray = 0.0
+) -> np.ndarray:
+    """The planner's own current (n, 2), to east and to north, at points (n, 2) of its plane."""
+    projection = result.scene.projection
+    velocity = result.scene.currents[season].velocity(xy, time)
+    return projection.rotate_to_lonlat(projection.to_lonlat(xy), velocity)
 
 
 def faults(path: Path) -> list[str]:
@@ -97,26 +141,105 @@ def test_the_cf_checker_would_find_a_fault(currents: Path, tmp_path: Path) -> No
     assert "lon" in found
 
 
-def test_the_figures_are_the_sources_own(result: RunResult, tmp_path: Path) -> None:
-    for grid in result.fetched.currents:
-        path = tmp_path / f"{grid.season}.nc"
-        write_currents(result, grid.season, path)
-        with xr.open_dataset(path) as file:
-            for component, values in ((file.uo, grid.u[0]), (file.vo, grid.v[0])):
-                assert component.dims == ("lat", "lon")
-                np.testing.assert_array_equal(component, values)
-                assert np.isnan(component).sum() > 0
-            np.testing.assert_array_equal(file.lon, grid.lon)
-            np.testing.assert_array_equal(file.lat, grid.lat)
+@pytest.mark.parametrize("season", ["summer", "winter"])
+def test_a_reader_finds_the_planners_current(
+    result: RunResult, tmp_path: Path, season: str
+) -> None:
+    """To 1e-5 m/s: figures have 24 bits, and the turn of north within a cell is nearly linear."""
+    write_currents(result, season, tmp_path / "currents.nc")
+    points = along_routes(result, season, 1000)
+    with xr.open_dataset(tmp_path / "currents.nc") as file:
+        assert np.isfinite(file.uo).all()
+        assert np.isfinite(file.vo).all()
+        found = in_file(file, result.scene.projection.to_lonlat(points))
+    np.testing.assert_allclose(found, planners(result, season, points), rtol=0, atol=1e-5)
 
 
-def test_a_point_without_value_has_the_fill_value(currents: Path) -> None:
-    with netCDF4.Dataset(currents) as file:
-        file.set_auto_mask(False)
-        for component in (file["uo"], file["vo"]):
-            stored = component[:]
-            assert np.isfinite(stored).all()
-            assert (stored == component._FillValue).sum() == 4
+@pytest.mark.parametrize(
+    ("west", "south", "east", "north", "cell_deg", "tolerance"),
+    [
+        (5.0, 58.0, 9.0, 60.0, 1 / 12, 1e-4),  # transverse Mercator
+        (5.0, 58.0, 9.0, 60.0, 1 / 4, 3e-4),
+        (-30.0, 40.0, -8.0, 52.0, 1 / 12, 1e-4),  # Lambert
+        (10.0, 76.0, 26.0, 81.0, 1 / 12, 1e-3),
+    ],
+)
+def test_north_that_turns_in_the_plane_hardly_matters(
+    result: RunResult,
+    tmp_path: Path,
+    west: float,
+    south: float,
+    east: float,
+    north: float,
+    cell_deg: float,
+    tolerance: float,
+) -> None:
+    """On a rough current, whose figures are random from cell to cell."""
+    rng = np.random.default_rng(1)
+    lon, lat = (np.arange(begin, end, cell_deg) for begin, end in ((west, east), (south, north)))
+    u, v = rng.uniform(-0.5, 0.5, (2, 1, len(lat), len(lon)))
+    region = shapely.box(west, south, east, north)
+    projection = Projection.for_region(region, 1000.0)
+    chart = renew.Chart(extent_polygon(region, projection), [])
+    moved = replace(result, scene=replace(result.scene, chart=chart, projection=projection))
+    grid = CurrentGrid("summer", lon, lat, u, v, "", small_run.STAND_IN)
+    run = with_grids(moved, grid)
+    write_currents(run, "summer", tmp_path / "currents.nc")
+    xmin, ymin, xmax, ymax = chart.bounds
+    points = rng.uniform((xmin, ymin), (xmax, ymax), (1000, 2))
+    with xr.open_dataset(tmp_path / "currents.nc") as file:
+        found = in_file(file, projection.to_lonlat(points))
+        nodes = np.stack([file.lon, file.lat], axis=-1)
+        x, y = np.meshgrid(file.x, file.y)
+        np.testing.assert_allclose(
+            projection.to_plane(nodes) * 1000.0, np.stack([x, y], axis=-1), rtol=0, atol=0.01
+        )
+    np.testing.assert_allclose(found, planners(run, "summer", points), rtol=0, atol=tolerance)
+    assert faults(tmp_path / "currents.nc") == []
+
+
+def sailed(file: xr.Dataset, result: RunResult, path: np.ndarray) -> np.ndarray:
+    """Speed over ground (n - 1,) on each leg of a path, integrated through the file's current."""
+    geod, through_water = pyproj.Geod(ellps="WGS84"), result.scene.vessel.speed
+    speeds = []
+    for begin, end in pairwise(path):
+        ends = result.scene.projection.to_lonlat(np.linspace(begin, end, 401))
+        azimuth, _, length = geod.inv(*ends[:-1].T, *ends[1:].T)
+        course = np.radians(azimuth)
+        ahead = np.stack([np.sin(course), np.cos(course)], axis=-1)
+        current = in_file(file, (ends[:-1] + ends[1:]) / 2)
+        along = (current * ahead).sum(axis=1)
+        across = current[:, 0] * ahead[:, 1] - current[:, 1] * ahead[:, 0]
+        made = along + (
+            np.sqrt(through_water**2 - across**2)
+            if result.scenario.planner.drift == "crab"
+            else through_water
+        )
+        speeds.append(length.sum() / (length / made).sum())
+    return np.array(speeds)
+
+
+@pytest.mark.parametrize("season", ["summer", "winter"])
+def test_a_reader_finds_the_legs_speeds(result: RunResult, tmp_path: Path, season: str) -> None:
+    write_currents(result, season, tmp_path / "currents.nc")
+    with xr.open_dataset(tmp_path / "currents.nc") as file:
+        for ranked in result.season_routes(season):
+            found = sailed(file, result, np.asarray(ranked.route.path))
+            np.testing.assert_allclose(found, legs(ranked, result).speed_m_s[:-1], rtol=1e-3)
+
+
+def test_filled_nodes_are_flagged(result: RunResult, currents: Path) -> None:
+    """The gap is four of the source's cells, each of four of the planner's; so is the flag."""
+    with xr.open_dataset(currents) as file:
+        flag = file.filled
+        assert flag.flag_meanings.split() == ["from_source", "filled_from_neighbours"]
+        assert flag.flag_values.tolist() == [0, 1]
+        assert "filled" in file.uo.ancillary_variables.split()
+        within = (abs(file.lon - 119.5) < 0.2) & (abs(file.lat - 9.5) < 0.2)
+        assert within.any()
+        np.testing.assert_array_equal(flag.values.astype(bool), within.values)
+    cells = result.fetched.currents[0].cells
+    assert not cells.at(np.array([[119.5, 9.5]]))[0]
 
 
 def test_gdal_places_the_grid_where_it_is(result: RunResult, tmp_path: Path) -> None:
@@ -127,45 +250,52 @@ def test_gdal_places_the_grid_where_it_is(result: RunResult, tmp_path: Path) -> 
     summer, winter = result.fetched.currents
     lon, lat = np.linspace(118.5, 120.5, 5), np.linspace(8.5, 10.5, 5)
     grid = np.arange(25.0).reshape(1, 5, 5) / 25
-    other = replace(winter, lon=lon, lat=lat, u=grid, v=-grid)
-    for one in (summer, other):
-        path = tmp_path / f"{one.season}.nc"
-        write_currents(with_grids(result, summer, other), one.season, path)
+    run = with_grids(result, summer, replace(winter, lon=lon, lat=lat, u=grid, v=-grid))
+    for season in ("summer", "winter"):
+        path = tmp_path / f"{season}.nc"
+        write_currents(run, season, path)
         asked = [gdalinfo, "-json", "-stats", f"NETCDF:{path}:uo"]
         found = json.loads(subprocess.run(asked, capture_output=True, check=True).stdout)
         west, east_step, _, north, _, south_step = found["geoTransform"]
-        assert west + east_step / 2 == pytest.approx(one.lon[0])
-        assert north + south_step / 2 == pytest.approx(one.lat[-1])
-        assert found["size"] == [len(one.lon), len(one.lat)]
-        assert "WGS 84" in found["coordinateSystem"]["wkt"]
-        (band,) = found["bands"]
-        assert band["minimum"] == pytest.approx(np.nanmin(one.u), abs=1e-6)
-        assert band["maximum"] == pytest.approx(np.nanmax(one.u), abs=1e-6)
+        with xr.open_dataset(path) as file:
+            assert west + east_step / 2 == pytest.approx(float(file.x[0]))
+            assert north + south_step / 2 == pytest.approx(float(file.y[-1]))
+            assert found["size"] == [file.sizes["x"], file.sizes["y"]]
+            (band,) = found["bands"]
+            assert band["minimum"] == pytest.approx(float(file.uo.min()), abs=1e-6)
+            assert band["maximum"] == pytest.approx(float(file.uo.max()), abs=1e-6)
+        assert "Transverse_Mercator" in found["coordinateSystem"]["wkt"].replace(" ", "_")
 
 
-def as_field(grid: CurrentGrid, values: np.ndarray) -> xr.DataArray:
-    return xr.DataArray(values, {"lat": grid.lat, "lon": grid.lon}, ("lat", "lon"))
+@pytest.fixture
+def tide(result: RunResult) -> RunResult:
+    """The same run in a current that changes: departure is on 22 November 2026 at 6 h."""
+    rng = np.random.default_rng(2)
+    lon, lat = np.linspace(118.9, 120.3, 8), np.linspace(8.9, 10.1, 7)
+    u, v = rng.uniform(-0.4, 0.4, (2, 4, 7, 8))
+    u[:, 3, 2] = v[:, 3, 2] = np.nan
+    times = np.array([-5400.0, -600.0, 3000.0, 90_000.0])
+    grid = CurrentGrid("summer", lon, lat, u, v, "2026-11", small_run.STAND_IN, times_s=times)
+    run = with_grids(result, grid)
+    departure = datetime(2026, 11, 22, 6, tzinfo=UTC)
+    return replace(run, scene=replace(run.scene, departures={"summer": departure}))
 
 
-def sampled(field: xr.DataArray, points: np.ndarray) -> np.ndarray:
-    """Bilinear values at points (n, 2) of latitude and longitude."""
-    axes = (field.lat.values, field.lon.values)
-    return np.asarray(RegularGridInterpolator(axes, field.values)(points))
-
-
-def test_a_current_that_changes_is_written_as_it_is_at_departure(
-    result: RunResult, tmp_path: Path
+def test_a_current_that_changes_is_written_at_all_its_times(
+    tide: RunResult, tmp_path: Path
 ) -> None:
-    """Departure is a quarter of the way from the second slice to the third."""
-    axis = np.array([1.0, 2.0])
-    u = np.array([[[9.0, 9], [9, 9]], [[0.0, 4], [8, 12]], [[4.0, 0], [8, 16]], [[7.0, 7], [7, 7]]])
-    times = np.array([-90.0, -10.0, 30.0, 60.0])
-    grid = CurrentGrid("tide", axis, axis, u, -u, "2026-11-22", small_run.STAND_IN, times_s=times)
-    write_currents(with_grids(result, grid), "tide", tmp_path / "currents.nc")
+    write_currents(tide, "summer", tmp_path / "currents.nc")
+    points = along_routes(tide, "summer", 1000)
+    lonlat = tide.scene.projection.to_lonlat(points)
+    seconds = np.random.default_rng(3).uniform(-5400.0, 90_000.0, 1000)
+    departure = np.datetime64("2026-11-22T06:00", "ns")
+    times = xr.DataArray(departure + (seconds * 1e9).astype("m8[ns]"), dims="point")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
-        assert file.uo.values.tolist() == [[1.0, 3.0], [8.0, 13.0]]
-        assert (file.vo == -file.uo).all()
-        assert "time" not in file, "the values are not those of the whole period"
+        assert file.uo.dims == ("time", "y", "x")
+        assert file.time.values[0] == np.datetime64("2026-11-22T04:30")
+        found = in_file(file, lonlat, time=times)
+    assert found == pytest.approx(planners(tide, "summer", points, seconds), abs=1e-4)
+    assert faults(tmp_path / "currents.nc") == []
 
 
 def test_a_reader_by_the_conventions_finds_east_and_north(currents: Path) -> None:
@@ -255,7 +385,7 @@ def test_longitudes_are_continuous_across_180_degrees(result: RunResult, tmp_pat
     moved = moved_east(result, 60.4)
     write_currents(moved, "summer", tmp_path / "currents.nc")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
-        assert np.all(np.diff(file.lon) > 0)
+        assert np.all(np.diff(file.lon, axis=1) > 0)
         assert float(file.lon.min()) < 180 < float(file.lon.max())
     assert faults(tmp_path / "currents.nc") == []
 
@@ -301,9 +431,10 @@ def test_the_example_in_the_documents_runs(
     shutil.copy(currents, currents.with_name("palawan-season-summer-currents.nc"))
     exec(example, namespace)  # noqa: S102 - the document's own example is what is tested
     namespace["currents"].close()
-    summer = result.fetched.currents[0]
-    at_start = sampled(as_field(summer, summer.u[0]), np.array([(9.1, 119.1)]))
-    assert float(namespace["here"].uo) == pytest.approx(at_start[0], abs=1e-12)
+    place = result.scene.projection.to_plane([[119.1, 9.1]])
+    east, north = planners(result, "summer", place)[0]
+    assert float(namespace["here"].uo) == pytest.approx(east, abs=1e-6)
+    assert float(namespace["here"].vo) == pytest.approx(north, abs=1e-6)
 
 
 def test_a_plane_has_no_currents_to_write(result: RunResult, planar_result: RunResult) -> None:
