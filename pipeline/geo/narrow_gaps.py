@@ -3,7 +3,7 @@
 Between two close coasts there are many gaps, most of them between rocks and useless. Gaps are taken
 in the order of their width, and each gap between two parts of the land joins them into one: wider
 gaps between these two are skipped (Kruskal, *On the shortest spanning subtree of a graph*, 1956).
-The remaining gaps are the bottlenecks: if all of them are wide enough, so is every strait. The
+The remaining gaps are the bottlenecks: if they are wide enough, every strait is wide enough. The
 detour around a shut gap depends on the smaller of the two parts.
 """
 

@@ -45,8 +45,8 @@ def opened(
     """Remove added land that covers the endpoints (n, 2) or separates them.
 
     These are start and goal of each voyage in turn. `added_m` is how far the land extends beyond
-    the original. Endpoints on original land stay on land; those that original land separates stay
-    separated.
+    the original. Endpoints on original land stay on land, and endpoints that original land
+    separates stay separated.
     """
     result = OpenWater(_drawn_back(land, original, endpoints, added_m))
     voyages = endpoints[: len(endpoints) // 2 * 2].reshape(-1, 2, 2)

@@ -160,7 +160,9 @@ def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:
     try:
         value = values_from(content)
     except Exception as error:  # noqa: BLE001 - a pickle of somebody else's may raise anything
-        warnings.warn(f"{path} is none of this program's, and not used: {error}", stacklevel=2)
+        warnings.warn(
+            f"{path} was not written by this program, and is not used: {error}", stacklevel=2
+        )
         return None
     if not isinstance(value, kind):
         return None

@@ -17,10 +17,7 @@ RouteKey = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """How a route passes islands: on one side of all of them, or between two.
-
-    They are given by names or numbers.
-    """
+    """How a route passes islands, given by names or numbers: on one side of all, or between two."""
 
     side: Side
     islands: tuple[str, ...]
@@ -56,7 +53,7 @@ class RouteMetrics:
     clearance_m : least distance to the original land, true metres; inf where there is none.
     duration_s : seconds at true scale.
     speed_m_s : mean speed through water, over time.
-    trials, collisions : simulated hard-over turns, and those that touch the original land.
+    trials, collisions : simulated hard-over turns, and how many touch the original land.
     land_m : metres of the route over original land.
     passages : how it passes the islands that distinguish it from the season's other routes: the
         main island first, then the others in their order on the way.
@@ -108,7 +105,7 @@ class RouteMetrics:
 
     @property
     def no_go_name(self) -> str:
-        """What it keeps clear of, for readers: only a chart with depths has a share without."""
+        """Readers' word for the areas it avoids: only charts with depths have uncharted shares."""
         return no_go_name(has_depths=not math.isnan(self.uncharted_share))
 
     @property
@@ -133,7 +130,7 @@ class NumberedIsland:
 
     @property
     def label(self) -> str:
-        """What readers call it: its name, or else its number."""
+        """Its name for readers, or else its number."""
         return self.name or str(self.number)
 
 
@@ -153,13 +150,13 @@ class GapShares:
 
 @dataclass(frozen=True, slots=True)
 class ClockWorth:
-    """What a season's best route saves by knowing how the current changes.
+    """The fuel that a season's best route saves by knowing how the current changes.
 
-    Fuel, in the planner's units, of other plans when they are sailed in the changing current:
-    `frozen` on the current at departure, `mean` on its mean over the best route's voyage,
-    `shortest` on no current at all; inf where a plan can't be sailed, or none was found. `best` is
-    the best route's own, and no route stays below `bound`. Where speeds are chosen all are sailed
-    so that they arrive `in_time`.
+    Figures are fuel in the planner's units. `best` is the best route's; no route needs less than
+    `bound`. The others are of plans made without that knowledge and sailed in the changing current:
+    `frozen` was planned in the current at departure, `mean` in its mean over the best route's
+    voyage, `shortest` in no current at all; inf where there is no plan, or it can't be sailed.
+    Where speeds are chosen, all are sailed so that they arrive `in_time`.
     """
 
     season: str
@@ -203,8 +200,8 @@ class ShutStrait:
     lon, lat : the middle of its narrowest place, degrees.
     width_m : its width there, between the original coasts, true metres.
     needed_m : the width from which on it would be open.
-    by : what shuts it.
-    seasons : those in which it is so; all where it does not depend on the current.
+    by : the cause, margin or padding.
+    seasons : the seasons in which it is shut; all where that does not depend on the current.
     """
 
     lon: float
@@ -219,11 +216,11 @@ class ShutStrait:
 class Evaluation:
     """Every planned route's figures, and its hard-over turns by (season, rank).
 
-    All turns are counted; of the places where none touches land, about a thousand per route are
-    stored. `shore_crossings` are those of all routes, `islands` those that name their ways, the
-    main one first, `class_islands` the others in names of classes, `gap_shares` those of the
-    seasons for which they were asked, `clock_worths` those of the seasons whose currents change,
-    `side_bounds` those of the seasons whose routes differ in their side.
+    All turns are counted; of the places where no turn touches land, about a thousand per route are
+    stored. `shore_crossings` are of all routes. `islands` name the routes' ways, the main island
+    first; `class_islands` are the other islands in names of classes. `gap_shares` are of seasons
+    for which they were asked, `clock_worths` of seasons whose currents change, `side_bounds` of
+    seasons whose routes differ in their side.
     """
 
     routes: tuple[RouteMetrics, ...]
@@ -236,7 +233,7 @@ class Evaluation:
     side_bounds: tuple[SideBound, ...] = ()
 
     def clock_worth_of(self, season: str) -> ClockWorth | None:
-        """What the clock is worth in a season, if its current changes."""
+        """The worth of the clock in a season, if its current changes."""
         return next((worth for worth in self.clock_worths if worth.season == season), None)
 
     def gap_shares_of(self, season: str) -> GapShares | None:

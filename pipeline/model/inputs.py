@@ -1,6 +1,6 @@
 """What sources deliver: land and currents with their credits, and notes on them.
 
-A note is what a reader should know beside the result, as values without words.
+A note tells a reader something beside the result, as values without words.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Note:
 
     Attributes
     ----------
-    kind : what it is about, one of the kinds for which there are words.
+    kind : its subject, one of the kinds for which there are words.
     values : the figures by their names: numbers, names, places, dates, other notes, tuples of them;
         units are in the names.
     seasons : the seasons that it is about; empty where it is about all.
@@ -91,9 +91,8 @@ class Zone:
 
     A `shoal` is too shallow for the vessel, a `hazard` lies in water that is not, an `uncharted`
     area is covered by no source: all are no-go, and so also among the polygons of their Land. A
-    `restricted` area and a `traffic` scheme may be entered; `rule` is what the chart prescribes
-    there for a passing vessel, if anything. Areas of the user's are `shut` at the hours that the
-    rule names.
+    `restricted` area and a `traffic` scheme may be entered; `rule` is the chart's rule there for a
+    passing vessel, if any. The user's areas are `shut` at the hours of their rule.
     """
 
     kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic", "shut"]
@@ -134,7 +133,7 @@ class Land:
 
     Land; from charts with depths, also shallow water, hazards and uncharted areas. `accuracy_m` is
     how far the source's coast may lie from the true one, in metres. `credits` has one entry per
-    source, `notes` is what a reader should know about the chart, `zones` are areas to be shown.
+    source, `notes` are about the chart, `zones` are areas to be shown.
     `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
     it, but a route that crosses it does so where the two disagree. `places` are the chart's names
     of land, where it has any. `depths` says where the chart has depths; None where it has none at
@@ -153,12 +152,12 @@ class Land:
 
     @property
     def no_go_name(self) -> str:
-        """What no route may enter, for readers."""
+        """Readers' word for areas that no route may enter."""
         return no_go_name(has_depths=self.depths is not None)
 
 
 def no_go_name(*, has_depths: bool) -> str:
-    """What no route may enter, for readers: on a chart with depths it is more than land."""
+    """Readers' word for areas that no route may enter: with depths they are more than land."""
     return "no-go areas" if has_depths else "land"
 
 
@@ -181,7 +180,7 @@ class CurrentGrid:
         same at all times.
     times_s : (nt,), ascending, seconds since the season's departure; of a steady current one.
     valid : the time that the field is valid for, as the source names it.
-    notes : what a reader should know about the field.
+    notes : about the field, for a reader.
     files : names and hashes of the files it came from.
     climatology_for : the season's own time where the field is a climatology in its place, or "".
     passed_over : the sources that the scenario prefers to this one, in its order.
@@ -212,7 +211,7 @@ class CurrentGrid:
 
     @property
     def change_notes(self) -> tuple[Note, ...]:
-        """Say by how many time steps it changes; nothing of a steady one."""
+        """The number of time steps by which it changes; no note on a steady current."""
         return (Note.of("current-changes", steps=len(self.times_s)),) if self.changes else ()
 
     @property
@@ -233,7 +232,7 @@ class CurrentGrid:
 
     @property
     def stand_in_notes(self) -> tuple[Note, ...]:
-        """What the season was planned on in place of its first choice; empty where it is that."""
+        """The current that the season was planned in, if that is not its first choice."""
         source, valid, asked = self.credit.name, self.valid, self.climatology_for
         if asked:
             return (Note.of("climatology-stands-in", source=source, valid=valid, asked=asked),)
@@ -245,8 +244,8 @@ class CurrentGrid:
 class Fetched:
     """Data from the sources: land, and one current grid per season.
 
-    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` says
-    which preferred sources were passed over and why, and what to know about the others.
+    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` are
+    about preferred sources that were passed over, and about the others.
     """
 
     land: Land
@@ -255,7 +254,7 @@ class Fetched:
 
     @property
     def stand_in_notes(self) -> tuple[Note, ...]:
-        """Those of the notes that only name what was used in place of a first choice."""
+        """Notes that only name a current used in place of a first choice."""
         return of_seasons({grid.season: grid.stand_in_notes for grid in self.currents})
 
 

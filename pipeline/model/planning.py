@@ -73,9 +73,9 @@ class Scene:
     `land` is the original, unsimplified land; `second_shore` and `depths` are as in Land;
     `currents` is keyed by season, and so is `current_cells`, where its source has figures; `start`
     and `goal` have shape (2,). A scene `is_planar` where it was given in metres, and not on a
-    chart. `departures` are those of the seasons whose currents change: on the clock of these
+    chart. `departures` are of seasons whose currents change: on the clock of these
     currents, in seconds, they are 0. Routes pass the points `via` (n, 2), and keep out of the
-    `areas` of their season, on the same clock. `speeds` are of the seasons that have a choice, in
+    `areas` of their season, on the same clock. `speeds` are of seasons that have a choice, in
     place of the vessel's own.
     """
 
@@ -170,7 +170,7 @@ class SeasonPlan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepartureChoice:
-    """When a season's vessel leaves, and what it was chosen from.
+    """A season's departure, and the departures that it was chosen from.
 
     Attributes
     ----------
@@ -211,9 +211,9 @@ class DepartureChoice:
         return float(self.durations_s[np.abs(self.departures_s - self.chosen_s).argmin()])
 
     def good_window(self, share: float) -> tuple[float, float]:
-        """First and last departure around the chosen one, s, that need hardly more fuel.
+        """First and last departure around the chosen one, s, that need little more fuel.
 
-        All that were planned between them do so by no more than a share.
+        All departures planned between them need at most a share more than the least.
         """
         is_good = self.fuels <= self.fuels.min() * (1 + share)
         at = int(np.abs(self.departures_s - self.chosen_s).argmin())

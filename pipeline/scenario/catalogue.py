@@ -15,7 +15,7 @@ from pipeline.scenario import strict
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import StrictModel, model_faults, near_miss, shown
 
-# As of `renew.Vessel`: larger figures are a slip of the pen, and powers of them overflow.
+# The limit of `renew.Vessel`: larger figures are a slip of the pen, and their powers overflow.
 _Figure = Annotated[strict.Positive, Field(le=1e6)]
 _TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
 
@@ -140,7 +140,7 @@ class EmbeddedTableSpec(SourceBase):
     def part(self, season: Season) -> str | None:
         """Return the table's season that stands for a season of a scenario; None where none does.
 
-        It has its name; or that is a month, which is one of the months of the table's season.
+        Either both have one name, or the scenario's season is a month of the table's season.
         """
         if season.name in self.seasons:
             return season.name
@@ -262,7 +262,7 @@ def scenario_path(asked: str) -> Path:
     Raises
     ------
     RequestError
-        Neither, or a directory; the message suggests what may have been meant.
+        Neither, or a directory; the message suggests a similar name.
     """
     named = root() / "scenarios" / f"{asked}.toml"
     if asked in names("scenarios"):

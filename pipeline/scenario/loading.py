@@ -1,7 +1,7 @@
 """Load a scenario's file, with the currents that `--currents` names; write a scenario as TOML.
 
-The keys of a file are checked first, all at once, then what lies between tables. Nothing is asked
-of the sources here: what their data cover, `pipeline.stages.choosing.coverage` says.
+The keys of a file are checked first, all at once, then whether its tables go together. Sources are
+not asked here: `pipeline.stages.choosing.coverage` checks whether their data cover a season.
 """
 
 import json
@@ -111,7 +111,7 @@ def _missing_paths(chart: ChartSpec) -> Iterator[str]:
 
 
 def _unknown_sources(scenario: Scenario) -> Iterator[str]:
-    """Find names that are not in the catalogue, or are those of other data than the key needs."""
+    """Find names that are not in the catalogue, or that name other data than the key needs."""
     charts = scenario.chart.source
     named = [
         (f"chart.source[{i}]" if len(charts) > 1 else "chart.source", one.name, True)
@@ -146,7 +146,7 @@ def _missing_draught(scenario: Scenario) -> Iterator[str]:
 
 
 def _misplaced_stops(scenario: Scenario) -> Iterator[str]:
-    """Find stops off the earth, outside the region or plane, or the same as the one before."""
+    """Find stops off the earth, outside the region or plane, or equal to the stop before."""
     stops = scenario.stops
     for (one, place), (other, after) in pairwise(stops.items()):
         if place == after:
@@ -248,7 +248,7 @@ def with_currents(
 
 
 def _is_in_no_table(season: object, currents: Sequence[str | list[str]]) -> bool:
-    """Whether all sources are embedded tables, and none of them has a (valid) season."""
+    """Whether all sources are embedded tables without a (valid) season."""
     tables = [catalogue.source(one) for one in currents if isinstance(one, str)]
     try:
         valid = Season.model_validate(season)
@@ -272,7 +272,7 @@ def inline(value: object) -> str:
 
 
 def scenario_text(scenario: Scenario) -> str:
-    """Spell a scenario as TOML, without what has its default; a known vessel by its name."""
+    """Spell a scenario as TOML, without defaults; a known vessel by its name."""
     table = scenario.model_dump(mode="json", exclude_defaults=True)
     table = {"schema_version": scenario.schema_version, **table}
     name = scenario.vessel.name

@@ -32,8 +32,8 @@ MAX_SEASONS = 1000
 class PlannerOptions(StrictModel):
     """The options of `renew.plan`; its metres are planar ones, true metres divided by `scale`."""
 
-    # Ranges and defaults are those of renew.PlanOptions, as a test compares: to import them would
-    # load the compiler for every `renew --help`.
+    # A test compares ranges and defaults with renew.PlanOptions: to import them would load the
+    # compiler for every `renew --help`.
 
     classes: strict.Integer = Field(
         default=16,
@@ -292,7 +292,7 @@ class Scenario(StrictModel):
         return self
 
     def _itinerary_faults(self) -> Iterator[str]:
-        """Find what does not go together with via points or shut areas."""
+        """Find keys that do not go together with via points or shut areas."""
         for name, needed in (("method", "optimal"), ("order", "fuel")):
             if self.via and (given := getattr(self.planner, name)) != needed:
                 yield f"has via points, which need planner.{name} = {needed!r}, not {given!r}"

@@ -17,7 +17,7 @@ from pipeline.scenario import strict
 from pipeline.scenario.strict import StrictModel
 from pipeline.scenario.times import DepartureTimes, Interval, Period, period
 
-# As of a vessel's own speed.
+# The limit of a vessel's own speed.
 _Speed = Annotated[strict.Positive, Field(le=1e6)]
 
 
@@ -38,7 +38,7 @@ class SpeedRange(StrictModel):
 
 
 TimeMethod = Literal["mean", "nearest", "linear"]
-"""How a season's field is made of time steps: the mean of those in its period, the step nearest to
+"""How a season's field is made of time steps: the mean of its period's steps, the step nearest to
 the middle of the period, or linear interpolation between the two around that middle."""
 STILL = "still"
 """The source of the catalogue that has no current at all, at any time."""
@@ -220,7 +220,7 @@ class Season(StrictModel):
         return self
 
     def _changing_faults(self) -> Iterator[str]:
-        """Find what changing currents lack, or can't have."""
+        """Find keys that changing currents lack, or can't have."""
         if self.departure is None and self.departures is None:
             yield "lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z"
         if not self.currents:
@@ -230,7 +230,7 @@ class Season(StrictModel):
         yield from (*self._window_faults(), *self._speed_faults(), *self._arrival_faults())
 
     def _window_faults(self) -> Iterator[str]:
-        """Find what is wrong with the departures to choose from."""
+        """Find faults of the departures to choose from."""
         if self.departures is not None:
             if self.departure is not None:
                 yield "has both 'departure' and 'departures'; leave one out"
@@ -249,7 +249,7 @@ class Season(StrictModel):
             yield "has 'to_within', but no 'departures' to choose from; add them"
 
     def _speed_faults(self) -> Iterator[str]:
-        """Find what is wrong with the choice of speeds, or missing beside it."""
+        """Find faults of the choice of speeds, and keys that it lacks."""
         if self.speed is None:
             return
         if self.speed.least > self.speed.most:
@@ -265,7 +265,7 @@ class Season(StrictModel):
             yield "has 'speed', but no 'arrive_by', for which its speed is chosen; add it"
 
     def _arrival_faults(self) -> Iterator[str]:
-        """Find what is wrong with the time between departure and arrival."""
+        """Find faults of the time between departure and arrival."""
         first = self.first_departure
         if self.arrive_by is not None and first is not None:
             if self.arrive_by <= first:
@@ -277,7 +277,7 @@ class Season(StrictModel):
                 yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
 
     def _steady_faults(self) -> Iterator[str]:
-        """Find what a current without times lacks, or can't have."""
+        """Find keys that a steady current lacks, or can't have."""
         yield from self._speed_faults()
         given = [
             repr(name)
@@ -307,7 +307,7 @@ class Season(StrictModel):
 
     @property
     def first_departure(self) -> datetime | None:
-        """The departure, or the first of those to choose from; UTC."""
+        """The departure, or the first one to choose from; UTC."""
         if self.departures is not None:
             return self.departures.begin
         return self.departure and self.departure.astimezone(UTC)

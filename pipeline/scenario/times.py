@@ -74,7 +74,7 @@ def interval(text: str) -> timedelta:
 
 
 def _checked(text: str) -> str:
-    """Refuse what is no interval."""
+    """Refuse a text that is no interval."""
     interval(text)
     return text
 

@@ -1,7 +1,7 @@
 """Charts made of others: several as one, or one with a grid of depths.
 
-What any of several charts forbids is no-go. With depths, water too shallow for the vessel is no-go
-as well: the grid's cells that are too shallow, and one cell around them, as polygons.
+An area that any of several charts forbids is no-go. With depths, water too shallow for the vessel
+is no-go as well: the grid's cells that are too shallow, and one cell around them, as polygons.
 """
 
 import hashlib
@@ -46,9 +46,9 @@ class Overlay:
 
 
 def overlay(lands: Sequence[Land]) -> Land:
-    """Combine charts: no-go is what any of them forbids, and what none of them covers.
+    """Combine charts: areas that any of them forbids, or none of them covers, are no-go.
 
-    The accuracy of the coast is that of the least accurate chart.
+    The least accurate chart sets the accuracy of the coast.
     """
     zones = [zone for land in lands for zone in land.zones if zone.kind != "uncharted"]
     blank = reduce(shapely.intersection, (_uncharted(land) for land in lands))
@@ -69,7 +69,7 @@ def overlay(lands: Sequence[Land]) -> Land:
 
 
 def _depths(lands: Sequence[Land]) -> DepthCover | None:
-    """Where any of the charts has depths; None where none of them has any."""
+    """Where any chart has depths; None if no chart has any."""
     found = [land.depths for land in lands if land.depths is not None]
     return DepthCover(tuple(area for one in found for area in one.areas)) if found else None
 
@@ -83,7 +83,7 @@ def _uncharted(land: Land) -> BaseGeometry:
 # content: reading the whole of GEBCO, 7 GB, takes half a minute.
 _MAX_HASHED_BYTES = 500 << 20
 # Number of places along each side of the region at which heights are compared with the chart's
-# land; least number of places in water; largest share of those that may lie above the sea.
+# land; least number of places in water; largest share of such places that may lie above the sea.
 _PLACES, _MIN_PLACES, _MAX_DRY_SHARE = 60, 30, 0.5
 # A note is given if more than this share of the region has no depths.
 _MIN_NOTED_SHARE = 0.005
@@ -143,7 +143,7 @@ class SoundedChart:
         return Credit(name, "land", f"Depths: {name}", self.file.licence)
 
     def _notes(self, heights: Heights, region: Polygon) -> Iterator[Note]:
-        """Yield a note on what is no-go by depth, and one if part of the region has no depths."""
+        """Yield a note on water no-go by depth, and one if part of the region has no depths."""
         name, cell_m = name_of(self.file.path), _cell_m(heights)
         depth_m = self.safety_depth_m
         yield Note.of("depths-no-go", source=name, safety_depth_m=depth_m, cell_m=cell_m)
@@ -217,10 +217,10 @@ _STRAIGHT = 1e-6
 
 
 def shallow_polygons(heights: Heights, safety_depth_m: float) -> Geometries:
-    """Return valid polygons (lon/lat degrees) of what is shallower, and one cell around.
+    """Return valid polygons (lon/lat degrees) of shallower water and land, and one cell around.
 
-    Land is shallow, too. The outline is the contour halfway between the nodes of the cells that are
-    taken and those that are not: it lies one cell off every shallow cell, and cuts the corners.
+    The outline is the contour halfway between nodes inside and nodes outside. It lies one cell off
+    every shallow cell, and cuts the corners.
     """
     with np.errstate(invalid="ignore"):
         shallow = heights.height_m > -safety_depth_m

@@ -27,8 +27,8 @@ from pipeline.sources.quality.coverage import Bounds
 if TYPE_CHECKING:
     import xarray as xr
 
-# Standard names (CF table 85) of a depth, positive down, and the beginning of those of a height;
-# "altitude" is the height above the geoid.
+# Standard names (CF table 85) of a depth, positive down, and the beginning of the names of a
+# height; "altitude" is the height above the geoid.
 _DEPTHS = {
     "sea_floor_depth_below_geoid",
     "sea_floor_depth_below_mean_sea_level",
@@ -38,8 +38,8 @@ _DEPTHS = {
 }
 _HEIGHTS = "height_above_"
 _ALTITUDES = {"altitude", "surface_altitude", "sea_floor_altitude"}
-# A height above the ellipsoid is up to 100 m off the sea's surface. GEBCO calls its own so, and its
-# long name says what it is.
+# A height above the ellipsoid is up to 100 m off the sea's surface. GEBCO calls its heights so, but
+# their long name says that they are above sea level.
 _ELLIPSOID, _AT_SEA_LEVEL = "height_above_reference_ellipsoid", "sea level"
 # Names of variables without such a standard name, and the sign by which they become heights.
 _NAMES = {"elevation": 1.0, "depth": -1.0}
@@ -80,7 +80,7 @@ class DepthFile:
 
     @classmethod
     def open(cls, path: Path) -> DepthFile:
-        """Read what a file contains, but no depths.
+        """Read names, axes and attributes of a file, but no depths.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class DepthFile:
 
 @contextlib.contextmanager
 def _refused(path: Path) -> Iterator[None]:
-    """Turn what is wrong with a file, a ValueError, into a RequestError that names it."""
+    """Turn a ValueError about a file into a RequestError that names the file."""
     try:
         yield
     except ValueError as error:

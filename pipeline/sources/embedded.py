@@ -163,7 +163,7 @@ class StillWater(CurrentSource):
     spec: StillSpec
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """Its name, as it is always the same."""
+        """Its name, as it never changes."""
         del season
         return (self.spec.name,)
 

@@ -17,8 +17,8 @@ class Issue:
     """Which issue of its data a source has now.
 
     `reference` is the reference time of a forecast or analysis (aware, UTC), `last_step` its last
-    time step, `first_step` the first from which on it is of use; each None where the source does
-    not say it. `digest` is a hash of the data, or of what stands for them.
+    time step, `first_step` the first that is of use; each None where the source does not say it.
+    `digest` is a hash of the data, or of a version that stands for them.
     """
 
     reference: datetime | None
@@ -32,7 +32,7 @@ class LandSource(Protocol):
 
     @property
     def identity(self) -> tuple[str, ...]:
-        """What the land depends on besides the region: releases, file hashes."""
+        """Everything but the region that the land depends on: releases, file hashes."""
         ...
 
     def land(self, region: Polygon) -> Land:
@@ -49,7 +49,7 @@ class CurrentSource(Protocol):
         return False
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """What the current depends on besides the region: dataset, release, time, file hashes."""
+        """Everything but the region that the current depends on: dataset, time, file hashes."""
         ...
 
     def unavailable_reason(self) -> str:

@@ -33,7 +33,7 @@ def land_source(chart: ChartSpec, draught_m: float | None) -> LandSource:
 
 
 def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | None) -> LandSource:
-    """Return one land source, by its name in the catalogue or by what lies at its path."""
+    """Return one land source, by its name in the catalogue or by the file at its path."""
     entry = catalogue.source(source.name) if source.name else None
     if entry is not None and entry.adapter == "osm-land":
         from pipeline.sources.land.osm import OsmLand
@@ -55,7 +55,7 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
     if is_s57:
         from pipeline.sources.land.s57 import S57Chart, find_cells
 
-        find_cells(path)  # what is no chart with depths needs no draught
+        find_cells(path)  # refused before a missing draught is
         return S57Chart(path, _safety_depth_m(chart, draught_m))
     from pipeline.sources.land.vector import VectorFile
 

@@ -137,16 +137,16 @@ class CfFiles(CurrentSource):
             files=_file_hashes(contents, slices),
             climatology_for=season.valid if slices.is_climatology else "",
         )
-        # Empty unless it is a climatology: what was passed over is not known here.
+        # Empty unless it is a climatology: sources passed over are not known here.
         return replace(current, notes=(*current.notes, *current.stand_in_notes))
 
     def _selected(self, season: Season) -> tuple[Contents, SelectedSlices]:
-        """Read what the files contain, and select the season's fields."""
+        """Read the files' contents, and select the season's fields."""
         contents = self._contents()
         return contents, select_slices(contents, season)
 
     def _contents(self) -> Contents:
-        """Read what the files contain, again only when they have changed."""
+        """Read the files' contents, again only when the files have changed."""
         files = find_files(self.paths)
         return _read_version(files, tuple(_stamp(file) for file in files))
 
@@ -162,7 +162,7 @@ def _file_hashes(contents: Contents, slices: SelectedSlices) -> tuple[tuple[str,
 
 @lru_cache(maxsize=4)
 def _read_version(files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
-    """Read what files with these stamps contain."""
+    """Read the contents of files with these stamps."""
     del stamps
     return read_contents(files)
 
@@ -170,7 +170,7 @@ def _read_version(files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
 def _stamp(file: Path) -> str:
     """Size and time of change; for a Zarr store, of each of its files.
 
-    Any other folder, which is none of ours to look through, is refused when it is opened.
+    Any other folder is not looked through, and is refused when it is opened.
     """
     parts = [file]
     if is_zarr(file):
@@ -241,7 +241,7 @@ _SPEED_LIMIT_M_S = 10.0
 # Share of the region's open water without data above which a file is refused; smaller gaps are
 # filled from the water around.
 _GAP_FAULT_SHARE = 0.2
-# Share of the cells far inland with data, from which the field's gaps say nothing of its position.
+# Share of the cells far inland with data from which the field's gaps do not show its position.
 _FILLED_LAND_SHARE = 0.5
 # Zeros mean "no data" where at least this share of land and at most this share of water is zero.
 _MIN_ZERO_LAND_SHARE, _MAX_ZERO_WATER_SHARE = 0.9, 0.01
@@ -249,7 +249,7 @@ _MIN_ZERO_LAND_SHARE, _MAX_ZERO_WATER_SHARE = 0.9, 0.01
 
 @dataclass(frozen=True)
 class CheckedFields:
-    """The fields on the kept part of the grid, what was found, and the first one in the window.
+    """Fields on the kept part of the grid, doubts about them, and the first field in the window.
 
     `lon` (nx,) and `lat` (ny,) are in degrees, `u` and `v` (nt, ny, nx) in m/s.
     """
@@ -271,7 +271,7 @@ def read_checked_fields(
     bounds: Bounds,
     region: Bounds,
 ) -> CheckedFields:
-    """Read fields in a window, look at each, and keep what lies inside `bounds`.
+    """Read fields in a window, check each, and keep the part of each inside `bounds`.
 
     Raises
     ------
@@ -312,7 +312,7 @@ def _zeros_on_land(
 ) -> tuple[BoolArray | None, tuple[Note, ...]]:
     """Cells (ny, nx) whose zeros stand for land, as they would slow the water beside it; a note.
 
-    Those that are zero in each of some fields: where the water turns it stands still for a while.
+    Such cells are zero in each of some fields: water stands still for a while where it turns.
     """
     zero = np.logical_and.reduce([(field.u == 0) & (field.v == 0) for field in fields])
     if not zero.any():

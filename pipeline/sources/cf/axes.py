@@ -40,12 +40,12 @@ _MAX_DEPTH_M = 20.0
 # Largest longitude and latitude, degrees, and the largest span as a share of the whole: some files
 # repeat a meridian, or end half a cell beyond a pole.
 _MAX_LON, _MAX_LAT, _MAX_TURN = 720.0, 91.0, 1.02
-# Difference below which coordinates are the same, as a share of a cell: rounding to float32.
+# Difference below which coordinates are equal, as a share of a cell: rounding to float32.
 SAME_SHARE = 1e-3
 
 
 def axis_role(dataset: xr.Dataset, dim: str) -> str:
-    """Return what a dimension is: "lon", "lat", "time", "level", or "" where that is unknown."""
+    """Return a dimension's role: "lon", "lat", "time", "level", or "" where it is unknown."""
     attributes = dataset[dim].attrs if dim in dataset.variables else {}
     standard = str(attributes.get("standard_name", ""))
     units = str(attributes.get("units", ""))

@@ -1,7 +1,7 @@
-"""What the user's files of currents contain, by the CF conventions: components, axes, units, times.
+"""Contents of the user's files of currents, by the CF conventions: components, axes, units, times.
 
-No values of the currents are read here. Faults are collected and reported together, each with what
-was found and what is needed.
+No values of the currents are read here. Faults are collected and reported together, each with the
+thing that was found and the thing that is needed.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _MAX_GROUPS = 4
 
 @dataclass(frozen=True)
 class Component:
-    """One component in one file: the variable's name, those of its dimensions, and its axes.
+    """One component in one file: names of the variable and of its dimensions, and its axes.
 
     `time` is empty where there is no such dimension, `fixed` is the index to use in each other
     dimension, and `unit_m_s` is its unit in m/s.
@@ -83,7 +83,7 @@ class Component:
 
 @dataclass(frozen=True)
 class Contents:
-    """What files contain together: axes as they are in the files, both components, time steps.
+    """Contents of files together: axes as they are in the files, both components, time steps.
 
     `lon` (nx,) and `lat` (ny,) are in degrees, ascending or descending. For each of the `steps`,
     `u_index` and `v_index` give the number of the component's file, and the step in that file.
@@ -134,7 +134,7 @@ def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
 
 
 def read_contents(files: tuple[Path, ...]) -> Contents:
-    """Read what files that belong together contain.
+    """Read the contents of files that belong together.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def read_contents(files: tuple[Path, ...]) -> Contents:
 
 
 def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Contents:
-    """Return what open files contain; RequestError as in `read_contents`."""
+    """Return the contents of open files; RequestError as in `read_contents`."""
     pair = _component_pair(list(datasets.values()))
     if isinstance(pair, str):
         raise RequestError(f"{name_of(files)}: {pair}{_groups_hint(files)}")
@@ -188,7 +188,7 @@ def name_of(files: Sequence[Path]) -> str:
 def _component_pair(
     datasets: Sequence[xr.Dataset],
 ) -> tuple[tuple[str, str], tuple[str, str]] | str:
-    """Find the two components: (standard name, name) of each; or say what there is instead."""
+    """Find the two components, (standard name, name) each; or name the variables there are."""
     variables = {
         (str(array.attrs.get("standard_name", "")), str(name))
         for dataset in datasets
@@ -235,7 +235,7 @@ def _groups_hint(files: Sequence[Path]) -> str:
 
 
 def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[Note, ...]:
-    """Say what is not part of this kind of current."""
+    """Note the parts that this kind of current lacks."""
     standard, name = pair[0]
     if "geostrophic" in standard or name == "ugos":
         return (Note.of("current-geostrophic"),)

@@ -42,7 +42,7 @@ _ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 _MAX_AXIS = 500_000
 # Largest size of a chunk, bytes: one value of it can't be read without all of it.
 _MAX_CHUNK_BYTES = 512 << 20
-# Kinds of NumPy types that are numbers, and those that are text.
+# Kinds of NumPy types that are numbers, and kinds that are text.
 _NUMBERS, _TEXT = "iuf", "SUO"
 # Length to which a message of a library is cut, characters.
 _MAX_REASON = 200
@@ -64,7 +64,7 @@ def is_hdf5(path: Path) -> bool:
 
 @contextlib.contextmanager
 def reading() -> Iterator[None]:
-    """Turn what libraries raise about a file into a ValueError."""
+    """Turn errors of libraries about a file into a ValueError."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         # Doubts of the libraries about attributes; the values are checked themselves.
         warnings.simplefilter("ignore")
@@ -249,14 +249,14 @@ _START_CPU_S, _FILE_CPU_S = 5.0, 0.2
 _MAX_VALUES = 10_000
 
 
-# What was found of files with some size and time of change: how each is fatal; empty if it isn't.
+# How each file, of some size and time of change, is fatal to the library; empty if it isn't.
 _found: dict[tuple[Path, int, int], str] = {}
 
 
 def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
     """Return the NetCDF 4 files on which the library hangs or crashes, with how it does.
 
-    Those that were not looked at before are opened in one process, whose start takes most of it.
+    Files that were not opened before are opened in one process, as its start takes longest.
     """
     versions = {
         file: (file, file.stat().st_size, file.stat().st_mtime_ns)
@@ -270,12 +270,12 @@ def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
 
 
 def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
-    """Find the fatal ones of files."""
+    """Find the fatal files among some."""
     found = []
     while files:
         result = _run(files)
         begun = [int(line) for line in result.stderr.split() if line.isdecimal()]
-        # Where the process itself can't start, reading the files shows whether that matters.
+        # Where the process itself can't start, the files are read without this probe.
         if not begun or (result.exit_code is not None and result.exit_code >= 0):
             break
         end = "hangs"
@@ -308,7 +308,7 @@ def main() -> None:
 
     for index, file in enumerate(files):
         print(index, file=sys.stderr, flush=True)  # noqa: T201 - this is how it answers
-        # Whatever is raised is raised again where the file is read.
+        # An error is raised again where the file is read.
         with contextlib.suppress(Exception), netCDF4.Dataset(file) as dataset:
             dataset.set_auto_maskandscale(False)
             for variable in dataset.variables.values():
@@ -317,7 +317,7 @@ def main() -> None:
 
 
 def _touch(variable: Any) -> None:  # noqa: ANN401 - netCDF4 has no types
-    """Read what describes a variable, and all of its values or some."""
+    """Read the description of a variable, and all or some of its values."""
     for name in variable.ncattrs():
         variable.getncattr(name)
     variable.chunking()

@@ -123,7 +123,7 @@ def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
 class FieldReader:
     """Reads fields of a window, one after the other; a context manager that closes the files.
 
-    The last files read from stay open, as the next field is in the same ones most often.
+    The files read last stay open, as most often they hold the next field as well.
     """
 
     def __init__(self, contents: Contents, window: Window) -> None:

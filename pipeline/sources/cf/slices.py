@@ -154,7 +154,7 @@ def _all_steps(contents: Contents, period: Period) -> SelectedSlices:
     moments = steps.moments
     if len(moments) < 2:
         raise ValueError(
-            f"it has {steps.span}, which say nothing of how the current changes; give a file with "
+            f"it has {steps.span}, which do not show how the current changes; give a file with "
             "two time steps or more, or leave time_method out"
         )
     if not moments[0] <= departure < moments[-1]:

@@ -1,8 +1,8 @@
-"""Acceptance check of downloaded fields: are they what was requested? Nothing is planned on before.
+"""Acceptance check of downloaded fields: are they the requested ones? Only then they are used.
 
 A chunk that fails to download arrives as NaN without an error, a truncated file may still open, and
 a field shifted by half a degree looks like any other. So the axes are compared with the request,
-the speeds with what the sea does, and the gaps with the land and between time steps.
+the speeds with the sea's, and the gaps with the land and between time steps.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ _MIN_NEIGHBOURS = 5
 _MAX_MISPLACED_SHARE = 0.02
 
 
-# Dimensions of the service's files along the axes, and what is kept around the region, cells.
+# Dimensions of the service's files along the axes, and cells that are kept around the region.
 _DIMS, _KEPT_CELLS = ("latitude", "longitude"), 5
 
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What was requested of a dataset: time steps, and a region in lon/lat degrees.
+    """A request of a dataset: time steps, and a region in lon/lat degrees.
 
     The field is the sum of the steps times their `weights`; without any each step is a field of
     its own. `labels` are the steps' times in `label_format` (strftime). `missing_boxes` hold the
@@ -74,8 +74,8 @@ class Expected:
 class AcceptedFields:
     """Ascending lon (nx,) and lat (ny,) in degrees; u, v (nt, ny, nx) in m/s, NaN where no data.
 
-    The gaps are the same at all times. `notes` say what is suspicious about the fields but not
-    enough to refuse them.
+    All times have the same gaps. `notes` are suspicions about the fields that do not suffice to
+    refuse them.
     """
 
     lon: FloatArray
@@ -96,7 +96,7 @@ def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
     Raises
     ------
     StageError
-        The file can't be read, or is not what was requested.
+        The file can't be read, or does not have the requested content.
     """
     try:
         with open_dataset(path) as dataset, reading():
@@ -241,7 +241,7 @@ def _step_faults(name: str, axis: FloatArray, cell_deg: float) -> Iterator[str]:
 
 
 def _time_faults(dataset: xr.Dataset, expected: Expected) -> list[str]:
-    """Whether the time steps are exactly those requested."""
+    """Whether the file has exactly the requested time steps."""
     time, values = dataset["time"], coordinate_values(dataset, "time").reshape(-1)
     stamps = decoded_times(time, values, time.attrs.get("units", ""))
     labels = tuple(stamp.strftime(expected.label_format) for stamp in stamps)

@@ -18,7 +18,7 @@ from pipeline.machine.interpreters import run_python
 USERNAME = "COPERNICUSMARINE_SERVICE_USERNAME"
 PASSWORD = "COPERNICUSMARINE_SERVICE_PASSWORD"  # noqa: S105 - the variable's name
 LOGIN = f"{USERNAME} and {PASSWORD}, or run `copernicusmarine login`"
-"""What the client signs in with, behind "set" or "check"."""
+"""The client's means to sign in, for a message behind "set" or "check"."""
 # The client's own file, under COPERNICUSMARINE_CREDENTIALS_DIRECTORY or the home directory.
 _FOLDER, _FILE = ".copernicusmarine", ".copernicusmarine-credentials"
 # Credentials in addresses: the client puts the user name into every address, and the address of a

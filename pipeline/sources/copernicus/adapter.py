@@ -1,9 +1,9 @@
 """Currents of the Copernicus Marine Service through its official client, unattended.
 
-The client may hang, return None, leave partial files behind, fill what it does not get with gaps,
-and read naive times as local ones (all of this was seen). So a download is a subprocess with a
-deadline, the whole call is repeated on failure, the request is strict and in UTC, and a file is
-used only after the `acceptance` check.
+The client may hang, return None, leave partial files behind, put gaps in place of data that do not
+arrive, and read naive times as local ones (all of this was seen). So a download is a subprocess
+with a deadline, the whole call is repeated on failure, the request is strict and in UTC, and a file
+is used only after the `acceptance` check.
 """
 
 import contextlib
@@ -259,7 +259,7 @@ class Copernicus(CurrentSource):
             return fields, cached.save(staged, metadata)
 
     def _metadata(self, request: _Request, answer: dict[str, Any]) -> dict[str, Any]:
-        """What a file is and where it comes from; no credentials."""
+        """Content and origin of a file; no credentials."""
         return {
             "source": self.spec.name,
             "product": self.spec.product,
@@ -275,7 +275,7 @@ class Copernicus(CurrentSource):
         }
 
     def _expected(self, region: Polygon, request: _Request, metadata: dict[str, Any]) -> Expected:
-        """What the file must contain."""
+        """The content that a file must have."""
         steps = _obtained(request, metadata)
         boxes = tuple(tuple(box) for box in metadata["missing_boxes"])
         label_format = self._resolution.label_format
@@ -305,7 +305,7 @@ class Copernicus(CurrentSource):
 
 
 def _obtained(request: _Request, metadata: Mapping[str, Any]) -> SelectedSteps:
-    """Return the steps that a file has of those requested, by its sidecar."""
+    """Return the requested steps that a file has, by its sidecar."""
     return request.steps.until(datetime.fromisoformat(metadata["stamps_utc"][-1]))
 
 

@@ -35,7 +35,7 @@ AcceptedT = TypeVar("AcceptedT")
 _PAUSE_GROWTH = 3.0
 # Time within which the service must say which steps it has, s.
 _LOOK_S = 120.0
-# Errors of the client that another attempt does not solve, and what does.
+# Errors of the client that another attempt does not solve, and the remedies.
 _PERMANENT_ERRORS = {
     "InvalidUsernameOrPassword": f"check {LOGIN}",
     "CredentialsCannotBeNone": f"set {LOGIN}",

@@ -115,7 +115,7 @@ def select_all_steps(period: Period, resolution: TimeResolution) -> SelectedStep
         It is a climatology.
     """
     if resolution.kind == "climatology":
-        raise ValueError("is a climatology of months, which says nothing of how currents change")
+        raise ValueError("is a climatology of months, which does not show how currents change")
     starts = [resolution.start(period.begin)]
     if resolution.valid_time(starts[0]) > period.begin:
         starts = [resolution.start(starts[0] - timedelta(hours=1))]

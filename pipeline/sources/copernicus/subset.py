@@ -94,7 +94,7 @@ def exit_with_parent(parent_pid: int) -> None:
 
 
 def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | None:
-    """Look up the steps, download them, and return the release and what was missing."""
+    """Look up the steps, download them, and return the release and the missing chunks."""
     # Imported here: it takes seconds, and the parent imports this module for its exit code.
     import copernicusmarine
 
@@ -111,7 +111,7 @@ def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | No
     label_format, labels = request["label_format"], request["labels"]
     if request["may_lack"]:
         last = times[-1].strftime(label_format)
-        # One step alone says nothing of how currents change.
+        # One step alone does not show how currents change.
         labels = labels[:2] + [label for label in labels[2:] if label <= last]
     stamps = _with_labels(times, label_format, labels)
     answer = copernicusmarine.subset(

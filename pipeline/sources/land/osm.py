@@ -189,7 +189,7 @@ def read_cached(path: Path, box: Polygon) -> NearPolygons | None:
 
 
 def _remove_abandoned(folder: Path) -> None:
-    """Remove what killed processes left unfinished."""
+    """Remove files that killed processes left unfinished."""
     for path in folder.glob(f"*.shoreline.*{UNFINISHED}"):
         with contextlib.suppress(OSError):
             if path.stat().st_mtime < time.time() - _ABANDONED_S:
@@ -222,11 +222,10 @@ ACCURACY_M = 60.0
 
 @dataclass(frozen=True, slots=True)
 class LandPolygons:
-    """Valid polygons in lon/lat degrees near a region, and what was done to them.
+    """Valid polygons in lon/lat degrees near a region, and the changes made to them.
 
-    `repaired` counts invalid polygons made valid, `duplicates` those dropped because they came
-    twice, and `seam_pieces` the pieces cut at 180 degrees that were joined. `notes` are those on
-    reading.
+    `repaired` counts polygons that were invalid, `duplicates` second copies that were dropped, and
+    `seam_pieces` the pieces cut at 180 degrees that were joined. `notes` are about reading.
     """
 
     polygons: tuple[Polygon, ...]

@@ -31,7 +31,7 @@ from pipeline.model.inputs import DepthArea
 from pipeline.sources.land import shapes
 from pipeline.sources.land.s57_cells import Cell, base_files, cell_files, read_cell
 
-# Areas with a depth range, and what they are called.
+# Areas with a depth range, and the names of their kinds.
 _DEPTH_CLASSES: dict[str, Literal["natural", "dredged"]] = {
     "DEPARE": "natural",
     "DRGARE": "dredged",
@@ -50,7 +50,7 @@ _FLOATING = (
     *("BOYCAR", "BOYINB", "BOYISD", "BOYLAT", "BOYSAW", "BOYSPP"),
     *("LITFLT", "LITVES", "MORFAC"),
 )
-# What a hazard is called, by its class or else by its group.
+# Name of a hazard, by its class or else by its group.
 _HAZARDS = {
     "OBSTRN": "obstruction",
     "WRECKS": "wreck",
@@ -78,7 +78,7 @@ _RULES = {
 }
 _NO_ENTRY = {"entry prohibited", "area to be avoided"}
 
-# Drawing accuracy of a chart on paper, m; what it shows as a point is no larger.
+# Drawing accuracy of a chart on paper, m; an object shown as a point is no larger.
 _DRAWING_ACCURACY_M = 0.5e-3
 # Least radius around points and lines, m: of a pile with its fender or a mark; and of a buoy, which
 # may lie off its position.
@@ -102,7 +102,7 @@ class _Part:
 
 
 def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: float) -> Land:
-    """Make no-go all that is not known to be water deep enough.
+    """Make everything no-go that is not known to be water deep enough.
 
     Parameters
     ----------

@@ -72,7 +72,7 @@ class Cell:
     """One cell: its identification (DSID, DSPM), the area with data, and its objects by class.
 
     `scale` is the denominator of the compilation scale, `repaired` counts its invalid areas,
-    and `warnings` are those of GDAL.
+    and `warnings` come from GDAL.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Reading chart geometries, and operations on them in lon/lat degrees (repair, clip, buffer).
 
-What libraries raise about a damaged or hostile chart of the user's becomes one line. GDAL's drivers
-that would do what a file says, instead of only reading it, are not used.
+Errors of libraries about a damaged or hostile chart of the user's become one line. GDAL's drivers
+that would obey a file, instead of only reading it, are not used.
 """
 
 import math
@@ -30,7 +30,7 @@ from pipeline.model import Note, PlaceName
 # once it is buffered or gaps are closed, and a map needs its surroundings.
 BEYOND_M = 20_000.0
 
-# Dimension of areas, as of polygons.
+# Dimension of areas in shapely.
 _AREA = 2
 # Whole turns, degrees, by which longitudes may differ.
 _TURNS = (-360.0, 0.0, 360.0)
@@ -173,7 +173,7 @@ def buffered(geometries: Geometries, radius_m: npt.ArrayLike) -> Geometries:
 
 
 def named_places(names: Sequence[object], geometries: Geometries) -> Iterator[PlaceName]:
-    """Yield the names of areas (lon/lat degrees); what is no area or has no name is left out.
+    """Yield the names of areas (lon/lat degrees); points, lines and unnamed areas are left out.
 
     Of several areas under one name, such as a country's, only the largest has it.
     """
@@ -193,13 +193,13 @@ MAX_LONLAT = (540.0, 90.01)
 _FUNCTION = re.compile(r"\bOGR\w+\(\): ")
 # Ends of GDAL's messages that are about its own options.
 _ADVICE = re.compile(r"(\.; It might help|\. To avoid accepting|\. Further messages).*|\.$")
-# Warnings on what does not matter for land: measures along lines, and numbers of features.
+# Warnings that do not matter for land: on measures along lines, and on numbers of features.
 _HARMLESS = re.compile(r"Measured \(M\) geometry types|Several features with id")
 # Length to which a message of a library is cut, characters.
 _MAX_REASON = 200
 
 
-# GDAL's drivers that take what a file holds for a command: to read other files or addresses, to
+# GDAL's drivers that take a file's content for a command: to read other files or addresses, to
 # start a program, or to load a library.
 _FOLLOWERS = (
     *("ADBC", "AmigoCloud", "Carto", "CSW", "EEDA", "Elasticsearch", "GDALG", "GPSBabel", "HTTP"),
@@ -209,7 +209,7 @@ _FOLLOWERS = (
 
 @cache
 def vector_library() -> ModuleType:
-    """Import pyogrio, and take from GDAL the drivers that follow what a file says."""
+    """Import pyogrio, and take from GDAL the drivers that obey a file."""
     pyogrio = import_module("pyogrio")
     from pyogrio._ogr import _register_drivers  # it has no public function for this
 
@@ -221,9 +221,9 @@ def vector_library() -> ModuleType:
 
 @contextmanager
 def reading(what: str, remedy: str) -> Iterator[list[str]]:
-    """Turn what libraries raise about a file into a RequestError, and list their warnings.
+    """Turn errors of libraries about a file into a RequestError, and list their warnings.
 
-    They raise errors of many kinds about damaged files; the text of each states what is wrong.
+    Libraries raise errors of many kinds about damaged files; the text of each states the damage.
     """
     issued: list[str] = []
     with warnings.catch_warnings(record=True) as caught:

@@ -1,8 +1,8 @@
 """Land from the user's own vector file: GeoPackage, GeoJSON, Shapefile, anything that GDAL reads.
 
 In any CRS; invalid rings are repaired, and points and lines (rocks, breakwaters, a coast that is no
-area) are buffered by a radius that the user gives. What the file does not say (which of several
-layers, the CRS, that radius) is asked for, not guessed.
+area) are buffered by a radius that the user gives. Facts that the file does not state (which of
+several layers, the CRS, that radius) are asked for, not guessed.
 """
 
 import glob
@@ -32,7 +32,7 @@ _ASSUMED_ACCURACY_M = 50.0
 
 @dataclass(frozen=True)
 class VectorFile:
-    """One layer of a vector file; `source` is what the scenario says about it.
+    """One layer of a vector file; `source` is the scenario's table about it.
 
     `entry` is the catalogue's entry for such files, where the scenario names one.
     """
@@ -43,7 +43,7 @@ class VectorFile:
 
     @cached_property
     def identity(self) -> tuple[str, ...]:
-        """What the scenario says about the file, and a hash of it and its sidecar files."""
+        """The scenario's table about the file, and a hash of it and its sidecar files."""
         digest = hashlib.sha256()
         files = self._files
         with reading_chart(self.path):

@@ -22,7 +22,7 @@ from pipeline.sources.land import shapes
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an
-# edge that is straight in a plane is curved in lon/lat; and so is the region's own outline.
+# edge that is straight in a plane is curved in lon/lat. The region's own outline is cut likewise.
 _PIECES_PER_SIDE = 200
 # Largest planar coordinate, in units of the CRS: 25 times round the earth in metres.
 _MAX_PLANAR = 1e9
@@ -38,7 +38,7 @@ _MAX_NUMBERS = 3
 class NearbyFeatures:
     """Valid geometries near a box, without collections, in its longitudes.
 
-    `repaired` counts the invalid ones among them; `notes` say what was left out or is doubtful.
+    `repaired` counts the invalid ones among them; `notes` are about features left out, and doubts.
     """
 
     geometry: Geometries
@@ -82,7 +82,7 @@ class VectorLayer:
         pyogrio = shapes.vector_library()
 
         found: list[PlaceName] = []
-        # Its warnings are those of reading the areas themselves.
+        # Its warnings were already given when the areas themselves were read.
         with reading_chart(self.path):
             columns = pyogrio.read_info(self.path, layer=self.name)["fields"]
             column = next((one for one in columns if one.casefold() in shapes.NAME_COLUMNS), None)
@@ -105,7 +105,7 @@ class VectorLayer:
         return float(west), float(south), float(east), float(north)
 
     def check(self) -> None:
-        """Refuse coordinates that are none of the CRS, and features that GDAL can't read."""
+        """Refuse coordinates beyond the CRS, and features that GDAL can't read."""
         if reason := self._unread_reason():
             listed = ", ".join(map(str, self.numbers[self._is_suspect][:_MAX_NUMBERS]))
             raise chart_fault(
@@ -143,7 +143,7 @@ class VectorLayer:
         if not self._is_suspect.any() or self.numbers.size > _MAX_REREAD:
             return ""
         try:
-            # Without bounds pyogrio returns what it can't read as having no geometry.
+            # Without bounds pyogrio returns a feature that it can't read as one without geometry.
             pyogrio.raw.read(self.path, layer=self.name, columns=[], bbox=_EVERYWHERE)
         except pyogrio.errors.FeatureError as error:
             return shapes.one_line(error)
@@ -286,7 +286,7 @@ def _unread_reason(wkb: bytes) -> str:
 
 
 def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
-    """Turn what is raised about a chart's file into a RequestError, and list warnings."""
+    """Turn errors about a chart's file into a RequestError, and list warnings."""
     return shapes.reading(
         f"chart.source: {path}",
         "correct it, or export it again as GeoPackage, GeoJSON or Shapefile, or give a folder of "
@@ -295,7 +295,7 @@ def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
 
 
 def chart_fault(path: Path, fault: str) -> RequestError:
-    """Say what is wrong with a chart's file."""
+    """Return an error about a chart's file."""
     return RequestError(f"chart.source: {path} {fault}")
 
 

@@ -2,7 +2,7 @@
 
 A field may be shifted against the land. So its gaps are compared with the land, in place and at
 trial offsets. Gaps reach a little beyond the land in many fields, ice and lakes add more, and
-coarse cells blur the coast; but none of that puts data on dry land, least of all on one side only.
+coarse cells blur the coast; but nothing of this puts data on dry land, let alone on one side only.
 So a field counts as shifted where cells that are entirely land have data, and lose them at an
 offset where the gaps match the land better.
 """
@@ -64,7 +64,7 @@ class LandMask:
 
         def is_land(lon: FloatArray, lat: FloatArray) -> BoolArray:
             found = np.zeros(lon.size, dtype=bool)
-            # A tree of the points, not of the land: what is searched for is prepared.
+            # A tree of the points, not of the land: the geometries searched for are prepared.
             tree = shapely.STRtree(shapely.points(lon, lat))
             found[np.unique(tree.query(polygons, predicate="intersects")[1])] = True
             return found
@@ -112,14 +112,14 @@ class WaterWithoutData:
 
     @property
     def note(self) -> Note:
-        """What a reader should know of it."""
+        """The note on it for a reader."""
         return Note.of("current-lacking", share=self.share, distance_m=self.distance_m)
 
 
 def water_without_data(field: Field, mask: LandMask, region: Polygon) -> WaterWithoutData | None:
     """Find the water of a region (lon/lat degrees) without data; None where the land has the gaps.
 
-    A gap at a node on land is as it should be: it counts only next to a gap at a node in water.
+    A gap at a node on land is right: it counts only next to a gap at a node in water.
     """
     if not field.gap.any():
         return None
@@ -177,8 +177,8 @@ _MAX_STEP_VARIATION = 0.02
 class Shift:
     """By how much a field was moved from its place: `east` and `north`, in degrees.
 
-    `land_cells` counts the cells to which such a move would bring data although they are land, and
-    `explained` those of them that have data here and lose them when the move is undone.
+    `land_cells` counts the cells of land to which such a move would bring data. `explained` counts
+    the cells among them that have data here, and lose the data when the move is undone.
     """
 
     east: float

@@ -8,10 +8,10 @@ A component may have the wrong sign, or the two may be swapped. At the scales of
 rotates far more than it diverges: it is nearly in geostrophic balance, and water does not pile up
 for long. With one sign wrong, or with the components swapped, shear and strain appear as
 divergence, and divergence as shear and strain. So among the field as it is and its variants, the
-right one diverges least. The four combinations of derivatives are those of Okubo (1970); the
-standard error is that of a delete-one jackknife over blocks (Efron and Stein 1981). With both signs
-wrong the divergence has the same size, so that this can't be detected. A quarter turn is never
-certain either, as waves and tides diverge more than they rotate.
+right one diverges least. The four combinations of derivatives come from Okubo (1970), the standard
+error from a delete-one jackknife over blocks (Efron and Stein 1981). Two wrong signs can't be
+detected, as they leave the size of the divergence unchanged. A quarter turn is never certain
+either, as waves and tides diverge more than they rotate.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _SHIFT_FAULT = (0.45, 40, 0.12)
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What is wrong with a field: `faults` refuse it, `warnings` do not."""
+    """Doubts about a field: `faults` refuse it, `warnings` do not."""
 
     faults: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -81,7 +81,7 @@ def assess_speeds(field: Field, limit_m_s: float) -> Assessment:
 
 
 def _assess_unit(field: Field, rms_m_s: float) -> Assessment:
-    """Whether the speeds look like those of another unit: 3.6 km/h are 1 m/s."""
+    """Whether the speeds seem to be in another unit: 3.6 km/h are 1 m/s."""
     span = min(float(np.ptp(field.lon)), float(np.ptp(field.lat)))
     limits = [limits for width, *limits in _FAST_M_S if span >= width]
     if limits and rms_m_s > limits[-1][0]:
@@ -149,9 +149,9 @@ def assess_directions(field: Field) -> Assessment:
 def count_misplaced(
     field: Field, mask: LandMask, bounds: tuple[float, float, float, float] | None = None
 ) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Count gaps in open water, of all its cells, and cells with data far inland, of all of those.
+    """Count gaps among the cells of open water, and cells with data among all cells far inland.
 
-    Only inside `bounds` (west, south, east, north) where given.
+    Only cells inside `bounds` (west, south, east, north) count, where these are given.
     """
     west, south, east, north = bounds or (-np.inf, -np.inf, np.inf, np.inf)
     inside = ((field.lat >= south) & (field.lat <= north))[:, None]
@@ -184,8 +184,8 @@ def assess_series(
 ) -> Assessment:
     """Assess the speeds, directions and gaps of fields on one grid, and the first one's position.
 
-    They are taken one after the other, as all of them may not fit in memory. `labels` are their
-    times in writing; of a single field it is not used.
+    Fields are taken one after the other, as all of them may not fit in memory. `labels` are their
+    times in writing, which are not used for a single field.
     """
     first: Field | None = None
     speeds: list[Assessment] = []
@@ -204,7 +204,7 @@ def assess_series(
 
 
 def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:
-    """What is wrong at the times of some fields, each with its time."""
+    """Join the doubts about the fields of some times, each with its time."""
     if len(each) == 1:
         return each[0]
     times = list(zip(each, labels, strict=True))
@@ -214,7 +214,7 @@ def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:
 
 
 def _at_most_times(each: Sequence[Assessment]) -> Assessment:
-    """What is wrong with the directions of some fields, if it is so at most of their times.
+    """Take a doubt about the directions of some fields, if it arises at most of their times.
 
     Water that is just turning may look as if it ran the wrong way.
     """

@@ -61,7 +61,7 @@ def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> 
     [
         (EMBEDDED, "has one field for a season"),
         (SERVICE, "covers January 1993 to some months ago, not 2026-11-22T06:00Z;"),
-        ("copernicus-glorys-climatology", "says nothing of how currents change"),
+        ("copernicus-glorys-climatology", "does not show how currents change"),
     ],
 )
 def test_a_source_without_time_steps_of_its_own_is_refused(source: str, reason: str) -> None:

@@ -165,7 +165,7 @@ def test_a_chunk_that_is_lacking_at_one_time_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "departure", "words"),
     [
-        ("copernicus-glorys-climatology", DEPARTURE, "says nothing of how currents change"),
+        ("copernicus-glorys-climatology", DEPARTURE, "does not show how currents change"),
         # A day more than the ten: the test may run past midnight.
         (HOURLY, world.today() + timedelta(days=12, hours=1), "covers November 2020 to ten days"),
         (HOURLY, datetime(2020, 10, 31, 23, tzinfo=UTC), "covers November 2020 to ten days"),
