@@ -124,12 +124,23 @@ def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: in
 
 def widest_gap(triangulation: Triangulation, one: int, other: int) -> float:
     """Width (m) of the narrowest passing edge on the way whose narrowest is the widest."""
-    import networkx as nx
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
-    graph = dual_graph(triangulation)
-    row = nx.shortest_path(nx.maximum_spanning_tree(graph, weight="width"), one, other)
-    widths = (graph.edges[edge]["width"] for edge in itertools.pairwise(row))
-    return min(widths, default=math.inf)
+    triangle, corner = np.nonzero(triangulation.neighbours >= 0)
+    beside = triangulation.neighbours[triangle, corner]
+    a, b = triangulation.vertices[triangulation.edge_vertices(triangle, corner).T]
+    width = np.linalg.norm(b - a, axis=1)
+    count = len(triangulation.triangles)
+    # The widest edges have the least weight; SciPy takes a weight of 0 as no edge.
+    weight = coo_array((2 * width.max(initial=0.0) - width, (triangle, beside)), (count, count))
+    tree = minimum_spanning_tree(weight.tocsr())
+    _, before = breadth_first_order(tree, other, directed=False)
+    row = [one]
+    while row[-1] != other:
+        row.append(int(before[row[-1]]))
+    of_edge = dict(zip(zip(triangle.tolist(), beside.tolist(), strict=True), width, strict=True))
+    return min((float(of_edge[edge]) for edge in itertools.pairwise(row)), default=math.inf)
 
 
 def surroundings(

@@ -12,8 +12,8 @@ from renew.planner.classes import plan_classes
 from renew.planner.one_class import ClassPlanner
 from renew.results import Rejected, Route
 
-# Number of halvings by which the largest margin is found.
-_HALVINGS = 6
+# Number of paddings that are tried to find the largest, and the share of a length to which it is.
+_TRIES, _NEARLY = 6, 0.98
 # Largest risk that is suggested, and the ratio to which it is exact.
 _MAX_RISK, _RISK_STEP = 0.5, 0.01
 # Number of reasons that are quoted, and of classes that are named with each.
@@ -112,13 +112,17 @@ class _RelaxationSearch:
         if not 0 < most < math.inf:
             return []
         low, high, best = 0.0, most, None
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            route = self.route(padding=middle, clearance=0.0, risk_at="route")
+        # Each try takes as long as a plan, and mostly a little less than the whole is enough.
+        tried = _NEARLY * most
+        for _ in range(_TRIES):
+            route = self.route(padding=tried, clearance=0.0, risk_at="route")
             if route is None:
-                high = middle
+                high = tried
             else:
-                low, best = middle, route
+                low, best = tried, route
+            if high - low <= (1 - _NEARLY) * most:
+                break
+            tried = (low + high) / 2
         if best is None:
             return []
         # As the option takes it, whatever lengths are spelled in.

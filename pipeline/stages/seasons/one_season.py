@@ -41,7 +41,7 @@ from renew.turns.turn_reach import TurnReach
 MIN_LATENESS_S = 3600.0
 """Minimum of the times by which turns are checked early and late in changing currents, s."""
 # Share of the padding in the refused straits below which hardly any padding of a strait is.
-_SURE = 0.8
+_SURE = 0.95
 # Spacing of the points at which hard-over turns begin: at least this many planar metres, as
 # published, and at least this many turning radii, because nearer turns are almost the same.
 _MIN_SPACING = 1.0
