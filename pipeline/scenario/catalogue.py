@@ -231,6 +231,11 @@ def table(name: str) -> Path:
     return root() / "currents" / name
 
 
+def islands() -> Path:
+    """Return the path of the table of islands' names."""
+    return root() / "islands.csv"
+
+
 def source(name: str) -> ChartEntry | CurrentEntry:
     """Read and check a source's entry."""
     if name not in names("sources"):

@@ -204,7 +204,7 @@ def test_palawan_both_seasons(tmp_path: Path) -> None:
     assert {row.season for row in rows} == {"summer", "winter"}
     for season in ("summer", "winter"):
         ways = {row.main_passage for row in rows if row.season == season}
-        assert {"west of island 1", "east of island 1"} <= ways
+        assert {"west of Palawan", "east of Palawan"} <= ways
     assert all(row.land_m == 0 for row in rows)
     assert all(row.collisions == 0 for row in rows)
     begun = time.perf_counter()

@@ -43,6 +43,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
         scene.projection.geometry_to_plane(np.array(areas, dtype=object))
         for areas in (result.shoals, result.hazards)
     )
+    named = {island.number for island in result.evaluation.islands}
     return {
         "stepM": lattice.step_m,
         "planar": result.scenario.is_planar,
@@ -62,6 +63,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
             {
                 "label": island.label,
                 "names": island in result.evaluation.islands,
+                "below": island in result.evaluation.class_islands and island.number in named,
                 "place": lattice.line(np.array([[island.x, island.y]])),
             }
             for island in (*result.evaluation.islands, *result.evaluation.class_islands)

@@ -127,7 +127,7 @@ def speed_over_ground(metrics: RouteMetrics) -> float:
 
 
 def route_summary(metrics: RouteMetrics) -> str:
-    """Say a route's way, length, duration and clearance: "west of island 1, 689.5 km, ..."."""
+    """Say a route's way, length, duration and clearance: "west of Palawan, 689.5 km, ..."."""
     parts = [metrics.way] if metrics.way else []
     parts += [distance(metrics.length_m), hours(metrics.duration_s)]
     if metrics.has_land:

@@ -39,6 +39,10 @@ _PART_SHARE = 0.01
 _LONGER = 1.05
 # Largest distance of a bank from the original land, in sums of margin and tolerance.
 _AT_LAND = 1.1
+# Largest width of a strait that is shut by what it needs, in widths needed: margin, tolerance and
+# plane are exact to that. A wider one without water is part of enclosed water, which is land to the
+# planner: the straits that shut it are found by themselves.
+_COVERED = 1.05
 # Open width below which a gap is an artefact of rounding and not a way, true metres.
 _NO_WATER_M = 1.0
 
@@ -214,23 +218,22 @@ class _StraitFinder:
             if gap.part_m < least or way > longest or not is_inside:
                 continue
             by_margin = self._open_water(gap.line) * scale <= _NO_WATER_M
-            yield self._strait(
-                middle,
-                scene.projection.geodesic_length_m(gap.line),
-                self.margins_m if by_margin else self.needed_m,
-                is_margin=by_margin,
-            )
+            width_m = scene.projection.geodesic_length_m(gap.line)
+            needed_m = self.margins_m if by_margin else self.needed_m
+            if width_m <= _COVERED * needed_m:
+                yield self._strait(middle, width_m, needed_m, is_margin=by_margin)
 
     def rejected(self, plans: Iterable[SeasonPlan]) -> list[ShutStrait]:
         """Return the straits at which classes were rejected, each once with all its seasons.
 
-        Only straits wider than `needed_m` are returned, as `shut` finds the narrower ones.
+        Only straits wider than `needed_m` are returned, as `shut` finds the narrower ones; and none
+        that is wider than its own banks need, where the padding of other land shuts the class.
         """
         found: list[ShutStrait] = []
         for plan in plans:
             for one in plan.plan.rejected if plan.plan else ():
                 strait = self._padded(one.strait, plan.season) if one.strait else None
-                if strait is None or strait.width_m <= self.needed_m:
+                if strait is None or not self.needed_m < strait.width_m <= strait.needed_m:
                     continue
                 same = next(
                     (i for i, other in enumerate(found) if self._is_same(strait, other)), None

@@ -1,9 +1,11 @@
-"""Names of ways for navigators: "west of island 1", "between islands 2 and 5".
+"""Names of ways for navigators: "west of Palawan", "between islands 2 and 5".
 
-An island has the chart's name, or its number in the planner's homotopy classes
-(:mod:`renew.classes.h_signature`: the largest is 1). A name has only as many islands as are needed
-to distinguish a route from the others of its season. All seasons share the numbers and the main
-island, which is the first in every name: the largest that distinguishes any two routes.
+An island has the chart's name, else the catalogue's
+(:mod:`pipeline.stages.comparing.island_names`), else its number in the planner's homotopy classes
+(:mod:`renew.classes.h_signature`: the largest is 1). No two islands have one name: of several, the
+largest has it. A way's name has only as many islands as are needed to distinguish its route from
+the others of its season. All seasons share the numbers and the main island, which is the first in
+every name: the largest that distinguishes any two routes.
 """
 
 import re
@@ -20,6 +22,7 @@ from shapely.geometry import LineString, Polygon
 from pipeline._types import FloatArray
 from pipeline.model import Evaluation, Passage, PlaceName, RouteKey, Scene, SeasonPlan
 from pipeline.model.evaluation import NumberedIsland, Side
+from pipeline.stages.comparing.island_names import island_places
 from renew.classes.h_signature import Rays, rays_that_matter
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
@@ -76,6 +79,7 @@ class _WayNamer:
         self, scene: Scene, routes: dict[RouteKey, _Passed], places: tuple[PlaceName, ...]
     ) -> None:
         self._scene, self._routes, self._places = scene, routes, places
+        self._catalogued = island_places(scene)
         self._rays = Rays.of(scene.chart)
         # Winding number: the number of times that a route passes north of an island eastward, less
         # westward. Two routes pass an island on different sides if and only if it differs.
@@ -105,17 +109,18 @@ class _WayNamer:
     def islands(self) -> tuple[NumberedIsland, ...]:
         """Return the islands in the names so far, the largest first."""
         return tuple(
-            self._numbered(island, self._chart_name(island)) for island in sorted(self._used)
+            self._numbered(island, self._names.get(island, "")) for island in sorted(self._used)
         )
 
     def class_islands(self, rejected: set[int]) -> tuple[NumberedIsland, ...]:
-        """Return the islands of class names and of `rejected` that no way's name has.
+        """Return the islands of class names and of `rejected` whose number no way's name has.
 
         Class names also number water with an overpowering current, which is left out here.
         """
         spelled = rejected.union(*(route.spelled for route in self._routes.values()))
         known = spelled & set(self._rays.island.tolist())
-        return tuple(self._numbered(island) for island in sorted(known - self._used))
+        numbers = known - (self._used - set(self._names))
+        return tuple(self._numbered(island) for island in sorted(numbers))
 
     def _numbered(self, island: int, name: str = "") -> NumberedIsland:
         """Return an island with its number, name and position."""
@@ -243,19 +248,45 @@ class _WayNamer:
 
     def _name(self, island: int) -> str:
         """Return an island's name, or its number."""
-        return self._chart_name(island) or str(island)
+        return self._names.get(island, str(island))
+
+    @cached_property
+    def _names(self) -> dict[int, str]:
+        """Names of the islands that a way's name may have; no two are the same."""
+        main = [] if self._main is None else [self._main]
+        names: dict[int, str] = {}
+        for find in (self._chart_name, self._catalogue_name):
+            for island in sorted({*main, *self._distinguishing_any} - set(names)):
+                name = find(island)
+                if name and name not in names.values():
+                    names[island] = name
+        return names
 
     def _chart_name(self, island: int) -> str:
         """Return the chart's name of the largest named land on an island, or ""."""
-        outline = self._outline(island)
-        named = [
-            place
-            for place in self._places
-            if outline.contains(
-                shapely.Point(self._scene.projection.to_plane(np.array([place.lon, place.lat])))
-            )
-        ]
+        named = self._on(self._places, self._outline(island))
         return max(named, key=lambda place: place.area_deg2).name if named else ""
+
+    def _catalogue_name(self, island: int) -> str:
+        """Return the catalogue's name of the largest land on an island, or "".
+
+        An offing may join islands to each other, and to a continent.
+        """
+        land, outline = self._original_land, self._outline(island)
+        if not self._catalogued:
+            return ""
+        parts = land.geometries[land.query(outline, predicate="intersects")]
+        if not len(parts):
+            return ""
+        named = self._on(self._catalogued, parts[shapely.area(parts).argmax()])
+        return named[0].name if named else ""
+
+    def _on(self, places: tuple[PlaceName, ...], area: Polygon) -> list[PlaceName]:
+        """Return the places that lie in an area, planar metres."""
+        lonlat = [(place.lon, place.lat) for place in places]
+        points = self._scene.projection.to_plane(np.array(lonlat).reshape(-1, 2))
+        inside = shapely.contains_xy(area, *points.T)
+        return [place for place, is_inside in zip(places, inside, strict=True) if is_inside]
 
     def _nearest(self, point: FloatArray) -> PlaceName:
         """Return the chart's named land nearest to a point (2,), planar metres."""
@@ -287,6 +318,10 @@ class _WayNamer:
     @cached_property
     def _land(self) -> shapely.STRtree:
         return shapely.STRtree(self._scene.chart.no_go)
+
+    @cached_property
+    def _original_land(self) -> shapely.STRtree:
+        return shapely.STRtree(self._scene.land)
 
 
 def _crosses(path: FloatArray, gap: LineString) -> bool:

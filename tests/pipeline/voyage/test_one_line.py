@@ -435,6 +435,6 @@ def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     assert "offing of 69" in done.stdout
     assert "planned on Embedded table of surface currents around Palawan" in done.stderr
     (best, *_) = metrics(tmp_path / "outputs" / "12n48-120e18-to-7n42-116e48")
-    # Palawan is island 1; ways past the smaller ones around it are named, too.
-    assert re.match(r"west of islands? 1\b", best["way"])
+    # Ways past the smaller islands around it are named, too.
+    assert best["way"].startswith("west of Palawan")
     assert (best["land_m"], best["collisions"]) == ("0.0", "0")

@@ -73,7 +73,7 @@ function readData() {
     start: readLine(data.start, stepM)[0],
     goal: readLine(data.goal, stepM)[0],
     via: data.via.map((place, at) => [readLine(place, stepM)[0], `Via ${at + 1}`]),
-    islands: data.islands.map(({ label, names, place }) => ({ label, names, place: readLine(place, stepM)[0] })),
+    islands: data.islands.map(({ label, names, below, place }) => ({ label, names, below, place: readLine(place, stepM)[0] })),
     positions: data.positions && readPositions(data.positions, stepM),
     size: chartSize(data, stepM),
     grid: data.grid.map((line) => ({

@@ -214,11 +214,11 @@ class VoyageMap {
     this.spot = L.layerGroup().addTo(this.map);
   }
 
-  /** Numbers or names on the islands that tell ways apart, and smaller ones on those in other classes' names. */
+  /** Numbers or names on the islands that tell ways apart; smaller, the other numbers of classes' names, below a name. */
   drawIslandLabels() {
     this.classLabels = L.layerGroup();
-    for (const { label, names, place } of this.data.islands) {
-      this.label(place, label, names ? "island-label" : "island-label minor", "center").addTo(names ? this.map : this.classLabels);
+    for (const { label, names, below, place } of this.data.islands) {
+      this.label(place, label, names ? "island-label" : "island-label minor", below ? "bottom" : "center").addTo(names ? this.map : this.classLabels);
     }
   }
 

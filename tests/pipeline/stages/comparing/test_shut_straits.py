@@ -37,10 +37,18 @@ def islands(width_m: float) -> list[shapely.Polygon]:
     ]
 
 
+def atoll(mouth_m: float) -> list[shapely.Polygon]:
+    """A ring of two reefs with a mouth between them west and east, and an island 1.66 km off it."""
+    half = mouth_m / 2 / GEOD.inv(119.6, 9.5, 119.6, 9.51)[2] * 0.01
+    ring = shapely.box(119.45, 9.35, 119.75, 9.65) - shapely.box(119.5, 9.4, 119.7, 9.6)
+    reefs = ring - shapely.box(119.4, 9.5 - half, 119.8, 9.5 + half)
+    return [*reefs.geoms, shapely.box(119.55, 9.45, 119.65, 9.585)]
+
+
 def straits(
-    width_m: float, clearance: float, vessel: dict[str, float]
+    land: list[shapely.Polygon], clearance: float, vessel: dict[str, float]
 ) -> tuple[tuple[ShutStrait, ...], Scene, Simplified]:
-    """Plan round and between the islands; return the straits that are shut, and the chart."""
+    """Plan round and between islands; return the straits that are shut, and the chart."""
     asked: Scenario = small_run.scenario(
         scale=1.0,
         vessel=vessel,
@@ -49,7 +57,6 @@ def straits(
         published=None,
     )
     assert asked.region is not None
-    land = islands(width_m)
     simplified = simplify_land(
         land,
         asked.region.shape,
@@ -84,7 +91,7 @@ def is_open(scene: Scene, padding: float) -> bool:
     [(110.0, 300.0, "margin"), (500.0, 300.0, "padding"), (1000.0, 300.0, ""), (300.0, 0.0, "")],
 )
 def test_a_strait_is_told_where_it_is_shut(width_m: float, clearance: float, by: str) -> None:
-    found, scene, simplified = straits(width_m, clearance, AGILE)
+    found, scene, simplified = straits(islands(width_m), clearance, AGILE)
     assert is_open(scene, clearance) == (not by), "the oracle's own chart"
     assert is_open(scene, 0.0) == (by != "margin")
     assert [strait.by for strait in found] == [by] * bool(by)
@@ -101,13 +108,27 @@ def test_a_strait_is_told_where_it_is_shut(width_m: float, clearance: float, by:
 def test_a_strait_that_takes_wider_padding_than_most_is_told_by_the_rejected_class() -> None:
     radius = SLOW["speed_m_s"] / math.radians(SLOW["turn_rate_deg_s"])
     width_m = 2 * radius + 2 * (MARGIN_M + TOLERANCE_M) + 60
-    (strait,), scene, _ = straits(width_m, 0.0, SLOW)
+    (strait,), scene, _ = straits(islands(width_m), 0.0, SLOW)
     assert is_open(scene, radius)
     assert (strait.by, strait.seasons) == ("padding", ("still",))
     assert strait.lat == pytest.approx(9.5, abs=2e-3)
     # Between corners of the coast as it is simplified, which need not face each other.
     assert 0.99 * width_m <= strait.width_m < 1.2 * width_m
     assert strait.needed_m > strait.width_m
+
+
+def test_straits_of_enclosed_water_are_shut_by_its_mouths() -> None:
+    """Enclosed water is land to the planner: what shuts it are its mouths, and they are told."""
+    found, scene, _ = straits(atoll(100.0), 900.0, AGILE)
+    lagoon = shapely.Point(scene.projection.to_plane([119.6, 9.595]))
+    assert shapely.intersects(np.array(scene.chart.no_go), lagoon).any()
+    assert [strait.by for strait in found] == ["margin"]
+    assert found[0].width_m == pytest.approx(100.0, rel=2e-3)
+    # Mouths so wide that the water is open, and the way round the island is not.
+    found, _, _ = straits(atoll(2000.0), 900.0, AGILE)
+    assert {strait.by for strait in found} == {"padding"}
+    for strait in found:
+        assert strait.width_m <= strait.needed_m * 1.001
 
 
 def test_a_plane_and_a_run_without_routes_have_none() -> None:

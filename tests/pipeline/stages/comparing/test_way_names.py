@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, PlaceName, RouteMetrics, Scene, SeasonPlan
+from pipeline.stages.comparing.island_names import islands
 from pipeline.stages.comparing.way_names import with_way_names
 
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
@@ -142,6 +144,71 @@ def test_the_charts_own_names_take_the_place_of_numbers() -> None:
     ]
     evaluation = named(scene, planned(scene), places=(elsewhere,))
     assert evaluation.islands[0].place.endswith("N, near Far")
+
+
+def test_no_two_islands_have_one_name() -> None:
+    """A chart may have one name twice: the largest island keeps it, the other has its number."""
+    row = [shapely.box(-250, -60, -130, 60), shapely.box(-90, -70, 50, 70)]
+    scene = plane_scene(row, (0, -300), (0, 300))
+    places = tuple(
+        PlaceName("Sheep", *scene.projection.to_lonlat(np.array([x, 0.0])).tolist(), area)
+        for x, area in ((-190.0, 1e-6), (-20.0, 1e-8))
+    )
+    evaluation = named(scene, planned(scene, classes=3), places=places)
+    assert {island.label for island in evaluation.islands} == {"Sheep", "2"}
+    assert len({row.way for row in evaluation.routes}) == 3
+
+
+def bali_scene(*others: shapely.Polygon) -> Scene:
+    """Return a scene with a diamond in Bali's bounds, and other land (lon/lat degrees)."""
+    bali = next(island for island in islands() if island.name == "Bali")
+    west, south, east, north = bali.bounds
+    x, y = (west + east) / 2, (south + north) / 2
+    diamond = shapely.Polygon([(west, y), (x, north), (east, y), (x, south)])
+    region = shapely.box(west - 0.5, south - 0.5, east + 0.5, north + 0.5)
+    projection = Projection.for_region(region, 1000.0)
+    land = projection.geometry_to_plane(np.array([diamond, *others], dtype=object))
+    return Scene(
+        chart=renew.Chart(projection.geometry_to_plane(region), [shapely.union_all(land)]),
+        land=tuple(land),
+        currents={"still": STILL},
+        start=projection.to_plane([x, south - 0.3]),
+        goal=projection.to_plane([x, north + 0.3]),
+        projection=projection,
+        vessel=VESSEL,
+    )
+
+
+def test_the_catalogues_names_come_after_the_charts() -> None:
+    scene = bali_scene()
+    plan = planned(scene, classes=2)
+    assert {row.way for row in named(scene, plan).routes} == {"west of Bali", "east of Bali"}
+    lon, lat = scene.projection.to_lonlat(scene.chart.no_go[0].centroid.coords[0]).tolist()
+    own = PlaceName("Pulau Bali", lon, lat, 1e-9)
+    assert {row.way for row in named(scene, plan, places=(own,)).routes} == {
+        "west of Pulau Bali", "east of Pulau Bali",
+    }  # fmt: skip
+    plane = replace(scene, is_planar=True)
+    assert {row.way for row in named(plane, plan).routes} == {
+        "west of island 1", "east of island 1",
+    }  # fmt: skip
+
+
+def test_a_number_has_a_named_island_in_names_of_classes() -> None:
+    scene = bali_scene()
+    evaluation = named(scene, planned(scene, classes=2))
+    assert [island.label for island in evaluation.islands] == ["Bali"]
+    spelled = set("".join(row.homotopy for row in evaluation.routes)) & {"1"}
+    assert {island.label for island in evaluation.class_islands} == spelled
+
+
+def test_larger_land_that_an_offing_joins_to_an_island_has_not_its_name() -> None:
+    west, south, east, north = next(one for one in islands() if one.name == "Bali").bounds
+    larger = shapely.box((west + east) / 2, south, east + 0.4, north)
+    scene = bali_scene(larger)
+    assert len(scene.chart.no_go) == 1
+    ways = {row.way for row in named(scene, planned(scene, classes=2)).routes}
+    assert ways == {"west of island 1", "east of island 1"}
 
 
 def test_seasons_share_the_main_island() -> None:
