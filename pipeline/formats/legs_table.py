@@ -24,23 +24,23 @@ _NO_CURRENT_KN = 0.05
 
 
 class Row(NamedTuple):
-    """A waypoint's cells as text; those of the leg that leads to it are empty for the start."""
+    """A waypoint's cells as text, with the figures of the leg that leads to it, if there is one."""
 
     name: str
     latitude: str
     longitude: str
-    course: str
-    leg_nm: str
-    to_go_nm: str
-    speed_kn: str
-    passed: str
-    limits_m: str
-    current: str
-    clearance: str
-    nearest_land: str
+    course: str = ""
+    leg_nm: str = ""
+    to_go_nm: str = ""
+    speed_kn: str = ""
+    passed: str = ""
+    limits_m: str = ""
+    current: str = ""
+    clearance: str = ""
+    nearest_land: str = ""
 
 
-HEADINGS = Row(
+_HEADINGS = Row(
     "Waypoint",
     "Latitude",
     "Longitude",
@@ -56,13 +56,10 @@ HEADINGS = Row(
 )
 
 
-# Of a route whose speeds are chosen: over ground, and through water.
-_TWO_SPEEDS = "Speed, kn\nSOG / STW"
-
-
 def headings(points: Waypoints) -> Row:
-    """Headings of the table of a route."""
-    return HEADINGS._replace(speed_kn=_TWO_SPEEDS) if has_speeds(points) else HEADINGS
+    """Headings of a route's table: speeds over ground and through water where speeds are chosen."""
+    two = "Speed, kn\nSOG / STW"
+    return _HEADINGS._replace(speed_kn=two) if has_speeds(points) else _HEADINGS
 
 
 def has_speeds(points: Waypoints) -> bool:
@@ -75,43 +72,38 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M)
     currents = _currents(drawn, points, result)
-    nearest = [_nearest_land(drawn.xy[drawn.leg == leg], result) for leg in range(len(begin))]
     to_go = np.append(np.cumsum(points.length_m[:-1][::-1])[::-1], 0.0) / NAUTICAL_MILE_M
     found = []
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        leg = index - 1
-        own = ("",) * 6
-        if index:
-            speed_kn = f"{points.speed_m_s[leg] * nautical.KNOTS_PER_M_S:.2f}"
-            if has_speeds(points):
-                speed_kn += f" / {points.through_water_m_s[leg] * nautical.KNOTS_PER_M_S:.2f}"
-            own = (
-                f"{round(float(points.course_deg[leg]), 1) % 360:05.1f}",
-                f"{points.length_m[leg] / NAUTICAL_MILE_M:.2f}",
-                speed_kn,
-                f"{int(points.port_m[leg])} / {int(points.starboard_m[leg])}",
-                currents[leg],
-                "\t".join(nearest[leg]),
-            )
-        course, length, speed, limits, current, land = own
-        clearance, _, where = land.partition("\t")
-        found.append(
-            Row(
-                nautical.waypoint_name(index, len(points.lonlat)),
-                position(float(latitude), "NS", 2),
-                position(nautical.wrapped_longitude(longitude), "EW", 3),
-                course,
-                length,
-                f"{to_go[index]:.1f}",
-                speed,
-                _passed(float(points.time_s[index]), departure),
-                limits,
-                current,
-                clearance,
-                where,
-            )
+        seconds = float(points.time_s[index])
+        passed = f"+ {nautical.duration(seconds)}"
+        if departure is not None:
+            passed = f"{to_minute(nautical.time_after(departure, seconds)):%Y-%m-%d %H:%M}"
+        row = Row(
+            name=nautical.waypoint_name(index, len(points.lonlat)),
+            latitude=position(float(latitude), "NS", 2),
+            longitude=position(nautical.wrapped_longitude(longitude), "EW", 3),
+            to_go_nm=f"{to_go[index]:.1f}",
+            passed=passed,
         )
+        if index:
+            nearest = _nearest_land(drawn.xy[drawn.leg == index - 1], result)
+            row = row._replace(**_leg(points, index - 1), current=currents[index - 1], **nearest)
+        found.append(row)
     return found
+
+
+def _leg(points: Waypoints, leg: int) -> dict[str, str]:
+    """Course, length, speed and limits of a leg."""
+    speed_kn = f"{points.speed_m_s[leg] * nautical.KNOTS_PER_M_S:.2f}"
+    if has_speeds(points):
+        speed_kn += f" / {points.through_water_m_s[leg] * nautical.KNOTS_PER_M_S:.2f}"
+    return {
+        "course": f"{round(float(points.course_deg[leg]), 1) % 360:05.1f}",
+        "leg_nm": f"{points.length_m[leg] / NAUTICAL_MILE_M:.2f}",
+        "speed_kn": speed_kn,
+        "limits_m": f"{int(points.port_m[leg])} / {int(points.starboard_m[leg])}",
+    }
 
 
 def position(degrees: float, sides: str, digits: int) -> str:
@@ -130,15 +122,8 @@ def distance_text(metres: float) -> str:
     return f"{math.floor(metres)} m"
 
 
-def _passed(seconds: float, departure: datetime | None) -> str:
-    """Time at which a waypoint is passed, or the time since departure."""
-    if departure is None:
-        return f"+ {nautical.duration(seconds)}"
-    return f"{to_minute(nautical.time_after(departure, seconds)):%Y-%m-%d %H:%M}"
-
-
 def _currents(drawn: Tracks, points: Waypoints, result: RunResult) -> list[str]:
-    """Mean current on each leg, when it is sailed: where it sets to, and its speed in knots."""
+    """Mean current on each leg at the time of passage: direction of set, and speed in knots."""
     scene = result.scene
     line, ends = drawn.chain
     times = cumulative(steps_along_legs(line, points.ranked, result).planner_s)
@@ -156,14 +141,14 @@ def _currents(drawn: Tracks, points: Waypoints, result: RunResult) -> list[str]:
     return texts
 
 
-def _nearest_land(line: FloatArray, result: RunResult) -> tuple[str, str]:
+def _nearest_land(line: FloatArray, result: RunResult) -> dict[str, str]:
     """Least clearance of a leg from the original land, and the point of the leg where it is."""
     closest = coast_index(result.scene.land).closest_approach(line, result.scene.projection)
     if closest is None:
-        return "no land", ""
+        return {"clearance": "no land"}
     longitude, latitude = result.scene.projection.to_lonlat(closest.point)
     where = f"{position(float(latitude), 'NS', 2)}  {position(float(longitude), 'EW', 3)}"
-    return distance_text(closest.clearance_m), where
+    return {"clearance": distance_text(closest.clearance_m), "nearest_land": where}
 
 
 def tightest_text(points: Waypoints, result: RunResult) -> str:

@@ -50,7 +50,7 @@ _PACKAGES = (
 )
 
 
-# An absolute path inside a text, of two parts at the least: no address, fraction or tag.
+# An absolute path inside a text, of at least two parts: no address, fraction or tag.
 _ABSOLUTE = re.compile(r"(?<![\w/:.])/(?:[^\s/'\"]+/)+([^\s/'\",;]+)")
 
 
@@ -64,7 +64,7 @@ def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> No
 def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
     """Everything that is needed to know, and to check, how a run's figures were made.
 
-    Files are named without their folders: where they lie says nothing to others.
+    Files are named without their folders, which mean nothing to other users.
     """
     content = {
         "schema_version": SCHEMA_VERSION,
@@ -108,7 +108,7 @@ def without_folders(value: object) -> object:
 
 
 def _gap_shares(result: RunResult, season: str) -> dict[str, object]:
-    """The parts of a season's optimality gap, where they were asked for."""
+    """The parts of a season's optimality gap, if they were asked for."""
     shares = result.evaluation.gap_shares_of(season)
     if shares is None:
         return {}
@@ -116,7 +116,7 @@ def _gap_shares(result: RunResult, season: str) -> dict[str, object]:
 
 
 def provenance(result: RunResult) -> dict[str, object]:
-    """Sources, credits and versions, for every file that has a place for them."""
+    """Sources, credits and versions of a run."""
     return {
         "scenario": result.scenario.name,
         "created_utc": result.created.isoformat(timespec="seconds"),
@@ -139,7 +139,7 @@ def provenance(result: RunResult) -> dict[str, object]:
 
 
 def _named(argument: str) -> str:
-    """An argument of a command line without the folders of files."""
+    """An argument of a command line, without folders."""
     option, is_option, path = argument.partition("=")
     if is_option and Path(path).is_absolute():
         return f"{option}={Path(path).name}"
@@ -161,7 +161,7 @@ def versions() -> dict[str, str]:
 
 
 def _inputs(result: RunResult) -> dict[str, object]:
-    """Hashes of the inputs, equal only for runs with the same inputs."""
+    """Hashes of the inputs; they are equal only if the inputs are."""
     scenario = json.dumps(
         json_value(result.scenario.model_dump(mode="json")), sort_keys=True, ensure_ascii=True
     )
@@ -195,7 +195,7 @@ def _inputs(result: RunResult) -> dict[str, object]:
 
 
 def _arrays_hash(*arrays: np.ndarray[Any, np.dtype[np.float64]]) -> str:
-    """SHA-256 of arrays, the same on every machine."""
+    """SHA-256 of arrays, equal on every machine."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())

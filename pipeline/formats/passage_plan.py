@@ -35,13 +35,7 @@ _FIRST_ROWS, _MORE_ROWS = 18, 30
 
 
 def write_passage_plan(result: RunResult, path: Path) -> None:
-    """Write the passage plan of every season that has a route.
-
-    Raises
-    ------
-    OSError
-        The file can't be written.
-    """
+    """Write the passage plan of every season that has a route."""
     about = {
         "Title": drawable(f"Passage plan: {result.scenario.title or result.scenario.name}", 120),
         "Author": "RENEW",

@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,8 @@ METRICS_COLUMNS = {
     "uncharted_share": "uncharted_share",
 }
 
+_PASSAGE = ("departure", "arrival")
+
 DEPARTURE_COLUMNS = (
     "season",
     "departure",
@@ -51,13 +53,13 @@ DEPARTURE_COLUMNS = (
     "unproven_min",
     "reason",
 )
-"""Times are UTC, fuel is in the planner's units; `unproven_min` is by how many minutes another
-departure in the window may still take less than the best, to within the paths' own error; empty on
-the others, and where nothing is known of it. `reason` is why there is no route."""
+"""Times are UTC, fuel is in the planner's units. `unproven_min`, in the best departure's row, is
+how many minutes another departure in the window may still save, apart from the error of the paths;
+empty where that is not known. `reason` says why there is no route."""
 
 TRADE_OFF_COLUMNS = ("season", "arrival", "hours", "fuel", "of_chosen", "is_chosen")
-"""Arrivals are UTC, `hours` those under way, fuel is in the planner's units; `of_chosen` is a share
-of the best route's fuel, which has the row that is chosen."""
+"""Arrivals are UTC, `hours` are the hours under way, fuel is in the planner's units; `of_chosen` is
+the fuel as a share of the chosen route's."""
 
 _HEAD = """\
 # As it was asked for, with region and offing as they were chosen: `renew run` with this file gives
@@ -65,21 +67,27 @@ _HEAD = """\
 """
 
 
-def write_metrics(result: RunResult, path: Path) -> None:
-    """Write the evaluation to a new CSV file (UTF-8, a header, RFC 4180 line ends)."""
+def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write rows to a new CSV file (UTF-8, a header, RFC 4180 line ends)."""
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow([*METRICS_COLUMNS, "departure", "arrival"])
-        for ranked in result.routes:
-            cells = [_cell(ranked.metrics, field) for field in METRICS_COLUMNS.values()]
-            writer.writerow([*cells, *_times(ranked.metrics, result)])
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(rows)
 
 
-def _times(metrics: RouteMetrics, result: RunResult) -> tuple[str, str]:
-    """Departure and arrival (ISO 8601, UTC), to the second; empty where no departure is given."""
-    passage = result.scenario.passage(metrics.season, round(metrics.duration_s))
-    begin, end = (f"{one:%Y-%m-%dT%H:%M:%SZ}" for one in passage) if passage else ("", "")
-    return begin, end
+def _time(moment: datetime) -> str:
+    """Write a time as ISO 8601, UTC, to the second."""
+    return f"{moment.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
+
+
+def write_metrics(result: RunResult, path: Path) -> None:
+    """Write the evaluation as CSV; departure and arrival are empty where none is given."""
+    rows = []
+    for metrics in (ranked.metrics for ranked in result.routes):
+        passage = result.scenario.passage(metrics.season, round(metrics.duration_s)) or ()
+        cells = {column: _cell(metrics, field) for column, field in METRICS_COLUMNS.items()}
+        rows.append({**cells, **dict(zip(_PASSAGE, map(_time, passage), strict=False))})
+    _write_csv(path, [*METRICS_COLUMNS, *_PASSAGE], rows)
 
 
 def _cell(metrics: RouteMetrics, field: str) -> str:
@@ -91,13 +99,9 @@ def _cell(metrics: RouteMetrics, field: str) -> str:
 
 
 def write_departures_csv(result: RunResult, path: Path) -> None:
-    """Write all departures of all seasons to a new CSV file (UTF-8, a header, RFC 4180)."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, DEPARTURE_COLUMNS)
-        writer.writeheader()
-        for choice in result.departures:
-            for row in _departure_rows(result, choice):
-                writer.writerow({key: "" if one is None else one for key, one in row.items()})
+    """Write all departures of all seasons as CSV."""
+    rows = (row for choice in result.departures for row in _departure_rows(result, choice))
+    _write_csv(path, DEPARTURE_COLUMNS, rows)
 
 
 def write_departures_json(result: RunResult, path: Path) -> None:
@@ -119,7 +123,7 @@ def write_departures_json(result: RunResult, path: Path) -> None:
 
 
 def _departure_rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict[str, Any]]:
-    """Yield a row for each departure; a way is given if the best departure has that class, too."""
+    """Yield a row for each departure, with its way if the best departure has that class, too."""
     ways = {
         one.homotopy: one.way for one in result.evaluation.routes if one.season == choice.season
     }
@@ -150,17 +154,18 @@ def _departure_rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict
 
 
 def _moment(choice: DepartureChoice, seconds: float) -> str:
-    """A time of the choice's clock (ISO 8601, UTC), to the second."""
-    return f"{choice.first + timedelta(seconds=round(seconds)):%Y-%m-%dT%H:%M:%SZ}"
+    """Write a time of the choice's clock."""
+    return _time(choice.first + timedelta(seconds=round(seconds)))
 
 
 def write_trade_off_csv(result: RunResult, path: Path) -> None:
-    """Write the trade-offs of all seasons to a new CSV file (UTF-8, a header, RFC 4180)."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, TRADE_OFF_COLUMNS)
-        writer.writeheader()
-        for found in trade_offs(result):
-            writer.writerows({"season": found.season, **row} for row in _trade_off_rows(found))
+    """Write the trade-offs of all seasons as CSV."""
+    rows = (
+        {"season": found.season, **row}
+        for found in trade_offs(result)
+        for row in _trade_off_rows(found)
+    )
+    _write_csv(path, TRADE_OFF_COLUMNS, rows)
 
 
 def write_trade_off_json(result: RunResult, path: Path) -> None:
@@ -168,8 +173,8 @@ def write_trade_off_json(result: RunResult, path: Path) -> None:
     seasons = [
         {
             "season": found.season,
-            "departure": _trade_off_moment(found.departure),
-            "arrive_by": _trade_off_moment(found.arrive_by),
+            "departure": _time(found.departure),
+            "arrive_by": _time(found.arrive_by),
             "least_m_s": found.choice.least,
             "most_m_s": found.choice.most,
             "slowest_m_s": found.slowest,
@@ -188,17 +193,12 @@ def _trade_off_rows(found: TradeOff) -> Iterator[dict[str, Any]]:
     fuels = np.insert(found.fuels, at, found.fuel)
     for index, (duration, fuel) in enumerate(zip(durations.tolist(), fuels.tolist(), strict=True)):
         yield {
-            "arrival": _trade_off_moment(found.moment(duration)),
+            "arrival": _time(found.moment(duration)),
             "hours": duration / 3600,
             "fuel": fuel,
             "of_chosen": fuel / found.fuel,
             "is_chosen": index == at,
         }
-
-
-def _trade_off_moment(moment: datetime) -> str:
-    """A time as ISO 8601, UTC, to the second."""
-    return f"{moment.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
 def write_scenario(result: RunResult, path: Path) -> None:

@@ -2,7 +2,7 @@
 
 `<scenario>-<season>.gpx` has the best route and the best one on the other side; the file with
 `-all` has all routes of the season. GPX has no speed on a route, and OpenCPN ignores the times of
-its points: the extensions that OpenCPN reads have the speed, and the departure where one is given.
+its points: the speed, and the departure if there is one, are in the extensions that OpenCPN reads.
 """
 
 from datetime import datetime
@@ -40,14 +40,7 @@ def write_gpx(
     """Write a season's best route and the other side's best, or `every` route, as GPX 1.1.
 
     A `rte` holds a route's few waypoints, with its rank as number; the `trk` is the best route's
-    path as planned. With a departure (and its time zone) all points have times.
-
-    Raises
-    ------
-    ValueError
-        A departure without a time zone.
-    OSError
-        The file can't be written.
+    path as planned. With a departure, which needs a time zone, all points have times.
     """
     gpx = gpxpy.gpx.GPX()
     gpx.creator = "RENEW"

@@ -32,14 +32,7 @@ def write_kml(
 ) -> None:
     """Write a season's best route and the other side's best, with the best one's waypoints.
 
-    With a departure (and its time zone) the waypoints have the time at which they are passed.
-
-    Raises
-    ------
-    ValueError
-        A departure without a time zone.
-    OSError
-        The file can't be written.
+    With a departure, which needs a time zone, the waypoints have times.
     """
     best, *_ = found = both_sides(result, season)
     known = nautical.limits_text(result, best.ranked.metrics)

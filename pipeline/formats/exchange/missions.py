@@ -41,13 +41,7 @@ class _Command:
 
 
 def write_plan(result: RunResult, season: str, path: Path) -> None:
-    """Write the best route of a season that has one as a plan of QGroundControl.
-
-    Raises
-    ------
-    OSError
-        The file can't be written.
-    """
+    """Write the best route of a season that has one as a plan of QGroundControl."""
     points = season_waypoints(result, season)[0]
     start = _position(points, 0)
     speed = round(speed_over_ground(points.metrics), _SPEED_DIGITS)
@@ -88,13 +82,7 @@ def write_plan(result: RunResult, season: str, path: Path) -> None:
 
 
 def write_mission(result: RunResult, season: str, path: Path) -> None:
-    """Write the best route of a season that has one as ArduPilot's tools read a mission.
-
-    Raises
-    ------
-    OSError
-        The file can't be written.
-    """
+    """Write the best route of a season that has one as ArduPilot's tools read a mission."""
     points = season_waypoints(result, season)[0]
     home = _Command(_WAYPOINT, _ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *_position(points, 0), 0.0))
     lines = ["QGC WPL 110"]
@@ -105,9 +93,9 @@ def write_mission(result: RunResult, season: str, path: Path) -> None:
 
 
 def _commands(points: Waypoints) -> Iterator[_Command]:
-    """Yield the commands of a route, the start first; each leg with its speed before its end.
+    """Yield a route's commands: the start, then for each leg its speed and its end.
 
-    The radius within which a waypoint counts as reached stays the vehicle's own (0).
+    A radius of 0 leaves it to the vehicle when a waypoint counts as reached.
     """
     for index in range(len(points.lonlat)):
         if index:

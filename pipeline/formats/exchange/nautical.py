@@ -55,12 +55,12 @@ def route_name(ranked: RankedRoute, result: RunResult) -> str:
 
 
 def attribution(result: RunResult) -> str:
-    """Credits that the licences of the sources ask for, in one line."""
+    """Credits that the sources' licences demand, in one line."""
     return "; ".join(dict.fromkeys(credit.text for credit in result.credits if credit.text))
 
 
 def limits_text(result: RunResult, metrics: RouteMetrics) -> str:
-    """Say what is not known of a route, in one line; empty where nothing is to be said."""
+    """Say what is not known about a route, in one line; may be empty."""
     found = "; ".join(note_texts(route_unknowns(result, metrics)))
     return f"{capitalised(found)}." if found else ""
 
@@ -75,8 +75,7 @@ def waypoint_name(index: int, count: int) -> str:
 def leg_text(points: Waypoints, leg: int) -> str:
     """Describe the leg that leaves waypoint `leg`: "course 239.5°, 7.07 NM, 1.81 kn, 3 h 54 min".
 
-    Where speeds are chosen, that through water follows; then its cross-track limits, rounded down
-    so that they are never overstated.
+    The speed through water follows if speeds are chosen, then the cross-track limits, rounded down.
     """
     speed = points.speed_m_s[leg] * KNOTS_PER_M_S
     through_water = ""

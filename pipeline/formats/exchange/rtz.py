@@ -23,8 +23,7 @@ _Attributes: TypeAlias = dict[str, str]
 PROVENANCE = "urn:renew:provenance:1"
 """Namespace of our own elements, in the extensions."""
 
-# How routes are found. What is not known of a route is appended to this text, since RTZ has no
-# place for notes on a route.
+# How routes are found. Notes on a route are appended to this text, since RTZ has no place for them.
 _METHOD = "least fuel in the current, sea room for a hard-over turn everywhere"
 # Maximum length of each text, in characters, to keep files small: checkers refuse 400 kB.
 _MAX_TEXT_LENGTH = 4_000
@@ -59,41 +58,30 @@ def write_rtz(
 ) -> None:
     """Write the best route of a season that has one.
 
-    Parameters
-    ----------
-    path
-        The file; its stem becomes the route's name, since ECDIS want the two to be equal.
-    version
-        "1.0", "1.1" or "1.2".
-    departure
-        Time of departure, with its time zone. Without one the file gives the speed and duration of
-        each leg, but no times of departure and arrival.
+    The stem of the file becomes the route's name, since ECDIS want the two to be equal. Without a
+    departure (and its time zone) the file has the speed and duration of each leg, but no times.
 
     Raises
     ------
     ValueError
         An unknown version, or a departure without a time zone.
-    OSError
-        The file can't be written.
     """
     if version not in VERSIONS:
         raise ValueError(f"RTZ version {version!r} is not one of {', '.join(VERSIONS)}")
     points = season_waypoints(result, season)[0]
-    form = VERSIONS[version]
     unknown = note_texts(route_unknowns(result, points.ranked.metrics))
-    method = "; ".join((_METHOD, *unknown))
     content = (
         xml_environment("pipeline.formats.exchange")
         .get_template("route.rtz.jinja")
         .render(
             version=version,
-            form=form,
+            form=VERSIONS[version],
             info={
                 "routeName": _shortened(path.stem),
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
                 "vesselName": nautical.vessel_name(result),
-                "optimizationMethod": _shortened(method),
+                "optimizationMethod": _shortened("; ".join((_METHOD, *unknown))),
             },
             waypoints=list(_waypoints(points)),
             schedule=list(_schedule(points, departure)),
@@ -140,7 +128,7 @@ def _schedule(points: Waypoints, departure: datetime | None) -> Iterator[_Attrib
 
 
 def _provenance(result: RunResult, points: Waypoints) -> _Attributes:
-    """The route's origin, what is not known of it, and the credits of its sources."""
+    """The route's origin, what is not known about it, and the credits of its sources."""
     texts = {
         "title": nautical.document_title(result, points.ranked.season),
         "description": result.scenario.description,
@@ -153,7 +141,7 @@ def _provenance(result: RunResult, points: Waypoints) -> _Attributes:
 
 
 def _shortened(text: str) -> str:
-    """Text of at most the maximum length."""
+    """Cut text to the maximum length."""
     return shortened(text, _MAX_TEXT_LENGTH)
 
 

@@ -1,4 +1,4 @@
-"""Artists that all figures are made of: axes in points, lines, areas, text and a scale bar.
+"""Parts of all figures: axes in points, lines, areas, text, a scale bar; figures as SVG.
 
 They use matplotlib's object interface, without pyplot and global settings.
 """
@@ -60,12 +60,7 @@ def axes_at(figure: Figure, box_pt: tuple[float, float, float, float]) -> Axes:
     figure_width, figure_height = figure.get_size_inches() * POINTS_PER_INCH
     left, bottom, width, height = box_pt
     axes = figure.add_axes(
-        (
-            left / figure_width,
-            bottom / figure_height,
-            width / figure_width,
-            height / figure_height,
-        )
+        (left / figure_width, bottom / figure_height, width / figure_width, height / figure_height)
     )
     axes.set_axis_off()
     axes.set_aspect("equal")
@@ -172,10 +167,7 @@ def drawable(text: str, limit: int = 60) -> str:
 
 
 def in_season_colour(drawn: Artist, colour: str) -> None:
-    """Recolour what a figure or a part of it has in the best route's colour, by a season's.
-
-    A page does so by `var(--map-best)`.
-    """
+    """Replace the best route's colour in a figure, or a part of it, by a season's."""
     for artist in drawn.findobj():
         for name in ("color", "edgecolor", "markeredgecolor", "markerfacecolor"):
             get = getattr(artist, f"get_{name}", None)

@@ -59,14 +59,14 @@ _LABEL_ROOM_PT = 9.0
 
 @dataclass(frozen=True)
 class Margins:
-    """Room around a map, points: for the labels of its grid at the left, and half of one right."""
+    """Room around a map for the labels of its grid, points."""
 
     left: float
     right: float
 
     @classmethod
     def of(cls, result: RunResult) -> Self:
-        """The room that the longest labels of a scene take."""
+        """Room for the longest labels: a whole one at the left, half of one at the right."""
         scene = result.scene
         grid = graticule(scene.projection, scene.chart.extent, in_metres=result.scenario.is_planar)
         parallels = [text_width(g.label, SMALL_PT) for g in grid if not g.is_meridian]
@@ -90,7 +90,7 @@ def map_figure(
 
     Returns the axes of each map, and its water as a patch to clip layers to. Without titles there
     is one map; `below_pt` points are left free between the maps and the legend. A figure of a given
-    width has as many columns as fit, and no more than `columns`; else each map has `WIDTH_PT`.
+    width has as many columns as fit, at most `columns`; otherwise each map is `WIDTH_PT` wide.
     """
     margins = Margins.of(result)
     whole_width = width_pt or columns * WIDTH_PT
@@ -120,12 +120,23 @@ def map_figure(
             middle = left + margins.left + inner / 2
             _draw_titles(figure, titles[index], (middle, bottom + height), sizes)
     if handles:
-        _draw_legend(figure, handles, legend_columns, 0.5 * legend / whole_height)
+        figure.legend(
+            handles=handles,
+            loc="center",
+            bbox_to_anchor=(0.5, 0.5 * legend / whole_height),
+            ncols=legend_columns,
+            frameon=False,
+            fontsize=_LEGEND_TEXT_PT,
+            labelcolor=COLOURS["ink"],
+            handlelength=1.6,
+            columnspacing=1.2,
+            handletextpad=0.5,
+        )
     return figure, maps
 
 
 def _title_sizes(titles: Sequence[tuple[str, str]], room_pt: float) -> tuple[float, float]:
-    """Sizes of the upper and the lower title, points, in which those of all maps have room."""
+    """Sizes of the upper and the lower title, points, at which the titles of all maps fit."""
     sizes = []
     for line, (size, bold) in enumerate(_TITLES):
         wide = [text_width(drawable(title[line]), size, bold=bold) for title in titles]
@@ -157,7 +168,7 @@ def _draw_titles(
 
 
 def _legend_columns(handles: Sequence[Artist], width_pt: float) -> int:
-    """Number of columns of a legend that fit into a width; entries run down the columns."""
+    """Number of a legend's columns that fit into a width; entries run down the columns."""
     wide = [text_width(str(Artist.get_label(h)), _LEGEND_TEXT_PT) for h in handles]
     for columns in range(len(wide), 1, -1):
         needed = sum(max(column) for column in np.array_split(wide, columns))
@@ -169,8 +180,7 @@ def _legend_columns(handles: Sequence[Artist], width_pt: float) -> int:
 def add_layers(axes: Axes, layers: Sequence[Artist], sea: PathPatch) -> None:
     """Add layers to a map, clipped to its water."""
     for layer in layers:
-        # add_patch would update the axes' limits, which are set, from each vertex: a minute for a
-        # long coast.
+        # add_patch would update the axes' limits from each vertex: a minute for a long coast.
         axes.add_artist(layer)
         layer.set_clip_path(sea)
 
@@ -240,7 +250,7 @@ def _draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
 
 
 def _labelled(axes: Axes, grid: Sequence[GridLine]) -> Sequence[GridLine]:
-    """Meridians whose labels have room beside each other: all of them, or every second, or ..."""
+    """Meridians that are labelled: as many as have room, all or every second, every third, ..."""
     meridians = sorted((line for line in grid if line.is_meridian), key=lambda line: line.foot)
     size = point(axes)
     for every in range(1, len(meridians)):
@@ -262,9 +272,9 @@ def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> floa
 def _free_side(
     axes: Axes, position: tuple[float, float], text: str, drawn: BaseGeometry
 ) -> tuple[int, int]:
-    """Side (across, up) of a position on which its text is inside the map and off the paths.
+    """Side (across, up) of a position where its text is inside the map and off the paths.
 
-    The first such side of right, left, above and below; else the first that is inside the map.
+    The first such side of right, left, above and below; else the first one inside the map.
     """
     (xmin, xmax), (ymin, ymax) = axes.get_xlim(), axes.get_ylim()
     # The mean width of a bold letter of the default font is 0.7 of its size.
@@ -294,19 +304,3 @@ def _map_axes(
     sea = patch(result.scene.chart.extent, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
     axes.add_artist(sea)
     return axes, sea
-
-
-def _draw_legend(figure: Figure, handles: Sequence[Artist], columns: int, centre: float) -> None:
-    """Draw the legend, centred at a share of the figure's height."""
-    figure.legend(
-        handles=handles,
-        loc="center",
-        bbox_to_anchor=(0.5, centre),
-        ncols=columns,
-        frameon=False,
-        fontsize=_LEGEND_TEXT_PT,
-        labelcolor=COLOURS["ink"],
-        handlelength=1.6,
-        columnspacing=1.2,
-        handletextpad=0.5,
-    )

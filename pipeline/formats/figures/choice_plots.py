@@ -11,25 +11,18 @@ from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.text import fuel, hours, moment_text
 from pipeline.model import DepartureChoice
 
-_DEPARTURE_PT = 150.0
-_HOUR_S, _DAY_S = 3600.0, 86_400.0
-# Windows longer than this have an axis in days.
-_DAYS_FROM_S = 3 * _DAY_S
+_HEIGHT_PT = 150.0
+# Units of time: shortest axis on which it is used, s; length of the unit, s; its name.
+_UNITS = ((3 * 86_400.0, 86_400.0, "days"), (7_200.0, 3_600.0, "hours"), (0.0, 60.0, "minutes"))
 # The bound is drawn if it lies no further below the least duration than this multiple of the range
 # of durations.
 _MAX_DEPTH = 3.0
-# Space above and below the durations, as a share of their range.
-_DEPARTURE_MARGIN = 0.12
-
-_TRADE_OFF_PT = 150.0
-# Units of time: shortest axis on which it is used, s; length of the unit, s; its name.
-_UNITS = ((3 * 86_400.0, 86_400.0, "days"), (7_200.0, 3_600.0, "hours"), (0.0, 60.0, "minutes"))
-# Space above and below the curve, as a share of the range of fuel.
-_TRADE_OFF_MARGIN = 0.12
+# Space above and below the values, as a share of their range.
+_MARGIN = 0.12
 
 
 def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> Markup | str:
-    """Plot a choice of departures; "" where there was but one."""
+    """Plot a choice of departures; "" if there is only one."""
     if len(choice.departures_s) < 2:
         return ""
     return page_svg(departure_figure(choice), identity=identity, label=label)
@@ -38,18 +31,17 @@ def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> Mark
 def departure_figure(choice: DepartureChoice) -> Figure:
     """Figure for `departure_svg`: time under way by departure, and the bound between them.
 
-    Where speeds are chosen it shows fuel: each voyage then takes all the time that it may, or
-    nearly.
+    Where speeds are chosen it shows fuel, since each voyage takes nearly all the allowed time.
     """
-    figure, (axes,) = plots.plot_panels(1, _DEPARTURE_PT, 0.0)
-    is_long = np.ptp(choice.departures_s) > _DAYS_FROM_S
-    unit_s, unit = (_DAY_S, "days") if is_long else (_HOUR_S, "hours")
+    figure, (axes,) = plots.plot_panels(1, _HEIGHT_PT, 0.0)
+    is_long = np.ptp(choice.departures_s) > _UNITS[0][0]
+    _, unit_s, unit = _UNITS[0 if is_long else 1]
     known = np.isfinite(choice.fuels)
-    x, y = choice.departures_s / unit_s, choice.durations_s / _HOUR_S
+    x, y = choice.departures_s / unit_s, choice.durations_s / 3600
     if choice.has_speeds:
         y = 100 * (choice.fuels / choice.fuels.min() - 1)
     low, high = float(y[known].min()), float(y[known].max())
-    floor = low - choice.unproven_s / _HOUR_S
+    floor = low - choice.unproven_s / 3600
     has_floor = floor > low - _MAX_DEPTH * (high - low)
     axes.plot(x, np.where(known, y, np.nan), color=COLOURS["best"], linewidth=1.4, zorder=3)
     axes.plot(
@@ -62,7 +54,7 @@ def departure_figure(choice: DepartureChoice) -> Figure:
     axes.axvspan(begin_s / unit_s, end_s / unit_s, color=COLOURS["grid"], alpha=0.6, zorder=1)
     at = choice.chosen_s / unit_s
     axes.axvline(at, color=COLOURS["other"], linewidth=1.8, zorder=2.5)
-    room = _DEPARTURE_MARGIN * (max(high - low, 0.02 * high) or 1.0)
+    room = _MARGIN * (max(high - low, 0.02 * high) or 1.0)
     axes.set_ylim(low - room, high + 2.5 * room)
     on_left = at > (x[0] + x[-1]) / 2
     plots.plot_text(
@@ -72,7 +64,7 @@ def departure_figure(choice: DepartureChoice) -> Figure:
         on_left=on_left,
         boxed=False,
     )
-    note = "dashed: no departure takes less, to within the paths' error" if has_floor else ""
+    note = "dashed: no departure takes less, apart from the paths' error" if has_floor else ""
     what = "Time under way, h (fuel in proportion)"
     plots.plot_title(axes, "Fuel above the least, %" if choice.has_speeds else what, note)
     plots.plot_x_label(axes, f"departure, {unit} after {moment_text(choice.first)}")
@@ -80,7 +72,7 @@ def departure_figure(choice: DepartureChoice) -> Figure:
 
 
 def trade_off_svg(found: TradeOff, *, identity: str, label: str) -> Markup | str:
-    """Plot a trade-off; "" where there is but one arrival."""
+    """Plot a trade-off; "" if there is only one arrival."""
     if len(found.durations_s) < 2:
         return ""
     return page_svg(trade_off_figure(found), identity=identity, label=label)
@@ -88,14 +80,14 @@ def trade_off_svg(found: TradeOff, *, identity: str, label: str) -> Markup | str
 
 def trade_off_figure(found: TradeOff) -> Figure:
     """Figure for `trade_off_svg`: least fuel by time under way, the best route, the deadline."""
-    figure, (axes,) = plots.plot_panels(1, _TRADE_OFF_PT, 0.0)
+    figure, (axes,) = plots.plot_panels(1, _HEIGHT_PT, 0.0)
     longest = float(found.durations_s[-1])
     unit_s, unit = next((size, name) for least, size, name in _UNITS if longest >= least)
     scale, scale_name = plots.fuel_unit(float(found.fuels.max()))
     x, y = found.durations_s / unit_s, found.fuels / scale
     plots.draw_line(axes, x, y)
     low, high = float(y.min()), float(y.max())
-    room = _TRADE_OFF_MARGIN * max(high - low, 0.02 * high)
+    room = _MARGIN * max(high - low, 0.02 * high)
     axes.set_ylim(max(0.0, low - room), high + room)
     deadline = found.choice.within_s / unit_s
     if deadline <= x[-1]:

@@ -30,10 +30,9 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class GridLine:
-    """A meridian or parallel in the chart or on its edge: label, and pieces (n, 2).
+    """A meridian or parallel in the chart or on its edge: label, pieces (n, 2), place of the label.
 
-    `foot`, where the label belongs, is the lowest point of a meridian or the leftmost of a
-    parallel.
+    `foot` is the lowest point of a meridian, or the leftmost point of a parallel.
     """
 
     is_meridian: bool

@@ -22,17 +22,20 @@ SOFT_ALPHA = 0.38
 ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
 
 
-def _land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None) -> list[Artist]:
-    """Land before simplification, shoals and hazards, in as much detail as can be seen.
+def chart_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
+    """Hard no-go zone, over it the original land, shoals and hazards; in detail that can be seen.
 
-    Clipped to an area if one is given.
+    Clipped to an area if one is given. A planar scenario has no no-go zone beside its land.
     """
     detail = DETAIL_PT * point(axes)
+    no_go = () if result.scenario.is_planar else result.scene.chart.no_go
+    zones = visible(_clipped(no_go, within), detail)
     land = visible(_clipped(result.scene.land, within), detail)
     to_plane = result.scene.projection.geometry_to_plane
     shoals = to_plane(np.array(result.shoals, dtype=object))
     hazards = to_plane(np.array(result.hazards, dtype=object))
     return [
+        *([patch(zones, facecolor=COLOURS["nogo"], edgecolor="none", zorder=3.5)] if no_go else []),
         patch(
             land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
         ),
@@ -51,22 +54,6 @@ def _land_layers(axes: Axes, result: RunResult, within: BaseGeometry | None) -> 
             zorder=4.2,
         ),
     ]
-
-
-def chart_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
-    """Hard no-go zone, and over it land, shoals and hazards; clipped to an area if one is given."""
-    return [*_no_go_layers(axes, result, within), *_land_layers(axes, result, within)]
-
-
-def _no_go_layers(axes: Axes, result: RunResult, within: BaseGeometry | None) -> list[Artist]:
-    """Hard no-go zone, clipped to an area if one is given.
-
-    None in a planar scenario, where it is the land itself.
-    """
-    if result.scenario.is_planar:
-        return []
-    no_go = visible(_clipped(result.scene.chart.no_go, within), DETAIL_PT * point(axes))
-    return [patch(no_go, facecolor=COLOURS["nogo"], edgecolor="none", zorder=3.5)]
 
 
 def soft_layer(axes: Axes, area: BaseGeometry) -> Artist:

@@ -59,7 +59,7 @@ def mesh_figure(result: RunResult, season: str, width_pt: float | None = None) -
 def channels_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
     """Draw the best classes, one on each map: its channel of triangles, and its route.
 
-    For every passage of the main island, the best class that takes it is among them.
+    The best class of each passage of the main island is among them.
     """
     chosen = _best_of_passages(result.season_routes(season), len(CLASS_COLOURS))
     passing = _passing_edges(_triangulation(result, season))

@@ -1,6 +1,6 @@
-"""The profile of a route for a page, and the panels that its other plots are drawn in.
+"""The profile of a route for a page, and the panels of the page's other plots.
 
-They are as wide as a phone, in the maps' colours by role, which the page sets (see `page_svg`).
+They are as wide as a phone; the page sets their colours by role (see `page_svg`).
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLoca
 from matplotlib.transforms import Transform
 
 from pipeline._types import FloatArray
-from pipeline.formats.figures.artists import page_svg, text_width
+from pipeline.formats.figures.artists import POINTS_PER_INCH, page_svg, text_width
 from pipeline.formats.shared.departures_and_speeds import still_fuel_per_metre
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
@@ -23,7 +23,7 @@ from pipeline.formats.shared.route_profile import RouteProfile, route_profile
 from pipeline.formats.shared.text import clearance as kept
 from pipeline.formats.shared.text import number, plain
 
-_WIDTH_PT, _POINTS_PER_INCH = 374.0, 72.0
+_WIDTH_PT = 374.0
 _LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0
 _PANEL_PT, _GAP_PT = 66.0, 30.0
 _TITLE_PT, TEXT_PT = 10.0, 9.0
@@ -33,8 +33,8 @@ _LOG_AXIS_RATIO = 6.0
 _MIN_PADDING_SHARE = 0.02
 _KILOMETRES_FROM_M = 2_000.0
 DASHES = (0, (4, 3))
-# Minimum fuel, unit, and name of the unit: fuel has the units of the vessel's rate, so it may be
-# any number.
+# Minimum fuel, unit, and name of the unit: fuel may be any number, since the vessel's rate sets its
+# unit.
 _FUEL_UNITS = (
     (1e9, 1e9, " in billions"),
     (1e6, 1e6, " in millions"),
@@ -99,7 +99,6 @@ class _ProfilePlot:
     def draw_speed(self, axes: Axes) -> None:
         """Draw the speed over ground, and through water."""
         speeds = self.profile.through_water_m_s
-        # A speed holds from one place to the next.
         axes.plot(
             self.run,
             speeds,
@@ -131,7 +130,7 @@ class _ProfilePlot:
         plot_title(axes, "Current along the course, m/s", "blue helps, grey hinders")
 
     def draw_clearance(self, axes: Axes) -> None:
-        """Draw the distance to no-go areas, the padding of that coast, and the least distance."""
+        """Draw the distance to no-go areas, their padding, and the least distance."""
         unit, unit_m = distance_unit(float(self.profile.clearance_m.max()))
         clearance, padding = self.profile.clearance_m / unit_m, self._padding_m() / unit_m
         least = int(np.argmin(clearance))
@@ -180,19 +179,13 @@ def plot_panels(
     """Make a figure of a width, with panels of equal height below each other."""
     whole = _TOP_PT + count * height_pt + (count - 1) * gap_pt + _BOTTOM_PT
     figure = Figure(
-        figsize=(width_pt / _POINTS_PER_INCH, whole / _POINTS_PER_INCH), facecolor=COLOURS["halo"]
+        figsize=(width_pt / POINTS_PER_INCH, whole / POINTS_PER_INCH), facecolor=COLOURS["halo"]
     )
     panels = []
     for row in range(count):
         bottom = whole - _TOP_PT - (row + 1) * height_pt - row * gap_pt
-        axes = figure.add_axes(
-            (
-                _LEFT_PT / width_pt,
-                bottom / whole,
-                1 - (_LEFT_PT + _RIGHT_PT) / width_pt,
-                height_pt / whole,
-            )
-        )
+        inner = 1 - (_LEFT_PT + _RIGHT_PT) / width_pt
+        axes = figure.add_axes((_LEFT_PT / width_pt, bottom / whole, inner, height_pt / whole))
         axes.set_facecolor("none")
         axes.grid(color=COLOURS["grid"], linewidth=0.6)
         axes.set_axisbelow(True)
@@ -209,30 +202,28 @@ def plot_panels(
 
 
 def plot_title(axes: Axes, title: str, note: str) -> None:
-    """Write a panel's title above its left end, and a note on its lines above its right end.
+    """Write a panel's title above its left end, and a note above its right end.
 
-    In a narrow figure, which has not room for both, the note stands inside the panel.
+    In a figure too narrow for both, the note is inside the panel.
     """
     # A given `y` keeps matplotlib from looking for ticks above the panel, which takes long.
     ink = COLOURS["ink"]
-    axes.set_title(
+    heading = axes.set_title(
         title, loc="left", fontsize=_TITLE_PT, fontweight="bold", color=ink, pad=5, y=1.0
     )
-    room = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * _POINTS_PER_INCH
+    room = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * POINTS_PER_INCH
     wide = text_width(title, _TITLE_PT, bold=True) + text_width(note, TEXT_PT)
     if wide + TEXT_PT <= room:
         axes.set_title(note, loc="right", fontsize=TEXT_PT, color=ink, pad=5, y=1.0)
     else:
-        axes.set_title(
-            title, loc="left", fontsize=TEXT_PT, fontweight="bold", color=ink, pad=5, y=1.0
-        )
+        heading.set_fontsize(TEXT_PT)
         axes.text(
             1.0, 0.98, note, transform=axes.transAxes, ha="right", va="top", fontsize=7, color=ink
         )
 
 
 def plot_x_label(axes: Axes, text: str) -> None:
-    """Say under a panel what lies along it."""
+    """Label a panel's horizontal axis."""
     axes.set_xlabel(text, fontsize=TEXT_PT, color=COLOURS["ink"], labelpad=3)
 
 
@@ -261,9 +252,9 @@ def plot_text(
     boxed: bool = True,
     coordinates: Transform | None = None,
 ) -> None:
-    """Write text beside a place of a plot, which has its data's coordinates, or others.
+    """Write text left or right of a place in a plot, and above it if the offset goes up.
 
-    It stands left or right of the place, and above it if the offset goes up.
+    The place is in the data's coordinates if no others are given.
     """
     box = {"boxstyle": "square,pad=0.1", "facecolor": COLOURS["halo"], "edgecolor": "none"}
     across, up = offset_pt
@@ -283,7 +274,7 @@ def plot_text(
 
 
 def draw_line(axes: Axes, x: FloatArray, y: FloatArray) -> None:
-    """Draw a line of the route's own values."""
+    """Draw the line of a route's values."""
     axes.plot(x, y, color=COLOURS["best"], linewidth=1.8, solid_joinstyle="round", zorder=3)
 
 

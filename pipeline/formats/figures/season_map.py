@@ -47,7 +47,7 @@ def overview_figure(
 
 
 def _titles(result: RunResult, season: str) -> tuple[str, str]:
-    """Title of a season, of a stand-in with its date, and its best route's way, length and fuel."""
+    """Title of a season (a stand-in with its date); way, length and fuel of its best route."""
     title = result.season_title(season)
     if result.is_stand_in(season) and (period := result.period_text(season)):
         title = f"{title}: current of {period}"
@@ -85,25 +85,20 @@ def _area_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
     ]
 
 
-def _best_handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
-    """Legend of the best routes: one colour a season."""
-    several = len(seasons) > 1
-    return [
+def _handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
+    """Legend of lines, areas and speeds."""
+    bests = [
         Line2D(
             [],
             [],
             color=season_colour(result.season_index(season)),
             linewidth=2.2,
-            label=f"best route, {season}" if several else "best route",
+            label=f"best route, {season}" if len(seasons) > 1 else "best route",
         )
         for season in seasons
     ]
-
-
-def _handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
-    """Legend of lines, areas and speeds."""
     handles: list[Artist] = [
-        *_best_handles(result, seasons),
+        *bests,
         map_layers.line_handle("other", 0.8, "other classes"),
         *map_layers.land_handles(result),
         map_layers.soft_handle("soft no-go"),

@@ -1,7 +1,7 @@
 """Hard-over turns at a route's tightest place under noise, and the distribution of their reach.
 
-The padding of an edge is the quantile of the reaches of turns in draws of the current (RENEW,
-AAAI 2026); both figures are of the draws that set it.
+The padding of an edge is a quantile of the reaches of turns in draws of the current (RENEW, AAAI
+2026). The figures show the draws that set it.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 import renew
 from pipeline._types import FloatArray
 from pipeline.formats.figures import plots
-from pipeline.formats.figures.artists import PLAIN_PT, SMALL_PT, page_svg
+from pipeline.formats.figures.artists import PLAIN_PT, POINTS_PER_INCH, SMALL_PT, page_svg
 from pipeline.formats.figures.chart_map import WIDTH_PT
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
@@ -24,15 +24,14 @@ from renew.voyage.fuel import speeds_along
 
 # Number of drawn turns to either side, and of points of each.
 _TURNS, _TRACK_POINTS = 60, 181
-_POINTS_PER_INCH = 72.0
 _HEIGHT_SHARE, _MIN_HEIGHT_PT = 0.62, 190.0
 # Share of a turn by which the picture reaches beyond the turns and the edge.
 _MARGIN = 0.15
 
 _HISTOGRAM_PT, _ROW_PT = 170.0, 14.0
 _BINS = 30
-# Greatest distance to the coast that is drawn, as a multiple of the greatest reach; a greater one
-# is only written.
+# Greatest distance to the coast that is drawn, as a multiple of the greatest reach; greater
+# distances are only written.
 _MAX_GAP_REACHES = 2.0
 # Position of a line, as a share of the axis, from which its text is on the left.
 _TEXT_LEFT_FROM = 0.4
@@ -68,9 +67,9 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
     axes.plot([0], [0], "o", color=COLOURS["best"], markersize=5, zorder=4)
     low, high = local.reshape(-1, 2).min(axis=0), local.reshape(-1, 2).max(axis=0)
     room = _MARGIN * float((high - low).max())
-    # An offing may be many times as wide as the turns, which are to be seen.
+    # An offing may be many times as wide as the turns, which must stay visible.
     bottom = max(min(low[1], -gap) - room, 2 * low[1] - high[1])
-    # At least: they are widened so that the plot has the figure's shape.
+    # The limits are widened later to the figure's shape.
     axes.autoscale_view()
     axes.set_xlim(low[0] - room, high[0] + room, auto=True)
     axes.set_ylim(bottom, high[1] + room, auto=True)
@@ -138,7 +137,7 @@ def reach_figure(result: RunResult, season: str, width_pt: float | None = None) 
         )
     axes.set_xlabel(f"reach towards the no-go zone, {unit}", fontsize=SMALL_PT)
     axes.set_ylabel("share of drawn turns", fontsize=SMALL_PT)
-    columns = 3 if figure.get_figwidth() * _POINTS_PER_INCH > WIDTH_PT else 1
+    columns = 3 if figure.get_figwidth() * POINTS_PER_INCH > WIDTH_PT else 1
     figure.legend(fontsize=7, loc="outside lower center", ncols=columns, frameon=False)
     _title(axes, f"Reach of hard-over turns: {100 * (1 - risk):g} % stay within the quantile")
     return figure
@@ -182,7 +181,7 @@ def _axes(width_pt: float | None) -> tuple[Figure, Axes]:
     width = width_pt or WIDTH_PT
     height = max(_MIN_HEIGHT_PT, _HEIGHT_SHARE * width)
     figure = Figure(
-        figsize=(width / _POINTS_PER_INCH, height / _POINTS_PER_INCH),
+        figsize=(width / POINTS_PER_INCH, height / POINTS_PER_INCH),
         facecolor=COLOURS["halo"],
         layout="constrained",
     )
@@ -214,7 +213,7 @@ def padding_svg(
 
 
 def tightest_place(result: RunResult, ranked: RankedRoute) -> renew.Tightest | None:
-    """The place where a route leaves its turns the least room; None without padding."""
+    """The place where turns have the least room; None without padding."""
     return renew.tightest(
         ranked.route,
         result.scene.currents[ranked.season],

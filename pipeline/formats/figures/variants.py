@@ -9,14 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.formats.figures import map_layers
-from pipeline.formats.figures.artists import SMALL_PT, drawable
+from pipeline.formats.figures.artists import POINTS_PER_INCH, SMALL_PT, drawable
 from pipeline.formats.figures.chart_map import draw_map, map_figure
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import clearance, distance, fuel
 
-# Characters of a reason, and least number in a line; mean width of a letter, as a share of its size
-# with the box's edges.
+# Characters of a reason, and least number in a line; mean width of a letter as a share of its size,
+# with an allowance for the box's edges.
 _MAX_REASON, _MIN_LETTERS, _LETTER_SHARE = 300, 20, 0.65
 
 
@@ -75,19 +75,19 @@ def _ranked(variant: Variant, season: str) -> tuple[RankedRoute, ...]:
 
 
 def _reason(variant: Variant, season: str) -> str:
-    """Why a variant has no route, without what would help."""
+    """Why a variant has no route, without the remedy."""
     reason = variant.failure
     if variant.result is not None:
         failures = (one.failure for one in variant.result.plans if one.season == season)
         reason = next(failures, "") or "no route was found"
-    # The map is that of a season.
+    # The figure shows one season only.
     return re.sub(r"^seasons? '[^:]*': ", "", reason).partition(". ")[0].rstrip(" :")
 
 
 def _write_reason(axes: Axes, reason: str) -> None:
     """Write why there is no route into the middle of a map."""
-    width_pt = axes.get_position().width * axes.figure.bbox.width * 72 / axes.figure.dpi
-    letters = max(_MIN_LETTERS, int(width_pt / (_LETTER_SHARE * SMALL_PT)))
+    width_in = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi
+    letters = max(_MIN_LETTERS, int(width_in * POINTS_PER_INCH / (_LETTER_SHARE * SMALL_PT)))
     lines = textwrap.wrap(drawable(reason, _MAX_REASON), letters)
     axes.text(
         0.5,
@@ -105,7 +105,7 @@ def _write_reason(axes: Axes, reason: str) -> None:
 
 
 def _figures(variant: Variant, season: str) -> str:
-    """A variant's fuel, length and clearance; or that it has no route."""
+    """A variant's fuel, length and clearance, or why it has no route."""
     ranked = _ranked(variant, season)
     if not ranked:
         return drawable(f"no route: {_reason(variant, season).partition(': ')[0]}")

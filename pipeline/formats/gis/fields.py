@@ -20,9 +20,7 @@ FIELDS = {
         "Way round the islands: equal for two routes of a season that can be moved into each "
         "other without crossing a no-go area",
     ),
-    "way": Field(
-        "Way", "Islands that it passes, by their numbers or names: what tells it from other routes"
-    ),
+    "way": Field("Way", "Islands that it passes, by their numbers or names"),
     "fuel": Field("Fuel (planner's units)", "Eq. 4 along the route, at the scenario's scale"),
     "fuel_per_distance": Field(
         "Fuel per distance (planner's units/m)", "Fuel divided by the planner's scaled length"
@@ -39,7 +37,7 @@ FIELDS = {
     "trials": Field("Hard-over turns", "Hard-over turns simulated along the route"),
     "collisions": Field("Collisions", "Hard-over turns that met a no-go area"),
     "number": Field("Number", "Of the island in homotopy classes: 1 is the largest of the chart"),
-    "name": Field("Name", "In the chart, empty where it has none; of a waypoint, in its route"),
+    "name": Field("Name", "Charted name, if there is one; of a waypoint, its name in the route"),
     "kind": Field(
         "Kind",
         "No-go: shoal, uncharted, hazard. Allowed: restricted, traffic. Shut: no-go during its "
@@ -49,10 +47,10 @@ FIELDS = {
         "Least depth (m)", "At chart datum; negative where it dries, empty where it is not charted"
     ),
     "depth_max_m": Field("Greatest depth (m)", "At chart datum; empty where it is not charted"),
-    "rule": Field("Rule", "What the chart says or prescribes there"),
+    "rule": Field("Rule", "What the chart says about the area, or prescribes in it"),
     "filled_share": Field(
         "Current filled (share)",
-        "Share of the length in cells where the current's source has no figure: it was filled from "
+        "Share of the length in cells where the current's source has no data: it was filled from "
         "the water around",
     ),
     "uncharted_share": Field(
@@ -60,7 +58,7 @@ FIELDS = {
         "Share of the length where no depth is charted; empty for a chart without depths",
     ),
     "sequence": Field(
-        "Number", "Of the point in the route, from 1; of a leg, that of its first point"
+        "Number", "Of the point in the route, from 1; a leg has the number of its first point"
     ),
     "course_deg": Field("Course (° true)", "Of the leg that leaves here; none at the goal"),
     "leg_length_m": Field("Leg (m)", "True length of the leg that leaves here"),
@@ -78,8 +76,8 @@ FIELDS = {
     "rejected_because": Field("Rejected because", "Empty if the class has a route"),
     "triangles": Field("Triangles", "Number of triangles in the channel"),
     "vertices": Field("Vertices", "Number of vertices of the polygon"),
-    "padding_min_m": Field("Minimum padding (m)", "Least of all constrained edges, true metres"),
-    "padding_max_m": Field("Maximum padding (m)", "Greatest of all constrained edges, true metres"),
+    "padding_min_m": Field("Minimum padding (m)", "Least of a constrained edge, in true metres"),
+    "padding_max_m": Field("Maximum padding (m)", "Greatest of a constrained edge, in true metres"),
     "u": Field("To east (m/s)", "Eastward surface current"),
     "v": Field("To north (m/s)", "Northward surface current"),
     "speed": Field("Speed (m/s)", "Speed of the surface current"),

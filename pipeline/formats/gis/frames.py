@@ -46,26 +46,25 @@ def frame(
 ) -> GeoDataFrame:
     """Make the frame of a layer.
 
-    Parameters
-    ----------
-    geometry
-        A geometry for each feature, or an array of geometries for each route or season.
-    columns
-        Column by column, for each entry of `geometry` a value, or an array with a value for each of
-        its geometries. Numbers that are not finite become NaN, which is written as NULL.
+    `geometry` has a geometry for each feature, or an array of geometries for each route or season;
+    a column has for each such entry a value, or an array of values. Numbers that are not finite
+    become NaN, which is written as NULL.
     """
     import geopandas
 
     counts = [np.size(part) for part in geometry]
+    joined = {
+        name: _joined(values, counts, TYPES.get(name, float)) for name, values in columns.items()
+    }
     return geopandas.GeoDataFrame(
-        {name: _column(values, counts, TYPES.get(name, float)) for name, values in columns.items()},
+        joined,
         geometry=_joined(geometry, counts, object),
         crs="EPSG:4326",
     )
 
 
 def route_key(ranked: Sequence[RankedRoute]) -> dict[str, list[npt.ArrayLike]]:
-    """Columns that tell routes apart."""
+    """Columns that identify routes."""
     return {"season": [one.season for one in ranked], "rank": [one.rank for one in ranked]}
 
 
@@ -90,23 +89,16 @@ def multi(areas: Sequence[Any] | Geometries) -> Geometries:
     return multis
 
 
-def _column(
-    values: Sequence[npt.ArrayLike], counts: Sequence[int], dtype: type
-) -> npt.NDArray[Any]:
-    """Join a column's values of all parts."""
-    column = _joined(values, counts, dtype)
-    return np.where(np.isfinite(column), column, np.nan) if dtype is float else column
-
-
 def _joined(
     values: Sequence[Any] | Geometries, counts: Sequence[int], dtype: type
 ) -> npt.NDArray[Any]:
-    """Join arrays, or single values that are repeated as often as counted."""
+    """Join arrays; a single value is repeated by its count."""
     parts: list[npt.NDArray[Any]] = [
         np.broadcast_to(np.asarray(value, dtype=dtype), count)
         for value, count in zip(values, counts, strict=True)
     ]
-    return np.concatenate([np.empty(0, dtype=dtype), *parts])
+    column = np.concatenate([np.empty(0, dtype=dtype), *parts])
+    return np.where(np.isfinite(column), column, np.nan) if dtype is float else column
 
 
 def write_layer(
@@ -114,9 +106,9 @@ def write_layer(
     frame: GeoDataFrame,
     layer: str,
     geometry_type: str,
-    *,
     title: str,
     description: str,
+    *,
     append: bool = False,
 ) -> None:
     """Write a frame as a new layer, or append it to one.
@@ -146,7 +138,7 @@ def write_layer(
 
 @contextmanager
 def dated(moment: datetime) -> Iterator[None]:
-    """Date the layers that the block writes, so that the same run is the same file."""
+    """Date the layers that the block writes by the run, so that equal runs give equal files."""
     from pyogrio import set_gdal_config_options
 
     set_gdal_config_options({"OGR_CURRENT_DATE": moment.strftime("%Y-%m-%dT%H:%M:%S.000Z")})
@@ -160,7 +152,7 @@ def dated(moment: datetime) -> Iterator[None]:
 def opened(path: Path) -> Iterator[sqlite3.Connection]:
     """Open the file as a database, and commit what the block changes."""
     with closing(sqlite3.connect(path)) as database, database:
-        database.execute("PRAGMA synchronous = OFF")  # as `write_layer`
+        database.execute("PRAGMA synchronous = OFF")  # as in `write_layer`
         yield database
 
 

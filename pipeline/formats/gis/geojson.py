@@ -28,14 +28,9 @@ _DECIMALS = 7
 def write_geojson(result: RunResult, season: str, path: Path) -> None:
     """Write a season's routes and their waypoints, best first.
 
-    Routes have the geometry and columns of the GeoPackage's layer `routes`: their pieces, which
-    are straight in degrees, lie within a metre of the planned line. What crosses 180 degrees is cut
-    there. Each feature's property `feature` is "route" or "waypoint".
-
-    Raises
-    ------
-    OSError
-        The file can't be written.
+    Routes have the geometry and columns of the GeoPackage's layer `routes`: their pieces, straight
+    in degrees, lie within a metre of the planned line. Lines are cut at 180 degrees. The property
+    `feature` of each feature is "route" or "waypoint".
     """
     routes = next(layer for layer in LAYERS if layer.name == "routes").frame(result)
     routes = routes[routes.season == season]
@@ -66,7 +61,7 @@ def _features(kind: str, frame: GeoDataFrame) -> list[dict[str, Any]]:
 
 
 def _line(points: FloatArray) -> BaseGeometry:
-    """Make a LineString, or a MultiLineString of what crosses 180 degrees."""
+    """Make a LineString, or a MultiLineString if the line crosses 180 degrees."""
     parts = split_at_antimeridian(points)
     return shapely.LineString(parts[0]) if len(parts) == 1 else shapely.MultiLineString(parts)
 

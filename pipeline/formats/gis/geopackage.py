@@ -9,7 +9,7 @@ The QGIS project inside refers to the file by its name: the file may be moved, b
 
 import json
 import sqlite3
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from importlib.resources import files
 from pathlib import Path
@@ -31,27 +31,15 @@ _METADATA_STANDARD = "https://www.rfc-editor.org/rfc/rfc8259"
 
 
 def write_geopackage(result: RunResult, path: Path) -> None:
-    """Write all layers of a run to a new file at `path`.
-
-    Raises
-    ------
-    OSError
-        The file can't be written, or is incomplete afterwards.
-    """
+    """Write all layers of a run to a new file at `path`."""
     counts, columns = {}, {}
     with system_errors(path), dated(result.created):
         for layer in LAYERS:
             frame = layer.frame(result)
             counts[layer.name] = len(frame)
             columns[layer.name] = ["fid", *frame.columns.drop("geometry")]
-            write_layer(
-                path,
-                frame,
-                layer.name,
-                layer.geometry_type,
-                title=layer.title,
-                description=layer.description,
-            )
+            about = layer.title, layer.description
+            write_layer(path, frame, layer.name, layer.geometry_type, *about)
         with opened(path) as database:
             _add_records(database, result, columns, path.name)
             for name, count in counts.items():
@@ -64,30 +52,22 @@ def _add_records(
     columns: Mapping[str, Sequence[str]],
     file_name: str,
 ) -> None:
-    """Add everything but the layers: provenance, meanings of columns, styles, the project."""
-    _create_tables(database)
+    """Add everything beside the layers: provenance, meanings of columns, styles, the project."""
+    script = files("pipeline.formats.gis") / "records.sql"
+    database.executescript(script.read_text(encoding="utf-8"))
     content = manifest(result, ())
     del content["outputs"]  # not complete yet: this file is one of them
     _put_provenance(database, content)
-    for name, names in columns.items():
-        _put_meanings(database, name, names)
+    _put_meanings(database, columns)
     map_view = view(result)
-    _put_styles(
-        database,
-        [
-            (layer.name, layer.title, qml(layer.name, map_view, columns[layer.name]))
-            for layer in LAYERS
-        ],
-    )
+    styles = [
+        (layer.name, qml(layer.name, map_view, columns[layer.name]), layer.title)
+        for layer in LAYERS
+    ]
+    _put_styles(database, styles)
     _put_dates(database, result.created)
     packed = project.qgz(result, map_view, columns, file_name)
     _put_project(database, PROJECT, packed, result.created)
-
-
-def _create_tables(database: sqlite3.Connection) -> None:
-    """Create the tables and register their extensions."""
-    script = files("pipeline.formats.gis") / "records.sql"
-    database.executescript(script.read_text(encoding="utf-8"))
 
 
 def _put_provenance(database: sqlite3.Connection, content: Mapping[str, object]) -> None:
@@ -104,25 +84,26 @@ def _put_provenance(database: sqlite3.Connection, content: Mapping[str, object])
     )
 
 
-def _put_meanings(database: sqlite3.Connection, layer: str, columns: Iterable[str]) -> None:
-    """Store the meanings of a layer's columns; software shows either the name or the title."""
+def _put_meanings(database: sqlite3.Connection, columns: Mapping[str, Sequence[str]]) -> None:
+    """Store the meanings of the layers' columns; software shows either the name or the title."""
     database.executemany(
         "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description)"
         " VALUES (?, ?, ?, ?, ?)",
         [
-            (layer, column, FIELDS[column].alias, FIELDS[column].alias, FIELDS[column].meaning)
-            for column in columns
+            (layer, name, FIELDS[name].alias, FIELDS[name].alias, FIELDS[name].meaning)
+            for layer, names in columns.items()
+            for name in names
         ],
     )
 
 
 def _put_styles(database: sqlite3.Connection, styles: Sequence[tuple[str, str, str]]) -> None:
-    """Store a default style for each layer, given as (layer, description, QML)."""
+    """Store a default style for each layer, given as (layer, QML, description)."""
     database.executemany(
         "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name,"
         " f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner)"
         " VALUES ('', '', ?, 'geom', 'RENEW', ?, '', 1, ?, 'RENEW')",
-        [(layer, text, description) for layer, description, text in styles],
+        styles,
     )
     database.execute(
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, description)"

@@ -31,11 +31,11 @@ def cross_track_limits(
 ) -> tuple[FloatArray, FloatArray]:
     """Cross-track limits of each leg to port and to starboard (k,), metres of the plane.
 
-    A limit is the distance from the leg, its ends included, to the nearest point on that side of V,
-    the hard no-go zone (which covers all land) or the chart's edge; at most `cap`. V is the water
-    from which a hard-over turn in the season's current could touch land, so within the limits the
-    vessel stays out of V. 0 where the leg itself lies in V, as it may at start or
-    goal: nothing is promised there.
+    A limit is the distance from the leg, its ends included, to the nearest point on that side that
+    belongs to V, to the hard no-go zone (which covers all land) or to the chart's edge; at most
+    `cap`. V is the water from which a hard-over turn in the season's current could touch land, so
+    within the limits the vessel stays out of V. A leg that lies in V, as it may at start or goal,
+    has the limit 0: nothing is promised there.
     """
     count = len(legs.lines)
     sides = _Sides.of(legs, cap)
@@ -54,8 +54,8 @@ def cross_track_limits(
 def turning_radii(legs: Tracks, corridor: SafeCorridor, radius: float) -> FloatArray:
     """Radius of the turn at each waypoint between two legs (k - 1,), metres of the plane.
 
-    `radius`, or the largest of its halves, quarters and so on with which the turn stays inside the
-    corridor and takes up at most half of each leg; 0 where none does.
+    `radius` is halved until the turn stays inside the corridor and takes up at most half of each
+    leg; 0 if no such turn is found.
     """
     lines = legs.lines
     before, after = lines[:-1], lines[1:]
@@ -89,8 +89,8 @@ def turning_radii(legs: Tracks, corridor: SafeCorridor, radius: float) -> FloatA
 class _Sides:
     """Both sides of k legs: all port sides, then all starboard sides.
 
-    `areas`, `lines` (2k,): the area beside a leg, and the leg; `chords` (2k, 2, 2) from its start
-    to its end, `offsets` (2k,) its greatest distance from the chord.
+    `areas` (2k,) lie beside the legs `lines` (2k,); `chords` (2k, 2, 2) run from a leg's start to
+    its end; `offsets` (2k,) are the legs' greatest distances from their chords.
     """
 
     areas: Geometries
@@ -116,7 +116,7 @@ class _Sides:
         )
 
     def edges_within(self, distance: float, edges: FloatArray) -> FloatArray:
-        """Those of some edges (n, 2, 2) that may be within a distance of a leg."""
+        """Select the edges, of (n, 2, 2), that may be within a distance of a leg."""
         middle = edges.mean(axis=1)
         reach = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) / 2 + distance
         near = np.zeros(len(edges), dtype=bool)
@@ -148,9 +148,9 @@ def _aside(chords: FloatArray) -> FloatArray:
 def _side_areas(
     legs: Tracks, starts: IndexArray, ends: IndexArray, reach: FloatArray
 ) -> Geometries:
-    """Area to port of each leg (k,), to starboard with a negative reach (k,).
+    """Area beside each leg (k,), to port, or to starboard with a negative reach (k,).
 
-    Bounded by the leg, which is extended at both ends, and reaching that far from its chord.
+    It lies between the leg, extended at both ends, and a parallel of its chord at that reach.
     """
     aside = _aside(np.stack([legs.xy[starts], legs.xy[ends]], axis=1))
     ahead = np.stack([aside[:, 1], -aside[:, 0]], axis=-1)
@@ -177,8 +177,8 @@ def _side_areas(
 def _lower_to(limits: FloatArray, sides: _Sides, edges: IndexedEdges) -> None:
     """Lower the limit of a side to its leg's distance from the parts of edges inside it.
 
-    To find the part of an edge that lies inside takes long: the edges that may be nearest come
-    first, a few of each area at once, until no other can be nearer.
+    Clipping an edge to an area takes long, so the edges that may be nearest come first, a few of
+    each area at once, until no other edge can be nearer.
     """
     area, edge = edges.tree.query(sides.areas, predicate="intersects")
     least = sides.least_distance(area, edges.ends[edge])

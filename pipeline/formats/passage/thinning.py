@@ -59,7 +59,7 @@ def concatenated(*parts: Candidates) -> Candidates:
 
 
 def with_candidates(path: Candidates, corridor: SafeCorridor) -> tuple[Candidates, IntArray]:
-    """Add corners and points further off V to a path's points, whose new indices are returned."""
+    """Add corners and points further off V to a path's points; also return their new indices."""
     return _with_offsets(*_with_corners(path, corridor), corridor)
 
 
@@ -189,7 +189,7 @@ def _likely_legs(candidates: Candidates, corridor: SafeCorridor) -> tuple[IntArr
 
 
 def _clearance_cost(clearance: FloatArray | float, corridor: SafeCorridor) -> FloatArray:
-    """What legs (k,) cost for having less than the wanted clearance, metres of the plane."""
+    """Cost of legs (k,) for a clearance, metres of the plane, below the wanted one."""
     share = np.maximum(clearance / corridor.wanted_clearance, _MIN_CLEARANCE_SHARE)
     return np.asarray(_CLEARANCE_WEIGHT * (1 / share - 1))
 
@@ -304,9 +304,9 @@ def _interpolated(values: FloatArray, leg: IntArray, share: FloatArray) -> Float
 
 
 def _split_shares(leg: FloatArray, region: BaseGeometry, drawing: Drawing) -> FloatArray:
-    """Shares at which the parts of a leg (2, 2) begin; only 0 if the leg itself leaves the region.
+    """Shares at which equal parts of a leg (2, 2) begin, as few as stay inside the region.
 
-    The parts are equal, and as few as stay inside the region.
+    Only 0 if the leg itself leaves the region.
     """
     parts = 2
     while parts <= _MAX_PARTS:

@@ -87,7 +87,9 @@ def tracks(
     leg = np.repeat(np.arange(len(begin)), pieces + 1)
     share = (np.arange(len(leg)) - (np.cumsum(pieces + 1) - pieces - 1)[leg]) / pieces[leg]
     between = _on_loxodrome if curve == "Loxodrome" else _on_geodesic
-    lonlat = _with_ends(between(begin, end, leg, share), begin[leg], end[leg], share)
+    lonlat = between(begin, end, leg, share)
+    # The computed ends are rounded: the legs' exact ends take their place.
+    lonlat[share <= 0], lonlat[share >= 1] = begin, end
     return Tracks(lonlat, projection.to_plane(lonlat), leg)
 
 
@@ -149,14 +151,6 @@ def _on_geodesic(
     )
     longitude = longitude - 360 * np.round((longitude - first[:, 0]) / 360)
     return np.stack([longitude, latitude], axis=-1)
-
-
-def _with_ends(
-    points: FloatArray, begin: FloatArray, end: FloatArray, share: FloatArray
-) -> FloatArray:
-    """Replace the first and last points, which are rounded, by the legs' exact ends."""
-    first, last = (share <= 0)[:, None], (share >= 1)[:, None]
-    return np.where(first, begin, np.where(last, end, points))
 
 
 def _northing(latitude: FloatArray) -> FloatArray:

@@ -31,7 +31,7 @@ NAUTICAL_MILE_M = 1852.0
 # 700 km.
 TOLERANCE = 1e-3
 # The tolerance of short routes, true metres: no course can be kept more closely, as GNSS alone may
-# be 10 m off (IMO A.1046). But never more than the maximum share of the route's length.
+# be 10 m off (IMO A.1046). It is limited to the maximum share of the route's length.
 MIN_TOLERANCE_M = 30.0
 _MAX_TOLERANCE = 1e-2
 # Shares of the tolerance, tried in turn until the legs need little enough fuel.
@@ -117,11 +117,11 @@ def both_sides(result: RunResult, season: str) -> tuple[Waypoints, ...]:
 def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> Waypoints:
     """Thin a route's path to waypoints whose legs, as sailed, keep off land and off V.
 
-    The legs stay within 0.1 % of the route's length (30 m on a short one) of the planned line, pass
-    every island on its side, and need at most 0.3 % more fuel. The plan runs along V's edge; where
-    there is water for it, the legs keep half that distance from the edge. They lie in V only where
-    the path itself does, at a start or goal, and pass each via point. Where the speed through water
-    changes by a tenth or more, there is a waypoint too.
+    The legs stay within 0.1 % of the route's length (30 m on a short route) of the planned line,
+    pass every island on the route's side, and need at most 0.3 % more fuel. The plan runs along V's
+    edge; where there is room, the legs keep half that distance from the edge. They enter V only
+    where the path itself does, at a start or goal. Each via point is a waypoint, and so is each
+    place where the speed through water changes by a tenth or more.
     """
     scene = result.scene
     line = shapely.LineString(ranked.route.path)
@@ -213,7 +213,7 @@ def _fuel_along(line: FloatArray, ranked: RankedRoute, result: RunResult) -> flo
 def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing) -> FloatArray:
     """Add points to waypoints (n, 2), degrees, where the speed of a route has changed by a tenth.
 
-    Within each part of a leg, speeds then differ by a tenth at the most, or hardly more.
+    Within each part of a leg, speeds then differ by hardly more than a tenth.
     """
     if route.speeds.max() <= _SAME_SPEED * route.speeds.min():
         return lonlat

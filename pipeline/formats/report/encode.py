@@ -1,7 +1,6 @@
 """Delta encoding of geometry and series: whole numbers, each the difference to the one before.
 
-Encoded so, a coast of 50,000 vertices takes half a megabyte of JSON, and the page decodes it in
-milliseconds.
+A coast of 50,000 vertices then takes half a megabyte of JSON, decoded in milliseconds.
 """
 
 import json
@@ -102,8 +101,7 @@ def coarser(
 ) -> npt.NDArray[np.object_]:
     """Simplify geometries (n,) with a growing tolerance until they have at most `max_vertices`.
 
-    Islets smaller than the tolerance become empty. After twenty rounds a coast is a handful of
-    triangles and stays as it is.
+    Islets smaller than the tolerance become empty. There are at most twenty rounds.
     """
     for _ in range(20):
         excess = shapely.get_num_coordinates(areas).sum() / max_vertices

@@ -83,10 +83,7 @@ def _areas(result: RunResult, areas: npt.NDArray[np.object_], lattice: Lattice) 
 
 
 def _no_go(result: RunResult, lattice: Lattice) -> list[list[int]]:
-    """Rings of the hard no-go zone, in the detail that a screen shows; none in a plane.
-
-    There it is the land itself.
-    """
+    """Rings of the hard no-go zone, as detailed as a screen; none in a plane: there it is land."""
     if result.scenario.is_planar:
         return []
     no_go = within(np.array(result.scene.chart.no_go, dtype=object), result.scene.chart.extent)
@@ -96,10 +93,7 @@ def _no_go(result: RunResult, lattice: Lattice) -> list[list[int]]:
 
 
 def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
-    """Restricted areas and traffic schemes: their areas inside the chart, and their edges.
-
-    Where an area is clipped by the chart it has no edge.
-    """
+    """Open zones: their areas inside the chart, and their edges except where the chart ends."""
     extent = result.scene.chart.extent
     zones: list[dict[str, object]] = []
     for zone, area in result.open_zones:
@@ -204,7 +198,7 @@ def _turns(result: RunResult, ranked: RankedRoute) -> tuple[FloatArray, FloatArr
 def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, object] | None:
     """The planner's own current on a regular lattice over the water, in whole cm/s.
 
-    A current that changes is given as at departure. `u` and `v` are along the plane's axes, row by
+    A changing current is given at departure. `u` and `v` are along the plane's axes, row by
     row from below; 0, 0 is land or still water.
     """
     scene = result.scene

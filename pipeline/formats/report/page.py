@@ -1,13 +1,13 @@
 """`report.html`: one page that works offline and loads nothing.
 
-Its content is gathered here, from the figures of `formats.figures`, the texts of
-`formats.shared.text` and the interactive map's data of `map_data`; its layout is in `templates/`.
-Jinja2 escapes everything that comes from a scenario or a source. Without scripts, and on paper, the
-page shows static maps; on a screen the scripts replace them by the interactive one.
+Its content is gathered here; its layout is in `templates/`. Jinja2 escapes everything that comes
+from a scenario or a source. Without scripts, and on paper, the page shows static maps; on a screen
+the scripts replace them by the interactive one.
 """
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -33,7 +33,7 @@ _FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain", "gap
 
 @dataclass(frozen=True)
 class StandIn:
-    """A season that was planned with another current than the requested one."""
+    """A season that was planned with a current other than the requested one."""
 
     season: str
     requested: str
@@ -51,7 +51,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A season's best route, or a published one; unknown figures are None.
+    """A season's best route, or a published route; unknown figures are None.
 
     `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
     `clearance_m` true metres.
@@ -71,7 +71,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class RouteShares:
-    """How much of a route is without figures of the current, and without charted depth."""
+    """Shares of a route that lack data of the current, and charted depths."""
 
     season: str
     rank: int
@@ -81,7 +81,7 @@ class RouteShares:
 
 @dataclass(frozen=True)
 class Strait:
-    """A strait that is shut: its place as text and for the map, widths in true metres, and why."""
+    """A shut strait: its place as text and for the map, widths in true metres, and the reason."""
 
     place: str
     on_map: str
@@ -92,7 +92,7 @@ class Strait:
 
 @dataclass(frozen=True)
 class Unknown:
-    """The part's content; `more_straits` are not among those listed."""
+    """What is not known about a run; `more_straits` counts the straits that are not listed."""
 
     sentences: tuple[str, ...]
     routes: tuple[RouteShares, ...]
@@ -101,7 +101,7 @@ class Unknown:
 
     @classmethod
     def of(cls, result: RunResult) -> Self:
-        """Gather what is not known of a run, and those of its routes that lack figures."""
+        """Gather what is not known about a run, and its routes that lack data."""
         rows = [
             RouteShares(
                 result.season_title(row.season), row.rank, row.filled_share, row.uncharted_share
@@ -129,7 +129,7 @@ class Unknown:
 
     @property
     def has_depths(self) -> bool:
-        """Whether the chart has depths, by the routes listed."""
+        """Whether the chart has depths."""
         return any(not math.isnan(row.uncharted) for row in self.routes)
 
 
@@ -159,7 +159,7 @@ def render(report: Report) -> str:
     """Fill in the template; everything but our own figures, scripts and styles is escaped."""
     loaded = environment("pipeline.formats.report")
     loaded.filters.update({name: getattr(text, name) for name in _FILTERS})
-    loaded.filters.update(distance=_distance, clearance=_clearance)
+    loaded.filters.update({kind: partial(_quantity, kind) for kind in ("distance", "clearance")})
     result = report.result
     return loaded.get_template("report.html.jinja").render(
         report=report,
@@ -175,17 +175,9 @@ def render(report: Report) -> str:
     )
 
 
-def _distance(metres: float | None) -> Markup:
-    """True metres as text that the page can write in other units."""
-    return _quantity("distance", text.distance(metres), metres)
-
-
-def _clearance(metres: float | None) -> Markup:
-    """True metres of clearance, rounded down, as text that the page can write in other units."""
-    return _quantity("clearance", text.clearance(metres), metres)
-
-
-def _quantity(kind: str, written: str, value: float | None) -> Markup:
+def _quantity(kind: str, value: float | None) -> Markup:
+    """Write a distance or clearance, true metres, as text that the page can turn to other units."""
+    written = getattr(text, kind)(value)
     if value is None or not math.isfinite(value):
         return Markup(written)  # noqa: S704 - our own
     return Markup('<span data-{}="{}">{}</span>').format(kind, f"{value:.9g}", written)
@@ -194,11 +186,13 @@ def _quantity(kind: str, written: str, value: float | None) -> Markup:
 def gather(result: RunResult) -> Report:
     """Gather the page's content."""
     speeds = speed_scale(result)
+    # Stand-ins and unknown facts have parts of their own.
+    shown = {*result.fetched.stand_in_notes, *result.unknowns}
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     return Report(
         result,
         stand_ins=_stand_ins(result),
-        notes=_other_notes(result),
+        notes=tuple(note_texts(note for note in result.fetched.notes if note not in shown)),
         unknown=Unknown.of(result),
         seasons=tuple(
             season_part(result, entry, i) for i, entry in enumerate(result.plans, start=1)
@@ -226,7 +220,7 @@ def _sources(result: RunResult) -> tuple[Source, ...]:
 
 
 def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
-    """Seasons whose current is not the requested one."""
+    """Gather the seasons whose current is not the requested one."""
     requested = {spec.name: spec.title or spec.valid for spec in result.scenario.seasons}
     return tuple(
         StandIn(
@@ -240,14 +234,8 @@ def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
     )
 
 
-def _other_notes(result: RunResult) -> tuple[str, ...]:
-    """Notes of the run, without those that `_stand_ins` and `Unknown` show already."""
-    shown = {*result.fetched.stand_in_notes, *result.unknowns}
-    return tuple(note_texts(note for note in result.fetched.notes if note not in shown))
-
-
 def comparison(result: RunResult) -> tuple[Comparison, ...]:
-    """Each season's best route, followed by the published ones of that season."""
+    """Each season's best route, followed by the season's published routes."""
     published = result.scenario.published
     if published is None:
         return ()

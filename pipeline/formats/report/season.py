@@ -33,8 +33,8 @@ class Row:
     """A route in a season's table.
 
     `excess` is its fuel above the best route's, as a share; `bar_percent` is the length of its bar,
-    100 for the season's greatest excess. `of_still` and `of_shortest` are its fuel as a share of
-    that on the same way in still water, and of that of the shortest way.
+    100 for the season's greatest excess. `of_still` is its fuel as a share of the fuel that this
+    way takes in still water, `of_shortest` as a share of the shortest way's fuel.
     """
 
     metrics: RouteMetrics
@@ -48,7 +48,7 @@ class Row:
 class RejectedGroup:
     """Classes rejected for the same reason, and the least fuel of any of them without padding.
 
-    `place` is where, for the map, or empty.
+    `place` is the place for the map, or empty.
     """
 
     reason: str
@@ -61,12 +61,12 @@ class RejectedGroup:
 class SeasonPart:
     """A season's part of the page; `rows` are empty if `failure` gives a reason.
 
-    `passage` is departure and arrival of the best route, empty where no departure is given; `lead`
-    says how much more fuel its rival needs, `because` why it is the one to take, `certainty`
-    whether that is proven; `thumbnail` and `picture` are static maps; `profile` and `padding` are
-    plots of the best route, empty if there is nothing to plot. `departure` says when to leave,
-    with a plot, where that was to be chosen; `how_fast` and `trade_off_plot` do so for the speed,
-    and `speeds` are the lowest and highest of the best route, m/s.
+    `passage` is departure and arrival of the best route, empty if no departure is given. `lead`
+    says how much more fuel its rival needs, `because` why to take it, `certainty` whether that is
+    proven. `thumbnail` and `picture` are static maps; `profile` and `padding` are plots of the best
+    route, empty if there is nothing to plot. `departure` and `departure_plot` say when to leave,
+    `how_fast` and `trade_off_plot` how fast to go, if that was to be chosen; `speeds` are the best
+    route's lowest and highest, m/s.
     """
 
     title: str
@@ -134,7 +134,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
 
 
 def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
-    """When to leave, as text and plot; nothing where the departure was given."""
+    """When to leave, as text and plot; nothing if the departure was given."""
     choice = result.departure_choice(season)
     if choice is None:
         return {}
@@ -144,7 +144,7 @@ def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
 
 
 def _how_fast(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
-    """How fast, as text and plot; nothing where the vessel has no choice."""
+    """How fast to go, as text and plot; nothing if the speed was given."""
     found = departures_and_speeds.trade_off(result, season)
     if found is None:
         return {}
@@ -158,7 +158,7 @@ def _how_fast(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
 
 
 def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
-    """What a season's sentences are made from; None without a route."""
+    """Gather the facts for a season's sentences; None without a route."""
     if not metrics:
         return None
     season, evaluation = metrics[0].season, result.evaluation
@@ -241,16 +241,11 @@ def _rejected(result: RunResult, entry: SeasonPlan) -> tuple[RejectedGroup, ...]
             reason,
             tuple(r.homotopy for r in group),
             min(r.unpadded_fuel for r in group),
-            _place(result, group[0]),
+            # The middle of the places that the reason names.
+            place_on_map(result, np.mean(named, axis=0)) if (named := group[0].text.places) else "",
         )
         for reason, group in groups.items()
     )
-
-
-def _place(result: RunResult, rejected: Rejected) -> str:
-    """The middle of the places that a reason names, for the map; empty if it names none."""
-    named = rejected.text.places
-    return place_on_map(result, np.mean(named, axis=0)) if named else ""
 
 
 def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The page's sentences on a season: why this way, how sure that is, how safe it is."""
+"""The page's sentences on a season: why to take this way, how sure that is, and how safe."""
 
 import math
 from collections.abc import Sequence
@@ -17,12 +17,11 @@ _NO_CURRENT = 0.01
 
 @dataclass(frozen=True)
 class Season:
-    """What a season's sentences are made from.
+    """The facts for a season's sentences.
 
-    `routes` are best first, at least one; `current_speed` is the current's in the mean over the
-    water, m/s. `gap` says what the best one's optimality gap is made
-    of, `worth` what it saves by knowing how the current changes, and `sides` how little fuel the
-    other sides can need, where that is known.
+    `routes`, at least one, are best first; `current_speed` is the current's mean over the water,
+    m/s. For the best route, `gap` has the parts of its optimality gap, `worth` what it saves by
+    knowing how the current changes, and `sides` how little fuel other sides can need, if known.
     """
 
     routes: Sequence[RouteMetrics]
@@ -85,7 +84,7 @@ class Season:
         return f"{text.capitalised(self._rival_name(rival))} needs {more} more fuel"
 
     def certainty(self) -> str:
-        """Say whether the choice of side is proven; empty where there is none to make."""
+        """Say whether the choice of side is proven; empty without a choice."""
         rival = self.rival
         if rival is None or rival.main_passage == self.best.main_passage:
             return ""
@@ -97,14 +96,14 @@ class Season:
             )
         if self.sides is not None:
             return (
-                "The side is not proven: of the other it is only known that no way there saves "
-                f"more than {text.percent(1 - self.sides.fuel / self.best.fuel)}."
+                "The side is not proven: it is only known that no way on the other saves more "
+                f"than {text.percent(1 - self.sides.fuel / self.best.fuel)}."
             )
         if not self.best.optimality_gap <= text.USEFUL_GAP:
             return "The side is not proven: the fuel of the other has no useful lower bound."
         saved = self.best.optimality_gap / (1 + self.best.optimality_gap)
         return (
-            "The side is not proven: it is only known that no way at all saves more than "
+            "The side is not proven: it is only known that no way on any side saves more than "
             f"{text.percent(saved)}."
         )
 
@@ -185,7 +184,7 @@ class Season:
 
 
 def clock_text(worth: ClockWorth) -> str:
-    """Say in a sentence what it is worth to know how the current changes."""
+    """Say in a sentence what knowing how the current changes is worth."""
     others = ", ".join(
         f"{name} {_sailed(fuel, worth)}"
         for name, fuel in (
@@ -205,7 +204,7 @@ def clock_text(worth: ClockWorth) -> str:
 
 
 def _sailed(fuel: float, worth: ClockWorth) -> str:
-    """Say what a plan needs when it is sailed, against the best route."""
+    """Compare a plan's fuel, when it is sailed, with the best route's."""
     best = worth.best
     if not math.isfinite(fuel):
         return "comes too late" if worth.in_time else "can't be sailed"
@@ -246,7 +245,7 @@ def _gain(route: RouteMetrics) -> float:
 
 
 def _effect_on(gain: float) -> str:
-    """Say what a current's gain, m/s, does to a speed, which is named next."""
+    """Say what a current's gain, m/s, does to a speed; the speed follows."""
     if round(gain, 2) == 0:
         return "adds nothing to"
     verb, preposition = ("takes", "from") if gain < 0 else ("adds", "to")

@@ -100,7 +100,7 @@ def times_at(
 def steps(points: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
     """Steps between points (n, 2) of a route's path; their true times add up to its duration.
 
-    Where the current changes, the planner's own times count: the current was read by them.
+    In a changing current the planner's own times count, since it read the current at them.
     """
     scene, drift = result.scene, result.scenario.planner.drift
     found = sailed(*at_speeds_sailed(points, ranked), scene, ranked.season, drift)
@@ -116,9 +116,9 @@ def sailed(
     season: str,
     drift: Drift,
 ) -> Steps:
-    """Steps, each from its first piece (n - 1,) to that of the next, sailed in a season's current.
+    """Steps sailed in a season's current; each begins at its `first` (n - 1,) piece.
 
-    The pieces' ends (m, 2) are in the plane, and their speeds (m - 1,) through water. Where the
+    The pieces' ends (m, 2) are in the plane; their speeds (m - 1,) are through water. Where the
     plane is stretched, a planar metre takes less true time.
     """
     projection = scene.projection

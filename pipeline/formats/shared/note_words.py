@@ -110,10 +110,6 @@ def _from_until(begin: _Moment, until: _Moment, on: str) -> str:
     return first + (on if until is None else f" until {_moment(until)}")
 
 
-def _place_shut(place: Place, begin: _Moment, until: _Moment) -> str:
-    return f"at {place.text}{_from_until(begin, until, ' on')}"
-
-
 def _area_shut(area: str, begin: _Moment, until: _Moment) -> str:
     name = f"area {area!r}" if area else "an area"
     hours = _from_until(begin, until, "")
@@ -251,7 +247,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "not-safe-everywhere": "not safe everywhere: {collisions:,} of {turns:,} hard-over turns along "
     "the best route met {no_go}, the first one from {place}; it was planned with padding = "
     '{padding!r}, and only "adaptive" is verified',
-    "place-shut": _place_shut,
+    "place-shut": lambda place, begin, until: f"at {place.text}{_from_until(begin, until, ' on')}",
     "routes-shut-for-hours": "the current shuts water for a while on the way of "
     "{ways:; /3/, and of # more}. The routes are the best without waiting",
     "second-shoreline": "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land "

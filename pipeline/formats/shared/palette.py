@@ -61,8 +61,5 @@ SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000",
 
 
 def season_colour(index: int) -> str:
-    """Colour, such as "#d55e00", of the scenario's season `index`, from 0 on.
-
-    Where seasons outnumber the colours, these begin anew.
-    """
+    """Colour of the scenario's season `index`, from 0; colours repeat if there are more seasons."""
     return SEASON_COLOURS[index % len(SEASON_COLOURS)]

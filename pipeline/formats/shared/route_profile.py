@@ -35,10 +35,10 @@ class RouteProfile:
     distance_m : true geodesic metres from the start.
     time_s : true-scale seconds since departure.
     lonlat : degrees.
-    course_deg : true course towards the next point; at the goal, that of arrival.
+    course_deg : true course towards the next point; at the goal, on arrival.
     fuel : used since departure, in the planner's units.
-    speed_m_s : mean over ground to the next point; at the goal, that of arrival.
-    through_water_m_s : speed through water to the next point; at the goal, that of arrival.
+    speed_m_s : mean speed over ground to the next point; at the goal, on arrival.
+    through_water_m_s : speed through water to the next point; at the goal, on arrival.
     current_along_m_s : component of the current along the course, positive if following.
     clearance_m : true metres to the original land; inf without any land.
     """
@@ -57,12 +57,13 @@ class RouteProfile:
 def route_profile(ranked: RankedRoute, result: RunResult, *, points: int = 200) -> RouteProfile:
     """Sample a route every 1/points of its length and at its vertices.
 
-    Fuel and time end at the route's own figures, and the least clearance is the route's. The index
-    of the coast is shared by all routes of a scene.
+    Fuel and time end at the route's own figures, and the least clearance is the route's.
     """
     scene, metrics = result.scene, ranked.metrics
     projection = scene.projection
-    path = _without_repeats(np.asarray(ranked.route.path, dtype=float))
+    path = np.asarray(ranked.route.path, dtype=float)
+    # Without vertices that repeat the one before them.
+    path = path[np.append(True, np.diff(path, axis=0).any(axis=1))]
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     sampled = densified(path, min(length / points, _MAX_STEP_M / projection.scale))
     coast = coast_index(scene.land)
@@ -141,8 +142,8 @@ class CoastIndex:
     ) -> ClosestApproach | None:
         """Closest approach to the coast of the line through points (n, 2); None without a coast.
 
-        The nearest in the plane need not be the nearest on earth, so all gaps that are nearly as
-        small are measured.
+        The nearest coast in the plane need not be the nearest on earth, so all gaps that are nearly
+        as small are measured.
         """
         if not len(self.edges):
             return None
@@ -173,12 +174,6 @@ def coast_index(land: tuple[Polygon, ...]) -> CoastIndex:
     return CoastIndex(np.array(land, dtype=object), edges, shapely.STRtree(edges))
 
 
-def _without_repeats(path: FloatArray) -> FloatArray:
-    """Drop vertices (n, 2) that repeat the one before them."""
-    moved = np.linalg.norm(np.diff(path, axis=0), axis=1) > 0
-    return np.concatenate([path[:1], path[1:][moved]])
-
-
 def _with_point(line: FloatArray, point: FloatArray, same: float) -> FloatArray:
     """Insert a point (2,) that lies on a line (n, 2), unless a vertex is within `same` of it."""
     if np.linalg.norm(line - point, axis=1).min() <= same:
@@ -193,5 +188,5 @@ def _segments(line: FloatArray) -> npt.NDArray[np.object_]:
 
 
 def _with_last_repeated(values: FloatArray) -> FloatArray:
-    """Values of the steps that leave each point; the goal has that of the step that arrives."""
+    """Append the last value: at the goal, the values of the last step hold."""
     return np.concatenate([values, values[-1:]])

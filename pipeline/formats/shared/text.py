@@ -11,12 +11,11 @@ from renew.errors import Moment, Text, in_seconds
 
 ABSENT = "–"
 USEFUL_GAP = 1.0
-"""Optimality gap above which a lower bound on fuel says nothing of use."""
+"""Optimality gap above which a lower bound on fuel is of no use."""
 # Distances, metres, from which kilometres are given with one decimal, and with two.
 _ONE_DECIMAL_FROM_M, _KILOMETRES_FROM_M = 100_000.0, 1_000.0
 _DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0
-# Least fuel, and its unit, for each name of a unit: fuel has the units of the vessel's rate, so it
-# may be any number.
+# Least fuel for each name of a unit: fuel may be any number, since the vessel's rate sets its unit.
 _FUEL_UNITS = ((1e9, " billion"), (1e6, " million"), (1e5, " thousand"))
 _THOUSAND = 1e3
 
@@ -25,7 +24,7 @@ def number(value: float | None, digits: int = 4) -> str:
     """Format a number to significant digits without exponent, with thousands separators: 1,235."""
     if value is None or not math.isfinite(value):
         return ABSENT
-    # Of the rounded value: 99.996 has three digits before the point as 100 has.
+    # Magnitude of the rounded value: 99.996 becomes 100.0.
     magnitude = int(f"{value:.{digits - 1}e}".partition("e")[2])
     return f"{value:,.{max(0, digits - 1 - magnitude)}f}"
 
@@ -58,7 +57,7 @@ def clearance(metres: float | None) -> str:
     unit = 1000.0 if metres >= _KILOMETRES_FROM_M else 1.0
     magnitude = math.floor(math.log10(metres / unit)) if metres > 0 else 0
     decimals = max(0, 2 - magnitude)
-    # One unit of the last place in ten thousand is rounding of the figure itself.
+    # A ten-thousandth of the last place is rounding of the figure itself.
     down = math.floor(metres / unit * 10**decimals + 1e-4) / 10**decimals
     return f"{down:,.{decimals}f} {'km' if unit > 1 else 'm'}"
 
@@ -73,7 +72,7 @@ def fuel(value: float) -> str:
 
 
 def hours(seconds: float) -> str:
-    """Format a duration in hours; less than one, in minutes or seconds."""
+    """Format a duration in hours, minutes or seconds."""
     if not math.isfinite(seconds):
         return ABSENT
     if seconds >= _HOUR_S:
@@ -102,7 +101,7 @@ def share(value: float) -> str:
 
 
 def gap_figure(share: float) -> str:
-    """Format an optimality gap: 4.9 %, or that the bound is too loose to be of use."""
+    """Format an optimality gap: 4.9 %, or "no useful bound"."""
     return "no useful bound" if share > USEFUL_GAP else percent(share)
 
 
@@ -147,17 +146,17 @@ def gap_text(shares: GapShares, no_go: str) -> str:
     """Say in a sentence what an optimality gap is made of; `no_go` is a name for no-go areas."""
     whole = shares.chart + shares.padding + shares.bound
     if whole > USEFUL_GAP:
-        return "The bound on fuel is too loose here to be told apart."
+        return "The bound on fuel is too loose here to split the optimality gap into parts."
     return (
-        f"Of the optimality gap of {percent(whole)}, {percent(shares.chart)} is the chart's "
-        f"(simplification, margin and offing), {percent(shares.padding)} is the padding's "
-        f"(room for hard-over turns), and {percent(shares.bound)} the bound's own: no route that "
-        f"only stays off the {no_go} was found that is nearer to it."
+        f"Of the optimality gap of {percent(whole)}, the chart's simplification, margin and offing "
+        f"cause {percent(shares.chart)}, the room for hard-over turns (padding) "
+        f"{percent(shares.padding)}, and the bound itself {percent(shares.bound)}: even among "
+        f"routes that only stay off the {no_go} none was found nearer to the bound."
     )
 
 
 def moments_of(departure: datetime | None, stretch: float = 1.0) -> Callable[[Moment], str]:
-    """Return how the planner's moments are spelled: as dates, or in seconds without a departure.
+    """Return how to spell the planner's moments: as dates, or in seconds without a departure.
 
     One second of the planner is `stretch` true seconds.
     """
@@ -169,7 +168,7 @@ def moments_of(departure: datetime | None, stretch: float = 1.0) -> Callable[[Mo
 
 
 def planner_text(text: Text, scene: Scene, season: str, stretch: float = 1.0) -> str:
-    """Write a message of the planner on a season with its positions, dates and true lengths."""
+    """Write a message of the planner with positions, dates and true lengths for readers."""
     moments = moments_of(scene.departures.get(season), stretch)
     scale = scene.projection.scale
     words = text.spelled(scene.place_text, moments, lambda one: distance(scale * one.metres))
@@ -177,7 +176,7 @@ def planner_text(text: Text, scene: Scene, season: str, stretch: float = 1.0) ->
 
 
 def to_minute(moment: datetime) -> datetime:
-    """Round a moment to the nearest minute, UTC: an arrival seconds before the hour is at it."""
+    """Round a moment to the nearest minute, UTC."""
     return (moment.astimezone(UTC) + timedelta(seconds=30)).replace(second=0, microsecond=0)
 
 
@@ -187,13 +186,13 @@ def moment_text(moment: datetime) -> str:
 
 
 def exact_moment_text(moment: datetime) -> str:
-    """Write a moment with its seconds, if it has any, where to be late by some of them matters."""
+    """Write a moment with its seconds, if it has any: for times where being late matters."""
     is_whole = moment == to_minute(moment)
     return moment_text(moment) if is_whole else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def season_name(season: str) -> str:
-    """Name a season for readers: "july", or the departure that stands in for a name."""
+    """Name a season for readers: "july", or its departure if it has no name."""
     departure = named_departure(season)
     return season if departure is None else f"departure {moment_text(departure)}"
 

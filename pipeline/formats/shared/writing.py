@@ -34,9 +34,9 @@ def write_json(path: Path, content: object, indent: int | None = 2) -> None:
 
 
 def json_value(value: Any) -> Any:  # noqa: ANN401 - any value in, one that JSON knows out
-    """Make a value, with all that is nested in it, one that JSON can hold.
+    """Convert a value, and everything nested in it, for JSON.
 
-    NumPy's types become Python's, numbers that are not finite None, and texts encodable.
+    NumPy's types become Python's, numbers that are not finite become None, texts encodable.
     """
     if isinstance(value, np.generic):
         value = value.item()
@@ -57,9 +57,9 @@ def encodable_text(text: str) -> str:
 
 
 def environment(*packages: str, finalize: Callable[[object], object] | None = None) -> Environment:
-    """Load the templates of some packages; all that is filled in is escaped, and has to be there.
+    """Load the templates of some packages; values are escaped, and a missing one is an error.
 
-    A template that several packages have is that of the first.
+    If several packages have a template, the first one's is used.
     """
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
@@ -75,12 +75,12 @@ def environment(*packages: str, finalize: Callable[[object], object] | None = No
 
 @cache
 def xml_environment(package: str) -> Environment:
-    """Load a package's templates of XML, for any text: what XML forbids is replaced."""
+    """Load a package's templates of XML; characters that XML forbids are replaced."""
     return environment(package, finalize=_escaped)
 
 
 def _escaped(value: object) -> Markup:
-    """Escape a value for an attribute or an element; what a macro returns is XML already."""
+    """Escape a value for an attribute or an element, unless it is XML already."""
     if isinstance(value, Markup):
         return value
     text = escape(xml_text(str(value)))
@@ -90,14 +90,14 @@ def _escaped(value: object) -> Markup:
 
 
 def xml_text(text: str) -> str:
-    """Replace what XML forbids by U+FFFD; markup is left for the writer to escape."""
+    """Replace characters that XML forbids by U+FFFD; markup is not escaped here."""
     return XML_FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 def os_error(path: Path, error: Exception) -> OSError:
-    """Turn an error of GDAL, SQLite or HDF5, which hide the system's own, into an OSError.
+    """Turn an error of GDAL, SQLite or HDF5 into an OSError: ENOSPC if the disk is full, else EIO.
 
-    ENOSPC if the disk is full, else EIO.
+    These libraries hide the system's own error.
     """
     full = shutil.disk_usage(path.parent).free < _FULL_BELOW_BYTES
     return OSError(errno.ENOSPC if full else errno.EIO, f"{path.name}: {error}")

@@ -42,7 +42,7 @@ _SEASON_LAYERS = {
 _GEOMETRIES = {"LineString": "Line", "Point": "Point", "MultiPolygon": "Polygon"}
 _LAYERS = {layer.name: layer for layer in LAYERS}
 # Maximum number of characters of a line of credits on the map.
-_CREDITS_WIDTH = 100
+_WRAP = 100
 
 _PAGES_MM = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
 # Margin of a page, and on an A4 page the height of the title and the credits and the width of the
@@ -116,6 +116,7 @@ def _document(
 ) -> str:
     """Write the project's XML."""
     crs = map_crs(result)
+    texts = dict.fromkeys(credit.text for credit in result.credits)
     return rendered(
         "project.qgs.jinja",
         title=one_line(result.scenario.title or result.scenario.name),
@@ -130,7 +131,7 @@ def _document(
         pages=pages(crs),
         water=bytes.fromhex(COLOURS["water"].removeprefix("#")),
         result=result,
-        credits=_credits(result),
+        credits=clean("\n".join(line for text in texts for line in textwrap.wrap(text, _WRAP))),
         licences=dict.fromkeys(credit.licence for credit in result.credits if credit.licence),
     )
 
@@ -153,12 +154,6 @@ def _project_layers(view: View) -> list[_ProjectLayer]:
     return layers
 
 
-def _credits(result: RunResult) -> str:
-    """All credits as one text, wrapped to fit on a map."""
-    texts = dict.fromkeys(credit.text for credit in result.credits)
-    return clean("\n".join(line for text in texts for line in textwrap.wrap(text, _CREDITS_WIDTH)))
-
-
 def _sql(text: str) -> str:
     """Write text for SQL, odd characters in hexadecimal: QGIS parses the text of a source."""
     if text.replace("-", "").replace("_", "").isalnum():
@@ -172,9 +167,9 @@ class Page:
 
     Attributes
     ----------
-    scale : ratio of its width to that of an A4 page, by which fonts are larger, too.
+    scale : ratio of its width to an A4 page's; fonts grow by it, too.
     boxes : item -> its left, top, width and height, mm.
-    bounds : of its map.
+    bounds : bounds of its map.
     bar_miles : length of each half of the scale bar, nautical miles.
     """
 

@@ -1,12 +1,14 @@
 """QGIS styles of the layers, the same for a layer by itself and inside the project."""
 
 from collections.abc import Callable, Iterable
+from typing import TypeAlias
 
 from pipeline.formats.gis.fields import FIELDS
 from pipeline.formats.gis.qgis.symbols import (
     Label,
     Rule,
     Style,
+    SymbolLayer,
     arrow,
     colour,
     fill,
@@ -16,6 +18,8 @@ from pipeline.formats.gis.qgis.symbols import (
 from pipeline.formats.gis.qgis.view import SeasonView, View
 from pipeline.formats.gis.qgis.xml import literal, one_line, rendered
 from pipeline.formats.shared.palette import COLOURS
+
+_Symbol: TypeAlias = Callable[[SeasonView], SymbolLayer]
 
 # Least depth of an area, m at chart datum, from one limit and below another -> its tint.
 _DEPTH_TINTS = (
@@ -42,61 +46,36 @@ _SHORTEST = 0.4
 _MAX_LABEL_LENGTH = 32
 
 
-def coast_style() -> Style:
-    """Draw land brown, as the report does."""
-    land = fill(colour(COLOURS["land"]), colour(COLOURS["coast"]), 0.2)
-    return Style("fill", [Rule("Land", "", [land])])
-
-
-def no_go_style() -> Style:
-    """Draw what is no-go beside the land in a lighter brown."""
-    zone = fill(colour(COLOURS["nogo"]), colour(COLOURS["coast"]), 0.1, dotted=True)
-    return Style("fill", [Rule("Hard no-go zone", "", [zone])])
-
-
-def hazards_style() -> Style:
-    """Draw hazards so that they are seen on a map of the whole."""
-    zone = fill(colour(COLOURS["hazard"], 0.5), colour(COLOURS["hazard"]), 0.3)
-    return Style("fill", [Rule("Hazards", "", [zone])])
-
-
-def chart_areas_style() -> Style:
-    """Fill what is no-go; outline what may be entered."""
-    faint = {kind: colour(COLOURS[kind], 0.06) for kind in ("restricted", "traffic", "shut")}
-    symbols = {
-        "shoal": ("Too shallow", fill(colour(COLOURS["shoal"]))),
-        "uncharted": ("Uncharted", fill(colour(COLOURS["grid"]))),
-        "restricted": ("Restricted", fill(faint["restricted"], colour(COLOURS["restricted"]), 0.3)),
-        "traffic": ("Traffic scheme", fill(faint["traffic"], colour(COLOURS["traffic"]), 0.3)),
-        "shut": ("Shut area", fill(faint["shut"], colour(COLOURS["shut"]), 0.5)),
-    }
-    rules = [Rule(text, f"\"kind\" = '{kind}'", [area]) for kind, (text, area) in symbols.items()]
-    return Style("fill", rules)
-
-
-def depth_areas_style() -> Style:
-    """Tint water by its least depth: the deeper, the lighter, as on paper charts."""
-    rules = [
-        Rule(
-            _depth_text(least, below),
-            " AND ".join(
-                f'"depth_min_m" {sign} {limit:g}'
-                for sign, limit in ((">=", least), ("<", below))
-                if limit is not None
-            ),
-            [fill(colour(tint))],
+# Land is brown, as in the report; the no-go zone around it is lighter. The chart's no-go areas are
+# filled; areas that may be entered are outlined.
+_LAND = fill(colour(COLOURS["land"]), colour(COLOURS["coast"]), 0.2)
+_NO_GO = fill(colour(COLOURS["nogo"]), colour(COLOURS["coast"]), 0.1, dotted=True)
+_HAZARD = fill(colour(COLOURS["hazard"], 0.5), colour(COLOURS["hazard"]), 0.3)
+_CHART_AREAS = {
+    "shoal": ("Too shallow", fill(colour(COLOURS["shoal"]))),
+    "uncharted": ("Uncharted", fill(colour(COLOURS["grid"]))),
+    **{
+        kind: (text, fill(colour(COLOURS[kind], 0.06), colour(COLOURS[kind]), width))
+        for kind, text, width in (
+            ("restricted", "Restricted", 0.3),
+            ("traffic", "Traffic scheme", 0.3),
+            ("shut", "Shut area", 0.5),
         )
-        for least, below, tint in _DEPTH_TINTS
-    ]
+    },
+}
+
+
+def _depth_areas() -> Style:
+    """Tint water by its least depth: deeper water is lighter, as on paper charts."""
+    rules = []
+    for least, below, tint in _DEPTH_TINTS:
+        limits = [f'"depth_min_m" >= {least:g}'] if least is not None else []
+        limits += [f'"depth_min_m" < {below:g}'] if below is not None else []
+        text = f"{least:g} m or more" if below is None else f"{least or 0:g} to {below:g} m"
+        text = "Dries" if least is None else text
+        rules.append(Rule(text, " AND ".join(limits), [fill(colour(tint))]))
     unknown = Rule("Depth not charted", '"depth_min_m" IS NULL', [fill(colour(_DEPTH_UNKNOWN))])
     return Style("fill", [*rules, unknown])
-
-
-def _depth_text(least: float | None, below: float | None) -> str:
-    """Legend of a range of depths."""
-    if least is None:
-        return "Dries"
-    return f"{least:g} m or more" if below is None else f"{least:g} to {below:g} m"
 
 
 def style(layer: str, view: View) -> Style:
@@ -112,7 +91,7 @@ def qml(layer: str, view: View, columns: Iterable[str]) -> str:
 def _routes(view: View) -> Style:
     """Draw the best route bold, all others thin, in the season's colour.
 
-    The leading season's best route is wider, on a halo, and lies below those of other seasons: so
+    The leading season's best route is wider, on a halo, and lies below the other seasons', so that
     both are visible where they coincide.
     """
 
@@ -167,31 +146,34 @@ def _passage(view: View) -> Style:
     return Style("marker", _by_season(view, rules), labels, levels=True)
 
 
+def _best_and_others(view: View, best: _Symbol, others: _Symbol) -> list[Rule]:
+    """Draw the features of the best routes, and those of the other classes, which are off."""
+    return _by_season(
+        view,
+        lambda season: [
+            Rule("Of the best route", _BEST, [best(season)]),
+            Rule("Of the other classes", _OTHER, [others(season)], on=False),
+        ],
+    )
+
+
 def _legs(view: View) -> Style:
-    """Fill the water within the cross-track limits of the best routes."""
+    """Fill the water within the cross-track limits."""
 
-    def rules(season: SeasonView) -> list[Rule]:
-        inside, edge = colour(season.colour, 0.18), colour(season.colour, 0.7)
-        return [
-            Rule("Of the best route", _BEST, [fill(inside, edge, 0.15)]),
-            Rule("Of the other classes", _OTHER, [fill(inside, edge, 0.1)], on=False),
-        ]
+    def water(season: SeasonView, edge: float) -> SymbolLayer:
+        return fill(colour(season.colour, 0.18), colour(season.colour, 0.7), edge)
 
-    return Style("fill", _by_season(view, rules))
+    return Style("fill", _best_and_others(view, lambda s: water(s, 0.15), lambda s: water(s, 0.1)))
 
 
 def _path_points(view: View) -> Style:
     """Dot the points of the planned paths."""
 
-    def rules(season: SeasonView) -> list[Rule]:
-        dot = marker("circle", colour(season.colour), _HALO, 0.9)
-        faint = marker("circle", colour(season.colour, 0.5), _HALO, 0.7)
-        return [
-            Rule("Of the best route", _BEST, [dot]),
-            Rule("Of the other classes", _OTHER, [faint], on=False),
-        ]
+    def dot(season: SeasonView, opacity: float, size: float) -> SymbolLayer:
+        return marker("circle", colour(season.colour, opacity), _HALO, size)
 
-    return Style("marker", _by_season(view, rules))
+    rules = _best_and_others(view, lambda s: dot(s, 1.0, 0.9), lambda s: dot(s, 0.5, 0.7))
+    return Style("marker", rules)
 
 
 def _channels(view: View) -> Style:
@@ -209,9 +191,8 @@ def _channels(view: View) -> Style:
     return Style("fill", _by_season(view, rules))
 
 
-def _islands(view: View) -> Style:
+def _islands() -> Style:
     """Write each island's name or number on it."""
-    del view
     none = marker("circle", colour(COLOURS["halo"], 0.0), colour(COLOURS["halo"], 0.0), 0.4)
     name = 'if(coalesce("name", \'\') = \'\', to_string("number"), "name")'
     labels = [Label(name, "", _INK, 9)]
@@ -220,45 +201,28 @@ def _islands(view: View) -> Style:
 
 def _soft_no_go(view: View) -> Style:
     """Draw zones grey; the layer as a whole is translucent, so that overlaps don't darken."""
-
-    def rules(season: SeasonView) -> list[Rule]:
-        del season
-        grey = colour(COLOURS["soft"])
-        return [
-            Rule("Of the best route", _BEST, [fill(grey)]),
-            Rule("Of the other classes", _OTHER, [fill(grey)], on=False),
-        ]
-
-    return Style("fill", _by_season(view, rules), opacity=_SOFT_OPACITY)
+    grey = fill(colour(COLOURS["soft"]))
+    rules = _best_and_others(view, lambda _: grey, lambda _: grey)
+    return Style("fill", rules, opacity=_SOFT_OPACITY)
 
 
 def _currents(view: View) -> Style:
     """Draw arrows towards which the current sets: darker and longer if stronger."""
     rotation = '"direction"' + (f" - {view.convergence}" if view.convergence else "")
-    count = len(view.speeds.limits)
+    limits = view.speeds.limits
 
     def rules(season: SeasonView) -> list[Rule]:
         drawn = []
-        lower = (0.0, *view.speeds.limits[:-1])
-        for index, label in enumerate(view.speeds.labels):
-            share = _SHORTEST + (1 - _SHORTEST) * (index + 1) / count
-            above = f'"speed" > {lower[index]:g}'
-            upto = f' AND "speed" <= {view.speeds.limits[index]:g}' if index + 1 < count else ""
-            thinned = _thinned(season, view.full_scale)
-            drawn.append(
-                Rule(
-                    f"{label} m/s",
-                    f"{above}{upto}{thinned}",
-                    [
-                        arrow(
-                            colour(COLOURS[f"speed{index}"]),
-                            share * season.spacing_m,
-                            rotation,
-                            (share * _ARROW_MM[0], share * _ARROW_MM[1]),
-                        )
-                    ],
-                )
-            )
+        for index, (label, lower) in enumerate(
+            zip(view.speeds.labels, (0.0, *limits[:-1]), strict=True)
+        ):
+            share = _SHORTEST + (1 - _SHORTEST) * (index + 1) / len(limits)
+            upto = f' AND "speed" <= {limits[index]:g}' if index + 1 < len(limits) else ""
+            condition = f'"speed" > {lower:g}{upto}{_thinned(season, view.full_scale)}'
+            on_paper = (share * _ARROW_MM[0], share * _ARROW_MM[1])
+            tint = colour(COLOURS[f"speed{index}"])
+            symbol = arrow(tint, share * season.spacing_m, rotation, on_paper)
+            drawn.append(Rule(f"{label} m/s", condition, [symbol]))
         return drawn
 
     return Style("marker", _by_season(view, rules))
@@ -318,12 +282,15 @@ _STYLES: dict[str, Callable[[View], Style]] = {
     "legs": _legs,
     "path_points": _path_points,
     "channels": _channels,
-    "islands": _islands,
-    "coast": lambda _: coast_style(),
-    "hazards": lambda _: hazards_style(),
-    "chart_areas": lambda _: chart_areas_style(),
-    "no_go": lambda _: no_go_style(),
-    "depth_areas": lambda _: depth_areas_style(),
+    "islands": lambda _: _islands(),
+    "coast": lambda _: Style("fill", [Rule("Land", "", [_LAND])]),
+    "hazards": lambda _: Style("fill", [Rule("Hazards", "", [_HAZARD])]),
+    "chart_areas": lambda _: Style(
+        "fill",
+        [Rule(text, f"\"kind\" = '{kind}'", [area]) for kind, (text, area) in _CHART_AREAS.items()],
+    ),
+    "no_go": lambda _: Style("fill", [Rule("Hard no-go zone", "", [_NO_GO])]),
+    "depth_areas": lambda _: _depth_areas(),
     "soft_no_go": _soft_no_go,
     "currents": _currents,
     "contingency": _contingency,

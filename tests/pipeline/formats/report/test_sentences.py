@@ -54,9 +54,9 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
 
 def test_the_parts_of_a_gap_are_told() -> None:
     text = Season([BEST, OTHER], gap=GapShares("summer", 0.05, 0.08, 0.12)).verdict()[-1]
-    assert "gap of 25.0 %, 5.0 % is the chart's" in text
-    assert "8.0 % is the padding's" in text
-    assert "12.0 % the bound's own" in text
+    assert "gap of 25.0 %, the chart's simplification, margin and offing cause 5.0 %" in text
+    assert "the room for hard-over turns (padding) 8.0 %" in text
+    assert "the bound itself 12.0 %" in text
 
 
 def test_without_another_passage_it_is_compared_with_the_next_best() -> None:
@@ -159,11 +159,11 @@ def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
         "The side is proven, within the chart and in this current: any way on the other needs at "
         "least 2.0 % more fuel."
     )
-    assert "not proven: of the other it is only known that no way there saves more than 10.0 %" in (
+    assert "not proven: it is only known that no way on the other saves more than 10.0 %" in (
         certainty(810.0)
     )
     # The gap is a quarter of the bound, a fifth of the fuel.
-    assert "not proven: it is only known that no way at all saves more than 20.0 %" in (
+    assert "not proven: it is only known that no way on any side saves more than 20.0 %" in (
         certainty(None)
     )
     assert Season([BEST, TWIN], sides=SideBound("summer", 918.0)).certainty() == ""
