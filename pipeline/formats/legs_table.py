@@ -41,18 +41,9 @@ class Row(NamedTuple):
 
 
 _HEADINGS = Row(
-    "Waypoint",
-    "Latitude",
-    "Longitude",
-    "Course\n° true",
-    "Leg\nNM",
-    "To go\nNM",
-    "Speed over\nground, kn",
-    "Passed",
-    "Limits, m\nport / stbd",
-    "Current on leg\nto ° true, kn",
-    "Least\nclearance",
-    "from where on the leg",
+    *("Waypoint", "Latitude", "Longitude", "Course\n° true", "Leg\nNM", "To go\nNM"),
+    *("Speed over\nground, kn", "Passed", "Limits, m\nport / stbd"),
+    *("Current on leg\nto ° true, kn", "Least\nclearance", "from where on the leg"),
 )
 
 

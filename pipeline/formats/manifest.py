@@ -20,33 +20,15 @@ import shapely
 
 from pipeline.formats.shared.note_words import note_json, note_texts, rejections
 from pipeline.formats.shared.result import MAX_STRAITS, RunResult
-from pipeline.formats.shared.writing import json_value
+from pipeline.formats.shared.writing import json_value, write_json
 from pipeline.machine.store import code_commit, code_hash, file_hash
 
 SCHEMA_VERSION = 1
 # Packages whose version can change a figure or a file.
 _PACKAGES = (
-    "renew-planner",
-    "contourpy",
-    "copernicusmarine",
-    "dask",
-    "geopandas",
-    "gpxpy",
-    "jinja2",
-    "lxml",
-    "matplotlib",
-    "netCDF4",
-    "networkx",
-    "numba",
-    "numpy",
-    "pydantic",
-    "pyogrio",
-    "pyproj",
-    "roaring-landmask",
-    "scipy",
-    "shapely",
-    "triangle",
-    "xarray",
+    *("renew-planner", "contourpy", "copernicusmarine", "dask", "geopandas", "gpxpy", "jinja2"),
+    *("lxml", "matplotlib", "netCDF4", "networkx", "numba", "numpy", "pydantic", "pyogrio"),
+    *("pyproj", "roaring-landmask", "scipy", "shapely", "triangle", "xarray"),
 )
 
 
@@ -56,9 +38,7 @@ _ABSOLUTE = re.compile(r"(?<![\w/:.])/(?:[^\s/'\"]+/)+([^\s/'\",;]+)")
 
 def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> None:
     """Write the manifest of a run whose other files, already complete, are `outputs`."""
-    content = manifest(result, outputs)
-    text = json.dumps(content, ensure_ascii=False, allow_nan=False, indent=2)
-    path.write_text(text + "\n", encoding="utf-8")
+    write_json(path, manifest(result, outputs))
 
 
 def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:

@@ -106,7 +106,12 @@ def _about(result: RunResult, grid: CurrentGrid) -> dict[str, str]:
         "time_coverage_end": valid.end.isoformat() if valid else "",
         "notes": _listed(note_texts(grid.notes)),
     }
-    return {name: _storable(text) for name, text in attributes.items() if text}
+    # UTF-8 and C strings can't hold every character.
+    return {
+        name: text.encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")
+        for name, text in attributes.items()
+        if text
+    }
 
 
 def _put_plane(dataset: Dataset, projection: Projection, table: CurrentTable) -> None:
@@ -215,8 +220,3 @@ def _period(grid: CurrentGrid) -> Period | None:
 def _listed(texts: Iterable[str]) -> str:
     """Join texts that are not empty, each once."""
     return "; ".join(dict.fromkeys(text for text in texts if text))
-
-
-def _storable(text: str) -> str:
-    """Replace what UTF-8 or C strings can't hold."""
-    return text.encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")

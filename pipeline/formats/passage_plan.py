@@ -1,4 +1,4 @@
-"""`passage-plan.pdf`: the best route of each season as a navigator files it, A4 to print."""
+"""`passage-plan.pdf`: the best route of each season for a navigator's files, to print on A4."""
 
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -55,13 +55,17 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
     table = legs_table.rows(points, result, departure)
     pages = [table[:_FIRST_ROWS]]
     pages += [table[at : at + _MORE_ROWS] for at in range(_FIRST_ROWS, len(table), _MORE_ROWS)]
-    notes = _notes(points, result)
+    unknown = note_texts(route_unknowns(result, points.ranked.metrics))
+    notes = [
+        f"Not known: {'; '.join(unknown)}." if unknown else "",
+        f"Sources: {nautical.attribution(result)}.",
+        "Not for navigation without the official charts and the navigator's own judgement.",
+    ]
     for number, part in enumerate(pages, start=1):
         page = _page(result, points, f"page {number} of {len(pages)}")
         top = _HEIGHT - _MARGIN - 30
         if number == 1:
-            facts = _facts(points, result)
-            _paragraphs(page, facts, top, _BESIDE_MAP)
+            _paragraphs(page, _facts(points, result), top, _BESIDE_MAP)
             _put_map(page, points, result, colour, top + 6)
             top -= _MAP_PT[1] + 4
         top = _put_table(page, headings(points), part, top)
@@ -123,7 +127,7 @@ def _current_text(result: RunResult, season: str) -> str:
 
 
 def _times_text(points: Waypoints, result: RunResult) -> str:
-    """Say when the vessel leaves and arrives by the legs, and how the planned path differs."""
+    """Say when the vessel leaves and arrives, and how long the planned path takes."""
     planned_s, sailed_s = points.ranked.metrics.duration_s, points.metrics.duration_s
     season = points.ranked.season
     spec = result.spec_of(season)
@@ -136,24 +140,14 @@ def _times_text(points: Waypoints, result: RunResult) -> str:
         by = spec.arrive_by if choice is None else choice.arrive_by
         if by is not None and to_minute(arrival) > to_minute(by):
             late = nautical.duration((to_minute(arrival) - to_minute(by)).total_seconds())
-            texts += [f"That is {late} after {moment_text(by)}: leave so much earlier."]
+            texts += [f"That is {late} after {moment_text(by)}: leave {late} earlier."]
     if nautical.duration(planned_s) != nautical.duration(sailed_s):
         planned = nautical.duration(planned_s)
         texts += [
-            "Times are those of the legs, with the vessel heading into the cross-current;",
+            "Times are for the legs, with the vessel heading into the cross-current;",
             f"the planned path takes {planned}.",
         ]
     return " ".join(texts)
-
-
-def _notes(points: Waypoints, result: RunResult) -> list[str]:
-    """What is not known, and the credits."""
-    unknown = note_texts(route_unknowns(result, points.ranked.metrics))
-    return [
-        f"Not known: {'; '.join(unknown)}." if unknown else "",
-        f"Sources: {nautical.attribution(result)}.",
-        "Not for navigation without the official charts and the navigator's own judgement.",
-    ]
 
 
 def _put_table(

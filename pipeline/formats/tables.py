@@ -15,43 +15,22 @@ from pipeline.formats.shared.writing import write_json
 from pipeline.model import DepartureChoice, RouteMetrics
 from pipeline.scenario.loading import scenario_text
 
-# Column in the file -> field of RouteMetrics. Fuel and length_planner_m are in the planner's scaled
-# units, every other `_m` in true metres.
-METRICS_COLUMNS = {
-    "season": "season",
-    "rank": "rank",
-    "way": "way",
-    "homotopy": "homotopy",
-    "fuel": "fuel",
-    "fuel_per_distance": "fuel_per_distance",
-    "length_planner_m": "length",
-    "length_m": "length_m",
-    "clearance_m": "clearance_m",
-    "duration_s": "duration_s",
-    "speed_through_water_m_s": "speed_m_s",
-    "optimality_gap": "optimality_gap",
-    "trials": "trials",
-    "collisions": "collisions",
-    "land_m": "land_m",
-    "land_lon": "land_lon",
-    "land_lat": "land_lat",
-    "filled_share": "filled_share",
-    "uncharted_share": "uncharted_share",
-}
+# Fields of RouteMetrics in their order, and their columns. Fuel and length_planner_m are in the
+# planner's scaled units, every other `_m` in true metres.
+_FIELDS = (
+    *("season", "rank", "way", "homotopy", "fuel", "fuel_per_distance", "length", "length_m"),
+    *("clearance_m", "duration_s", "speed_m_s", "optimality_gap", "trials", "collisions"),
+    *("land_m", "land_lon", "land_lat", "filled_share", "uncharted_share"),
+)
+_RENAMED = {"length": "length_planner_m", "speed_m_s": "speed_through_water_m_s"}
+METRICS_COLUMNS = {_RENAMED.get(field, field): field for field in _FIELDS}
+"""Column in the file -> field of RouteMetrics."""
 
 _PASSAGE = ("departure", "arrival")
 
 DEPARTURE_COLUMNS = (
-    "season",
-    "departure",
-    "arrival",
-    "hours",
-    "fuel",
-    "homotopy",
-    "way",
-    "is_best",
-    "unproven_min",
-    "reason",
+    *("season", "departure", "arrival", "hours", "fuel", "homotopy", "way", "is_best"),
+    *("unproven_min", "reason"),
 )
 """Times are UTC, fuel is in the planner's units. `unproven_min`, in the best departure's row, is
 how many minutes another departure in the window may still save, apart from the error of the paths;

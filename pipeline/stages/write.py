@@ -141,7 +141,6 @@ def safe_name(name: str) -> str:
 
 def formats_of(result: RunResult) -> dict[str, Format]:
     """Return the function that writes each file of a run, keyed by file name."""
-    from pipeline.formats import exchange
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
@@ -173,7 +172,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
         }
     for grid in result.fetched.currents:  # a planar scenario has none: its current is a formula
         formats[f"{season_stem(result.scenario.name, grid.season)}-currents.nc"] = _currents(grid)
-    if exchange.can_write(result):
+    if not result.scenario.is_planar:  # a plane lies nowhere on earth: nobody can navigate by it
         if result.routes:
             formats["passage-plan.pdf"] = write_passage_plan
         for season in result.scenario.seasons:

@@ -42,16 +42,9 @@ def route_name(ranked: RankedRoute, result: RunResult) -> str:
     words = re.split(r"[-_\s]+", result.scenario.name)
     # Beside the season's own name the word says nothing.
     place = " ".join(word for word in words if word.lower() != "season")
-    return " ".join(
-        part
-        for part in (
-            capitalised(place),
-            ranked.season,
-            f"{ranked.rank:0{digits}d}",
-            ranked.metrics.main_side,
-        )
-        if part
-    )
+    rank = f"{ranked.rank:0{digits}d}"
+    parts = (capitalised(place), ranked.season, rank, ranked.metrics.main_side)
+    return " ".join(part for part in parts if part)
 
 
 def attribution(result: RunResult) -> str:

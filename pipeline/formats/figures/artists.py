@@ -230,7 +230,9 @@ def page_svg(figure: Figure, *, identity: str, label: str) -> Markup:
     for pattern in _UNWANTED:
         text = re.sub(pattern, "", text, flags=re.DOTALL)
     text = re.sub(r'\bd="([^"]*)"', _rounded_path, text)
-    text = re.sub(r'\b([xy])="(-?[\d.]+)"', _rounded_coordinate, text)
+    text = re.sub(
+        r'\b([xy])="(-?[\d.]+)"', lambda at: f'{at[1]}="{float(at[2]):.1f}"'.replace(".0", ""), text
+    )
     text = re.sub(r"font-size: ([\d.]+)px", r"font-size: calc(\1px * var(--text, 1))", text)
     text = _rename_ids(text.replace("xlink:href", "href"), identity)
     for role, colour in COLOURS.items():
@@ -253,11 +255,6 @@ def _rounded_path(match: re.Match[str]) -> str:
     path = re.sub(r"\.0\b", "", path)
     path = re.sub(r" ?([MLCQzZ]) ?", r"\1", " ".join(path.split()))
     return f'd="{path}"'
-
-
-def _rounded_coordinate(match: re.Match[str]) -> str:
-    """Round a coordinate to a tenth of a point."""
-    return f'{match[1]}="{float(match[2]):.1f}"'.replace(".0", "")
 
 
 def _rename_ids(text: str, identity: str) -> str:

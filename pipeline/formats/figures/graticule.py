@@ -51,7 +51,8 @@ def graticule(
     xmin, ymin, xmax, ymax = extent.bounds
     if in_metres:
         step = nice_step(max(xmax - xmin, ymax - ymin) / (2 * _MIN_LINES), down=False)
-        return _lines(extent, (xmin, ymin, xmax, ymax), step, lambda xy: xy, _metres)
+        bounds = (xmin, ymin, xmax, ymax)
+        return _lines(extent, bounds, step, lambda xy: xy, lambda value, *_: f"{value:g} m")
     # The edge of a region that begins at a whole degree is a meridian; the chart's edge is the
     # straight line beside it.
     tolerance = _EDGE_TOLERANCE * math.hypot(xmax - xmin, ymax - ymin)
@@ -120,12 +121,6 @@ def _clip(line: FloatArray, extent: Polygon) -> tuple[FloatArray, ...]:
         for part in inside
         if isinstance(part, shapely.LineString) and not part.is_empty
     )
-
-
-def _metres(value: float, is_meridian: bool, step: float) -> str:  # noqa: FBT001 - as _degrees
-    """Format a coordinate in metres."""
-    del is_meridian, step
-    return f"{value:g} m"
 
 
 def _degrees(value: float, is_meridian: bool, step: float) -> str:  # noqa: FBT001 - a callback

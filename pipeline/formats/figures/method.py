@@ -71,6 +71,7 @@ def channels_figure(result: RunResult, season: str, width_pt: float | None = Non
     )
     for ranked, colour, (axes, sea) in zip(chosen, CLASS_COLOURS, maps, strict=False):
         channel = ranked.route.channel
+        edges = np.stack([channel, np.roll(channel, -1, axis=1)], axis=2)
         layers = [
             *map_layers.chart_layers(axes, result),
             artists.lines(passing, COLOURS["grid"], 0.5, 2),
@@ -81,7 +82,7 @@ def channels_figure(result: RunResult, season: str, width_pt: float | None = Non
                 alpha=_CHANNEL_ALPHA,
                 zorder=3,
             ),
-            artists.lines(_edges(channel), colour, 0.7, 3.2),
+            artists.lines(edges.reshape(-1, 2, 2), colour, 0.7, 3.2),
             *map_layers.haloed(ranked.route.path, colour),
         ]
         artists.draw_island_labels(axes, result)
@@ -99,11 +100,6 @@ def _passing_edges(mesh: Triangulation) -> FloatArray:
     """Edges (e, 2, 2) that two triangles share."""
     triangle, corner = np.nonzero(mesh.neighbours > np.arange(len(mesh.triangles))[:, None])
     return np.asarray(mesh.vertices[mesh.edge_vertices(triangle, corner)])
-
-
-def _edges(triangles: FloatArray) -> FloatArray:
-    """All edges (3 t, 2, 2) of triangles (t, 3, 2)."""
-    return np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2, 2)
 
 
 def _best_of_passages(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRoute]:

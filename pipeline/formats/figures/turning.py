@@ -5,7 +5,8 @@ The padding of an edge is a quantile of the reaches of turns in draws of the cur
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -258,8 +259,7 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     return figure
 
 
-@dataclass(frozen=True)
-class _Mark:
+class _Mark(NamedTuple):
     """A distance (true metres) marked in a histogram: name, colour's role, and a remark."""
 
     value_m: float

@@ -8,12 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray
-from pipeline.formats.exchange.nautical import (
-    attribution,
-    document_title,
-    split_at_antimeridian,
-    within_180,
-)
+from pipeline.formats.exchange import nautical
 from pipeline.formats.gis.frames import GeoDataFrame
 from pipeline.formats.gis.layers import LAYERS, waypoint_frame
 from pipeline.formats.passage.waypoints import season_waypoints
@@ -38,12 +33,12 @@ def write_geojson(result: RunResult, season: str, path: Path) -> None:
     found = season_waypoints(result, season)
     waypoints = waypoint_frame(found)
     waypoints["geometry_type"] = [points.curve for points in found for _ in points.lonlat]
-    places = within_180(np.concatenate([points.lonlat for points in found]))
+    places = nautical.within_180(np.concatenate([points.lonlat for points in found]))
     collection = {
         "type": "FeatureCollection",
         "bbox": bounding_box(routes.total_bounds.reshape(2, 2)),
-        "title": document_title(result, season),
-        "credits": attribution(result),
+        "title": nautical.document_title(result, season),
+        "credits": nautical.attribution(result),
         "unknown": note_texts(result.unknowns),
         "features": [
             *_features("route", routes.set_geometry(lines)),
@@ -62,7 +57,7 @@ def _features(kind: str, frame: GeoDataFrame) -> list[dict[str, Any]]:
 
 def _line(points: FloatArray) -> BaseGeometry:
     """Make a LineString, or a MultiLineString if the line crosses 180 degrees."""
-    parts = split_at_antimeridian(points)
+    parts = nautical.split_at_antimeridian(points)
     return shapely.LineString(parts[0]) if len(parts) == 1 else shapely.MultiLineString(parts)
 
 
@@ -71,7 +66,7 @@ def bounding_box(corners: FloatArray) -> list[float]:
     (west, south), (east, north) = corners
     if east - west >= 360:
         west, east = -180.0, 180.0
-    ends = within_180(np.array([[west, south]])), within_180(np.array([[east, north]]))
+    ends = nautical.within_180(np.array([[west, south], [east, north]]))
     # An eastern limit of 180 degrees must not become -180.
-    ends[1][0, 0] = 180.0 if ends[1][0, 0] == -180 else ends[1][0, 0]
-    return [float(value) for end in ends for value in np.round(end[0], _DECIMALS)]
+    ends[1, 0] = 180.0 if ends[1, 0] == -180 else ends[1, 0]
+    return [float(value) for value in np.round(ends, _DECIMALS).ravel()]

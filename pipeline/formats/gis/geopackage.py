@@ -65,7 +65,11 @@ def _add_records(
         for layer in LAYERS
     ]
     _put_styles(database, styles)
-    _put_dates(database, result.created)
+    # Dated by the run, so that equal runs give equal files.
+    stamp = (result.created.strftime("%Y-%m-%dT%H:%M:%S.000Z"),)
+    database.execute("UPDATE gpkg_contents SET last_change = ?", stamp)
+    database.execute("UPDATE layer_styles SET update_time = ?", stamp)
+    database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", stamp)
     packed = project.qgz(result, map_view, columns, file_name)
     _put_project(database, PROJECT, packed, result.created)
 
@@ -109,14 +113,6 @@ def _put_styles(database: sqlite3.Connection, styles: Sequence[tuple[str, str, s
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, description)"
         " VALUES ('layer_styles', 'attributes', 'Styles', 'How QGIS draws each layer')"
     )
-
-
-def _put_dates(database: sqlite3.Connection, created: datetime) -> None:
-    """Date layers, styles and provenance by the run, so that the same run is the same file."""
-    stamp = (created.strftime("%Y-%m-%dT%H:%M:%S.000Z"),)
-    database.execute("UPDATE gpkg_contents SET last_change = ?", stamp)
-    database.execute("UPDATE layer_styles SET update_time = ?", stamp)
-    database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", stamp)
 
 
 def _put_project(database: sqlite3.Connection, name: str, packed: bytes, created: datetime) -> None:

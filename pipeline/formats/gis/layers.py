@@ -13,6 +13,7 @@ from pipeline.formats.gis import chart_layers, frames
 from pipeline.formats.gis.frames import frame, to_lonlat
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.shared.legs import Legs
 from pipeline.formats.shared.legs import legs as planned_legs
 from pipeline.formats.shared.result import RunResult
 
@@ -52,16 +53,23 @@ def waypoint_frame(found: Sequence[Waypoints]) -> frames.GeoDataFrame:
             **frames.route_key([points.ranked for points in found]),
             "sequence": [np.arange(count) + 1 for count in counts],
             "name": [[waypoint_name(at, count) for at in range(count)] for count in counts],
-            "course_deg": [points.course_deg for points in found],
-            "leg_length_m": [points.length_m for points in found],
-            "time_s": [points.time_s for points in found],
-            "speed_over_ground_m_s": [points.speed_m_s for points in found],
-            "speed_through_water_m_s": [points.through_water_m_s for points in found],
+            **_leg_columns(found),
             "turn_radius_m": [points.radius_m for points in found],
             "port_m": [points.port_m for points in found],
             "starboard_m": [points.starboard_m for points in found],
         },
     )
+
+
+def _leg_columns(tables: Sequence[Waypoints] | Sequence[Legs]) -> dict[str, list[FloatArray]]:
+    """Columns of the legs that leave a route's points."""
+    return {
+        "course_deg": [t.course_deg for t in tables],
+        "leg_length_m": [t.length_m for t in tables],
+        "time_s": [t.time_s for t in tables],
+        "speed_over_ground_m_s": [t.speed_m_s for t in tables],
+        "speed_through_water_m_s": [t.through_water_m_s for t in tables],
+    }
 
 
 def _waypoints(result: RunResult) -> list[Waypoints]:
@@ -113,11 +121,7 @@ def _path_points(result: RunResult) -> frames.GeoDataFrame:
         {
             **frames.route_key(ranked),
             "sequence": [np.arange(len(t.lonlat)) + 1 for t in tables],
-            "course_deg": [t.course_deg for t in tables],
-            "leg_length_m": [t.length_m for t in tables],
-            "time_s": [t.time_s for t in tables],
-            "speed_over_ground_m_s": [t.speed_m_s for t in tables],
-            "speed_through_water_m_s": [t.through_water_m_s for t in tables],
+            **_leg_columns(tables),
         },
     )
 

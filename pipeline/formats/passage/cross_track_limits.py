@@ -13,9 +13,9 @@ from pipeline.formats.passage.safe_corridor import (
     Obstacles,
     SafeCorridor,
     cross,
-    edges_of,
 )
 from pipeline.formats.passage.tracks import Tracks
+from pipeline.formats.shared.route_profile import edges_of
 
 # Maximum length of a turn's tangent, as a share of the leg: the turn at its other end needs the
 # other half.

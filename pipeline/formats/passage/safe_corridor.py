@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray
+from pipeline.formats.shared.route_profile import edges_of
 from pipeline.model import Scene
 
 # Minimum clearance of a leg from V and land, as a share of the path's own least clearance.
@@ -73,20 +74,13 @@ class SafeCorridor:
 
     Attributes
     ----------
-    path
-        The planned path (n, 2), with an extra vertex where it leaves or enters V.
-    free
-        Water within the tolerance of the path, off the original land and off V.
-    blocked
-        Land and V near the path.
-    wanted_clearance
-        Clearance from `blocked` that legs are given where possible.
-    off_land
-        `free`, with V included if the route starts or ends in V: for the legs inside V.
-    first, last
-        Indices of the path's vertices between which the path is outside V.
-    max_error
-        Maximum drawing error of a leg: `free` keeps at least this far from land and V.
+    path : the planned path (n, 2), with an extra vertex where it leaves or enters V.
+    free : water within the tolerance of the path, off the original land and off V.
+    blocked : land and V near the path.
+    wanted_clearance : clearance from `blocked` that legs are given where possible.
+    off_land : `free`, with V included if the route starts or ends in V: for the legs inside V.
+    first, last : indices of the path's vertices between which the path is outside V.
+    max_error : maximum drawing error of a leg: `free` keeps at least this far from land and V.
     """
 
     path: FloatArray
@@ -168,14 +162,6 @@ def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) ->
         last=last,
         max_error=min(cap, margin) or cap,
     )
-
-
-def edges_of(areas: list[BaseGeometry]) -> FloatArray:
-    """Endpoints (n, 2, 2) of the edges of all rings of areas."""
-    rings = shapely.get_rings(shapely.get_parts(np.array(areas, dtype=object)))
-    points, ring = shapely.get_coordinates(rings, return_index=True)
-    inside = ring[:-1] == ring[1:]
-    return np.stack([points[:-1][inside], points[1:][inside]], axis=1)
 
 
 def cross(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -221,19 +221,14 @@ def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing)
     found = [lonlat[:1]]
     for begin, end in itertools.pairwise(lonlat):
         drawn = tracks(begin[None], end[None], drawing.curve, projection, drawing.error_m)
-        places = _places(drawn.xy)
+        evenly = np.linspace(0.0, 1.0, _PLACES + 1)
+        line = shapely.LineString(drawn.xy)
+        places = shapely.get_coordinates(line.interpolate(evenly, normalized=True))
         middles = (places[:-1] + places[1:]) / 2
         speeds = speeds_along(middles, np.asarray(route.path, dtype=float), route.speeds)
         shares = np.array(_changes(speeds)) / _PLACES
         found += [_at_shares(drawn.lonlat, drawn.xy, shares), end[None]]
     return np.concatenate(found)
-
-
-def _places(line: FloatArray) -> FloatArray:
-    """Points (_PLACES + 1, 2) evenly along a line."""
-    shares = np.linspace(0.0, 1.0, _PLACES + 1)
-    found = shapely.line_interpolate_point(shapely.LineString(line), shares, normalized=True)
-    return np.asarray(shapely.get_coordinates(found))
 
 
 def _changes(speeds: FloatArray) -> list[int]:
@@ -250,7 +245,7 @@ def _changes(speeds: FloatArray) -> list[int]:
 
 def _at_shares(lonlat: FloatArray, xy: FloatArray, shares: FloatArray) -> FloatArray:
     """Positions (n, 2) at shares of a line's length in the plane, between its points."""
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1)))
+    along = cumulative(np.linalg.norm(np.diff(xy, axis=0), axis=1))
     at = shares * along[-1]
     between = np.stack([np.interp(at, along, lonlat[:, axis]) for axis in (0, 1)], axis=-1)
     return np.round(between, DECIMALS)

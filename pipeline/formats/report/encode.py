@@ -57,7 +57,7 @@ class Lattice:
         moves = np.diff(self.to_steps(points), axis=0, prepend=0)
         keep = np.asarray(moves.any(axis=1))
         keep[:1] = True
-        return [int(value) for value in moves[keep].ravel()]
+        return moves[keep].ravel().tolist()
 
     def rings(self, areas: npt.NDArray[np.object_]) -> list[list[int]]:
         """Every ring of polygonal geometries (n,); outer rings anticlockwise, holes clockwise.
@@ -83,7 +83,7 @@ def series(values: FloatArray) -> dict[str, object]:
     # The last value is a whole number of steps, so fuel and time end at the route's own figures.
     step = (last if last > 0.1 * reach else reach) / _SERIES_STEPS or 1.0
     moves = np.diff(np.rint(values / step).astype(np.int64), prepend=0)
-    return {"step": step, "moves": [int(value) for value in moves]}
+    return {"step": step, "moves": moves.tolist()}
 
 
 def within(areas: npt.NDArray[np.object_], extent: Polygon) -> npt.NDArray[np.object_]:
@@ -142,16 +142,11 @@ def positions(result: RunResult, lattice: Lattice) -> dict[str, object] | None:
     lon, lat = result.scene.projection.to_lonlat(corners).T
     lon = np.degrees(np.unwrap(np.radians(lon).reshape(len(y), len(x)), axis=1))
     lon = np.degrees(np.unwrap(np.radians(lon), axis=0)).ravel()
+    whole = np.rint(np.stack([lon, lat]) / _UNIT_DEG).astype(np.int64)
     return {
         "cells": _CELLS,
         "unit": _UNIT_DEG,
         "size": [(xmax - xmin) / lattice.step, (ymax - ymin) / lattice.step],
-        "lon": _moves(lon),
-        "lat": _moves(lat),
+        "lon": np.diff(whole[0], prepend=0).tolist(),
+        "lat": np.diff(whole[1], prepend=0).tolist(),
     }
-
-
-def _moves(values: FloatArray) -> list[int]:
-    """Values (n,) in whole units, each as the difference to the one before."""
-    whole = np.rint(values / _UNIT_DEG).astype(np.int64)
-    return [int(value) for value in np.diff(whole, prepend=0)]

@@ -170,7 +170,7 @@ def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str
     return {
         "rank": ranked.rank,
         "way": ranked.metrics.way,
-        "places": [int(value) for value in np.diff(whole, axis=0, prepend=0).ravel()],
+        "places": np.diff(whole, axis=0, prepend=0).ravel().tolist(),
         "lon": series(np.round(profile.lonlat[:, 0], 5)),
         "lat": series(np.round(profile.lonlat[:, 1], 5)),
         "time": series(profile.time_s),
@@ -218,8 +218,8 @@ def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, obje
         "corner": lattice.line(np.array([[x[0], y[0]]])),
         "spacing": spacing / lattice.step,
         "columns": columns,
-        "u": [int(value) for value in whole[:, 0]],
-        "v": [int(value) for value in whole[:, 1]],
+        "u": whole[:, 0].tolist(),
+        "v": whole[:, 1].tolist(),
     }
 
 

@@ -23,8 +23,9 @@ from pipeline.formats.report.season import SeasonPart, season_part
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import MAX_STRAITS, RunResult
-from pipeline.formats.shared.text import capitalised, place
+from pipeline.formats.shared.text import capitalised
 from pipeline.formats.shared.writing import environment
+from pipeline.geo.earth import position_text
 from pipeline.model import Credit
 from pipeline.scenario.published import PublishedRow
 
@@ -114,7 +115,7 @@ class Unknown:
             routes=tuple(row for row in rows if row.filled > 0 or row.uncharted > 0),
             straits=tuple(
                 Strait(
-                    place(one.lon, one.lat),
+                    position_text(one.lon, one.lat),
                     place_on_map(
                         result, result.scene.projection.to_plane(np.array([one.lon, one.lat]))
                     ),

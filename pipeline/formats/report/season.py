@@ -18,6 +18,7 @@ from pipeline.formats.report.encode import coarser, place_on_map, within
 from pipeline.formats.report.sentences import Season
 from pipeline.formats.shared import departures_and_speeds, text
 from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.geo.earth import position_text
 from pipeline.model import RouteMetrics, SeasonPlan
 from renew import Rejected
 
@@ -268,7 +269,7 @@ def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
         remarks.append(
             f"The route crosses {text.distance(best.metrics.land_m)} of "
             f"{best.metrics.no_go_name}, the most at "
-            f"{text.place(best.metrics.land_lon, best.metrics.land_lat)}."
+            f"{position_text(best.metrics.land_lon, best.metrics.land_lat)}."
         )
     path = shapely.LineString(best.route.path)
     crossed = dict.fromkeys(

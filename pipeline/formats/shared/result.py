@@ -11,24 +11,9 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 import renew
+from pipeline import model
 from pipeline._types import FloatArray
 from pipeline.formats.shared.text import capitalised, planner_text, season_name
-from pipeline.model import (
-    Credit,
-    CurrentGrid,
-    DepartureChoice,
-    Evaluation,
-    Fetched,
-    Note,
-    Place,
-    RouteMetrics,
-    Scene,
-    SeasonPlan,
-    ShutStrait,
-    Simplified,
-    Zone,
-    of_seasons,
-)
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 
@@ -46,7 +31,7 @@ class RankedRoute:
     season: str
     rank: int
     route: renew.Route
-    metrics: RouteMetrics
+    metrics: model.RouteMetrics
 
 
 @dataclass(frozen=True)
@@ -59,16 +44,16 @@ class RunResult:
     """
 
     scenario: Scenario
-    fetched: Fetched
-    simplified: Simplified
-    scene: Scene
-    plans: tuple[SeasonPlan, ...]
-    evaluation: Evaluation
+    fetched: model.Fetched
+    simplified: model.Simplified
+    scene: model.Scene
+    plans: tuple[model.SeasonPlan, ...]
+    evaluation: model.Evaluation
     timings: Mapping[str, float]
     created: datetime
-    choices: tuple[Note, ...] = ()
-    straits: tuple[ShutStrait, ...] = ()
-    departures: tuple[DepartureChoice, ...] = ()
+    choices: tuple[model.Note, ...] = ()
+    straits: tuple[model.ShutStrait, ...] = ()
+    departures: tuple[model.DepartureChoice, ...] = ()
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:
@@ -90,11 +75,11 @@ class RunResult:
         return tuple(ranked)
 
     @cached_property
-    def unknowns(self) -> tuple[Note, ...]:
+    def unknowns(self) -> tuple[model.Note, ...]:
         """Notes of what is not known about the routes; they are among all notes, too."""
         return unknowns(self)
 
-    def departure_choice(self, season: str) -> DepartureChoice | None:
+    def departure_choice(self, season: str) -> model.DepartureChoice | None:
         """When to leave in a season, and the alternatives; None if the departure was given."""
         return next((one for one in self.departures if one.season == season), None)
 
@@ -106,7 +91,7 @@ class RunResult:
         """A season's plan; None if it could not be planned."""
         return next((entry.plan for entry in self.plans if entry.season == season), None)
 
-    def grid_of(self, season: str) -> CurrentGrid | None:
+    def grid_of(self, season: str) -> model.CurrentGrid | None:
         """A season's current on its source's grid; None if it is a formula, or was not found."""
         return next((grid for grid in self.fetched.currents if grid.season == season), None)
 
@@ -114,15 +99,11 @@ class RunResult:
         """One season's routes, best first; empty where the season could not be planned."""
         return tuple(ranked for ranked in self.routes if ranked.season == season)
 
-    @cached_property
-    def current_credits(self) -> tuple[Credit, ...]:
-        """Sources of currents that were used, each once."""
-        return tuple(dict.fromkeys(grid.credit for grid in self.fetched.currents))
-
     @property
-    def credits(self) -> tuple[Credit, ...]:
-        """All sources that were used, land first."""
-        return (*self.fetched.land.credits, *self.current_credits)
+    def credits(self) -> tuple[model.Credit, ...]:
+        """All sources that were used, each source of currents once, land first."""
+        currents = dict.fromkeys(grid.credit for grid in self.fetched.currents)
+        return (*self.fetched.land.credits, *currents)
 
     @property
     def shoals(self) -> tuple[BaseGeometry, ...]:
@@ -140,14 +121,14 @@ class RunResult:
         return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "hazard")
 
     @cached_property
-    def open_zones(self) -> tuple[tuple[Zone, BaseGeometry], ...]:
+    def open_zones(self) -> tuple[tuple[model.Zone, BaseGeometry], ...]:
         """The chart's restricted areas, traffic schemes and shut areas, with planar areas.
 
         Routes may pass through them.
         """
         return self._zones_in_chart({"restricted", "traffic", "shut"})
 
-    def _zones_in_chart(self, kinds: set[str]) -> tuple[tuple[Zone, BaseGeometry], ...]:
+    def _zones_in_chart(self, kinds: set[str]) -> tuple[tuple[model.Zone, BaseGeometry], ...]:
         """Zones of some kinds that lie at least partly in the chart, with planar areas."""
         zones = [zone for zone in self.fetched.land.zones if zone.kind in kinds]
         areas = self.scene.projection.geometry_to_plane(
@@ -231,19 +212,19 @@ class Planned(Protocol):
         """The scenario."""
 
     @property
-    def fetched(self) -> Fetched:
+    def fetched(self) -> model.Fetched:
         """Land and currents."""
 
     @property
-    def evaluation(self) -> Evaluation:
+    def evaluation(self) -> model.Evaluation:
         """The routes' figures."""
 
     @property
-    def straits(self) -> tuple[ShutStrait, ...]:
+    def straits(self) -> tuple[model.ShutStrait, ...]:
         """The shut straits."""
 
 
-def unknowns(planned: Planned) -> tuple[Note, ...]:
+def unknowns(planned: Planned) -> tuple[model.Note, ...]:
     """Note what is not known about a run's routes; nothing in a planar scenario."""
     if planned.scenario.is_planar:
         return ()
@@ -252,50 +233,45 @@ def unknowns(planned: Planned) -> tuple[Note, ...]:
     by_season = {
         season: _of_routes([row for row in rows if row.season == season]) for season in seasons
     }
-    return (*_of_chart(planned), *of_seasons(by_season), *_of_straits(planned.straits))
+    return (*_of_chart(planned), *model.of_seasons(by_season), *_of_straits(planned.straits))
 
 
-def route_unknowns(planned: Planned, metrics: RouteMetrics) -> tuple[Note, ...]:
+def route_unknowns(planned: Planned, metrics: model.RouteMetrics) -> tuple[model.Note, ...]:
     """Note what is not known about one route."""
     if planned.scenario.is_planar:
         return ()
     return (*_of_chart(planned), *_of_routes([metrics]))
 
 
-def has_all_depths(metrics: RouteMetrics) -> bool:
+def has_all_depths(metrics: model.RouteMetrics) -> bool:
     """Whether depths are charted all along a route."""
     return metrics.uncharted_share <= _NONE
 
 
-def _of_chart(planned: Planned) -> Iterator[Note]:
+def _of_chart(planned: Planned) -> Iterator[model.Note]:
     """Yield a note if the chart has no depths."""
     if planned.fetched.land.depths is None:
-        yield Note.of("no-depths")
+        yield model.Note.of("no-depths")
 
 
-def _of_routes(rows: Sequence[RouteMetrics]) -> list[Note]:
+def _of_routes(rows: Sequence[model.RouteMetrics]) -> list[model.Note]:
     """Note how much of a season's routes lacks depths, and how much lacks data of the current."""
-    found = {
-        "current-filled": [(row.rank, row.filled_share) for row in rows],
-        "depth-uncharted": [(row.rank, row.uncharted_share) for row in rows],
-    }
-    some = {
-        kind: tuple((rank, share) for rank, share in shares if share > _NONE)
-        for kind, shares in found.items()
-    }
-    return [
-        Note.of(kind, first=rows[0].rank, shares=shares) for kind, shares in some.items() if shares
-    ]
+    found = []
+    for kind, name in (("current-filled", "filled_share"), ("depth-uncharted", "uncharted_share")):
+        shares = tuple((row.rank, share) for row in rows if (share := getattr(row, name)) > _NONE)
+        if shares:
+            found.append(model.Note.of(kind, first=rows[0].rank, shares=shares))
+    return found
 
 
-def _of_straits(straits: Sequence[ShutStrait]) -> Iterator[Note]:
+def _of_straits(straits: Sequence[model.ShutStrait]) -> Iterator[model.Note]:
     """Yield a note on the shut straits, with the place of the widest."""
     if straits:
         widest = straits[0]
-        yield Note.of(
+        yield model.Note.of(
             "straits-shut",
             count=len(straits),
-            widest=Place(widest.lon, widest.lat),
+            widest=model.Place(widest.lon, widest.lat),
             width_m=widest.width_m,
             needed_m=widest.needed_m,
         )

@@ -1,6 +1,7 @@
 """Profile of a route: time, fuel, speed, current and clearance at points along it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -9,6 +10,7 @@ import numpy.typing as npt
 import pyproj
 import shapely
 from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray
 from pipeline.formats.shared.legs import cumulative, steps
@@ -163,14 +165,18 @@ class CoastIndex:
         return ClosestApproach(gaps[best, 0], lengths[best])
 
 
+def edges_of(areas: Sequence[BaseGeometry]) -> FloatArray:
+    """Endpoints (n, 2, 2) of the edges of all rings of areas."""
+    rings = shapely.get_rings(shapely.get_parts(np.array(areas, dtype=object)))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    return np.asarray(np.stack([points[:-1], points[1:]], axis=1)[ring[:-1] == ring[1:]])
+
+
 # Polygons are hashed by their coordinates, which takes a hundredth of the time of the tree.
 @lru_cache(maxsize=2)
 def coast_index(land: tuple[Polygon, ...]) -> CoastIndex:
     """Index the edges of the land."""
-    rings = shapely.get_rings(np.array(land, dtype=object))
-    corners, ring = shapely.get_coordinates(rings, return_index=True)
-    joined = ring[:-1] == ring[1:]
-    edges = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1)[joined])
+    edges = shapely.linestrings(edges_of(land))
     return CoastIndex(np.array(land, dtype=object), edges, shapely.STRtree(edges))
 
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 
-from pipeline.geo.earth import position_text
 from pipeline.model import GapShares, RouteMetrics, Scene, Zone
 from pipeline.scenario.times import named_departure
 from renew.errors import Moment, Text, in_seconds
@@ -103,11 +102,6 @@ def share(value: float) -> str:
 def gap_figure(share: float) -> str:
     """Format an optimality gap: 4.9 %, or "no useful bound"."""
     return "no useful bound" if share > USEFUL_GAP else percent(share)
-
-
-def place(lon: float, lat: float) -> str:
-    """Format a position in degrees: 119.8710 E 11.5244 N."""
-    return position_text(lon, lat)
 
 
 def capitalised(text: str) -> str:

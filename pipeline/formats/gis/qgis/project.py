@@ -15,9 +15,8 @@ from pipeline.formats.gis.fields import FIELDS
 from pipeline.formats.gis.frames import Layer
 from pipeline.formats.gis.layers import LAYERS
 from pipeline.formats.gis.qgis.styles import style
-from pipeline.formats.gis.qgis.symbols import Style
+from pipeline.formats.gis.qgis.symbols import Style, clean, one_line, rendered
 from pipeline.formats.gis.qgis.view import Bounds, MapCrs, SeasonView, View, lonlat_system, map_crs
-from pipeline.formats.gis.qgis.xml import clean, one_line, rendered
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 
@@ -101,23 +100,9 @@ def qgz(
     result: RunResult, view: View, columns: Mapping[str, Sequence[str]], file_name: str
 ) -> bytes:
     """Write the project as a .qgz; `columns` are those of each layer of the file `file_name`."""
-    document = _document(result, view, columns, file_name)
-    stamp = result.created.timetuple()[:6]
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        entry = zipfile.ZipInfo("routes.qgs", stamp)
-        entry.compress_type = zipfile.ZIP_DEFLATED
-        archive.writestr(entry, document)
-    return packed.getvalue()
-
-
-def _document(
-    result: RunResult, view: View, columns: Mapping[str, Sequence[str]], file_name: str
-) -> str:
-    """Write the project's XML."""
     crs = map_crs(result)
     texts = dict.fromkeys(credit.text for credit in result.credits)
-    return rendered(
+    document = rendered(
         "project.qgs.jinja",
         title=one_line(result.scenario.title or result.scenario.name),
         crs=crs,
@@ -128,12 +113,19 @@ def _document(
         columns=columns,
         fields=FIELDS,
         file_name=file_name,
-        pages=pages(crs),
+        pages=[_page(name, *size_mm, crs) for name, size_mm in _PAGES_MM.items()],
         water=bytes.fromhex(COLOURS["water"].removeprefix("#")),
         result=result,
         credits=clean("\n".join(line for text in texts for line in textwrap.wrap(text, _WRAP))),
         licences=dict.fromkeys(credit.licence for credit in result.credits if credit.licence),
     )
+    stamp = result.created.timetuple()[:6]
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        entry = zipfile.ZipInfo("routes.qgs", stamp)
+        entry.compress_type = zipfile.ZIP_DEFLATED
+        archive.writestr(entry, document)
+    return packed.getvalue()
 
 
 def _project_layers(view: View) -> list[_ProjectLayer]:
@@ -178,11 +170,6 @@ class Page:
     boxes: dict[str, tuple[float, float, float, float]]
     bounds: Bounds
     bar_miles: float
-
-
-def pages(crs: MapCrs) -> list[Page]:
-    """Lay out a page of each size."""
-    return [_page(name, *size_mm, crs) for name, size_mm in _PAGES_MM.items()]
 
 
 def _page(name: str, width: float, height: float, crs: MapCrs) -> Page:

@@ -13,10 +13,12 @@ from pipeline.formats.gis.qgis.symbols import (
     colour,
     fill,
     line,
+    literal,
     marker,
+    one_line,
+    rendered,
 )
 from pipeline.formats.gis.qgis.view import SeasonView, View
-from pipeline.formats.gis.qgis.xml import literal, one_line, rendered
 from pipeline.formats.shared.palette import COLOURS
 
 _Symbol: TypeAlias = Callable[[SeasonView], SymbolLayer]

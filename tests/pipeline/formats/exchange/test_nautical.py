@@ -8,7 +8,6 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 import pytest
 
-from pipeline.formats.exchange import can_write
 from pipeline.formats.exchange.nautical import (
     KNOTS_PER_M_S,
     duration,
@@ -19,14 +18,15 @@ from pipeline.formats.exchange.nautical import (
 )
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.result import RunResult
+from pipeline.stages.write import formats_of
 from tests.pipeline.formats import runs
 
 
 def test_routes_of_a_plane_are_not_for_a_plotter(
     result: RunResult, planar_result: RunResult
 ) -> None:
-    assert can_write(result)
-    assert not can_write(planar_result)
+    assert any(name.endswith(".gpx") for name in formats_of(result))
+    assert not any(name.endswith((".gpx", ".pdf")) for name in formats_of(planar_result))
 
 
 def test_a_knot_is_a_nautical_mile_an_hour() -> None:

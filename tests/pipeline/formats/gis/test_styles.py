@@ -22,9 +22,8 @@ from lxml import etree
 import renew
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
 from pipeline.formats.gis.qgis.styles import style
-from pipeline.formats.gis.qgis.symbols import Rule, Style
+from pipeline.formats.gis.qgis.symbols import Rule, Style, clean, literal, rendered
 from pipeline.formats.gis.qgis.view import map_crs, view
-from pipeline.formats.gis.qgis.xml import clean, literal, rendered
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.writing import xml_text
