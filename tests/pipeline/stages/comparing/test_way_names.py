@@ -150,10 +150,8 @@ def test_no_two_islands_have_one_name() -> None:
     """A chart may have one name twice: the largest island keeps it, the other has its number."""
     row = [shapely.box(-250, -60, -130, 60), shapely.box(-90, -70, 50, 70)]
     scene = plane_scene(row, (0, -300), (0, 300))
-    places = tuple(
-        PlaceName("Sheep", *scene.projection.to_lonlat(np.array([x, 0.0])).tolist(), area)
-        for x, area in ((-190.0, 1e-6), (-20.0, 1e-8))
-    )
+    (west, _), (east, lat) = scene.projection.to_lonlat([(-190.0, 0.0), (-20.0, 0.0)]).tolist()
+    places = PlaceName("Sheep", west, lat, 1e-6), PlaceName("Sheep", east, lat, 1e-8)
     evaluation = named(scene, planned(scene, classes=3), places=places)
     assert {island.label for island in evaluation.islands} == {"Sheep", "2"}
     assert len({row.way for row in evaluation.routes}) == 3
