@@ -227,6 +227,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "offing-yields": "the best route keeps less than the offing of {offing_m:.0f} m for "
     "{length_m:distance} in narrows, at least {least_m:.0f} m at {place}",
     "region-chosen": _region_chosen,
+    "side-left-out": "the far side of the island at {place} is not planned: on a coarse grid the "
+    "way round it is at least {ratio:.1f} times as long as the shortest way",
     "region-opened": f"region widened to {_BOUNDS}, because no way joins start and goal in a "
     "smaller region",
     "region-widened": f"region widened to {_BOUNDS}, because the best route came near its "

@@ -12,14 +12,14 @@ from pipeline.errors import NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
-from pipeline.model.inputs import Note
+from pipeline.model.inputs import Note, Place
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
-from pipeline.stages.choosing.region_choice import Voyage, choose_region
+from pipeline.stages.choosing.region_choice import RegionChoice, Voyage, choose_region
 
 # Distance between start and goal, m, below which the chart's polygons are used instead of the land
 # mask, whose cells of 500 m are too coarse there.
@@ -80,16 +80,22 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     stops = tuple(scenario.stops.values())
     key = artefact_key("region", source.identity, *stops, coverage.bounds)
 
-    def choose() -> Bounds:
-        boxes = np.array([choose_region(part, mask_of, coverage.bounds) for part in parts])
+    def choose() -> RegionChoice:
+        choices = [choose_region(part, mask_of, coverage.bounds) for part in parts]
+        boxes = np.array([choice.bounds for choice in choices])
         west, south = boxes[:, :2].min(axis=0).tolist()
         east, north = boxes[:, 2:].max(axis=0).tolist()
-        return west, south, east, north
+        far_sides = (side for choice in choices for side in choice.far_sides)
+        return RegionChoice((west, south, east, north), tuple(far_sides))
 
-    bounds = store.load_or_make("region", key, tuple, choose)
+    bounds, far_sides = store.load_or_make("region", key, RegionChoice, choose)
     chosen = ChosenRegion(bounds, coverage, voyage)
     ends = _ends_of_currents(chosen, range(len(SIDES)))
-    return replace(chosen, notes=(Note.of("region-chosen", bounds=bounds, ends=ends),))
+    notes = [
+        Note.of("side-left-out", place=Place(side.lon, side.lat), ratio=side.ratio)
+        for side in far_sides
+    ]
+    return replace(chosen, notes=(*notes, Note.of("region-chosen", bounds=bounds, ends=ends)))
 
 
 def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenRegion | None:

@@ -1,15 +1,15 @@
 """Choose the region of a voyage: it contains start, goal and the ways between, with a margin.
 
 The ways are found on a coarse grid: the shortest, and the shortest on either side of each larger
-island on the direct line. Currents are not known yet: if a best route comes near the region's edge,
-:mod:`pipeline.stages.choosing.region` widens the region.
+island that lies on the direct line, or that the region would cut. Currents are not known yet: if a
+best route comes near the region's edge, :mod:`pipeline.stages.choosing.region` widens the region.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -32,8 +32,16 @@ _REACH_SHARE, _MIN_REACH_M = 1.0, 10_000.0
 _SEARCHES, _FURTHER = 4, 2.5
 # Length up to which a way round an island is considered, in lengths of the shortest way.
 _LONGEST_WAY = 2.5
+# Length up to which the far side of an island that the region would cut is considered, in lengths
+# of the shortest way.
+_FAR_WAY = 1.5
+# Factor by which a way in steps to eight neighbours may be longer than it need be: 1 / cos(π/8).
+_DETOUR = 1 / math.cos(math.pi / 8)
+# Size below which it does not matter that the region cuts an island, cells.
+_MIN_CELLS = 10
 # Number of the largest islands on the direct line for which ways on both sides are searched, at
-# 0.1 s each. Smaller islands lie almost completely inside the region anyway.
+# 0.1 s each. Smaller islands lie almost completely inside the region anyway. As
+# many islands that the region would cut are looked at.
 _MAX_ISLANDS = 5
 # Number of points on the direct line.
 _DIRECT_POINTS = 1000
@@ -79,8 +87,29 @@ class Voyage:
         return max(MARGIN_SHARE * self.distance_m, _MIN_MARGIN_M)
 
 
-def choose_region(voyage: Voyage, mask_of: Callable[[Bounds], LandMask], limits: Bounds) -> Bounds:
-    """Return the bounds of a region for a voyage, degrees.
+class FarSide(NamedTuple):
+    """A side of an island that a region leaves out, because the way round it is too long.
+
+    `lon`, `lat` are a place on the island, degrees. On a coarse grid of land, each way on that side
+    is at least `ratio` times as long as the shortest way.
+    """
+
+    lon: float
+    lat: float
+    ratio: float
+
+
+class RegionChoice(NamedTuple):
+    """Bounds of a region, degrees, and the sides of islands that it leaves out."""
+
+    bounds: Bounds
+    far_sides: tuple[FarSide, ...] = ()
+
+
+def choose_region(
+    voyage: Voyage, mask_of: Callable[[Bounds], LandMask], limits: Bounds
+) -> RegionChoice:
+    """Choose the bounds of a region for a voyage.
 
     Parameters
     ----------
@@ -92,37 +121,54 @@ def choose_region(voyage: Voyage, mask_of: Callable[[Bounds], LandMask], limits:
         Bounds of the currents, which the region does not exceed.
     """
     reach_m = max(_REACH_SHARE * voyage.distance_m, _MIN_REACH_M)
-    ends = bounds_of(np.array([voyage.start, voyage.goal]))
     for _ in range(_SEARCHES):
         searched = _within(widened_by(bounds_of(voyage.direct), reach_m), limits)
-        places = _places(voyage, WaterGrid.of(mask_of(searched), searched))
-        if places is not None:
-            boxes = np.array([ends, *places])
-            hull = (*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist())
-            return _within(rounded_outward(widened_by(hull, voyage.margin_m)), limits)
+        grid = WaterGrid.of(mask_of(searched), searched)
+        start, goal = grid.water_near(*voyage.start), grid.water_near(*voyage.goal)
+        shortest = None if start is None or goal is None else grid.shortest_way(start, goal)
+        if shortest is not None:
+            return _around_ways(voyage, grid, shortest, limits)
         reach_m *= _FURTHER
     # The coarse grid has no way, as through a canal; the planner may find one on the real coast.
-    return _within(rounded_outward(widened_by(bounds_of(voyage.direct), voyage.margin_m)), limits)
+    return RegionChoice(_region(voyage, [bounds_of(voyage.direct)], limits))
 
 
-def _places(voyage: Voyage, grid: "WaterGrid") -> list[Bounds] | None:
-    """Return the bounds of the ways and islands that a region must contain; None without a way."""
-    start, goal = grid.water_near(*voyage.start), grid.water_near(*voyage.goal)
-    shortest = None if start is None or goal is None else grid.shortest_way(start, goal)
-    if start is None or goal is None or shortest is None:
-        return None
-    places = [grid.bounds_of(shortest.cells)]
+def _around_ways(
+    voyage: Voyage, grid: "WaterGrid", shortest: "Way", limits: Bounds
+) -> RegionChoice:
+    """Choose a region that holds the shortest way, and the ways round the islands beside it."""
+    start, goal = shortest.ends
+    places = [bounds_of(np.array([voyage.start, voyage.goal])), grid.bounds_of(shortest.cells)]
     for island, barriers in _islands_between(voyage, grid):
         ways = [grid.shortest_way(start, goal, barrier) for barrier in barriers]
-        if all(_is_choice(way, shortest) for way in ways):
+        if all(
+            way is not None and way.length_m <= _LONGEST_WAY * shortest.length_m for way in ways
+        ):
             places += [grid.bounds_of(way.cells) for way in ways if way is not None]
-            places.append(grid.bounds_of(np.argwhere(grid.islands == island)))
-    return places
+            places.append(grid.bounds_of_island(island))
+    far_sides, tried = list[FarSide](), set[int]()
+    for _ in range(_MAX_ISLANDS):
+        cut = grid.islands_cut_by(_region(voyage, places, limits))
+        island = next((one for one in cut if one not in tried), 0)
+        if not island:
+            break
+        tried.add(island)
+        way = grid.shortest_way(start, goal, _barrier_before(grid, island, shortest))
+        if way is None:
+            continue
+        ratio = way.length_m / _DETOUR / shortest.length_m
+        if ratio <= _FAR_WAY:
+            places += [grid.bounds_of(way.cells), grid.bounds_of_island(island)]
+        else:
+            far_sides.append(FarSide(*grid.place_on(island), ratio))
+    return RegionChoice(_region(voyage, places, limits), tuple(far_sides))
 
 
-def _is_choice(way: "Way | None", shortest: "Way") -> bool:
-    """Whether a way exists and is at most _LONGEST_WAY times as long as the shortest."""
-    return way is not None and way.length_m <= _LONGEST_WAY * shortest.length_m
+def _region(voyage: Voyage, places: Sequence[Bounds], limits: Bounds) -> Bounds:
+    """Return the bounds of all places with the voyage's margin, within limits."""
+    boxes = np.array(places)
+    hull = (*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist())
+    return _within(rounded_outward(widened_by(hull, voyage.margin_m)), limits)
 
 
 def _islands_between(voyage: Voyage, grid: "WaterGrid") -> Iterator[tuple[int, list[IndexArray]]]:
@@ -143,16 +189,35 @@ def _islands_between(voyage: Voyage, grid: "WaterGrid") -> Iterator[tuple[int, l
 
 def _barriers(grid: "WaterGrid", middle: IndexArray, line: IndexArray) -> Iterator[IndexArray]:
     """Yield the cells of both perpendiculars to a line of cells, from a cell to the grid's edge."""
-    along = (line[-1] - line[0]).astype(float)
-    along /= max(float(np.hypot(*along)), 1e-9)
+    along = line[-1] - line[0]
     across = np.array([-along[1], along[0]])
+    for side in (across, -across):
+        yield _ray(grid, middle, side)
+
+
+def _barrier_before(grid: "WaterGrid", island: int, way: "Way") -> IndexArray:
+    """Return the cells of a ray from an island across a way, to the grid's edge.
+
+    A way that does not cross it passes the island on the other side.
+    """
+    from scipy.spatial import KDTree
+
+    cells = np.argwhere(grid.islands == island)
+    apart, nearest = KDTree(cells).query(way.cells)
+    beside = int(apart.argmin())
+    begin = cells[nearest[beside]]
+    return _ray(grid, begin, way.cells[beside] - begin)
+
+
+def _ray(grid: "WaterGrid", begin: IndexArray, towards: IndexArray) -> IndexArray:
+    """Return the cells (n, 2) from a cell in a direction, to the grid's edge."""
+    side = towards / max(float(np.hypot(*towards)), 1e-9)
     shape = np.array(grid.is_water.shape)
     # Half steps, so that no cell on the ray is left out.
     steps = np.arange(0, 2 * shape.sum()) / 2
-    for side in (across, -across):
-        ray = np.rint(middle + steps[:, None] * side).astype(np.intp)
-        inside = ((ray >= 0) & (ray < shape)).all(axis=1)
-        yield ray[: int(inside.argmin()) if not inside.all() else None]
+    ray = np.rint(begin + steps[:, None] * side).astype(np.intp)
+    inside = ((ray >= 0) & (ray < shape)).all(axis=1)
+    return np.asarray(ray[: int(inside.argmin()) if not inside.all() else None])
 
 
 def bounds_of(lonlat: FloatArray) -> Bounds:
@@ -195,6 +260,12 @@ class Way:
 
     cells: IndexArray
     length_m: float
+
+    @property
+    def ends(self) -> tuple[Cell, Cell]:
+        """Return the first and the last cell."""
+        (row, column), (last_row, last_column) = self.cells[[0, -1]].tolist()
+        return (row, column), (last_row, last_column)
 
 
 @dataclass(frozen=True)
@@ -253,6 +324,34 @@ class WaterGrid:
         is_land = self.islands == island
         edges = (is_land[0], is_land[-1], is_land[:, 0], is_land[:, -1])
         return any(bool(edge.any()) for edge in edges)
+
+    def bounds_of_island(self, island: int) -> Bounds:
+        """Return the bounds of an island, degrees."""
+        return self.bounds_of(np.argwhere(self.islands == island))
+
+    def place_on(self, island: int) -> LonLat:
+        """Return the cell of an island that is nearest to its middle (lon, lat), degrees."""
+        cells = np.argwhere(self.islands == island)
+        row, column = cells[np.abs(cells - cells.mean(axis=0)).sum(axis=1).argmin()]
+        return float(self.lon[column]), float(self.lat[row])
+
+    def islands_cut_by(self, bounds: Bounds) -> list[int]:
+        """Return the islands that lie partly inside bounds, the largest first.
+
+        Land that leaves the grid, and islands of a few cells, are left out.
+        """
+        west, south, east, north = bounds
+        inside = np.zeros_like(self.is_water)
+        rows, columns = (
+            (self.lat >= south) & (self.lat <= north),
+            (self.lon >= west) & (self.lon <= east),
+        )
+        inside[np.ix_(rows, columns)] = True
+        size = np.bincount(self.islands.ravel())
+        within = np.bincount(self.islands[inside].ravel(), minlength=len(size))
+        cut = np.flatnonzero((within > 0) & (within < size) & (size >= _MIN_CELLS))
+        largest = sorted((int(one) for one in cut if one), key=lambda one: -size[one])
+        return [one for one in largest if not self.leaves(one)]
 
     def shortest_way(
         self, start: Cell, goal: Cell, barrier: IndexArray | None = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pyproj
 import pytest
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 from pipeline.sources.quality.field import LandMask
 from pipeline.stages.choosing.region_choice import (
     Voyage,
+    WaterGrid,
     choose_region,
     rounded_outward,
     widened_by,
@@ -29,7 +32,7 @@ def mask(*land: shapely.Polygon) -> LandMask:
 def region(
     start: tuple[float, float], goal: tuple[float, float], *land: shapely.Polygon
 ) -> list[float]:
-    return list(choose_region(Voyage.between(start, goal), lambda _: mask(*land), WORLD))
+    return list(choose_region(Voyage.between(start, goal), lambda _: mask(*land), WORLD).bounds)
 
 
 def test_open_water_gives_start_and_goal_with_a_margin() -> None:
@@ -84,7 +87,7 @@ def test_a_way_that_is_further_than_the_first_search_is_found() -> None:
 def test_a_region_ends_where_the_currents_do() -> None:
     limits = (9.9, 50.4, 12.1, 50.6)
     voyage = Voyage.between((10, 50.5), (12, 50.5))
-    assert choose_region(voyage, lambda _: mask(), limits) == limits
+    assert choose_region(voyage, lambda _: mask(), limits).bounds == limits
 
 
 def test_a_voyage_over_180_degrees_continues() -> None:
@@ -125,6 +128,47 @@ def test_real_waters_hold_what_a_navigator_thinks_of(
     start: tuple[float, float], goal: tuple[float, float], inside: list[tuple[float, float]]
 ) -> None:
     world = LandMask.world()
-    bounds = choose_region(Voyage.between(start, goal), lambda _: world, WORLD)
+    bounds = choose_region(Voyage.between(start, goal), lambda _: world, WORLD).bounds
     for place in inside:
         assert shapely.box(*bounds).contains(shapely.Point(place)), (bounds, place)
+
+
+def test_no_island_is_cut_whose_far_side_a_voyage_might_use() -> None:
+    """The direct line passes south of the island, and the region would cut it in two."""
+    island = shapely.box(119.0, 10.1, 121.0, 11.2)
+    voyage = Voyage.between((118.0, 10.0), (122.0, 10.0))
+    bounds, far_sides = choose_region(voyage, lambda _: mask(island), WORLD)
+    assert far_sides == ()
+    assert shapely.box(*bounds).contains(island)
+
+
+def test_a_side_that_is_left_out_is_named_with_how_much_longer_it_is() -> None:
+    island = shapely.box(119.0, 10.1, 121.0, 12.9)
+    voyage = Voyage.between((118.0, 10.0), (122.0, 10.0))
+    bounds, (side,) = choose_region(voyage, lambda _: mask(island), WORLD)
+    assert island.contains(shapely.Point(side.lon, side.lat))
+    # By hand: to the north-western corner, along the north and back, in degrees of about one size.
+    by_hand = (2 * math.hypot(1.0, 2.9) + 2.0) / 4.0
+    assert by_hand / 1.09 < side.ratio < by_hand * 1.02
+    assert bounds[3] < 12.9
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "island"),
+    [
+        # South about or north about Gonâve; the region once cut it in two.
+        ((-72.42, 18.62), (-74.6, 19.9), (-73.05, 18.85)),
+        # Both sides of Bornholm, beside the line from Simrishamn to Gdynia.
+        ((14.6, 55.4), (18.9, 54.7), (14.95, 55.12)),
+    ],
+)
+def test_real_islands_beside_the_line_are_whole(
+    start: tuple[float, float], goal: tuple[float, float], island: tuple[float, float]
+) -> None:
+    world = LandMask.world()
+    bounds, _ = choose_region(Voyage.between(start, goal), lambda _: world, WORLD)
+    grid = WaterGrid.of(world, bounds)
+    row, column = grid.cells(np.array([island]))[0]
+    number = int(grid.islands[row, column])
+    assert number
+    assert not grid.leaves(number)
