@@ -15,7 +15,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray, IndexArray
 from pipeline.sources.quality.coverage import Bounds
-from pipeline.stages.choosing.region_choice import Cell, WaterGrid
+from pipeline.stages.choosing.water_grid import Cell, WaterGrid
 
 # Cells along each side, and the longest way round an island in best ways.
 _CELLS, _LONGEST = 400, 1.25

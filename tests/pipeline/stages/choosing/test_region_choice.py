@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from pipeline.sources.quality.field import LandMask
 from pipeline.stages.choosing.region_choice import (
     Voyage,
-    WaterGrid,
     choose_region,
     rounded_outward,
     widened_by,
 )
+from pipeline.stages.choosing.water_grid import WaterGrid
 
 WORLD = (-180.0, -89.0, 360.0, 89.0)
 GEOD = pyproj.Geod(ellps="WGS84")

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.sources.quality.field import LandMask
-from pipeline.stages.choosing.region_choice import WaterGrid
+from pipeline.stages.choosing.water_grid import WaterGrid
 
 SHAPE = (7, 9)
 EVERYWHERE = (-180.0, -90.0, 360.0, 90.0)

@@ -1,0 +1,187 @@
+"""A coarse grid of water and land, to find the shortest ways round islands, not routes."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline._types import BoolArray, FloatArray, IndexArray
+from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.sources.quality.coverage import Bounds
+from pipeline.sources.quality.field import LandMask
+
+Cell = tuple[int, int]
+LonLat = tuple[float, float]
+ScalarT = TypeVar("ScalarT", bound=np.generic)
+# Number of cells along the longer side: fine enough for the region's margin, and a shortest way
+# takes 0.1 s.
+_CELLS = 300
+# Distance in cells from an endpoint within which water is searched: harbours are finer than cells.
+_NEAR_CELLS = 5
+# Size below which it does not matter that the region cuts an island, cells.
+_MIN_CELLS = 10
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way through water: cells (n, 2) of row and column, and its length in metres."""
+
+    cells: IndexArray
+    length_m: float
+
+    @property
+    def ends(self) -> tuple[Cell, Cell]:
+        """Return the first and the last cell."""
+        (row, column), (last_row, last_column) = self.cells[[0, -1]].tolist()
+        return (row, column), (last_row, last_column)
+
+
+@dataclass(frozen=True)
+class WaterGrid:
+    """Cells of a grid over some bounds: lon (nx,), lat (ny,) in degrees, is_water (ny, nx)."""
+
+    lon: FloatArray
+    lat: FloatArray
+    is_water: BoolArray
+
+    @classmethod
+    def of(cls, mask: LandMask, bounds: Bounds) -> "WaterGrid":
+        """Sample a land mask at the centres of nearly square cells."""
+        west, south, east, north = bounds
+        cosine = float(np.cos(np.radians((south + north) / 2)))
+        step = max((east - west) * cosine, north - south) / _CELLS
+        nx = max(2, round((east - west) * cosine / step))
+        ny = max(2, round((north - south) / step))
+        lon = west + (east - west) * (np.arange(nx) + 0.5) / nx
+        lat = south + (north - south) * (np.arange(ny) + 0.5) / ny
+        return cls(lon, lat, ~mask.on_grid(lon, lat))
+
+    def cells(self, lonlat: FloatArray) -> IndexArray:
+        """Return rows and columns (n, 2) of the cells nearest to points (n, 2), degrees."""
+        nearest = [
+            np.abs(axis[None, :] - lonlat[:, [i]]).argmin(axis=1)
+            for i, axis in ((1, self.lat), (0, self.lon))
+        ]
+        return np.stack(nearest, axis=1)
+
+    def water_near(self, lon: float, lat: float) -> Cell | None:
+        """Return the nearest cell of water within _NEAR_CELLS of a position, or None."""
+        row, column = self.cells(np.array([[lon, lat]]))[0]
+        wet = np.argwhere(self.is_water)
+        steps = np.abs(wet - [row, column])
+        near = steps.max(axis=1) <= _NEAR_CELLS
+        if not near.any():
+            return None
+        best = wet[near][(steps[near] ** 2).sum(axis=1).argmin()]
+        return int(best[0]), int(best[1])
+
+    def bounds_of(self, cells: IndexArray) -> Bounds:
+        """Return the bounds of the centres of cells (n, 2), degrees."""
+        lat, lon = self.lat[cells[:, 0]], self.lon[cells[:, 1]]
+        return float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
+
+    @cached_property
+    def islands(self) -> npt.NDArray[np.int32]:
+        """Number of the island that each cell (ny, nx) belongs to; 0 for water."""
+        from scipy.ndimage import label
+
+        return np.asarray(label(~self.is_water, structure=np.ones((3, 3)))[0], dtype=np.int32)
+
+    def leaves(self, island: int) -> bool:
+        """Whether an island reaches the grid's edge, so that it may be part of a continent."""
+        is_land = self.islands == island
+        edges = (is_land[0], is_land[-1], is_land[:, 0], is_land[:, -1])
+        return any(bool(edge.any()) for edge in edges)
+
+    def bounds_of_island(self, island: int) -> Bounds:
+        """Return the bounds of an island, degrees."""
+        return self.bounds_of(np.argwhere(self.islands == island))
+
+    def place_on(self, island: int) -> LonLat:
+        """Return the cell of an island that is nearest to its middle (lon, lat), degrees."""
+        cells = np.argwhere(self.islands == island)
+        row, column = cells[np.abs(cells - cells.mean(axis=0)).sum(axis=1).argmin()]
+        return float(self.lon[column]), float(self.lat[row])
+
+    def islands_cut_by(self, bounds: Bounds) -> list[int]:
+        """Return the islands that lie partly inside bounds, the largest first.
+
+        Land that leaves the grid, and islands of a few cells, are left out.
+        """
+        west, south, east, north = bounds
+        inside = np.zeros_like(self.is_water)
+        rows, columns = (
+            (self.lat >= south) & (self.lat <= north),
+            (self.lon >= west) & (self.lon <= east),
+        )
+        inside[np.ix_(rows, columns)] = True
+        size = np.bincount(self.islands.ravel())
+        within = np.bincount(self.islands[inside].ravel(), minlength=len(size))
+        cut = np.flatnonzero((within > 0) & (within < size) & (size >= _MIN_CELLS))
+        largest = sorted((int(one) for one in cut if one), key=lambda one: -size[one])
+        return [one for one in largest if not self.leaves(one)]
+
+    def shortest_way(
+        self, start: Cell, goal: Cell, barrier: IndexArray | None = None
+    ) -> Way | None:
+        """Return the shortest way through water that avoids a barrier's cells (n, 2), or None.
+
+        Steps go to the eight neighbours. A diagonal step needs water in both cells beside it, so
+        that no way passes between cells of land or a barrier that touch at a corner.
+        """
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import dijkstra
+
+        open_water = self.is_water.copy()
+        if barrier is not None:
+            open_water[barrier[:, 0], barrier[:, 1]] = False
+        open_water[start] = open_water[goal] = True
+        number = np.arange(open_water.size).reshape(open_water.shape)
+        up = float(self.lat[1] - self.lat[0]) * METRES_PER_DEGREE
+        across = float(self.lon[1] - self.lon[0]) * np.cos(np.radians(self.lat)) * METRES_PER_DEGREE
+        across = np.broadcast_to(across[:, None], open_water.shape)
+        here, there, length = [], [], []
+        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            first, second = _shifted(open_water, down, right)
+            passable = first & second
+            if down and right:
+                passable &= _corner(open_water, right)
+            one, other = _shifted(number, down, right)
+            steps = np.hypot(down * up, right * _shifted(across, down, right)[0])
+            here.append(one[passable])
+            there.append(other[passable])
+            length.append(np.broadcast_to(steps, passable.shape)[passable])
+        graph = coo_array(
+            (np.concatenate(length), (np.concatenate(here), np.concatenate(there))),
+            shape=(open_water.size, open_water.size),
+        ).tocsr()
+        origin, target = int(number[start]), int(number[goal])
+        distance, before = dijkstra(graph, directed=False, indices=origin, return_predecessors=True)
+        if not np.isfinite(distance[target]):
+            return None
+        cells = [target]
+        while cells[-1] != origin:
+            cells.append(int(before[cells[-1]]))
+        found = np.stack(np.divmod(np.array(cells[::-1]), open_water.shape[1]), axis=1)
+        return Way(found, float(distance[target]))
+
+
+def _shifted(
+    values: npt.NDArray[ScalarT], down: int, right: int
+) -> tuple[npt.NDArray[ScalarT], npt.NDArray[ScalarT]]:
+    """Return the values of cells and of their neighbours `down` (0, 1) and `right` (-1, 0, 1)."""
+    rows = values.shape[0] - down
+    if right >= 0:
+        columns = values.shape[1] - right
+        return values[:rows, :columns], values[down:, right:]
+    return values[:rows, 1:], values[down:, :-1]
+
+
+def _corner(is_water: BoolArray, right: int) -> BoolArray:
+    """Whether both cells beside a diagonal step down and right (-1 or 1) are water."""
+    upper, lower = is_water[:-1], is_water[1:]
+    if right > 0:
+        return np.asarray(upper[:, 1:] & lower[:, :-1])
+    return np.asarray(upper[:, :-1] & lower[:, 1:])
