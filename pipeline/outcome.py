@@ -10,8 +10,7 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import gap_figure, season_name, season_text
 from pipeline.geo.earth import position_text
-from pipeline.model import Evaluation, Fetched, SeasonPlan
-from pipeline.model.inputs import Note
+from pipeline.model import Evaluation, Fetched, Note, SeasonPlan
 from pipeline.scenario.model import Scenario
 
 Stage = Literal["fetch", "simplify", "project", "choose", "plan", "compare", "write"]

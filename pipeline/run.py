@@ -12,7 +12,7 @@ from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.result import RunResult
 from pipeline.machine.interpreters import cores, python_command, python_environment
 from pipeline.machine.store import Made, Store, artefact_key, file_hash
-from pipeline.model.inputs import Note, Say
+from pipeline.model import Note, Say
 from pipeline.outcome import Event, EventHandler, Outcome, Stage, ignore
 from pipeline.scenario.model import Scenario
 from pipeline.session import Origin, session

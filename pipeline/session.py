@@ -106,7 +106,7 @@ def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -
     output = folder_to_write(output, "--output")
     root = output / _ARTEFACTS
     if not root.is_dir():
-        raise RequestError([f"--output: {output} holds no results of renew; name their folder"])
+        raise RequestError(f"--output: {output} holds no results of renew; name their folder")
     with _writing(root), file_lock(root / _STORE_LOCK) as is_held:
         if not is_held:
             raise StageError(f"a run is at work in {output}: wait until it has ended")
@@ -190,7 +190,7 @@ def _refuse_other_origin(directory: Path, store: Store, origin: Origin | None) -
             f"{origin.path} and {there.path} are both called {store.owner!r}, and {directory} has "
             "the results of the latter: rename one of them, or choose another folder with --output"
         )
-        raise RequestError([fault])
+        raise RequestError(fault)
 
 
 def _remove_if_unused(root: Path, output: Path | None) -> None:

@@ -159,7 +159,7 @@ def check_url(url: str) -> None:
             "--ping is not a usable address: give the address of the check, as in "
             "https://HOST/ID, without a user name"
         )
-        raise RequestError([fault])
+        raise RequestError(fault)
 
 
 def report_for(exit_code: int) -> Ping | None:

@@ -145,7 +145,7 @@ def _refuse_no_file(metrics: Path | None) -> None:
     # Not Path.exists, which raises an error if a name is too long. A folder gives a note later.
     if metrics is None or not os.path.exists(metrics) or metrics.is_file() or metrics.is_dir():  # noqa: PTH110
         return
-    raise RequestError([f"--metrics: {shown(metrics)} is no file; name one to replace"])
+    raise RequestError(f"--metrics: {shown(metrics)} is no file; name one to replace")
 
 
 def _share(text: str | None) -> tuple[int, int]:
@@ -156,5 +156,5 @@ def _share(text: str | None) -> tuple[int, int]:
         return 1, 1
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
     if found is None or not 1 <= int(found[1]) <= int(found[2]):
-        raise RequestError([f"--part = {text!r} is no share; give it as 3/64, from 1/64 to 64/64"])
+        raise RequestError(f"--part = {text!r} is no share; give it as 3/64, from 1/64 to 64/64")
     return int(found[1]), int(found[2])

@@ -28,7 +28,7 @@ def warm() -> str:
     from renew.warming import REHEARSALS, rehearse
 
     if not _compiled.is_switched_on():
-        raise RequestError(["NUMBA_DISABLE_JIT is set, and so nothing would be compiled: unset it"])
+        raise RequestError("NUMBA_DISABLE_JIT is set, and so nothing would be compiled: unset it")
     folder = _compiled.cache_folder()
     _refuse_elsewhere(folder)
     started = time.perf_counter()

@@ -62,7 +62,7 @@ def case_lines(output: Path, asked: str) -> Iterator[str]:
     """
     cycles = Cycles(output)
     if not cycles.latest:
-        raise RequestError([f"{output} has no finished cycle; `renew nightly run` makes one"])
+        raise RequestError(f"{output} has no finished cycle; `renew nightly run` makes one")
     folder, found = cycles.folder(cycles.latest), 0
     for row in rows_of(folder / CASES_FILE, _SHOWN):
         if not matches(row["case"], asked):
@@ -77,7 +77,7 @@ def case_lines(output: Path, asked: str) -> Iterator[str]:
             if value not in {None, ""}:
                 yield f"{key}: {_spelled(value)}"
     if not found:
-        raise RequestError([f"no case is called {asked!r} in {cycles.latest}; see {CASES_FILE}"])
+        raise RequestError(f"no case is called {asked!r} in {cycles.latest}; see {CASES_FILE}")
 
 
 def _spelled(value: object) -> str:

@@ -11,11 +11,7 @@ from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Note, Place, Say
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.choosing.offing import narrows_notes
-from pipeline.stages.comparing.cautions import (
-    crossing_notes,
-    unresolved_strait_notes,
-    waiting_notes,
-)
+from pipeline.stages.comparing import cautions
 from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.plan import Planned
@@ -75,9 +71,9 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
         *safety_notes(result),
         *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),
-        *waiting_notes(result.scene, result.plans),
-        *crossing_notes(result.evaluation.shore_crossings),
-        *unresolved_strait_notes(result),
+        *cautions.waiting_notes(result.scene, result.plans),
+        *cautions.crossing_notes(result.evaluation.shore_crossings),
+        *cautions.unresolved_strait_notes(result),
         *result.unknowns,
     )
 

@@ -18,8 +18,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
 from pipeline.machine.store import Made, Store
-from pipeline.model import CurrentGrid, Fetched, Scene, Simplified
-from pipeline.model.planning import planner_vessel
+from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.stages.projecting import planar
@@ -59,7 +58,7 @@ def projected(
         try:
             return project(scenario, fetched, land.value.simplified)
         except renew.PlanningError as error:
-            raise RequestError([str(error)]) from error
+            raise RequestError(str(error)) from error
 
     inputs = land.key, dict(current_keys), scene_inputs(scenario), speed_choices(scenario)
     return store.made("project", Scene, inputs, make)
@@ -198,7 +197,7 @@ def fill_gaps(field: FloatArray) -> FloatArray:
     field = np.array(field, dtype=float)
     known = np.isfinite(field).all(axis=-1)
     if not known.any():
-        raise RequestError(["the current has no values at all; name another source in 'currents'"])
+        raise RequestError("the current has no values at all; name another source in 'currents'")
     field[~known] = 0.0
     while not known.all():
         padded = np.pad(field, ((1, 1), (1, 1), (0, 0)))

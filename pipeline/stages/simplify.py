@@ -28,9 +28,7 @@ from pipeline.geo.earth import position_text
 from pipeline.geo.open_water import OpenWater, opened
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Made, Store
-from pipeline.model import Land, Simplified
-from pipeline.model.inputs import Note, Place
-from pipeline.model.planning import planner_vessel
+from pipeline.model import Land, Note, Place, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
 from pipeline.stages.projecting import planar

@@ -141,34 +141,27 @@ def safe_name(name: str) -> str:
 
 def formats_of(result: RunResult) -> dict[str, Format]:
     """Return the function that writes each file of a run, keyed by file name."""
+    from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
     from pipeline.formats.shared.departures_and_speeds import trade_offs
-    from pipeline.formats.tables import (
-        write_departures_csv,
-        write_departures_json,
-        write_metrics,
-        write_scenario,
-        write_trade_off_csv,
-        write_trade_off_json,
-    )
 
     formats: dict[str, Format] = {
         "routes.gpkg": write_geopackage,
-        "metrics.csv": write_metrics,
+        "metrics.csv": tables.write_metrics,
         "report.html": write_report,
-        "scenario.toml": write_scenario,
+        "scenario.toml": tables.write_scenario,
     }
     if result.departures:
         formats |= {
-            "departures.csv": write_departures_csv,
-            "departures.json": write_departures_json,
+            "departures.csv": tables.write_departures_csv,
+            "departures.json": tables.write_departures_json,
         }
     if trade_offs(result):
         formats |= {
-            "trade-off.csv": write_trade_off_csv,
-            "trade-off.json": write_trade_off_json,
+            "trade-off.csv": tables.write_trade_off_csv,
+            "trade-off.json": tables.write_trade_off_json,
         }
     for grid in result.fetched.currents:  # a planar scenario has none: its current is a formula
         formats[f"{season_stem(result.scenario.name, grid.season)}-currents.nc"] = _currents(grid)
@@ -195,44 +188,21 @@ def season_stem(scenario: str, season: str) -> str:
 
 def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
     """Return the files of one season for navigation devices, with the function that writes each."""
-    from pipeline.formats.exchange.gpx import write_gpx
-    from pipeline.formats.exchange.kml import write_kml
-    from pipeline.formats.exchange.missions import write_mission, write_plan
-    from pipeline.formats.exchange.rtz import write_rtz
+    from pipeline.formats.exchange import gpx, kml, missions, rtz
     from pipeline.formats.gis.geojson import write_geojson
 
-    name, departure, version = season.name, season.departure, scenario.outputs.rtz_version
+    def of_season(writer: Callable[..., None], **options: object) -> Format:
+        return lambda result, path: writer(result, season.name, path, **options)
 
-    def rtz(result: RunResult, path: Path) -> None:
-        write_rtz(result, name, path, version=version, departure=departure)
-
-    def gpx(result: RunResult, path: Path) -> None:
-        write_gpx(result, name, path, departure=departure)
-
-    def all_gpx(result: RunResult, path: Path) -> None:
-        write_gpx(result, name, path, departure=departure, every=True)
-
-    def geojson(result: RunResult, path: Path) -> None:
-        write_geojson(result, name, path)
-
-    def kml(result: RunResult, path: Path) -> None:
-        write_kml(result, name, path, departure=departure)
-
-    def plan(result: RunResult, path: Path) -> None:
-        write_plan(result, name, path)
-
-    def mission(result: RunResult, path: Path) -> None:
-        write_mission(result, name, path)
-
-    stem = season_stem(scenario.name, name)
+    stem, timed = season_stem(scenario.name, season.name), {"departure": season.departure}
     return {
-        f"{stem}.rtz": rtz,
-        f"{stem}.gpx": gpx,
-        f"{stem}-all.gpx": all_gpx,
-        f"{stem}.geojson": geojson,
-        f"{stem}.kml": kml,
-        f"{stem}.plan": plan,
-        f"{stem}.waypoints": mission,
+        f"{stem}.rtz": of_season(rtz.write_rtz, version=scenario.outputs.rtz_version, **timed),
+        f"{stem}.gpx": of_season(gpx.write_gpx, **timed),
+        f"{stem}-all.gpx": of_season(gpx.write_gpx, every=True, **timed),
+        f"{stem}.geojson": of_season(write_geojson),
+        f"{stem}.kml": of_season(kml.write_kml, **timed),
+        f"{stem}.plan": of_season(missions.write_plan),
+        f"{stem}.waypoints": of_season(missions.write_mission),
     }
 
 

@@ -256,9 +256,9 @@ def _clearance_m(text: str) -> float | None:
     try:
         metres = length_m(text)
     except ValueError as error:
-        raise RequestError([f"--clearance {error}"]) from None
+        raise RequestError(f"--clearance {error}") from None
     if metres < 0:
-        raise RequestError([f"--clearance {text} is below 0; give metres, 0 or more"])
+        raise RequestError(f"--clearance {text} is below 0; give metres, 0 or more")
     return metres
 
 
@@ -297,7 +297,7 @@ def _months(request: VoyageRequest) -> list[tuple[str, str]]:
         "with --currents FILE --depart 2024-07-01T06:00Z for currents that change on the way, or "
         "plan without currents: --currents still"
     )
-    raise RequestError([fault])
+    raise RequestError(fault)
 
 
 def _season(

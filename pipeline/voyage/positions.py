@@ -62,7 +62,7 @@ def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
             f"{given!r} is not a start and a goal: give two positions, such as {EXAMPLES}, each in "
             "quotes where it has spaces"
         )
-        raise RequestError([fault])
+        raise RequestError(fault)
     half = len(words) // 2
     found, faults = [], []
     for key, part in (("start", words[:half]), ("goal", words[half:])):

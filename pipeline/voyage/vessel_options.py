@@ -123,7 +123,7 @@ def _from_file(path: str) -> VesselSpec:
     """Return the vessel in a TOML file with the keys of a [vessel] table."""
     file = expanded(path, "--vessel")
     if reason := unreadable_reason(file):
-        raise RequestError([f"--vessel {path} {reason}; `renew show usv-7m` prints one"])
+        raise RequestError(f"--vessel {path} {reason}; `renew show usv-7m` prints one")
     data = catalogue.read_toml(file)
     data.pop("schema_version", None)
     return _validated(data, f"--vessel {path}: ")

@@ -13,16 +13,9 @@ from pipeline.machine.store import Store, artefact_key, read_checked
 from pipeline.nightly.cycle.part import Partial, gaps, part_path, write_part
 from pipeline.nightly.cycle.results import EarlierIndex, EarlierRoutes
 from pipeline.nightly.outcome import ComeAgainError
+from pipeline.nightly.planning import worker
 from pipeline.nightly.planning.chart import STAGE, ChartTask, CurrentTask, chart_key
 from pipeline.nightly.planning.work import BatchWork
-from pipeline.nightly.planning.worker import (
-    BROKEN,
-    BatchReport,
-    CaseTask,
-    PlanBatch,
-    Rules,
-    failed_row,
-)
 from pipeline.nightly.request.cases import Case, Cases
 from pipeline.nightly.request.newest_currents import Newest, named_currents
 from pipeline.scenario.model import Scenario
@@ -99,7 +92,7 @@ class Planning:
     newest: Newest
     store: Store
     partial: Partial
-    rules: Rules
+    rules: worker.Rules
     earlier: EarlierRoutes | None
     identity: str
     on_progress: Callable[[int, int], None]
@@ -169,7 +162,7 @@ class Planning:
         total = sum(end - first for ranges in charts for first, end in ranges)
         done = 0
 
-        def progress(report: BatchReport) -> None:
+        def progress(report: worker.BatchReport) -> None:
             nonlocal done
             done += report.end - report.first
             self.planning_s += report.planning_s
@@ -245,14 +238,14 @@ class Planning:
         """Index of yesterday's cases by name, or None."""
         return None if self.earlier is None else EarlierIndex(self.earlier.path)
 
-    def _batch(self, first: int, end: int) -> PlanBatch:
+    def _batch(self, first: int, end: int) -> worker.PlanBatch:
         """Return the batch of a range of cases."""
         cases = [self.cases[index] for index in range(first, end)]
         tasks = [self._case_task(case) for case in cases]
         if self._earlier_index is not None:
             rows = self._earlier_index.rows([task.name for task in tasks])
             tasks = [replace(t, earlier_row=row) for t, row in zip(tasks, rows, strict=True)]
-        return PlanBatch(
+        return worker.PlanBatch(
             tuple(tasks),
             self.chart_path(cases[0]),
             part_path(self.partial.parts_folder, first, end),
@@ -262,10 +255,10 @@ class Planning:
             self.earlier,
         )
 
-    def _case_task(self, case: Case) -> CaseTask:
+    def _case_task(self, case: Case) -> worker.CaseTask:
         """Return the task of a case."""
         pair, current, chart = case.pair, self.current_path(case), self.chart_path(case)
-        return CaseTask(
+        return worker.CaseTask(
             case.index,
             case.name,
             case.parts,
@@ -280,12 +273,12 @@ class Planning:
         """Write the part file of a case that killed its workers."""
         batch = self._batch(index, index + 1)
         earlier = {} if self.earlier is None else self.earlier.read([batch.cases[0].earlier_row])
-        row = failed_row(
+        row = worker.failed_row(
             batch.cases[0],
             f"broken: {_DIED}, twice",
             self.rules,
             earlier.get(batch.cases[0].earlier_row),
-            status=BROKEN,
+            status=worker.BROKEN,
         )
         write_part(batch.part_path, [row])
         self.on_progress(0, 0)

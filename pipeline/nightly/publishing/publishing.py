@@ -17,53 +17,48 @@ import shapely
 
 from pipeline.errors import StageError
 from pipeline.machine.store import load_artefact
+from pipeline.nightly.cycle import results
 from pipeline.nightly.cycle.folders import writing
 from pipeline.nightly.cycle.part import Row
-from pipeline.nightly.cycle.results import (
-    CASES_FILE,
-    HISTORY_FILE,
-    EarlierIndex,
-    EarlierRoute,
-    LookBack,
-)
 from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.planning.chart import NightChart
 from pipeline.nightly.planning.planning import Planning
 from pipeline.nightly.planning.worker import PLANNED
+from pipeline.nightly.publishing import tables
 from pipeline.nightly.publishing.page import PAGE_FILE, write_page
-from pipeline.nightly.publishing.tables import (
-    CHANGES_FILE,
-    GEOPACKAGE_FILE,
-    LAYER,
-    ROUTES_FILE,
-    merge,
-    write_changes,
-    write_geopackage,
-    write_history,
-)
 
 ITEM_FILE = "item.json"
 _VERSION = "1.1.0"
 _PARQUET = "application/vnd.apache.parquet"
 _ASSETS = {
-    "cases": (CASES_FILE, _PARQUET, "One row per case: its best route, and what changed", ["data"]),
-    "routes": (ROUTES_FILE, _PARQUET, "One row per route", ["data"]),
+    "cases": (
+        results.CASES_FILE,
+        _PARQUET,
+        "One row per case: its best route, and what changed",
+        ["data"],
+    ),
+    "routes": (tables.ROUTES_FILE, _PARQUET, "One row per route", ["data"]),
     "geopackage": (
-        GEOPACKAGE_FILE,
+        tables.GEOPACKAGE_FILE,
         "application/geopackage+sqlite3",
         "The best routes, for a GIS",
         ["data"],
     ),
-    "changes": (CHANGES_FILE, "text/csv", "What changed since the cycle before", ["metadata"]),
-    "history": (HISTORY_FILE, _PARQUET, "All cycles' cases and figures", ["metadata"]),
+    "changes": (
+        tables.CHANGES_FILE,
+        "text/csv",
+        "What changed since the cycle before",
+        ["metadata"],
+    ),
+    "history": (results.HISTORY_FILE, _PARQUET, "All cycles' cases and figures", ["metadata"]),
     "page": (PAGE_FILE, "text/html", "What to look at", ["overview"]),
 }
 RESULTS = (
-    CASES_FILE,
-    ROUTES_FILE,
-    GEOPACKAGE_FILE,
-    CHANGES_FILE,
-    HISTORY_FILE,
+    results.CASES_FILE,
+    tables.ROUTES_FILE,
+    tables.GEOPACKAGE_FILE,
+    tables.CHANGES_FILE,
+    results.HISTORY_FILE,
     PAGE_FILE,
     ITEM_FILE,
 )
@@ -128,7 +123,7 @@ class Publishing:
 
     planning: Planning
     folder: Path
-    look_back: LookBack
+    look_back: results.LookBack
     revises: str = ""
 
     def write(self) -> Published:
@@ -140,16 +135,20 @@ class Publishing:
             No case could be planned, a part can't be read, or a file can't be written.
         """
         newest = self.planning.newest
-        cases, routes = self.folder / CASES_FILE, self.folder / ROUTES_FILE
+        cases, routes = self.folder / results.CASES_FILE, self.folder / tables.ROUTES_FILE
         with writing(self.folder):
             try:
-                seconds = merge(self.planning.partial.parts(), cases, routes)
+                seconds = tables.merge(self.planning.partial.parts(), cases, routes)
                 published = self._counted(cases, seconds)
-                write_changes(cases, self.folder / CHANGES_FILE)
-                write_history(
-                    self.look_back, cases, self.folder / HISTORY_FILE, newest.cycle, newest.time
+                tables.write_changes(cases, self.folder / tables.CHANGES_FILE)
+                tables.write_history(
+                    self.look_back,
+                    cases,
+                    self.folder / results.HISTORY_FILE,
+                    newest.cycle,
+                    newest.time,
                 )
-                write_geopackage(routes, self.folder / GEOPACKAGE_FILE, newest.time)
+                tables.write_geopackage(routes, self.folder / tables.GEOPACKAGE_FILE, newest.time)
                 write_page(
                     cases,
                     self.folder / PAGE_FILE,
@@ -185,26 +184,30 @@ class Publishing:
         """Return the faults of incomplete or damaged files."""
         faults, count = [], len(self.planning.cases)
         try:
-            index = pq.read_table(self.folder / CASES_FILE, columns=["index", "routes"])
+            index = pq.read_table(self.folder / results.CASES_FILE, columns=["index", "routes"])
             if not index["index"].equals(pa.chunked_array([pa.array(range(count), pa.int64())])):
-                faults.append(f"{CASES_FILE} has {index.num_rows:,} rows for {count:,} cases")
-            routes = pq.ParquetFile(self.folder / ROUTES_FILE)
+                faults.append(
+                    f"{results.CASES_FILE} has {index.num_rows:,} rows for {count:,} cases"
+                )
+            routes = pq.ParquetFile(self.folder / tables.ROUTES_FILE)
             rows = sum(
                 routes.read_row_group(group, ["rank", "geometry"]).num_rows
                 for group in range(routes.num_row_groups)
             )
             if rows != (pc.sum(index["routes"]).as_py() or 0):
-                faults.append(f"{ROUTES_FILE} has {rows:,} rows, not as many as routes of cases")
-            pq.read_table(self.folder / HISTORY_FILE, columns=["cycle"])
-            uri = f"{(self.folder / GEOPACKAGE_FILE).as_uri()}?mode=ro"
+                faults.append(
+                    f"{tables.ROUTES_FILE} has {rows:,} rows, not as many as routes of cases"
+                )
+            pq.read_table(self.folder / results.HISTORY_FILE, columns=["cycle"])
+            uri = f"{(self.folder / tables.GEOPACKAGE_FILE).as_uri()}?mode=ro"
             with closing(sqlite3.connect(uri, uri=True)) as database:
                 if database.execute("PRAGMA quick_check").fetchone()[0] != "ok":
-                    faults.append(f"{GEOPACKAGE_FILE} is damaged")
-                database.execute(f'SELECT count(*) FROM "{LAYER}"').fetchone()  # noqa: S608 - our own name
+                    faults.append(f"{tables.GEOPACKAGE_FILE} is damaged")
+                database.execute(f'SELECT count(*) FROM "{tables.LAYER}"').fetchone()  # noqa: S608 - our own name
             json.loads((self.folder / ITEM_FILE).read_text(encoding="utf-8"))
             if "</html>" not in (self.folder / PAGE_FILE).read_text(encoding="utf-8")[-20:]:
                 faults.append(f"{PAGE_FILE} has no end")
-            (self.folder / CHANGES_FILE).read_text(encoding="utf-8")
+            (self.folder / tables.CHANGES_FILE).read_text(encoding="utf-8")
         except (OSError, ValueError, pa.ArrowException, sqlite3.Error) as error:
             faults.append(f"a file does not open: {' '.join(str(error).split())}")
         return faults
@@ -234,12 +237,12 @@ class Publishing:
         return {}
 
     @cached_property
-    def _earlier_index(self) -> EarlierIndex | None:
+    def _earlier_index(self) -> results.EarlierIndex | None:
         """Index of yesterday's cases by name, or None."""
         earlier = self.planning.earlier
-        return None if earlier is None else EarlierIndex(earlier.path)
+        return None if earlier is None else results.EarlierIndex(earlier.path)
 
-    def _earlier(self, row: Row) -> EarlierRoute | None:
+    def _earlier(self, row: Row) -> results.EarlierRoute | None:
         """Return yesterday's route of a case, or None."""
         if self.planning.earlier is None or self._earlier_index is None:
             return None

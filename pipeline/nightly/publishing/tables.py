@@ -16,13 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from pipeline.formats.gis.frames import (
-    GeoDataFrame,
-    check_count,
-    opened,
-    system_errors,
-    write_layer,
-)
+from pipeline.formats.gis import frames
 from pipeline.nightly.cycle.part import CASE_SCHEMA, ROUTE_SCHEMA, Part, Row, covering, read_part
 from pipeline.nightly.cycle.results import LookBack
 from pipeline.nightly.request.newest_currents import cycle_time
@@ -176,9 +170,9 @@ def write_geopackage(routes_path: Path, path: Path, reference: datetime | None) 
     """
     path.unlink(missing_ok=True)
     count = 0
-    with system_errors(path):
+    with frames.system_errors(path):
         for chunk in _chunks(routes_path):
-            write_layer(
+            frames.write_layer(
                 path,
                 _frame(chunk),
                 LAYER,
@@ -189,10 +183,10 @@ def write_geopackage(routes_path: Path, path: Path, reference: datetime | None) 
                 append=count > 0,
             )
             count += len(chunk)
-        with opened(path) as database:
+        with frames.opened(path) as database:
             stamp = reference.strftime("%Y-%m-%dT%H:%M:%S.000Z") if reference else _NO_DATE
             database.execute("UPDATE gpkg_contents SET last_change = ?", (stamp,))
-            check_count(database, LAYER, count)
+            frames.check_count(database, LAYER, count)
 
 
 def _chunks(routes_path: Path) -> Iterator[list[Row]]:
@@ -213,7 +207,7 @@ def _chunks(routes_path: Path) -> Iterator[list[Row]]:
         yield chunk
 
 
-def _frame(chunk: list[Row]) -> GeoDataFrame:
+def _frame(chunk: list[Row]) -> frames.GeoDataFrame:
     """Return rows as a GeoDataFrame in lon/lat."""
     import geopandas
 

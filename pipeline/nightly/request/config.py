@@ -241,9 +241,9 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
     """
     path = shipped_config() if file is None else expanded(file, "--config")
     if reason := unreadable_reason(path):
-        raise RequestError([f"--config: {shown(path)} {reason}; give a TOML file"])
+        raise RequestError(f"--config: {shown(path)} {reason}; give a TOML file")
     if path.is_dir():
-        raise RequestError([f"--config: {shown(path)} is a folder; name the TOML file in it"])
+        raise RequestError(f"--config: {shown(path)} is a folder; name the TOML file in it")
     data = catalogue.read_toml(path)
     lines = TomlLines(path.read_text(encoding="utf-8"))
     try:

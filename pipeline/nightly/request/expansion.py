@@ -69,7 +69,7 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
             f"cases: {len(cases):,} of them ({sizes}), more than {MAX_UNASKED:,}; give --yes if "
             "all are meant"
         )
-        raise RequestError([config.located(fault)])
+        raise RequestError(config.located(fault))
     return cases
 
 
@@ -291,7 +291,7 @@ def _only(cases: Cases, asked: str) -> Cases:
     blocks = [kept for block in cases.blocks if (kept := block.named(asked)) is not None]
     if not blocks:
         example = cases[0].name
-        raise RequestError([f"--only: no case is called {asked!r}; a name is such as {example!r}"])
+        raise RequestError(f"--only: no case is called {asked!r}; a name is such as {example!r}")
     return Cases(tuple(blocks))
 
 

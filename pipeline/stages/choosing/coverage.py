@@ -131,7 +131,7 @@ def _intersection(one: Coverage, other: Coverage) -> Coverage:
     """Return the intersection of two coverages that both contain start and goal."""
     bounds = common_bounds(one.bounds, other.bounds)
     if bounds is None:
-        raise RequestError(["the seasons' currents have no water in common; plan each by itself"])
+        raise RequestError("the seasons' currents have no water in common; plan each by itself")
     west, south, east, north = (
         theirs if edge == limit and edge != ours_edge else ours
         for edge, limit, ours_edge, ours, theirs in zip(

@@ -17,9 +17,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.machine.store import Made, Store, artefact_key
-from pipeline.model import DepartureChoice, Scene
-from pipeline.model.inputs import Note, Say
-from pipeline.model.planning import plan_options
+from pipeline.model import DepartureChoice, Note, Say, Scene, plan_options
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import interval

@@ -12,7 +12,7 @@ from pipeline.errors import NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
-from pipeline.model.inputs import Note, Place
+from pipeline.model import Note, Place
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.sources.quality.coverage import Bounds, common_bounds

@@ -13,8 +13,7 @@ import renew
 from pipeline._types import BoolArray, FloatArray
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.model import CurrentGrid, Scene, SeasonPlan, ShoreCrossing
-from pipeline.model.inputs import Note, Place, of_seasons
+from pipeline.model import CurrentGrid, Note, Place, Scene, SeasonPlan, ShoreCrossing, of_seasons
 
 # Time step for the interpolation of a changing current, s.
 _STEP_S = 300.0

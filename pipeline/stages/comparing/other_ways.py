@@ -15,8 +15,15 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.geo.narrow_gaps import narrow_gaps
 from pipeline.machine.interpreters import cores
-from pipeline.model import Evaluation, Scene, SeasonPlan, ShutStrait, SideBound, Simplified
-from pipeline.model.planning import plan_options
+from pipeline.model import (
+    Evaluation,
+    Scene,
+    SeasonPlan,
+    ShutStrait,
+    SideBound,
+    Simplified,
+    plan_options,
+)
 from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import PlanningError, Strait

@@ -13,8 +13,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import moment_text
 from pipeline.geo.projection import Projection
-from pipeline.model import Scene, SeasonPlan, Zone
-from pipeline.model.inputs import Note
+from pipeline.model import Note, Scene, SeasonPlan, Zone
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import AvoidedArea, ChartSource
 from pipeline.sources.land.shapes import extract_polygons, repaired

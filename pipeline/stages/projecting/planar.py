@@ -11,8 +11,7 @@ from shapely.geometry import Polygon
 import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
-from pipeline.model import Credit, Current, Fetched, Land, Scene, Simplified
-from pipeline.model.planning import planner_vessel
+from pipeline.model import Credit, Current, Fetched, Land, Scene, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Plane
 from pipeline.scenario.season import Season
@@ -68,7 +67,7 @@ def plane_scene(scenario: Scenario) -> Scene:
 def _plane(scenario: Scenario) -> Plane:
     """Return the scenario's plane, or raise RequestError."""
     if scenario.plane is None:
-        raise RequestError(["the scenario has neither region nor plane; give one of the two"])
+        raise RequestError("the scenario has neither region nor plane; give one of the two")
     return scenario.plane
 
 
@@ -91,4 +90,4 @@ def _current(season: Season, extent: Polygon) -> Current:
         )
     if season.uniform is not None:
         return renew.UniformCurrent(season.uniform.u, season.uniform.v)
-    raise RequestError([f"season {season.name!r} gives no current; add 'gyre' or 'uniform'"])
+    raise RequestError(f"season {season.name!r} gives no current; add 'gyre' or 'uniform'")

@@ -12,13 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pipeline.errors import StageError
-from pipeline.stages.seasons.connection import (
-    quiet,
-    refuse_other_version,
-    refuse_unfit_workers,
-    scheduler_workers,
-    within,
-)
+from pipeline.stages.seasons import connection
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -70,7 +64,7 @@ class Work(Protocol):
 
 def make(task: Task) -> Any:  # noqa: ANN401 - as `Task.make`
     """Do a task on a worker; raise StageError if the job has another version."""
-    refuse_other_version(task.identity)
+    connection.refuse_other_version(task.identity)
     return task.make()
 
 
@@ -92,12 +86,12 @@ def fleet(address: str, shared: Path, *, attempts: int = 1) -> "Iterator[Fleet]"
     StageError
         The scheduler can't be reached or has no workers, or a worker can't plan.
     """
-    with quiet(), _client(address) as client:
+    with connection.quiet(), _client(address) as client:
         connected = Fleet(address, client)
         connected.wait_for_workers()
         for attempt in range(1, attempts + 1):
             try:
-                refuse_unfit_workers(client, address, shared)
+                connection.refuse_unfit_workers(client, address, shared)
             except StageError:
                 if attempt == attempts:
                     raise
@@ -144,7 +138,9 @@ class Fleet:
         finally:
             if at_work:
                 with contextlib.suppress(Exception):
-                    within(_CLOSE_S, partial(self.client.cancel, list(at_work), force=True))
+                    connection.within(
+                        _CLOSE_S, partial(self.client.cancel, list(at_work), force=True)
+                    )
 
     def wait_for_workers(self) -> None:
         """Wait until the scheduler has a worker, at most _WORKERS_S."""
@@ -161,7 +157,7 @@ class Fleet:
         # A task that ends or dies had a worker, even if that worker has gone since.
         self._had_workers = time.monotonic()
         try:
-            result = within(_ANSWER_S, future.result)
+            result = connection.within(_ANSWER_S, future.result)
         except (KilledWorker, DiedBeforeError):
             work.died(task)
         except TimeoutError:
@@ -187,7 +183,7 @@ class Fleet:
         """Ask the scheduler for its workers, and return their number."""
         self._asked = time.monotonic()
         try:
-            found = scheduler_workers(self._address, _ANSWER_S)
+            found = connection.scheduler_workers(self._address, _ANSWER_S)
         except Exception as error:
             raise self._dead() from error
         self._answered = time.monotonic()
@@ -219,8 +215,8 @@ def _client(address: str) -> "Iterator[Client]":
 
     connect = partial(Client, address, timeout=_ANSWER_S, set_as_default=False)
     try:
-        scheduler_workers(address, _ANSWER_S)  # a client would try to connect for long
-        client = within(2 * _ANSWER_S, connect)
+        connection.scheduler_workers(address, _ANSWER_S)  # a client would try to connect for long
+        client = connection.within(2 * _ANSWER_S, connect)
     except Exception as error:
         reason = " ".join(str(error).split()) or f"no answer within {_ANSWER_S:g} s"
         raise StageError(
@@ -230,4 +226,4 @@ def _client(address: str) -> "Iterator[Client]":
         yield client
     finally:
         with contextlib.suppress(Exception):
-            within(_CLOSE_S, partial(client.close, timeout=_CLOSE_S))
+            connection.within(_CLOSE_S, partial(client.close, timeout=_CLOSE_S))

@@ -24,16 +24,12 @@ from pipeline.model import (
     Scene,
     SeasonPlan,
     ShoreCrossing,
+    plan_options,
 )
-from pipeline.model.planning import plan_options
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.comparing.cautions import SecondShoreline
+from pipeline.stages.projecting import speed_choices
 from pipeline.stages.projecting.endpoints import is_shut_in
-from pipeline.stages.projecting.speed_choices import (
-    largest_stretch,
-    planned_in_time,
-    true_duration_s,
-)
 from renew.errors import TooLateError
 from renew.inputs.options import Drift
 from renew.turns.turn_reach import TurnReach
@@ -80,11 +76,11 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
     arrive_by_s = math.inf
     try:
         if season in scene.speeds:
-            plan, arrive_by_s = planned_in_time(planned, scene, season)
+            plan, arrive_by_s = speed_choices.planned_in_time(planned, scene, season)
         else:
             plan = planned(arrive_by_s)
     except renew.PlanningError as error:
-        stretch = largest_stretch(scene, season) if season in scene.speeds else 1.0
+        stretch = speed_choices.largest_stretch(scene, season) if season in scene.speeds else 1.0
         failure = planner_text(error.text, scene, season, stretch)
         causes = error.causes if isinstance(error, renew.UnreachableError) else ()
         are_late = [isinstance(cause, TooLateError) for cause in causes]
@@ -198,7 +194,7 @@ class _RouteEvaluator:
             length=route.length,
             length_m=self._scene.projection.geodesic_length_m(route.path),
             clearance_m=self._clearance_m(line),
-            duration_s=true_duration_s(route, self._scene, self._season),
+            duration_s=speed_choices.true_duration_s(route, self._scene, self._season),
             speed_m_s=mean_speed_m_s(route),
             optimality_gap=route.optimality_gap,
             trials=turns.trials,

@@ -8,8 +8,15 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.model import ClockWorth, Current, GapShares, Scene, SeasonPlan, SpeedChoice
-from pipeline.model.planning import plan_options
+from pipeline.model import (
+    ClockWorth,
+    Current,
+    GapShares,
+    Scene,
+    SeasonPlan,
+    SpeedChoice,
+    plan_options,
+)
 from pipeline.scenario.model import PlannerOptions
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage
