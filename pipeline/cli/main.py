@@ -219,11 +219,9 @@ def check(
 
         found = load_scenario(file)
         # After loading, so that faults in the file are reported at once.
-        from pipeline.errors import RequestError
-        from pipeline.stages.choosing.coverage import endpoints_on_land, uncovered_seasons
+        from pipeline.stages.choosing.coverage import require_sailable
 
-        if faults := [*uncovered_seasons(found), *endpoints_on_land(found)]:
-            raise RequestError(faults)
+        require_sailable(found)
         seasons = ", ".join(season.name for season in found.seasons)
         typer.echo(
             f"{found.name}: valid ({seasons}; vessel {found.vessel.name}; 1:{found.scale:g})"

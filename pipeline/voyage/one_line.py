@@ -16,7 +16,7 @@ from pipeline.scenario.loading import asked_currents, parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.sources.registry import current_source
-from pipeline.stages.choosing.coverage import endpoints_on_land, least_region, uncovered_seasons
+from pipeline.stages.choosing.coverage import least_region, require_sailable
 from pipeline.voyage.positions import Position, read_positions, read_via
 from pipeline.voyage.times import Departing, departing, read_months
 from pipeline.voyage.vessel_options import RANGE, VesselFigures, length_m, vessel_spec
@@ -138,8 +138,7 @@ def run_voyage(
     on_event: EventHandler,
 ) -> Outcome:
     """Run a voyage's scenario, after a quick check of its currents and its stops."""
-    if faults := [*uncovered_seasons(scenario), *endpoints_on_land(scenario)]:
-        raise RequestError(faults)
+    require_sailable(scenario)
     return run(scenario, output, offline=offline, strict=strict, on_event=on_event)
 
 

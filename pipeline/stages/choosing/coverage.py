@@ -20,7 +20,7 @@ from pipeline.sources.land.shapes import box_around
 from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages.choosing.region_choice import Voyage
-from pipeline.stages.projecting.endpoints import endpoints, not_in_water
+from pipeline.stages.projecting.endpoints import not_in_water
 
 # Smallest margin of a region around its stops, degrees (about 100 m).
 _AROUND_DEG = 1e-3
@@ -69,6 +69,12 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
 def require_covered(scenario: Scenario) -> None:
     """Raise RequestError if no source covers a season, with a line for each reason."""
     if faults := list(uncovered_seasons(scenario)):
+        raise RequestError(faults)
+
+
+def require_sailable(scenario: Scenario) -> None:
+    """Raise RequestError if no source covers a season or a stop lies on land."""
+    if faults := [*uncovered_seasons(scenario), *endpoints_on_land(scenario)]:
         raise RequestError(faults)
 
 
@@ -148,7 +154,7 @@ def endpoints_on_land(scenario: Scenario) -> list[str]:
     source = land_source(scenario.chart, scenario.vessel.draught_m)
     return [
         fault
-        for name, (lon, lat) in endpoints(scenario).items()
+        for name, (lon, lat) in scenario.stops.items()
         if (fault := _on_land(scenario, source, name, lon, lat))
     ]
 

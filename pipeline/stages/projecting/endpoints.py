@@ -29,7 +29,7 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
     water = shapely.get_parts(chart.water)
     faults: list[str] = []
     bodies: list[set[int]] = []
-    for name, given in endpoints(scenario).items():
+    for name, given in scenario.stops.items():
         xy = np.asarray(given, dtype=float) if scenario.is_planar else projection.to_plane(given)
         here = shapely.Point(xy)
         inside = set(np.flatnonzero(shapely.covers(water, here)).tolist())
@@ -39,7 +39,7 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
             faults.append(not_in_water(scenario, name, here, chart, projection))
     if faults:
         raise RequestError(faults)
-    for name, body in zip(endpoints(scenario), bodies, strict=True):
+    for name, body in zip(scenario.stops, bodies, strict=True):
         if not body & bodies[0]:
             apart = water[[min(bodies[0]), min(body)]]
             # A wider region does not connect water that land encloses.
@@ -57,7 +57,7 @@ def not_in_water(
     if scenario.chart.depths:
         obstacle = "land or water too shallow for the vessel, or within the margin around them"
     return (
-        f"{name} = {list(endpoints(scenario)[name])} lies on {obstacle}, {distance} from the "
+        f"{name} = {list(scenario.stops[name])} lies on {obstacle}, {distance} from the "
         f"nearest water at {place}; move it there, or further out if the vessel needs room to turn"
     )
 
@@ -97,7 +97,7 @@ def _not_connected(
     is_open_ended: bool,
 ) -> str:
     """Return a message with the position in the start's body of water nearest to another stop."""
-    place_given = endpoints(scenario)[name]
+    place_given = scenario.stops[name]
     xy = np.asarray(place_given, dtype=float)
     here = shapely.Point(xy if scenario.is_planar else projection.to_plane(xy))
     distance, place = _nearest_water(scenario, here, body, projection)
@@ -107,11 +107,6 @@ def _not_connected(
         f"of water comes within {distance} of the {name}, at {place}; move the {name} there"
         + (", or widen the region" if is_open_ended else "")
     )
-
-
-def endpoints(scenario: Scenario) -> dict[str, tuple[float, float]]:
-    """Return start, via points and goal as given, by their keys in the scenario."""
-    return scenario.stops
 
 
 def _nearest_water(
