@@ -223,8 +223,13 @@ def first_compilation() -> Iterator[Callable[[], None]]:
     called. With a single core, or without a lasting cache, no process is started.
     """
     processes = [_compiling(half) for half in range(2)] if _pays() else []
+
+    def wait() -> None:
+        for process in processes:
+            process.wait()
+
     try:
-        yield lambda: _wait(processes)
+        yield wait
     finally:
         for process in processes:
             process.kill()
@@ -247,9 +252,3 @@ def _compiling(half: int) -> subprocess.Popen[bytes]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-
-
-def _wait(processes: list[subprocess.Popen[bytes]]) -> None:
-    """Wait until all processes have ended."""
-    for process in processes:
-        process.wait()

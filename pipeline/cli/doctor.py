@@ -44,11 +44,7 @@ def examine(
     slow = [
         Background("land data", check_machine.land, check_machine.LAND_S + 1),
         Background("login", partial(check_login, offline=offline), NETWORK_S + 1),
-        Background(
-            "scheduler",
-            partial(check_scheduler, scheduler, output),
-            NETWORK_S,
-        ),
+        Background("scheduler", partial(check_scheduler, scheduler, output), NETWORK_S),
     ]
     quick: list[tuple[str, Callable[[], Finding]]] = [
         ("Python", check_machine.python),

@@ -1,4 +1,4 @@
-"""The end of a run on the command line: a table of its seasons, or JSON, and its failures."""
+"""Run a scenario to its end on the command line: a table of its seasons or JSON, and failures."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""How a command ends early: errors as lines and an exit code; Ctrl-C and SIGTERM within seconds."""
+"""Report errors as lines with an exit code, and end within seconds at Ctrl-C or SIGTERM."""
 
 import _thread
 import contextlib

@@ -1,4 +1,4 @@
-"""The output of `renew list` and `renew clean`: the catalogue; the space that was freed."""
+"""The output of `renew list`, the catalogue, and of `renew clean`, the space that was freed."""
 
 import json
 import re
@@ -112,9 +112,7 @@ def freed(output: Path, *, older: str, everything: bool) -> str:
         )
     days = int(age[1]) * _DAYS[age[2]]
     freed = clean(
-        output,
-        max_bytes=0 if everything else MAX_STORE_BYTES,
-        used_before=seconds_ago(days),
+        output, max_bytes=0 if everything else MAX_STORE_BYTES, used_before=seconds_ago(days)
     )
     text = (
         f"Freed {freed.size / _MB:,.1f} MB ({freed.files:,} files); {freed.remaining / _MB:,.1f} "

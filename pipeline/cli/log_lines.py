@@ -1,4 +1,4 @@
-"""Lines on standard error: a log as JSON, without credentials, and a sign of life."""
+"""Lines and bars on standard error that show what a command does; they hide credentials."""
 
 import contextlib
 import sys

@@ -184,10 +184,7 @@ def plot(
 
 
 @app.command("list")
-def list_entries(
-    *,
-    as_json: options.JsonOnly = False,
-) -> None:
+def list_entries(*, as_json: options.JsonOnly = False) -> None:
     """List the catalogue: scenarios and what they need, vessels, sources."""
     with reported_errors():
         from pipeline.cli.listing import as_text, listed, spelled_as_json
@@ -210,9 +207,7 @@ def show(
 
 
 @app.command()
-def check(
-    file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")],
-) -> None:
+def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")]) -> None:
     """List all faults of a scenario's file; also check that its start and goal are in water."""
     with reported_errors(), still_at_work():
         from pipeline.scenario.loading import load_scenario

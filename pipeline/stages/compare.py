@@ -20,11 +20,7 @@ from pipeline.stages.simplify import SimplifiedLand
 
 
 def compare(
-    chosen: Chosen,
-    land: Made[SimplifiedLand],
-    planned: Made[Planned],
-    store: Store,
-    say: Say,
+    chosen: Chosen, land: Made[SimplifiedLand], planned: Made[Planned], store: Store, say: Say
 ) -> Made[RunResult]:
     """Name each route's way, bound the fuel of other ways, and find the straits that are shut.
 
@@ -37,10 +33,7 @@ def compare(
         "sides", tuple, (*inputs, options.drift), lambda: side_bounds(scene, plans, named, options)
     ).value
     straits = store.made(
-        "straits",
-        tuple,
-        inputs,
-        lambda: shut_straits(scene, land.value.simplified, plans, options),
+        "straits", tuple, inputs, lambda: shut_straits(scene, land.value.simplified, plans, options)
     ).value
     result = RunResult(
         chosen.scenario,

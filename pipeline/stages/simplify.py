@@ -203,11 +203,7 @@ def _margin_used(margin_m: float | None, accuracy_m: float) -> tuple[float, tupl
 
 
 def check(
-    outer: Geometries,
-    inner: Geometries,
-    land: Geometries,
-    endpoints: FloatArray,
-    plane: Projection,
+    outer: Geometries, inner: Geometries, land: Geometries, endpoints: FloatArray, plane: Projection
 ) -> None:
     """Raise StageError unless all polygons are valid, and inner land ⊂ land ⊂ outer land.
 

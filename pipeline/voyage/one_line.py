@@ -1,4 +1,4 @@
-"""Plan a voyage in one call: make a scenario from the arguments, and run it."""
+"""Plan a voyage in one call: make its scenario from the request, and run it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -130,12 +130,7 @@ def go(
 
 
 def run_voyage(
-    scenario: Scenario,
-    output: Path,
-    *,
-    offline: bool,
-    strict: bool,
-    on_event: EventHandler,
+    scenario: Scenario, output: Path, *, offline: bool, strict: bool, on_event: EventHandler
 ) -> Outcome:
     """Run a voyage's scenario, after a quick check of its currents and its stops."""
     require_sailable(scenario)

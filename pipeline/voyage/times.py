@@ -84,7 +84,7 @@ class Departing:
                     "first": self.begin,
                     "every": f"{step // _MINUTE}min",
                     "count": window // step + 1,
-                },
+                }
             }
             del when["departure"]
             if self.speeds is None:

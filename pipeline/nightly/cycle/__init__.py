@@ -1,1 +1,1 @@
-"""A night's files on the disk: cycles, the cycle under way, the lock, yesterday's routes."""
+"""A night's files on the disk: finished and unfinished cycles, the lock, yesterday's routes."""

@@ -1,1 +1,1 @@
-"""The published files: tables, map layers, the page, the changes, and the record."""
+"""The published files: tables, a map layer, the changes, the page, and a catalogue item."""

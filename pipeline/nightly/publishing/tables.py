@@ -1,4 +1,4 @@
-"""The tables of a cycle: `cases.parquet`, `routes.parquet`, `history.parquet` and `changes.csv`.
+"""The tables of a cycle: cases, routes, history and changes, and the map layer `routes.gpkg`.
 
 Parts are read and written one by one, in the order of the cases, so that a million rows need little
 memory. The first two tables are GeoParquet. Each cycle copies the history and adds its rows.
@@ -50,14 +50,7 @@ COLUMNS = (
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = "routes"
 _TEXT = ("case", "scenario", "season", "pair", "departure", "vessel", "member", "side", "class")
-_FIGURES = (
-    "fuel",
-    "fuel_per_distance",
-    "length_m",
-    "duration_s",
-    "clearance_m",
-    "optimality_gap",
-)
+_FIGURES = ("fuel", "fuel_per_distance", "length_m", "duration_s", "clearance_m", "optimality_gap")
 _CHUNK = 4096
 # Date of the layer if the currents have none.
 _NO_DATE = "1970-01-01T00:00:00.000Z"

@@ -189,11 +189,7 @@ def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) 
 
 
 def search_region(
-    asked: Scenario,
-    store: Store,
-    run_in_region: RunInRegion,
-    *,
-    offline: bool,
+    asked: Scenario, store: Store, run_in_region: RunInRegion, *, offline: bool
 ) -> Made[RunResult]:
     """Return the result in a region that is widened until no best route comes near its edge.
 
@@ -230,9 +226,7 @@ def search_region(
 
 
 def _first_with_a_way(
-    region: ChosenRegion,
-    asked: Scenario,
-    run_in_region: RunInRegion,
+    region: ChosenRegion, asked: Scenario, run_in_region: RunInRegion
 ) -> tuple[ChosenRegion, Made[RunResult]]:
     """Widen a region until it has a way from start to goal; return it and the result in it."""
     for _ in range(_MAX_WIDENINGS):

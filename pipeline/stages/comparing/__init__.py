@@ -1,1 +1,1 @@
-"""Comparison of all seasons' routes: names of ways, bounds on other sides, shut straits."""
+"""Comparison of all seasons' routes: names of ways, ways not taken, and doubtful routes."""

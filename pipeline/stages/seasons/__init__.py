@@ -1,1 +1,1 @@
-"""The seasons of a run, each a task: in threads, in processes, or on a scheduler's workers."""
+"""The seasons of a run, each a task for a thread, a process or a worker of a Dask scheduler."""

@@ -203,7 +203,7 @@ def _end_with(parent: int) -> None:
 
 
 def plan_from_stdin() -> None:
-    """Plan the pickled task on standard input; write failure and whether it crashed to output."""
+    """Plan the pickled task of standard input; print its failure, and whether it crashed."""
     threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()
     task = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by the process that started this
     answer, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answer
@@ -231,15 +231,6 @@ def run_on_scheduler(
             seasons.give_up(error)
 
 
-def plan_on_worker(task: SeasonTask) -> Status:
-    """Run a task on a worker; if it has a time limit, in a process that is killed after it."""
-    if task.limit_s is None:
-        return Status(task.season, plan_and_evaluate(task), crashed=False)
-    ended: list[Status] = []
-    run_in_processes([task], 1, ended.append)
-    return ended[0]
-
-
 @dataclass(frozen=True, slots=True)
 class _OnWorker:
     """A season for a worker, as `pipeline.stages.seasons.fleet.Task`."""
@@ -248,8 +239,13 @@ class _OnWorker:
     identity: str
 
     def make(self) -> Status:
-        """Plan the season."""
-        return plan_on_worker(self.season)
+        """Plan the season; if it has a time limit, in a process that is killed after it."""
+        task = self.season
+        if task.limit_s is None:
+            return Status(task.season, plan_and_evaluate(task), crashed=False)
+        ended: list[Status] = []
+        run_in_processes([task], 1, ended.append)
+        return ended[0]
 
 
 class _Seasons:
