@@ -33,7 +33,7 @@ def _slow(*_: object, **__: object) -> str:
     [
         (["check", "single-gyre"], "pipeline.stages.choosing.coverage.endpoints_on_land"),
         (["nightly", "check"], "pipeline.nightly.request.expansion.pairs_on_land"),
-        (["clean"], "pipeline.cli.clean.clean"),
+        (["clean"], "pipeline.cli.listing.freed"),
         (["warm"], "pipeline.cli.warm.warm"),
         (["doctor", "--offline"], "pipeline.cli.doctor.examine"),
     ],
