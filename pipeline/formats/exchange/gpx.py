@@ -140,6 +140,6 @@ def _track(
 
 
 def _summary(metrics: RouteMetrics, result: RunResult) -> str:
-    """Way, length, duration and clearance of a route, and what is not known of it."""
+    """Way, length, duration and clearance of a route, and what is not known about it."""
     known = nautical.limits_text(result, metrics)
     return " ".join(part for part in (route_summary(metrics), known) if part)

@@ -1,4 +1,4 @@
-"""Layers of the chart: what it has, and what the planner makes of it."""
+"""Layers of the chart: its own areas, and the planner's no-go zone."""
 
 from collections.abc import Iterable, Sequence
 
@@ -12,12 +12,12 @@ from pipeline.model import Zone
 
 
 def coast(result: RunResult) -> GeoDataFrame:
-    """Land before simplification: all that is no-go, less water that is no-go for other reasons."""
+    """Land before simplification: the no-go areas without shallow, uncharted or hazardous water."""
     land = result.fetched.land
     water = [zone.area for zone in land.zones if zone.kind in {"shoal", "uncharted", "hazard"}]
     polygons = np.array(land.polygons, dtype=object)
     if water:
-        # One overlay of all: a shoal has thousands of vertices, and the chart hundreds of islets.
+        # One overlay of everything: a shoal has thousands of vertices, a chart hundreds of islets.
         left = shapely.difference(shapely.union_all(polygons), shapely.union_all(water))
         polygons = shapely.get_parts(left)
         polygons = polygons[shapely.area(polygons) > 0]
@@ -66,7 +66,7 @@ def no_go(result: RunResult) -> GeoDataFrame:
 
 
 def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
-    """Areas of the chart, with what it says of each."""
+    """Areas of the chart, with their kinds, names and rules."""
     found = list(zones)
     return frame(
         multi([zone.area for zone in found]),

@@ -155,7 +155,7 @@ def _channels(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
-    """Soft no-go zone of each route that has one, and the padding that it is made of."""
+    """Soft no-go zone of each route that has one, with its least and greatest padding."""
     ranked = [r for r in result.routes if not r.route.soft_no_go.is_empty]
     scale = result.scene.projection.scale
     paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
@@ -203,7 +203,7 @@ def _contingency(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _shown(collided: BoolArray) -> IndexArray:
-    """Indices of the turns to show: all that met land, and an even selection of the others."""
+    """Indices of the turns to show: each turn that met land, and some of the others, evenly."""
     harmless = np.flatnonzero(~collided)
     step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
     return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))

@@ -36,7 +36,7 @@ MIN_TOLERANCE_M = 30.0
 _MAX_TOLERANCE = 1e-2
 # Shares of the tolerance, tried in turn until the legs need little enough fuel.
 _TOLERANCE_SHARES = (1.0, 0.5, 0.25, 0.1)
-# Maximum fuel of the legs above that of the planned line, as a share.
+# Maximum fuel of the legs above the planned line's, as a share.
 MAX_EXTRA_FUEL = 3e-3
 # Maximum cross-track limit, true metres: an alarm beyond a mile would be of no use.
 MAX_CROSS_TRACK_M = NAUTICAL_MILE_M

@@ -185,7 +185,7 @@ def speed_notes(result: RunResult) -> tuple[Note, ...]:
 
 
 def _worth(found: TradeOff) -> Iterator[str]:
-    """Say what more and less time are worth, as far as there is a choice."""
+    """Say what more and less time are worth, if there is a choice."""
     change = _MORE_OR_LESS * found.duration_s
     more, less = (found.fuel_after(found.duration_s + by) for by in (change, -change))
     said = []

@@ -54,7 +54,7 @@ class Rule:
     finer_than: float = 0.0
 
     def symbols(self) -> Iterator[Sequence[SymbolLayer]]:
-        """Yield its symbol and those of its children, as far as they have one."""
+        """Yield its own symbol and its children's symbols, if there are any."""
         if self.symbol:
             yield self.symbol
         for child in self.children:
