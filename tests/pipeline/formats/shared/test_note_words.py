@@ -23,7 +23,7 @@ def made_notes() -> Iterator[tuple[str, set[str]]]:
         nodes = list(ast.walk(function))
         texts = {str(one.value) for one in nodes if isinstance(one, ast.Constant)}
         calls = [one for one in nodes if isinstance(one, ast.Call)]
-        made = [call for call in calls if ast.unparse(call.func) == "Note.of"]
+        made = [call for call in calls if ast.unparse(call.func) in {"Note.of", "model.Note.of"}]
         literal = {one.args[0].value for one in made if isinstance(one.args[0], ast.Constant)}
         for call in made:
             names = {str(one.arg) for one in call.keywords}
