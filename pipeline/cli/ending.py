@@ -38,7 +38,7 @@ def run_to_end(
 
     The outcome is a table or JSON; if `quiet`, only the failures are printed.
     """
-    with progress(scenario, notes, quiet=quiet) as on_event:
+    with progress(scenario, notes, quiet=quiet, as_json=as_json) as on_event:
         outcome = run(on_event=on_event)
     if as_json:
         typer.echo(outcome_json(outcome))

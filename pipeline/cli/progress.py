@@ -1,4 +1,4 @@
-"""Report the progress of a run: a bar on a terminal, one JSON object per line elsewhere."""
+"""Report the progress of a run: a bar on a terminal, lines of text elsewhere, or lines of JSON."""
 
 import contextlib
 import sys
@@ -7,9 +7,11 @@ from collections.abc import Iterator, Sequence
 
 from pipeline.cli.log_lines import every, json_lines, log_event, progress_bar
 from pipeline.formats.shared.note_words import note_json
+from pipeline.formats.shared.text import season_text
 from pipeline.formats.shared.writing import json_value
 from pipeline.outcome import STAGES, Event, EventHandler, ignore
 from pipeline.scenario.model import Scenario
+from pipeline.sources.copernicus.account import without_secrets
 
 _DESCRIPTIONS = {
     "fetch": "Fetching land and currents",
@@ -28,17 +30,18 @@ _HEARTBEAT_S = 30.0
 
 @contextlib.contextmanager
 def progress(
-    scenario: Scenario, notes: Sequence[str] = (), *, quiet: bool = False
+    scenario: Scenario, notes: Sequence[str] = (), *, quiet: bool = False, as_json: bool = False
 ) -> Iterator[EventHandler]:
     """Report notes on the scenario to standard error, then yield the handler of events.
 
-    If quiet, nothing is reported here; errors are reported at the end of the run.
+    With `as_json` each event is a line of JSON. If quiet, nothing is reported here; errors are
+    reported at the end of the run.
     """
     if quiet:
         yield ignore
         return
     seasons = [season.name for season in scenario.seasons]
-    provider = _bar if sys.stderr.isatty() else _lines
+    provider = _json_lines if as_json else _bar if sys.stderr.isatty() else _text_lines
     with provider(scenario.name, seasons) as on_event:
         for note in (*notes, *_machine_notes()):
             on_event(Event("fetch", "note", detail=note))
@@ -78,7 +81,7 @@ def _bar(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
 
 
 @contextlib.contextmanager
-def _lines(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
+def _json_lines(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
     """Write a line of JSON for each event, and one every _HEARTBEAT_S while the run works."""
     log = json_lines(sys.stderr).bind(scenario=scenario)
     state = _State(seasons)
@@ -99,6 +102,31 @@ def _lines(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
         yield on_event
 
 
+@contextlib.contextmanager
+def _text_lines(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
+    """Write a line for each stage and note, and one every _HEARTBEAT_S while the run works."""
+    state = _State(seasons)
+
+    def say(text: str) -> None:
+        print(without_secrets(f"{scenario}: {text}"), file=sys.stderr, flush=True)  # noqa: T201 - to the user
+
+    def on_event(event: Event) -> None:
+        state.update(event)
+        stage = _DESCRIPTIONS[event.stage]
+        about = f", {season_text(event.season)}" if event.season else ""
+        if event.status == "begun":
+            say(stage)
+        elif event.status == "note":
+            say(f"note: {event.detail}")
+        elif event.status == "failed":
+            say(f"{stage}{about}: failed: {event.detail}")
+        elif event.status == "done" and event.season:
+            say(f"{stage}{about}: done")
+
+    with every(_HEARTBEAT_S, lambda: say(state.text)):
+        yield on_event
+
+
 class _State:
     """The current stage, its start time, and the seasons that it has not finished yet."""
 
@@ -113,6 +141,12 @@ class _State:
             self._stage, self._begun, self._waiting = event.stage, time.monotonic(), self._all
         elif event.season:
             self._waiting = tuple(name for name in self._waiting if name != event.season)
+
+    @property
+    def text(self) -> str:
+        """The state as text."""
+        seconds = time.monotonic() - self._begun
+        return f"{_DESCRIPTIONS.get(self._stage, 'Starting')}: at work for {seconds:.0f} s"
 
     def fields(self) -> dict[str, object]:
         """Return the state as the fields of a line of JSON."""

@@ -23,7 +23,7 @@ def figures() -> Iterator[Figure]:
     """Yield the figures of `palawan-season`'s files, then those of the largest report."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
-        run_scenario("palawan-season", Path(folder), "--offline", log=log)
+        run_scenario("palawan-season", Path(folder), "--offline", "--json", log=log)
         yield at_most("palawan-season: all outputs written", _writing_s(log), 5, " s")
         files = Path(folder) / "palawan-season"
         yield _faults("routes.gpkg: GDAL's checker", geopackage_faults(files / "routes.gpkg"))

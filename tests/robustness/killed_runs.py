@@ -151,7 +151,7 @@ class _Lines:
 
 
 def _arguments(scenario: Path, output: Path) -> list[str]:
-    return ["run", str(scenario), "--output", str(output), "--offline"]
+    return ["run", str(scenario), "--output", str(output), "--offline", "--json"]
 
 
 def _command(scenario: Path, output: Path) -> list[str]:

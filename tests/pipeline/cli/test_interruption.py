@@ -25,7 +25,9 @@ def test_a_planning_run_stops_promptly_and_another_can_start(
     second = SLOW[SLOW.rindex("[[seasons]]") : SLOW.index("[planner]")]
     text = SLOW if seasons == 2 else SLOW.replace(second, "")
     (tmp_path / "slow.toml").write_text(text)
-    command = renew("run", str(tmp_path / "slow.toml"), "--output", str(tmp_path / "outputs"))
+    command = renew(
+        "run", str(tmp_path / "slow.toml"), "--output", str(tmp_path / "outputs"), "--json"
+    )
     for _ in range(2):
         with started(*command) as process:
             assert process.stderr is not None

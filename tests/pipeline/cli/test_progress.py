@@ -28,7 +28,7 @@ def test_a_line_says_what_is_at_work_until_the_run_ends(
     first = table["seasons"][0]["name"]
     threads = threading.active_count()
     note = Note.of("margin-raised", margin_m=10.0, accuracy_m=25.0)
-    with progress(parse_scenario(table), ["a note"]) as on_event:
+    with progress(parse_scenario(table), ["a note"], as_json=True) as on_event:
         on_event(Event("simplify", "note", detail=note_text(note), note=note))
         on_event(Event("plan", "begun"))
         time.sleep(0.5)
@@ -61,10 +61,23 @@ def test_each_file_that_is_written_is_a_part_of_the_stage(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     asked = parse_scenario(read_toml(scenario_path("single-gyre")))
-    with progress(asked) as on_event:
+    with progress(asked, as_json=True) as on_event:
         outcome = run(asked, tmp_path, on_event=on_event)
     lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
     parts = [line["detail"] for line in lines if line["event"] == "part"]
     written = {path.name for path in outcome.directory.iterdir()} - {"manifest.json"}
     assert {part.split(" (")[0] for part in parts} == written
     assert parts[-1].endswith(f"({len(written)} of {len(written)})")
+
+
+def test_where_no_terminal_is_and_no_json_is_asked_for_lines_are_plain_text(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    asked = parse_scenario(read_toml(scenario_path("single-gyre")))
+    with progress(asked, ["a note"]) as on_event:
+        run(asked, tmp_path, on_event=on_event)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[:2] == ["single-gyre: note: a note", "single-gyre: Fetching land and currents"]
+    assert "single-gyre: Planning and verifying" in lines
+    assert not any("{" in line for line in lines)
+    assert len(lines) < 15
