@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from shapely.geometry import Polygon
 
 from pipeline.formats import legs_table
 from pipeline.formats.exchange import nautical
@@ -176,7 +178,7 @@ def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, to
     reach = max((high - low) * np.array([height / width, 1.0])) * (0.5 + _MAP_MARGIN)
     middle, size = (low + high) / 2, reach * np.array([width / height, 1.0])
     frame = shapely.box(*(middle - size), *(middle + size))
-    land = np.array(result.scene.land, dtype=object)
+    land = result.drawn_land
     detail = DETAIL_PT * 2 * size[0] / width
     near = visible(
         shapely.clip_by_rect(land[shapely.intersects(land, frame)], *frame.bounds), detail
@@ -186,10 +188,31 @@ def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, to
     water, coast = COLOURS["water"], COLOURS["coast"]
     axes.add_artist(patch(np.array([frame]), facecolor=water, edgecolor=COLOURS["frame"]))
     axes.add_artist(patch(near, facecolor=COLOURS["land"], edgecolor=coast, linewidth=0.3))
+    _put_region_edge(axes, result, frame)
     axes.add_line(stroke(way, colour, 1.2, 3))
     axes.plot(*way.T, "o", color=colour, markersize=2.5, zorder=4)
     for number, (x, y) in enumerate(way, start=1):
         axes.annotate(str(number), (x, y), (3, 2), textcoords="offset points", fontsize=6, zorder=5)
+
+
+def _put_region_edge(axes: Axes, result: RunResult, frame: Polygon) -> None:
+    """Draw the region's edge where the map shows it, and name it below the map."""
+    edge = shapely.intersection(result.scene.chart.extent.exterior, frame)
+    parts = [part for part in shapely.get_parts(edge) if part.length > 0]
+    for part in parts:
+        axes.add_line(stroke(shapely.get_coordinates(part), COLOURS["frame"], 0.6, 2.5))
+    if parts:
+        axes.annotate(
+            "thin line: edge of the region that was planned in",
+            (1, 0),
+            (0, -3),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=6,
+            color=COLOURS["frame"],
+        )
 
 
 def _paragraphs(

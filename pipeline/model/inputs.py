@@ -246,11 +246,14 @@ class Fetched:
 
     `currents` is empty for a plane scenario, which gives its current as numbers. `notes` are
     about preferred sources that were passed over, and about the others.
+    `surroundings` is land outside the region (lon/lat degrees), coarse and for maps only; empty
+    where no source has the world's land.
     """
 
     land: Land
     currents: tuple[CurrentGrid, ...]
     notes: tuple[Note, ...] = ()
+    surroundings: tuple[Polygon, ...] = ()
 
     @property
     def stand_in_notes(self) -> tuple[Note, ...]:

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from shapely.geometry import Polygon
+
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.text import season_text
@@ -17,12 +19,12 @@ from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, PassedOver
 from pipeline.model.inputs import current_notes
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.region import Region
+from pipeline.scenario.region import ChartSpec, Region
 from pipeline.scenario.season import MAX_HOURS, Season
 from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.interfaces import CurrentSource, LandSource
 from pipeline.sources.land.osm import OsmLand
-from pipeline.sources.registry import current_source, land_source
+from pipeline.sources.registry import current_source, has_world_land, land_source
 from pipeline.stages.comparing.cautions import overpowering_notes
 from pipeline.stages.projecting import planar
 from pipeline.stages.projecting.avoided_areas import avoided_zones
@@ -111,7 +113,9 @@ def _parts(scenario: Scenario, store: Store, offline: bool) -> FetchedParts:  # 
     notes = (*fetcher.land.notes, *current_notes(grids), *overpowering)
     shown = (*fetcher.land.zones, *avoided_zones(scenario, region))
     return FetchedParts(
-        fetched=Fetched(replace(fetcher.land, zones=shown), grids, notes),
+        fetched=Fetched(
+            replace(fetcher.land, zones=shown), grids, notes, fetcher.surroundings(scenario.chart)
+        ),
         land_key=fetcher.land_key,
         current_keys={
             name: current.key for name, current in found.items() if current.grid is not None
@@ -169,6 +173,17 @@ class Fetcher:
     def dry_land(self) -> Land:
         """Land above water only; a chart's no-go areas also include shoals and uncharted water."""
         return self._stored_land(Overlay((OsmLand(),)))
+
+    def surroundings(self, chart: ChartSpec) -> tuple[Polygon, ...]:
+        """Land outside the region, for maps only; none where all charts are the user's own."""
+        if not has_world_land(chart):
+            return ()
+        from pipeline.sources.land.surroundings import surroundings
+
+        key = artefact_key("surroundings", OsmLand().identity, self._outline)
+        return self.store.load_or_make(
+            "surroundings", key, tuple, lambda: surroundings(self.region.shape)
+        )
 
     def _stored_land(self, source: LandSource) -> Land:
         """Load a source's land from the store, or fetch it."""

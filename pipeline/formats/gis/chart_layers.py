@@ -6,13 +6,17 @@ import numpy as np
 import shapely
 
 from pipeline._types import Geometries
-from pipeline.formats.gis.frames import GeoDataFrame, frame, multi
+from pipeline.formats.gis.frames import ZONE_STEP_M, GeoDataFrame, frame, multi
+from pipeline.formats.shared.drawn_land import continued
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Zone
 
 
 def coast(result: RunResult) -> GeoDataFrame:
-    """Land before simplification: the no-go areas without shallow, uncharted or hazardous water."""
+    """Land before simplification: the no-go areas without shallow, uncharted or hazardous water.
+
+    Beyond the region it goes on in less detail, so that the map does not show water there.
+    """
     land = result.fetched.land
     water = [zone.area for zone in land.zones if zone.kind in {"shoal", "uncharted", "hazard"}]
     polygons = np.array(land.polygons, dtype=object)
@@ -21,7 +25,13 @@ def coast(result: RunResult) -> GeoDataFrame:
         left = shapely.difference(shapely.union_all(polygons), shapely.union_all(water))
         polygons = shapely.get_parts(left)
         polygons = polygons[shapely.area(polygons) > 0]
-    return _counted(polygons)
+    return _counted(continued(polygons, np.array(result.fetched.surroundings, dtype=object)))
+
+
+def region_edge(result: RunResult) -> GeoDataFrame:
+    """Edge of the region; of a plane, of its extent."""
+    edge = shapely.boundary(np.array([result.scene.chart.extent], dtype=object))
+    return frame([result.scene.projection.geometry_to_lonlat(edge, ZONE_STEP_M)], {})
 
 
 def hazards(result: RunResult) -> GeoDataFrame:

@@ -263,9 +263,18 @@ LAYERS = (
     frames.Layer(
         "coast",
         "Land",
-        "Land as the source has it, before simplification.",
+        "Land as the source has it, before simplification; outside the region, beyond 20 km, "
+        "simplified.",
         "MultiPolygon",
         chart_layers.coast,
+    ),
+    frames.Layer(
+        "region",
+        "Edge of the region",
+        "Edge of the region that was planned in: no route leaves it, and beyond it the map has "
+        "land in less detail, but no other areas and no currents.",
+        "LineString",
+        chart_layers.region_edge,
     ),
     frames.Layer(
         "hazards",

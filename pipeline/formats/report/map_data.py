@@ -31,6 +31,9 @@ _MAX_TURNS = 80
 _SOFT_TOLERANCE, _MAX_SOFT_VERTICES = 1 / 3000, 40_000
 # Tolerance of a hard no-go zone with more vertices than these, as a share of the longer side.
 _NO_GO_TOLERANCE, _MAX_NO_GO_VERTICES = 1 / 20_000, 25_000
+# Width of the land shown around the chart, as a share of its longer side, and maximum number of its
+# vertices.
+_SHEET_SHARE, _MAX_BEYOND_VERTICES = 0.6, 15_000
 # Number of points along the best route, and along others.
 _POINTS_BEST, _POINTS = 200, 100
 
@@ -50,6 +53,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
         "noGoName": result.fetched.land.no_go_name,
         "origin": [float(value) * scene.projection.scale for value in lattice.origin],
         "extent": lattice.rings(np.array([scene.chart.extent], dtype=object)),
+        **_beyond(result, lattice),
         "land": _areas(result, np.array(scene.land, dtype=object), lattice),
         "noGo": _no_go(result, lattice),
         "shoals": _areas(result, shoals, lattice),
@@ -80,6 +84,26 @@ def _areas(result: RunResult, areas: npt.NDArray[np.object_], lattice: Lattice) 
         return []
     inside = within(areas, result.scene.chart.extent)
     return lattice.rings(coarser(inside, lattice.step, _MAX_VERTICES))
+
+
+def _beyond(result: RunResult, lattice: Lattice) -> dict[str, object]:
+    """What the map shows outside the chart: a sheet of water, and the land on it.
+
+    Empty where no land is known outside: no water is drawn there.
+    """
+    if not result.fetched.surroundings:
+        return {"sheet": [], "beyond": []}
+    extent = result.scene.chart.extent
+    xmin, ymin, xmax, ymax = extent.bounds
+    reach = _SHEET_SHARE * max(xmax - xmin, ymax - ymin)
+    sheet = shapely.box(xmin - reach, ymin - reach, xmax + reach, ymax + reach)
+    shapely.prepare(extent)
+    land = result.drawn_land[~shapely.covers(extent, result.drawn_land)]
+    land = shapely.difference(within(land, sheet), extent)
+    return {
+        "sheet": lattice.rings(np.array([sheet], dtype=object)),
+        "beyond": lattice.rings(coarser(land, lattice.step, _MAX_BEYOND_VERTICES)),
+    }
 
 
 def _no_go(result: RunResult, lattice: Lattice) -> list[list[int]]:

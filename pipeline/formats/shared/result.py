@@ -12,7 +12,8 @@ from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline import model
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, Geometries
+from pipeline.formats.shared.drawn_land import planar_land
 from pipeline.formats.shared.text import capitalised, planner_text, season_name
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
@@ -114,6 +115,11 @@ class RunResult:
     def land_label(self) -> str:
         """Name in legends for the land, which includes water that no chart covers."""
         return "land or uncharted" if self._zones_in_chart({"uncharted"}) else "land"
+
+    @cached_property
+    def drawn_land(self) -> Geometries:
+        """Land in the plane as maps draw it: beyond the region, too, where it is known there."""
+        return planar_land(self.scene, self.fetched.surroundings)
 
     @property
     def hazards(self) -> tuple[BaseGeometry, ...]:

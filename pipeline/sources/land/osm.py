@@ -34,7 +34,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 
-from pipeline._types import Geometries
+from pipeline._types import BoolArray, FloatArray, Geometries
 from pipeline.machine.files import UNFINISHED, whole_file
 from pipeline.model import Credit, Land, Note
 from pipeline.sources.land import shapes
@@ -72,26 +72,30 @@ class NearPolygons(NamedTuple):
     is_valid: npt.NDArray[np.bool_]
 
 
-def polygons_near(shoreline: Shoreline, box: Polygon) -> tuple[NearPolygons, tuple[Note, ...]]:
+def polygons_near(
+    shoreline: Shoreline, box: Polygon, least_deg: float = 0.0
+) -> tuple[NearPolygons, tuple[Note, ...]]:
     """Return a shoreline's polygons whose bounds meet a box (degrees), unchanged, and notes.
 
     They are moved by whole turns into the box's longitudes; one that meets the box both ways round
-    comes twice.
+    comes twice. Those whose longer side is below `least_deg` are left out.
     """
     path, problem = cache_file(shoreline), "there is no home"
     if path is not None:
-        if (found := read_cached(path, box)) is not None:
+        if (found := read_cached(path, box, least_deg)) is not None:
             return found, ()
         try:
             write_cached(path, unpacked(shoreline))
         except OSError as error:
             problem = f"{path.parent}: {error.strerror or error}"
         else:
-            found = read_cached(path, box)
+            found = read_cached(path, box, least_deg)
             if found is not None:
                 return found, ()
             problem = f"{path} is damaged as soon as it is written"
-    return read_near(unpacked(shoreline), box), (Note.of("land-not-cached", problem=problem),)
+    return read_near(unpacked(shoreline), box, least_deg), (
+        Note.of("land-not-cached", problem=problem),
+    )
 
 
 def cache_file(shoreline: Shoreline) -> Path | None:
@@ -122,13 +126,20 @@ def unpacked(shoreline: Shoreline) -> bytes:
     return wkb
 
 
-def read_near(wkb: bytes, box: Polygon) -> NearPolygons:
+def read_near(wkb: bytes, box: Polygon, least_deg: float = 0.0) -> NearPolygons:
     """Return what `polygons_near` does from a WKB MultiPolygon, without a file."""
     near = [
-        polygons[shapes.meets_box(shapely.bounds(polygons), box)] for polygons, _, _ in _chunks(wkb)
+        polygons[_is_near(shapely.bounds(polygons), box, least_deg)]
+        for polygons, _, _ in _chunks(wkb)
     ]
     polygons, _ = shapes.near_box(np.concatenate([np.empty(0, dtype=object), *near]), box)
     return NearPolygons(polygons, shapely.is_valid(polygons))
+
+
+def _is_near(bounds: FloatArray, box: Polygon, least_deg: float) -> BoolArray:
+    """Say which bounds (n, 4) meet a box, and are not smaller than `least_deg`."""
+    longer = (bounds[:, 2:] - bounds[:, :2]).max(axis=1, initial=0.0)
+    return np.asarray(shapes.meets_box(bounds, box) & (longer >= least_deg))
 
 
 def write_cached(path: Path, wkb: bytes) -> None:
@@ -160,7 +171,7 @@ def write_cached(path: Path, wkb: bytes) -> None:
         file.write(_HEAD.pack(_MAGIC, len(table), zlib.crc32(content)) + content)
 
 
-def read_cached(path: Path, box: Polygon) -> NearPolygons | None:
+def read_cached(path: Path, box: Polygon, least_deg: float = 0.0) -> NearPolygons | None:
     """Return what `polygons_near` does from a file; None where it is absent or damaged."""
     try:
         with path.open("rb") as file:
@@ -175,7 +186,7 @@ def read_cached(path: Path, box: Polygon) -> NearPolygons | None:
             content = np.memmap(file, dtype=np.uint8, mode="r", offset=_HEAD.size + table.nbytes)
     except (OSError, ValueError):  # absent; a map of an empty file
         return None
-    near = np.flatnonzero(shapes.meets_box(table["bounds"], box))
+    near = np.flatnonzero(_is_near(table["bounds"], box, least_deg))
     ends = table["end"][near].astype(np.int64)
     begins = np.where(near > 0, table["end"][near - 1], 0).astype(np.int64)
     texts = [content[a:b].tobytes() for a, b in zip(begins.tolist(), ends.tolist(), strict=True)]

@@ -107,6 +107,17 @@ def test_a_page_says_what_a_navigator_asks(result: RunResult, tmp_path: Path) ->
         assert small_run.LAND.text in page
 
 
+def test_the_map_goes_on_beyond_the_regions_edge_and_names_it(
+    result: RunResult, tmp_path: Path
+) -> None:
+    cape = shapely.box(120.15, 9.3, 121.5, 9.6)
+    fetched = replace(result.fetched, surroundings=(cape,))
+    for name, run in (("with", replace(result, fetched=fetched)), ("without", result)):
+        write_passage_plan(run, tmp_path / f"{name}.pdf")
+    assert (tmp_path / "with.pdf").stat().st_size != (tmp_path / "without.pdf").stat().st_size
+    assert "edge of the region that was planned in" in texts(tmp_path / "with.pdf")[0]
+
+
 def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) -> None:
     points = season_waypoints(result, "summer")[0]
     at = np.linspace(0, 1, 60)[:, None]

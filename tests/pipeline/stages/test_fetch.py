@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+import shapely
 
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_texts
@@ -54,6 +55,20 @@ def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> 
         f"winter: {REASON}",
         used,
     ]
+
+
+def test_land_goes_on_beyond_the_region_for_maps_only(across_outputs: Path) -> None:
+    with planned_scenario(scenario([EMBEDDED], [EMBEDDED]), across_outputs, offline=True) as result:
+        around = shapely.union_all(result.fetched.surroundings)
+        region = result.scenario.area
+    assert around.intersection(region).area < 1e-12
+    assert around.area > 0
+    west, south, east, north = result.scenario.area.bounds
+    drawn = around.bounds
+    assert drawn[0] < west - 0.1 or drawn[1] < south - 0.1
+    assert drawn[2] > east + 0.1 or drawn[3] > north + 0.1
+    charted = shapely.union_all(result.fetched.land.polygons)
+    assert shapely.box(*charted.bounds).area < shapely.box(*drawn).area
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from pipeline.formats.shared.result import RunResult
 # Drawing order, from the top down.
 _DRAWING_ORDER = (
     *("islands", "passage", "routes", "path_points", "contingency", "legs"),
-    *("hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
+    *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
     "depth_areas",
 )
 # Layers of a season's group -> whether the leading season shows them at first.

@@ -51,6 +51,7 @@ _MAX_LABEL_LENGTH = 32
 # Land is brown, as in the report; the no-go zone around it is lighter. The chart's no-go areas are
 # filled; areas that may be entered are outlined.
 _LAND = fill(colour(COLOURS["land"]), colour(COLOURS["coast"]), 0.2)
+_REGION = line(colour(COLOURS["frame"]), 0.25)
 _NO_GO = fill(colour(COLOURS["nogo"]), colour(COLOURS["coast"]), 0.1, dotted=True)
 _HAZARD = fill(colour(COLOURS["hazard"], 0.5), colour(COLOURS["hazard"]), 0.3)
 _CHART_AREAS = {
@@ -286,6 +287,7 @@ _STYLES: dict[str, Callable[[View], Style]] = {
     "channels": _channels,
     "islands": lambda _: _islands(),
     "coast": lambda _: Style("fill", [Rule("Land", "", [_LAND])]),
+    "region": lambda _: Style("line", [Rule("Edge of the region", "", [_REGION])]),
     "hazards": lambda _: Style("fill", [Rule("Hazards", "", [_HAZARD])]),
     "chart_areas": lambda _: Style(
         "fill",

@@ -60,6 +60,8 @@ function readData() {
     origin: data.origin,
     speedLimits: data.speedLimits,
     extent: lines(data.extent),
+    sheet: lines(data.sheet),
+    beyond: data.beyond.map((ring) => readRing(ring, stepM)),
     land: data.land.map((ring) => readRing(ring, stepM)),
     noGo: data.noGo.map((ring) => readRing(ring, stepM)),
     shoals: data.shoals.map((ring) => readRing(ring, stepM)),

@@ -119,7 +119,7 @@ class VoyageMap {
     const style = getComputedStyle(document.documentElement);
     const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
     const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
-    const roles = ["water", "grid", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", ...seasons, ...speeds];
+    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", ...seasons, ...speeds];
     this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
@@ -152,13 +152,17 @@ class VoyageMap {
 
   /** Water, grid, land and shoals, the same in all seasons. */
   drawWater() {
-    const { extent, grid, land, noGo, shoals, hazards } = this.data;
+    const { extent, sheet, beyond, grid, land, noGo, shoals, hazards } = this.data;
+    // Around the chart the sea and its land go on, for a reader who would take blank for open water.
+    this.sheet = this.area(sheet, "water", {}).addTo(this.map);
+    this.beyond = this.area(beyond, "water", { stroke: true, weight: 0.7 }).addTo(this.map);
     this.water = this.area(extent, "water", {}).addTo(this.map);
     this.grid = grid.map((line) => this.line(line.parts, "water", { weight: 1 }).addTo(this.map));
     this.noGo = this.area(noGo, "nogo", {}).addTo(this.map);
     this.land = this.area(land, "land", { stroke: true, weight: 0.7 }).addTo(this.map);
     // Shoals are no-go, so they lie inside the areas drawn as land.
     this.shoals = this.area(shoals, "land", {}).addTo(this.map);
+    this.edge = this.area(extent, "land", { stroke: true, weight: 1, fill: false }).addTo(this.map);
     // The smallest are seen by their edges.
     this.hazards = this.area(hazards, "land", { stroke: true, weight: 1.5 }).addTo(this.map);
     this.meridians = [];
@@ -344,7 +348,9 @@ class VoyageMap {
     this.shoals.setStyle({ fillColor: colour("shoal") });
     this.hazards.setStyle({ color: colour("hazard"), fillColor: colour("hazard") });
     this.noGo.setStyle({ fillColor: colour("nogo") });
-    this.land.setStyle({ fillColor: colour("land"), color: colour("coast") });
+    this.sheet.setStyle({ fillColor: colour("water") });
+    for (const land of [this.beyond, this.land]) land.setStyle({ fillColor: colour("land"), color: colour("coast") });
+    this.edge.setStyle({ color: colour("frame") });
     this.soft.setStyle({ fillColor: colour("soft"), fillOpacity: 0.38 });
     this.zones.eachLayer((zone) => zone.setStyle({ color: colour(zone.options.kind), fillColor: colour(zone.options.kind) }));
     this.routes.forEach((lines, s) => lines.forEach((line) => line.setStyle({ color: this.seasonColour(s) })));

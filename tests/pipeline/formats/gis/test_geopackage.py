@@ -35,6 +35,7 @@ LAYERS = {
     "channels": "MultiPolygon",
     "islands": "Point",
     "coast": "MultiPolygon",
+    "region": "LineString",
     "hazards": "MultiPolygon",
     "chart_areas": "MultiPolygon",
     "depth_areas": "MultiPolygon",
@@ -161,6 +162,24 @@ def test_the_passage_is_what_the_bridge_steers(package: Path, result: RunResult)
                 assert found == pytest.approx(wide * row.leg_length_m, rel=0.01)
                 middle = shapely.Point((begin + end) / 2)
                 assert row.geometry.distance(middle) < 1e-4
+
+
+def test_land_goes_on_beyond_the_region(result: RunResult, tmp_path: Path) -> None:
+    """A cape that was cut where fetching ends is one with the land around; nothing else moves."""
+    cape = shapely.box(119.3, 9.9, 119.5, 10.18)
+    island = shapely.box(121.0, 9.0, 121.2, 9.3)
+    around = (shapely.box(119.2, 10.0, 119.6, 11.5), island)
+    land = replace(result.fetched.land, polygons=(*result.fetched.land.polygons, cape))
+    fetched = replace(result.fetched, land=land, surroundings=around)
+    write_geopackage(replace(result, fetched=fetched), tmp_path / "routes.gpkg")
+    coast = layer(tmp_path / "routes.gpkg", "coast")
+    assert len(coast) == len(land.polygons) + 1
+    expected = shapely.union_all([*land.polygons, *around])
+    assert coast.union_all().symmetric_difference(expected).area < 1e-12
+    [edge] = layer(tmp_path / "routes.gpkg", "region").geometry
+    region = result.scenario.area
+    assert shapely.hausdorff_distance(edge, region.exterior) < 1e-3
+    assert edge.is_ring
 
 
 def test_the_coast_is_the_sources_own(result: RunResult, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 
 LAYERS = (
     *("islands", "passage", "routes", "path_points", "contingency", "legs"),
-    *("hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
+    *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
     "depth_areas",
 )
 # Opens FILE's project and its layers, draws both into FOLDER, and prints what it found.

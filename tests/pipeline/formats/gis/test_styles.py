@@ -35,6 +35,7 @@ LAYERS = {
     *("routes", "passage", "legs", "path_points", "channels", "islands"),
     *(
         "coast",
+        "region",
         "hazards",
         "chart_areas",
         "depth_areas",
@@ -83,7 +84,7 @@ def test_every_layer_has_one_default_style_where_qgis_looks_for_it(package: Path
 def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(package: Path) -> None:
     chart = ("coast", "hazards", "chart_areas", "depth_areas", "no_go")
     areas = (*chart, "legs", "soft_no_go", "channels")
-    kinds = {"routes": "line", **dict.fromkeys(areas, "fill")}
+    kinds = {"routes": "line", "region": "line", **dict.fromkeys(areas, "fill")}
     for layer, root in styles(package).items():
         renderer = root.find("renderer-v2")
         symbols = {s.get("name"): s.get("type") for s in renderer.iter("symbol")}
@@ -136,7 +137,8 @@ def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResu
     shown = {"Routes", "Waypoints", "Cross-track limits", "Soft no-go zones", "Currents"}
     assert on == [shown, {"Routes"}]
     assert {layer.get("checked") for layer in chart} == {"Qt::Checked"}
-    names = ["Islands", "Hazards", "Land", "Areas of the chart", "Hard no-go zone", "Depths"]
+    names = ["Islands", "Edge of the region", "Hazards", "Land", "Areas of the chart"]
+    names += ["Hard no-go zone", "Depths"]
     assert [layer.get("name") for layer in chart] == names
 
 
@@ -147,7 +149,16 @@ def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -
     kinds = [re.sub(r"_(season_\d+|all_seasons)$", "", name) for name in order]
     assert sorted(set(kinds), key=kinds.index) == [
         *("islands", "passage", "routes", "path_points", "contingency", "legs"),
-        *("hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
+        *(
+            "region",
+            "hazards",
+            "coast",
+            "chart_areas",
+            "no_go",
+            "soft_no_go",
+            "channels",
+            "currents",
+        ),
         "depth_areas",
     ]
     # QGIS replaces shorter identifiers by its own.

@@ -46,6 +46,24 @@ def test_the_coast_is_the_original_one(data: dict[str, Any], result: RunResult) 
     assert drawn.symmetric_difference(land).area < 1e-4 * land.area
 
 
+def test_beyond_the_chart_the_map_goes_on(data: dict[str, Any], result: RunResult) -> None:
+    """The cape beyond the chart's edge is land of the map; without such land there is no sheet."""
+    assert (data["sheet"], data["beyond"]) == ([], [])
+    cape = shapely.box(119.9, 9.4, 120.6, 9.6)
+    fetched = replace(result.fetched, surroundings=(cape,))
+    wider: dict[str, Any] = map_data(replace(result, fetched=fetched), LIMITS)
+    assert wider["land"] == data["land"]
+    extent = result.scene.chart.extent
+    sheet = filled([plane(result, ring) for ring in wider["sheet"]])
+    beyond = filled([plane(result, ring) for ring in wider["beyond"]])
+    around = shapely.union_all(
+        [*result.scene.land, result.scene.projection.geometry_to_plane(cape)]
+    )
+    assert sheet.contains(extent)
+    assert beyond.symmetric_difference(around.difference(extent)).area < 1e-3 * beyond.area
+    assert beyond.area > 0
+
+
 def test_routes_run_from_start_to_goal_with_their_metrics(
     data: dict[str, Any], result: RunResult
 ) -> None:
