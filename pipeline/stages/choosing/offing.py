@@ -62,32 +62,34 @@ def narrows_notes(
     """Return a note for each season whose best route is closer to land than the offing."""
     if not options.clearance or options.narrow_share == 1.0:
         return ()
-    return tuple(
-        Note.of("offing-yields", offing_m=options.clearance * scene.projection.scale, **found)
-        .about(plan.season)
+    notes = (
+        (plan.season, _narrows(scene, np.asarray(plan.ranked_routes[0].path), options.clearance))
         for plan in plans
         if plan.ranked_routes
-        and (found := _narrows(scene, np.asarray(plan.ranked_routes[0].path), options.clearance))
-    )  # fmt: skip
+    )
+    return tuple(note.about(season) for season, note in notes if note is not None)
 
 
-def _narrows(scene: Scene, path: FloatArray, offing: float) -> dict[str, object]:
-    """Return how far a path (n, 2) is closer to land than the offing, and where it is closest."""
-    line = shapely.LineString(path)
-    places = shapely.get_coordinates(shapely.segmentize(line, _SPACING * offing))
-    middles, land = (places[1:] + places[:-1]) / 2, np.array(scene.chart.no_go, dtype=object)
+def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
+    """Say how far a path (n, 2) is closer to land than the offing, and where; None if nowhere."""
+    land = np.array(scene.chart.no_go, dtype=object)
     if not len(land):
-        return {}
+        return None
+    places = shapely.get_coordinates(
+        shapely.segmentize(shapely.LineString(path), _SPACING * offing)
+    )
+    middles = (places[1:] + places[:-1]) / 2
     _, apart = shapely.STRtree(land).query_nearest(
         shapely.points(middles), return_distance=True, all_matches=False
     )
-    closer = apart < _CLOSER * offing
+    closer, nearest, scale = apart < _CLOSER * offing, int(apart.argmin()), scene.projection.scale
     if not closer.any():
-        return {}
+        return None
     length = np.linalg.norm(np.diff(places, axis=0), axis=1)[closer].sum()
-    nearest, scale = int(apart.argmin()), scene.projection.scale
-    return {
-        "length_m": float(length) * scale,
-        "least_m": float(apart[nearest]) * scale,
-        "place": scene.place(middles[nearest]),
-    }
+    return Note.of(
+        "offing-yields",
+        offing_m=offing * scale,
+        length_m=float(length) * scale,
+        least_m=float(apart[nearest]) * scale,
+        place=scene.place(middles[nearest]),
+    )
