@@ -251,7 +251,7 @@ def test_the_margin_is_at_least_the_charts_accuracy(
     assert result.simplified.margin_m == used
     assert bool(result.notes) is noted
     if noted:
-        assert "chart.margin_m is 10 m, but the coast may be off by 25 m" in note_text(result.notes[0])
+        assert "10 m, but the coast may be off by 25 m" in note_text(result.notes[0])
 
 
 def test_the_margin_is_in_true_metres_at_70_degrees() -> None:
