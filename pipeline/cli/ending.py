@@ -11,7 +11,7 @@ import typer
 from pipeline.cli.progress import progress
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_json, note_texts, rejections
-from pipeline.formats.shared.result import unknowns
+from pipeline.formats.shared.unknowns import lacks_current, unknowns
 from pipeline.formats.shared.writing import json_value
 from pipeline.machine.paths import short_path
 from pipeline.model import ClockWorth, RouteMetrics
@@ -73,7 +73,7 @@ def season_table(outcome: Outcome) -> str:
                 passed.update(name for passage in row.passages for name in passage.islands)
                 rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    lines = [*_unused_currents(outcome)]
+    lines = [*_unused_currents(outcome), *_unknown_currents(outcome)]
     lines += [f"{text.capitalised(choice)}." for choice in outcome.choices]
     lines += [""] * bool(outcome.choices)
     found = unknowns(outcome.result)
@@ -117,6 +117,15 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
     if unused:
         reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
         yield f"Currents NOT used: {'; '.join(reasons)}\n"
+
+
+def _unknown_currents(outcome: Outcome) -> Iterator[str]:
+    """Yield one line on the seasons of which no current is known, if there are any."""
+    seasons = [grid.season for grid in outcome.fetched.currents]
+    lacking = [one for one in seasons if lacks_current(outcome.result, one)]
+    if lacking:
+        names = ", ".join(map(text.season_name, lacking))
+        yield f"Current NOT known: {names}; nothing is proven of the real one\n"
 
 
 def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:

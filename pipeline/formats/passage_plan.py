@@ -20,8 +20,9 @@ from pipeline.formats.legs_table import headings
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS, season_colour
-from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import gap_figure, moment_text, speed_over_ground, to_minute
+from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns
 
 # A4, landscape, in points; margins, and the height of a line of text.
 _WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0
@@ -191,6 +192,8 @@ def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, to
     _put_region_edge(axes, result, frame)
     axes.add_line(stroke(way, colour, 1.2, 3))
     axes.plot(*way.T, "o", color=colour, markersize=2.5, zorder=4)
+    shores = result.scene.projection.to_plane(result.crossings(points.ranked.season, 1))
+    axes.plot(*shores.T, "o", mfc="none", mec=COLOURS["shut"], markersize=6, zorder=4)
     for number, (x, y) in enumerate(way, start=1):
         axes.annotate(str(number), (x, y), (3, 2), textcoords="offset points", fontsize=6, zorder=5)
 

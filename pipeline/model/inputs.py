@@ -226,6 +226,11 @@ class CurrentGrid:
         return u, v
 
     @property
+    def is_left_out(self) -> bool:
+        """Whether it was planned without a current, as in still water."""
+        return any(note.kind == "still-water" for note in self.notes)
+
+    @property
     def is_stand_in(self) -> bool:
         """Whether this is not the current that the scenario asks for first."""
         return bool(self.passed_over or self.climatology_for)

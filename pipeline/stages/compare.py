@@ -65,7 +65,6 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
         *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),
         *cautions.waiting_notes(result.scene, result.plans),
-        *cautions.crossing_notes(result.evaluation.shore_crossings),
         *cautions.unresolved_strait_notes(result),
         *result.unknowns,
     )

@@ -64,6 +64,10 @@ def draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> N
     routes = result.season_routes(season)
     layers = [*_area_layers(axes, result, season), *map_layers.route_layers(routes)]
     draw_island_labels(axes, result)
+    axes.plot(
+        *result.scene.projection.to_plane(result.crossings(season, 1)).T,
+        "o", markersize=7.0, markerfacecolor="none", markeredgecolor=COLOURS["shut"], zorder=7.6,
+    )  # fmt: skip
     draw_map(axes, sea, result, layers, [ranked.route.path for ranked in routes])
 
 

@@ -6,6 +6,7 @@ the scripts replace them by the interactive one.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,20 +27,18 @@ from pipeline.formats.shared.result import MAX_STRAITS, RunResult
 from pipeline.formats.shared.text import capitalised
 from pipeline.formats.shared.writing import environment
 from pipeline.geo.earth import position_text
-from pipeline.model import Credit
+from pipeline.model import Credit, CurrentGrid
 from pipeline.scenario.published import PublishedRow
 
 _FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain", "gap_figure")
 
 
 @dataclass(frozen=True)
-class StandIn:
-    """A season that was planned with a current other than the requested one."""
+class Notice:
+    """What a reader must know before the answer; each item is about one season."""
 
-    season: str
-    requested: str
-    current: str
-    valid: str
+    title: str
+    items: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ class Report:
     """What the template shows of a run, beside the run's own figures."""
 
     result: RunResult
-    stand_ins: tuple[StandIn, ...]
+    notices: tuple[Notice, ...]
     notes: tuple[str, ...]
     unknown: Unknown
     seasons: tuple[SeasonPart, ...]
@@ -192,7 +191,7 @@ def gather(result: RunResult) -> Report:
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     return Report(
         result,
-        stand_ins=_stand_ins(result),
+        notices=tuple(notice for notice in _notices(result) if notice.items),
         notes=tuple(note_texts(note for note in result.fetched.notes if note not in shown)),
         unknown=Unknown.of(result),
         seasons=tuple(
@@ -220,19 +219,64 @@ def _sources(result: RunResult) -> tuple[Source, ...]:
     )
 
 
-def _stand_ins(result: RunResult) -> tuple[StandIn, ...]:
-    """Gather the seasons whose current is not the requested one."""
+def _notices(result: RunResult) -> Iterator[Notice]:
+    """Yield what stands above the answer: doubtful currents, and land of another shoreline."""
     requested = {spec.name: spec.title or spec.valid for spec in result.scenario.seasons}
-    return tuple(
-        StandIn(
-            season=result.season_title(grid.season),
-            requested=requested.get(grid.season, ""),
-            current=grid.credit.name,
-            valid=result.valid_text(grid.season),
-        )
-        for grid in result.fetched.currents
-        if result.is_stand_in(grid.season)
+    grids = result.fetched.currents
+    titles = {grid.season: result.season_title(grid.season) for grid in grids}
+    yield Notice(
+        "Planned with stand-in currents",
+        tuple(
+            (titles[grid.season], _stand_in(result, grid, requested.get(grid.season, "")))
+            for grid in grids
+            if result.is_stand_in(grid.season)
+        ),
     )
+    yield Notice(
+        "The current is not known",
+        tuple(
+            (titles[grid.season], f": {_lacking(grid)}")
+            for grid in grids
+            if result.lacks_current(grid.season)
+        ),
+    )
+    crossings = result.evaluation.shore_crossings
+    yield Notice(
+        "Land of another shoreline on the route",
+        tuple(
+            (titles.get(season, season), f": {_crossed(result, season)}")
+            for season in dict.fromkeys(one.season for one in crossings)
+        ),
+    )
+
+
+def _stand_in(result: RunResult, grid: CurrentGrid, requested: str) -> str:
+    """Say which current stands in for the requested one."""
+    asked = f", requested for {requested}" if requested else ""
+    valid = result.valid_text(grid.season)
+    return f"{asked}: {grid.credit.name}{f', {valid}' if valid else ''}"
+
+
+def _lacking(grid: CurrentGrid) -> str:
+    """Say why nothing is known of a current."""
+    if grid.is_left_out:
+        return "planned without a current. Fuel, times and bounds are those of still water."
+    return (
+        f"{grid.credit.name} has no figure on the whole of the best route. The current was filled "
+        "from the water around; nothing is proven of the real one."
+    )
+
+
+def _crossed(result: RunResult, season: str) -> str:
+    """Say how much of a season's best route, or of others, crosses land of another shoreline."""
+    crossings = [one for one in result.evaluation.shore_crossings if one.season == season]
+    best = [one.length_m for one in crossings if one.rank == 1]
+    check = "Check the official chart there: the places are on the map and below."
+    if best:
+        places = text.count(len(best), "place", "places")
+        return f"{text.distance(sum(best))} of the best route, at {places}. {check}"
+    routes = text.count(len({one.rank for one in crossings}), "other route", "other routes")
+    return f"none of the best route, but parts of {routes}. {check}"
 
 
 def comparison(result: RunResult) -> tuple[Comparison, ...]:

@@ -92,6 +92,7 @@ class SeasonPart:
     how_fast: tuple[str, ...] = ()
     trade_off_plot: Markup | str = ""
     speeds: tuple[float, float] | None = None
+    lacks_current: bool = False
 
     @property
     def best(self) -> RouteMetrics | None:
@@ -129,6 +130,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
         picture=season_svg(result, entry.season, identity=anchor, label=f"Map of {label}"),
         profile=profile,
         padding=padding,
+        lacks_current=result.lacks_current(entry.season),
         **_departure(result, entry.season, anchor),
         **_how_fast(result, entry.season, anchor),
     )
@@ -170,6 +172,7 @@ def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
         evaluation.gap_shares_of(season),
         evaluation.clock_worth_of(season),
         evaluation.side_bound_of(season),
+        result.lacks_current(season),
     )
 
 

@@ -21,7 +21,8 @@ class Season:
 
     `routes`, at least one, are best first; `current_speed` is the current's mean over the water,
     m/s. For the best route, `gap` has the parts of its optimality gap, `worth` what it saves by
-    knowing how the current changes, and `sides` how little fuel other sides can need, if known.
+    knowing how the current changes, and `sides` how little fuel other sides can need, if known. If
+    it `lacks_current`, nothing is known of the current on the way, and so nothing is proven.
     """
 
     routes: Sequence[RouteMetrics]
@@ -29,6 +30,7 @@ class Season:
     gap: GapShares | None = None
     worth: ClockWorth | None = None
     sides: SideBound | None = None
+    lacks_current: bool = False
 
     @property
     def best(self) -> RouteMetrics:
@@ -56,11 +58,8 @@ class Season:
         rival = self.rival
         if rival is None:
             return "because no other class has a route."
-        if self.is_still:
-            return (
-                f"because there is no current to speak of ({self.current_speed:.3f} m/s in the "
-                f"mean), and {self._shorter(rival)}."
-            )
+        if self.is_still or (self.lacks_current and self.best.length_m <= rival.length_m):
+            return f"because {self._still(rival)}."
         if self.best.fuel > rival.fuel:  # the sampled method
             return "because the mean fuel of its class is the least, though not its own."
         ours, theirs = (_gain(route) for route in (self.best, rival))
@@ -88,6 +87,8 @@ class Season:
         rival = self.rival
         if rival is None or rival.main_passage == self.best.main_passage:
             return ""
+        if self.lacks_current:
+            return "The side is not proven: the current on the way is not known."
         if self.sides is not None and self.sides.fuel > self.best.fuel:
             least = text.percent(self.sides.fuel / self.best.fuel - 1)
             return (
@@ -126,17 +127,35 @@ class Season:
         elif others:
             sentences.append("It is also the shortest route found.")
         sentences.append(_safety(best))
+        if not self.lacks_current:
+            sentences += self._bounds()
+        return tuple(sentences)
+
+    def _bounds(self) -> list[str]:
+        """Say how much fuel a better route could save, and how much knowing the current saves."""
+        best = self.best
+        sentences = [_bound(best)] if math.isfinite(best.optimality_gap) else []
         if self.gap is not None:
             sentences.append(text.gap_text(self.gap, best.no_go_name))
         if self.worth is not None:
             sentences.append(clock_text(self.worth))
-        return tuple(sentences)
+        return sentences
 
     def _rival_name(self, rival: RouteMetrics) -> str:
         """What the rival is called."""
         if rival.main_passage != self.best.main_passage:
             return f"the best way {rival.main_passage}"
         return "the next best route"
+
+    def _still(self, rival: RouteMetrics) -> str:
+        """Say that length decides: no current is known, or it is too weak to matter."""
+        shorter = self._shorter(rival)
+        if self.lacks_current:
+            return f"{shorter}; the current on the way is not known"
+        return (
+            f"there is no current to speak of ({self.current_speed:.3f} m/s in the mean), and "
+            f"{shorter}"
+        )
 
     def _shorter(self, rival: RouteMetrics) -> str:
         """Say how the best route's length compares with its rival's."""
@@ -214,7 +233,7 @@ def _sailed(fuel: float, worth: ClockWorth) -> str:
 
 
 def _safety(best: RouteMetrics) -> str:
-    """Clearance of the best route, result of its hard-over turns, and its optimality gap."""
+    """Clearance of the best route, and the result of its hard-over turns."""
     no_go = best.no_go_name
     safe = (
         f"It keeps at least {text.clearance(best.clearance_m)} from {no_go}"
@@ -225,17 +244,19 @@ def _safety(best: RouteMetrics) -> str:
         safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met {no_go}"
     elif best.has_land:
         safe += f"; none of {best.trials:,} simulated hard-over turns met {no_go}"
-    gap = ""
-    if best.optimality_gap <= text.USEFUL_GAP:
-        bound = best.fuel / (1 + best.optimality_gap)
-        gap = (
-            f". By the same law of fuel no route within the chart, of any class and however close "
-            f"to {no_go}, needs less than {fuel(bound)}; this one is within "
-            f"{text.percent(best.optimality_gap)} of that bound"
-        )
-    elif math.isfinite(best.optimality_gap):
-        gap = ". There is no useful bound on what a better route could save"
-    return f"{safe}{gap}."
+    return f"{safe}."
+
+
+def _bound(best: RouteMetrics) -> str:
+    """Say how near the best route is to the lower bound on fuel."""
+    if best.optimality_gap > text.USEFUL_GAP:
+        return "There is no useful bound on what a better route could save."
+    bound = best.fuel / (1 + best.optimality_gap)
+    return (
+        "By the same law of fuel no route within the chart, of any class and however close "
+        f"to {best.no_go_name}, needs less than {fuel(bound)}; this one is within "
+        f"{text.percent(best.optimality_gap)} of that bound."
+    )
 
 
 def _gain(route: RouteMetrics) -> float:

@@ -201,6 +201,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
     "current-lacking": _current_lacking,
     "current-stands-in": "planned on {source}, valid {valid}",
+    "current-unknown": "nothing is known of the current on the best route: none was used, or its "
+    "source has no figure there; fuel and times may differ, and no choice of a way is proven",
     "current-without-tide": "the currents are without tide",
     "source-passed-over": "{reason}",
     "steps-are-means": "its time steps are means of a {step}, without the tide",

@@ -1,10 +1,9 @@
 """The finished run, as all formats read it."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import shapely
@@ -15,14 +14,12 @@ from pipeline import model
 from pipeline._types import FloatArray, Geometries
 from pipeline.formats.shared.drawn_land import planar_land
 from pipeline.formats.shared.text import capitalised, planner_text, season_name
+from pipeline.formats.shared.unknowns import lacks_current, unknowns
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 
 MAX_STRAITS = 10
 """Largest number of straits that are listed, the widest first."""
-
-# Shares of a route below this count as none: a thousandth, as percentages have one decimal.
-_NONE = 5e-4
 
 
 @dataclass(frozen=True)
@@ -152,6 +149,19 @@ class RunResult:
         grid = self.grid_of(season)
         return grid is not None and grid.is_stand_in
 
+    def lacks_current(self, season: str) -> bool:
+        """Whether the current on a season's best route is not known at all."""
+        return lacks_current(self, season)
+
+    def crossings(self, season: str, rank: int) -> FloatArray:
+        """Middles (n, 2), lon/lat degrees, of a route's parts over the second shoreline's land."""
+        found = [
+            (one.lon, one.lat)
+            for one in self.evaluation.shore_crossings
+            if (one.season, one.rank) == (season, rank)
+        ]
+        return np.array(found, dtype=float).reshape(-1, 2)
+
     def season_index(self, season: str) -> int:
         """Position of a season among the scenario's, from 0; it sets the season's colour."""
         return [entry.season for entry in self.plans].index(season)
@@ -208,76 +218,3 @@ class RunResult:
         lonlat = self.scene.projection.to_lonlat(points)
         velocity = np.asarray(self.scene.currents[season](points), dtype=float)
         return lonlat, self.scene.projection.rotate_to_lonlat(lonlat, velocity)
-
-
-class Planned(Protocol):
-    """A run's whole result, or its outcome."""
-
-    @property
-    def scenario(self) -> Scenario:
-        """The scenario."""
-
-    @property
-    def fetched(self) -> model.Fetched:
-        """Land and currents."""
-
-    @property
-    def evaluation(self) -> model.Evaluation:
-        """The routes' figures."""
-
-    @property
-    def straits(self) -> tuple[model.ShutStrait, ...]:
-        """The shut straits."""
-
-
-def unknowns(planned: Planned) -> tuple[model.Note, ...]:
-    """Note what is not known about a run's routes; nothing in a planar scenario."""
-    if planned.scenario.is_planar:
-        return ()
-    rows = planned.evaluation.routes
-    seasons = dict.fromkeys(row.season for row in rows)
-    by_season = {
-        season: _of_routes([row for row in rows if row.season == season]) for season in seasons
-    }
-    return (*_of_chart(planned), *model.of_seasons(by_season), *_of_straits(planned.straits))
-
-
-def route_unknowns(planned: Planned, metrics: model.RouteMetrics) -> tuple[model.Note, ...]:
-    """Note what is not known about one route."""
-    if planned.scenario.is_planar:
-        return ()
-    return (*_of_chart(planned), *_of_routes([metrics]))
-
-
-def has_all_depths(metrics: model.RouteMetrics) -> bool:
-    """Whether depths are charted all along a route."""
-    return metrics.uncharted_share <= _NONE
-
-
-def _of_chart(planned: Planned) -> Iterator[model.Note]:
-    """Yield a note if the chart has no depths."""
-    if planned.fetched.land.depths is None:
-        yield model.Note.of("no-depths")
-
-
-def _of_routes(rows: Sequence[model.RouteMetrics]) -> list[model.Note]:
-    """Note how much of a season's routes lacks depths, and how much lacks data of the current."""
-    found = []
-    for kind, name in (("current-filled", "filled_share"), ("depth-uncharted", "uncharted_share")):
-        shares = tuple((row.rank, share) for row in rows if (share := getattr(row, name)) > _NONE)
-        if shares:
-            found.append(model.Note.of(kind, first=rows[0].rank, shares=shares))
-    return found
-
-
-def _of_straits(straits: Sequence[model.ShutStrait]) -> Iterator[model.Note]:
-    """Yield a note on the shut straits, with the place of the widest."""
-    if straits:
-        widest = straits[0]
-        yield model.Note.of(
-            "straits-shut",
-            count=len(straits),
-            widest=model.Place(widest.lon, widest.lat),
-            width_m=widest.width_m,
-            needed_m=widest.needed_m,
-        )

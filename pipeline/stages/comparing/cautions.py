@@ -1,7 +1,7 @@
 """Notes on doubtful routes: overpowering currents, a second shoreline, unresolved straits."""
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -13,14 +13,12 @@ import renew
 from pipeline._types import BoolArray, FloatArray
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.model import CurrentGrid, Note, Place, Scene, SeasonPlan, ShoreCrossing, of_seasons
+from pipeline.model import CurrentGrid, Note, Place, Scene, SeasonPlan, ShoreCrossing
 
 # Time step for the interpolation of a changing current, s.
 _STEP_S = 300.0
 # Minimum length of a crossing, true metres: a shorter one only grazes the shore.
 _LEAST_M = 1.0
-# Crossings whose positions agree to this many decimals of a degree (100 m) are one place.
-_SAME_PLACE = 3
 # Minimum number of cells across a strait for which the grid can resolve its tide.
 _MIN_CELLS = 2.0
 # A point this near to a coast lies on it, planar metres.
@@ -142,41 +140,6 @@ class SecondShoreline:
                 lon, lat = self._projection.to_lonlat(shapely.get_coordinates(middle)[0])
                 found.append(ShoreCrossing(season, rank, float(lon), float(lat), length_m))
         return tuple(found)
-
-
-def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
-    """Return a note for each season on the places where its routes cross the second shoreline.
-
-    Crossings of the best route come first; the longest come first within both groups.
-    """
-    return of_seasons(
-        {
-            season: [Note.of("second-shoreline", crossings=_crossing_places(crossings, season))]
-            for season in dict.fromkeys(one.season for one in crossings)
-        }
-    )
-
-
-def _crossing_places(crossings: Sequence[ShoreCrossing], season: str) -> tuple[Note, ...]:
-    """Return the places of a season, each with its longest crossing and all routes that cross."""
-    there: dict[tuple[float, float], list[ShoreCrossing]] = {}
-    for one in crossings:
-        if one.season == season:
-            place = round(one.lon, _SAME_PLACE), round(one.lat, _SAME_PLACE)
-            there.setdefault(place, []).append(one)
-    found = [
-        (min(one.rank for one in group) > 1, max(group, key=lambda one: one.length_m), group)
-        for group in there.values()
-    ]
-    return tuple(
-        Note.of(
-            "crossing",
-            length_m=longest.length_m,
-            place=Place(longest.lon, longest.lat),
-            routes=tuple(sorted({one.rank for one in group})),
-        )
-        for _, longest, group in sorted(found, key=lambda one: (one[0], -one[1].length_m))
-    )
 
 
 def unresolved_strait_notes(result: RunResult) -> Iterator[Note]:

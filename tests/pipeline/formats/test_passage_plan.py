@@ -19,6 +19,7 @@ from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather
 from pipeline.formats.shared.result import RunResult
+from pipeline.model import ShoreCrossing
 from tests.pipeline.formats import oracles, runs, small_run
 
 DEPARTURE = datetime(2026, 12, 31, 20, 30, tzinfo=UTC)
@@ -116,6 +117,16 @@ def test_the_map_goes_on_beyond_the_regions_edge_and_names_it(
         write_passage_plan(run, tmp_path / f"{name}.pdf")
     assert (tmp_path / "with.pdf").stat().st_size != (tmp_path / "without.pdf").stat().st_size
     assert "edge of the region that was planned in" in texts(tmp_path / "with.pdf")[0]
+
+
+def test_land_of_another_shoreline_is_told(result: RunResult, tmp_path: Path) -> None:
+    crossings = (ShoreCrossing("summer", 1, 119.4, 9.4, 2461.0),)
+    evaluation = replace(result.evaluation, shore_crossings=crossings)
+    path = tmp_path / "passage-plan.pdf"
+    write_passage_plan(replace(result, evaluation=evaluation), path)
+    summer, winter = (" ".join(page.split()) for page in texts(path))
+    assert "2461 m at 119.4000 E 9.4000 N" in summer
+    assert "shoreline" not in winter
 
 
 def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ function readSeries({ step, moves }) {
 /** A route with its places, and its profile along them. */
 function readRoute(route, stepM) {
   const read = { rank: route.rank, way: route.way };
-  for (const name of ["places", "turns", "hits"]) read[name] = readLine(route[name], stepM);
+  for (const name of ["places", "turns", "hits", "shores"]) read[name] = readLine(route[name], stepM);
   read.soft = route.soft.map((ring) => readRing(ring, stepM));
   for (const name of ["lon", "lat", "time", "distance", "course", "fuel", "speed", "current", "clearance"]) {
     read[name] = readSeries(route[name]);

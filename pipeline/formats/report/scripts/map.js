@@ -214,6 +214,7 @@ class VoyageMap {
     );
     this.soft = this.area([], "soft", {});
     this.turns = L.layerGroup();
+    this.shores = L.layerGroup().addTo(this.map);
     this.closest = L.layerGroup();
     this.spot = L.layerGroup().addTo(this.map);
   }
@@ -287,6 +288,7 @@ class VoyageMap {
     this.toggle(this.soft, choice.layers.soft && Boolean(route));
     this.toggle(this.turns, choice.layers.turns);
     this.turns.clearLayers();
+    this.shores.clearLayers();
     this.closest.clearLayers();
     if (route) this.showSafety(route);
     this.vessel.setOpacity(route ? 1 : 0);
@@ -317,8 +319,9 @@ class VoyageMap {
     this.routes[season][selected].setStyle(ROUTE_SELECTED).bringToFront();
   }
 
-  /** Hard-over turns along the route, and its closest point to land. */
+  /** Hard-over turns along the route, land of another shoreline on it, and its closest point to land. */
   showSafety(route) {
+    for (const place of route.shores) this.dot(place, { radius: 7, weight: 2, fill: false, shore: true }).addTo(this.shores);
     for (const place of route.turns) this.dot(place, { radius: 1.8, weight: 1, fillOpacity: 1, hit: false }).addTo(this.turns);
     for (const place of route.hits) this.dot(place, { radius: 5, weight: 2, fillOpacity: 1, hit: true }).addTo(this.turns);
     if (route.clearance === null) return;
@@ -361,6 +364,7 @@ class VoyageMap {
       const { hit } = dot.options;
       dot.setStyle({ fillColor: colour(hit ? "hit" : "halo"), color: colour(hit ? "halo" : "ink") });
     });
+    this.shores.eachLayer((dot) => dot.setStyle({ color: colour("shut") }));
     this.spot.eachLayer((layer) => {
       if (layer.options.spot) layer.setStyle({ color: colour("hit") });
     });

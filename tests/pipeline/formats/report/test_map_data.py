@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline.formats.report.encode import Lattice
 from pipeline.formats.report.map_data import map_data
 from pipeline.formats.shared.result import RunResult
-from pipeline.model import Evaluation
+from pipeline.model import Evaluation, ShoreCrossing
 from tests.pipeline.formats import small_run
 
 LIMITS = (0.2, 0.4)
@@ -119,6 +119,18 @@ def test_every_turn_that_met_land_is_shown(result: RunResult) -> None:
     route = seasons[0]["routes"][0]
     assert plane(result, route["hits"]) == pytest.approx(found.points[collided], abs=1e-3)
     assert len(plane(result, route["turns"])) <= 80
+
+
+def test_land_of_another_shoreline_is_marked_on_the_route_that_crosses_it(
+    result: RunResult,
+) -> None:
+    crossings = (ShoreCrossing("summer", 1, 119.6, 9.4, 2461.0),)
+    evaluation = replace(result.evaluation, shore_crossings=crossings)
+    encoded: Any = map_data(replace(result, evaluation=evaluation), LIMITS)
+    best, second = encoded["seasons"][0]["routes"][:2]
+    (place,) = plane(result, best["shores"])
+    assert place == pytest.approx(result.scene.projection.to_plane([119.6, 9.4]), abs=1.0)
+    assert second["shores"] == []
 
 
 def test_a_season_without_routes_or_current_is_empty(result: RunResult) -> None:

@@ -13,7 +13,8 @@ import shapely
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared import text as texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.model import Credit, ShutStrait
+from pipeline.model import Credit, ShoreCrossing, ShutStrait
+from pipeline.model.inputs import Note
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 
@@ -155,6 +156,51 @@ def test_stand_in_currents_are_announced_before_the_answer(page: Page) -> None:
     assert "Winter" not in notice.flat_text
     assert [item.flat_text for item in notice.all("li")] == [small_run.REASON]
     assert page.html.index('class="notice"') < page.html.index('class="cards"')
+
+
+def test_an_unknown_current_and_land_of_another_shoreline_stand_above_the_answer(
+    result: RunResult,
+) -> None:
+    known = without_stand_ins(result)
+    summer, winter = known.fetched.currents
+    summer = replace(summer, notes=(Note.of("still-water"),))
+    rows = tuple(
+        replace(row, filled_share=1.0) if row.season == "winter" else row
+        for row in known.evaluation.routes
+    )
+    crossings = (
+        ShoreCrossing("summer", 1, 119.4, 9.4, 2000.0),
+        ShoreCrossing("summer", 1, 119.6, 9.5, 461.0),
+        ShoreCrossing("winter", 2, 119.5, 9.4, 33_000.0),
+    )
+    changed = replace(
+        known,
+        fetched=replace(known.fetched, currents=(summer, winter)),
+        evaluation=replace(known.evaluation, routes=rows, shore_crossings=crossings),
+    )
+    page = Page(render(gather(changed)))
+    (notice,) = page.with_class("notice")
+    assert [title.flat_text for title in notice.all("h2")] == [
+        "The current is not known", "Land of another shoreline on the route",
+    ]  # fmt: skip
+    text = notice.flat_text
+    assert "Summer (July 2024): planned without a current." in text
+    lacking = (
+        f"Winter (December): {winter.credit.name} has no figure on the whole of the best route."
+    )
+    assert lacking in text
+    assert "Summer (July 2024): 2.46 km of the best route, at 2 places." in text
+    assert "Winter (December): none of the best route, but parts of 1 other route." in text
+    assert page.html.index('class="notice"') < page.html.index('class="cards"')
+    said = " ".join(card.flat_text for card in page.with_class("card"))
+    assert "is proven" not in said
+    assert said.count("Optimality gapnot proven") == 2
+    assert "no current to speak of" not in page.root.text
+    (part,) = [
+        e for e in page.all("section") if e.attributes.get("aria-labelledby") == "unknown-title"
+    ]
+    assert "second, independent shoreline" in part.flat_text
+    assert len(page.with_class("crossing")) == 2, "in both legends"
 
 
 def test_other_notes_are_no_warning(result: RunResult) -> None:

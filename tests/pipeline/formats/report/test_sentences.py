@@ -188,8 +188,8 @@ def test_ways_name_islands_on_the_same_side_together() -> None:
 
 
 def test_on_a_chart_with_depths_the_clearance_is_from_shoals_too() -> None:
-    *_, plain = Season([BEST]).verdict()
-    *_, with_depths = Season([replace(BEST, uncharted_share=0.0)]).verdict()
+    plain = " ".join(Season([BEST]).verdict())
+    with_depths = " ".join(Season([replace(BEST, uncharted_share=0.0)]).verdict())
     assert " from land; " in plain
     assert " from no-go areas; " in with_depths
 
@@ -211,3 +211,20 @@ def test_a_bound_below_half_the_fuel_is_called_of_no_use() -> None:
     assert "too loose" in gap_text(GapShares("summer", 0.5, 0.8, 2.4), "land")
     worth = ClockWorth("summer", best=470.0, frozen=480.0, mean=480.0, shortest=480.0, bound=100.0)
     assert clock_text(worth).endswith("There is no useful bound on what a better route could save.")
+
+
+def test_of_a_current_that_is_not_known_nothing_is_proven() -> None:
+    still = [replace(row, duration_s=row.length_m / 1.001) for row in (OTHER, BEST)]
+    routes = [replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)]
+    sides = SideBound(routes[0].season, 970.0)
+    known = Season(routes, 0.004, sides=sides)
+    assert known.certainty().startswith("The side is proven")
+    assert "needs less than" in " ".join(known.verdict())
+    said = replace(known, lacks_current=True)
+    assert said.because() == (
+        "because it is 40.00 km shorter than the best way west of island 1; the current on the way "
+        "is not known."
+    )
+    assert said.certainty() == "The side is not proven: the current on the way is not known."
+    for claim in ("is proven", "no current to speak of", "needs less than", "saves more"):
+        assert claim not in " ".join(said.verdict())

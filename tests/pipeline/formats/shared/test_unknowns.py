@@ -5,9 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns, unknowns
+from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.unknowns import (
+    has_all_depths,
+    lacks_current,
+    route_unknowns,
+    unknowns,
+)
 from pipeline.geo.known_cells import DepthCover
-from pipeline.model import ShutStrait
+from pipeline.model import ShoreCrossing, ShutStrait
+from pipeline.model.inputs import Note
 from tests.pipeline.formats import small_run
 
 NO_DEPTHS = "no depths in this chart: the draught was not used, and shoals are not avoided"
@@ -47,6 +54,45 @@ def test_shares_of_the_current_are_told_for_the_best_and_the_worst() -> None:
     best, second = result.season_routes("summer")[:2]
     assert "12.3 % of route 1:" in note_texts(route_unknowns(result, best.metrics))[1]
     assert "20.0 % of route 2:" in note_texts(route_unknowns(result, second.metrics))[1]
+    winter = result.season_routes("winter")[0].metrics
+    assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
+
+
+def without_current(result: RunResult, season: str) -> RunResult:
+    """Plan a season without a current, as in still water."""
+    grids = tuple(
+        replace(grid, notes=(Note.of("still-water"),)) if grid.season == season else grid
+        for grid in result.fetched.currents
+    )
+    return replace(result, fetched=replace(result.fetched, currents=grids))
+
+
+def test_a_current_that_is_not_known_at_all_is_told_first() -> None:
+    result = with_shares(small_run.parts(), {1: 1.0, 2: 0.2})
+    assert [lacks_current(result, season) for season in ("summer", "winter")] == [True, False]
+    first = note_texts(unknowns(result))[0]
+    assert first.startswith("summer: nothing is known of the current on the best route")
+    still = without_current(with_shares(small_run.parts(), {}), "winter")
+    assert [lacks_current(still, season) for season in ("summer", "winter")] == [False, True]
+    winter = still.season_routes("winter")[0].metrics
+    assert note_texts(route_unknowns(still, winter))[0].startswith("winter: nothing is known")
+    partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
+    assert not lacks_current(partly, "summer")
+
+
+def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
+    result = with_shares(small_run.parts(), {})
+    crossings = tuple(
+        ShoreCrossing("summer", rank, 119.0 + rank, 9.0, length_m)
+        for rank, length_m in ((1, 2461.0), (2, 33_000.0))
+    )
+    result = replace(result, evaluation=replace(result.evaluation, shore_crossings=crossings))
+    first = note_texts(unknowns(result))[0]
+    assert first.startswith("summer: a second, independent shoreline")
+    assert "2461 m at 120.0000 E 9.0000 N on route 1; 33000 m" in first
+    best, second = result.season_routes("summer")[:2]
+    assert "33000 m" not in note_texts(route_unknowns(result, best.metrics))[0]
+    assert "33000 m" in note_texts(route_unknowns(result, second.metrics))[0]
     winter = result.season_routes("winter")[0].metrics
     assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
 
