@@ -15,7 +15,7 @@ from pipeline.formats.shared.unknowns import lacks_current, unknowns
 from pipeline.formats.shared.writing import json_value
 from pipeline.machine.paths import short_path
 from pipeline.model import ClockWorth, RouteMetrics
-from pipeline.outcome import Outcome
+from pipeline.run import Outcome
 from pipeline.scenario.model import Scenario
 from pipeline.stages.write import season_stem
 

@@ -18,8 +18,7 @@ from pipeline.formats.figures.variants import Variant
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import distance, season_text
 from pipeline.machine.files import whole_file
-from pipeline.outcome import EventHandler
-from pipeline.run import planned_scenario
+from pipeline.run import EventHandler, planned_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.session import Origin
 from pipeline.stages.write import output_directory, safe_name

@@ -8,8 +8,7 @@ from typing import Any
 
 from pipeline.errors import RequestError
 from pipeline.machine.paths import resolved
-from pipeline.outcome import Event, EventHandler, Outcome, ignore
-from pipeline.run import run
+from pipeline.run import Event, EventHandler, Outcome, ignore, run
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import asked_currents, parse_scenario

@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError, StageError
-from pipeline.outcome import Event
-from pipeline.run import run
+from pipeline.run import Event, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Scenario

@@ -17,8 +17,7 @@ from pipeline.cli.main import app
 from pipeline.cli.plot import plot
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind
-from pipeline.outcome import Event
-from pipeline.run import run
+from pipeline.run import Event, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario

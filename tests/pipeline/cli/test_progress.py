@@ -13,8 +13,7 @@ from pipeline.cli import progress as progress_module
 from pipeline.cli.progress import progress
 from pipeline.formats.shared.note_words import note_text
 from pipeline.model import Note
-from pipeline.outcome import Event
-from pipeline.run import run
+from pipeline.run import Event, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import parse_scenario
 

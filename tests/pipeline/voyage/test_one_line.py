@@ -22,8 +22,7 @@ import pipeline
 from pipeline.cli.ending import outcome_json, season_table
 from pipeline.errors import NoWayError, RequestError
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.outcome import Outcome
-from pipeline.run import run
+from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.quality.field import Field
 from pipeline.voyage.vessel_options import VesselFigures

@@ -22,7 +22,7 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import GapShares
-from pipeline.outcome import Outcome
+from pipeline.run import Outcome
 from pipeline.stages.compare import safety_notes
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page

@@ -18,8 +18,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import StageError
-from pipeline.outcome import Event, Outcome
-from pipeline.run import run
+from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.stages.seasons import connection, fleet
 from tests.pipeline.processes import QUICK, SLOW, started, wait_until

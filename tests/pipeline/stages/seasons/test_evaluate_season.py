@@ -15,7 +15,7 @@ import renew
 from pipeline.geo.known_cells import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, Scene, SeasonPlan
-from pipeline.outcome import Outcome
+from pipeline.run import Outcome
 from pipeline.stages.seasons.one_season import (
     combine_seasons,
     evaluate_season,
