@@ -26,4 +26,4 @@ def test_turns_that_met_land_are_told_with_the_first_place() -> None:
     (note,) = note_texts(safety_notes(replace(result, evaluation=Evaluation(rows, flown))))
     lon, lat = result.scene.projection.to_lonlat(turns.points[5])
     assert note.startswith("winter: not safe everywhere: 2 of ")
-    assert f"met land, the first from {lon:.4f} E {lat:.4f} N; it was planned" in note
+    assert f"met land, the first one from {lon:.4f} E {lat:.4f} N; it was planned" in note
