@@ -15,9 +15,9 @@ __all__ = ["go"]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for
-    """Import `go` when it is first used: it takes seconds, and each module here is imported by all.
+    """Import `go` when it is first used, because its import takes seconds.
 
-    By its name, as every module below would depend on what is imported here.
+    The import is by name: with a plain import every module here would depend on all that `go` uses.
     """
     if name == "go":
         return import_module("pipeline.voyage.one_line").go

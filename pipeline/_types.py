@@ -1,4 +1,4 @@
-"""Array aliases of the pipeline; those of the planner are the same, and cost its import."""
+"""Array types, equal to the planner's; they are repeated because importing the planner is slow."""
 
 from typing import TypeAlias
 

@@ -1,29 +1,29 @@
-"""The kinds of error that end a run, and how long their texts may be."""
+"""The errors that end a run, and limits on the length of their messages."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
 
-# Largest number of faults that are listed, and of characters of each and of a word in it.
+# Largest number of faults in a message, of characters in a fault, and of characters in a word.
 _MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
-# Number of faults that are alike but for their place from which on they are said once, and number
-# of the other places that are then named.
+# Number of faults, equal except for their place, from which only the first is reported; and number
+# of other places that are named with it.
 _MIN_ALIKE, _MAX_PLACES = 4, 3
-# A place that faults of repeated tables and rows differ in: `seasons[3]`, `row 7`, `line 12`.
+# A place, by which faults of repeated tables or rows may differ: `seasons[3]`, `row 7`, `line 12`.
 _PLACE = re.compile(r"\w*\[\d+\]|\b(?:row|line) \d+\b")
 _LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
 _DIGITS = re.compile(r"\d+")
 
 
 def shortened(text: str) -> str:
-    """Shorten long words in a message and, if need be, its middle: its end is the remedy."""
+    """Shorten a message's long words and, if it is still too long, its middle; the end stays."""
     words = _LONG_WORD.sub(lambda word: _without_middle(word[0], _MAX_WORD), text)
     return _without_middle(words, _MAX_FAULT)
 
 
 def _without_middle(text: str, size: int) -> str:
-    """Leave out what is in the middle of a text that is too long."""
+    """Replace the middle of a text that is too long by "…"."""
     return text if len(text) <= size else f"{text[: size // 2]}…{text[1 - size // 2 :]}"
 
 
@@ -45,7 +45,7 @@ def condensed(faults: Iterable[str]) -> tuple[str, ...]:
 
 
 def _once(faults: Sequence[str]) -> str:
-    """Say the first of faults that are alike, and the places of the others."""
+    """Return the first of several similar faults, with the places of the others."""
     first = _PLACE.findall(faults[0])
     places = dict.fromkeys(
         ", ".join(
@@ -76,8 +76,8 @@ class RequestError(PipelineError):
     Parameters
     ----------
     faults
-        One text, or several: the value, the limit and the remedy in a line. Faults that differ
-        in their place only are said once.
+        One or several texts; each has the value, the limit and the remedy. Faults that are equal
+        except for their place are reported once.
     """
 
     exit_code = 2
@@ -92,7 +92,7 @@ class RequestError(PipelineError):
 
 
 class NoWayError(RequestError):
-    """No season has a way from start to goal in the region: there may be one in a wider region."""
+    """No season has a way from start to goal in the region; a wider region may have one."""
 
 
 class StageError(PipelineError):

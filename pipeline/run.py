@@ -71,7 +71,7 @@ class Outcome:
 
     @property
     def plans(self) -> tuple[SeasonPlan, ...]:
-        """The plans of all seasons, also of failed ones."""
+        """The plans of all seasons, including failed ones."""
         return self.result.plans
 
     @property

@@ -1,4 +1,4 @@
-"""The use of an output folder by a run: its locks, leftovers, the scenario's origin, and pruning.
+"""Open an output folder for a run: lock it, remove leftovers, record the origin, and prune it.
 
 All runs in an output folder share its store. A run holds a shared lock on the store and an
 exclusive lock on its scenario. A process that removes files that others may use holds an exclusive
@@ -30,7 +30,7 @@ from pipeline.stages.write import output_directory
 # Folder of the store, inside the output folder.
 _ARTEFACTS = ".artefacts"
 _STORE_LOCK = "store.lock"
-# Time to wait while another process prunes the store, s; that is quick, as it only removes files.
+# Time to wait while another process prunes the store, s: it only removes files, which is quick.
 _PRUNING_S = 60.0
 
 
@@ -117,7 +117,7 @@ def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -
 
 
 def _now_in(file: Path) -> float:
-    """Return the time of the clock of a file's file system, s since 1970.
+    """Return the present time by the clock of a file's file system, s since 1970.
 
     It may differ from `time.time()`: by some milliseconds, or because a server has its own clock.
     """

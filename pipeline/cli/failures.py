@@ -56,10 +56,10 @@ def exit_code(error: KeyboardInterrupt) -> int:
 
 @contextlib.contextmanager
 def saying_last(words: Callable[[int], None]) -> Iterator[None]:
-    """Call a function with the exit code if a signal arrives inside the `with` block.
+    """Call `words` with the exit code if a signal arrives inside the `with` block.
 
-    It is called in a separate thread, before anything is cleaned up. The process ends after it has
-    returned, or after `_LAST_WORDS_S`.
+    The call runs in a separate thread, before anything is cleaned up. The process ends when the
+    call has returned, or after `_LAST_WORDS_S`.
     """
     _last_words.append(words)
     try:

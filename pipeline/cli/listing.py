@@ -64,7 +64,7 @@ def spelled_as_json(entries: Sequence[Entry]) -> str:
 
 
 def _needs(scenario: dict[str, Any]) -> str:
-    """Return what a scenario needs, as text, or that it runs offline."""
+    """Return a scenario's needs as text, or the text that it runs offline."""
     files = "--charts with S-57 cells" if scenario.get("chart", {}).get("source") == "s57" else ""
     seasons = [Season.model_validate(table) for table in scenario["seasons"]]
     offline = [season.name for season in seasons if _runs_offline(season)]

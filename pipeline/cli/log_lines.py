@@ -34,7 +34,7 @@ def json_lines(stream: TextIO) -> Any:  # noqa: ANN401 - a structlog logger, typ
 def _hide_secrets(
     logger: object, method: str, fields: MutableMapping[str, Any]
 ) -> MutableMapping[str, Any]:
-    """Hide credentials in every text of an event; a message may quote an address or a reply."""
+    """Hide credentials in all texts of an event; a message may quote an address or a reply."""
     del logger, method
     return {name: _hidden(value) for name, value in fields.items()}
 

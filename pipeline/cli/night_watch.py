@@ -29,7 +29,7 @@ _PROGRESS_S = 10.0
 Ping = Literal["start", "success", "failure"]
 _ENDINGS: dict[Ping, str] = {"start": "/start", "success": "", "failure": "/fail"}
 # Exit codes that are not reported: another job is running, and the currents are not available yet.
-# If no later run succeeds, the service gets no report and sends an alert.
+# If no later run succeeds, the service gets no report and then sends an alert.
 _UNTOLD = frozenset({4, 5})
 # Time limits for each step of a connection, and for the whole, s: a name lookup has no own limit.
 _TIMEOUT_S, _DEADLINE_S = 5.0, 10.0
@@ -78,7 +78,7 @@ def watched(
     url: str | None,
     on_event: NightEventHandler,
 ) -> NightOutcome:
-    """Run a night and report it; a report that fails gives only a note.
+    """Run a night and report it; if the report fails, there is only a note.
 
     Raises
     ------
@@ -173,9 +173,9 @@ def ping(url: str, what: Ping) -> str:
     """Send a report to the service; return "" or one line on why that failed, without raising.
 
     URL/start, URL or URL/fail is requested, as healthchecks.io and similar services expect. The
-    service sends an alert if no report arrives, which a job that did not run can't do. The address
-    is a credential: messages show only its host. :func:`check_url` must accept it. The call takes
-    at most `_DEADLINE_S`.
+    service sends an alert if no report arrives, which covers a job that did not run. The address
+    is a credential, so messages show only its host. :func:`check_url` must accept the address. The
+    call takes at most `_DEADLINE_S`.
     """
     parts = urlsplit(url)
     address = urlunsplit(parts._replace(path=parts.path.rstrip("/") + _ENDINGS[what], fragment=""))
@@ -189,7 +189,7 @@ def ping(url: str, what: Ping) -> str:
 
 
 def _asked(address: str) -> str:
-    """Request an address; return "" or why that failed, without the address."""
+    """Request an address; return "" or the reason of a failure, without the address."""
     try:
         with urllib.request.urlopen(address, timeout=_TIMEOUT_S):  # noqa: S310 - http or https alone
             return ""
@@ -206,12 +206,13 @@ def _asked(address: str) -> str:
 
 
 def write_metrics(path: Path, outcome: NightOutcome) -> str:
-    """Replace the file atomically with the metrics of a night; return "" or why that failed.
+    """Replace the file atomically with a night's metrics; return "" or the reason of a failure.
 
-    Prometheus' node exporter reads it (https://prometheus.io/docs/instrumenting/exposition_formats/,
-    text, version 0.0.4). It has timestamps instead of ages, which stay correct if the file is not
-    updated; after a failed night those of the last success stay unchanged. The caller does not call
-    this for a job that ended because another one was running (exit code 4).
+    Prometheus' node exporter reads the file
+    (https://prometheus.io/docs/instrumenting/exposition_formats/, text, version 0.0.4). It has
+    timestamps instead of ages, because timestamps stay correct if the file is not updated. After a
+    failed night the timestamps of the last success stay. The caller does not call this for a job
+    that ended because another one was running (exit code 4).
     """
     from prometheus_client import generate_latest
 
@@ -249,7 +250,7 @@ def _registry(outcome: NightOutcome, earlier: Mapping[str, float]) -> "Collector
 
 
 def _last_success(path: Path) -> dict[str, float]:
-    """Return the timestamps of the last success in an earlier file; {} if it can't be read."""
+    """Return the timestamps of the last success in an earlier file, or {} without such a file."""
     from prometheus_client.parser import text_string_to_metric_families
 
     try:

@@ -151,10 +151,10 @@ def _save(drawing: "Figure", path: Path, title: str) -> Path:
 def compared_variants(
     scenario: Scenario, kinds: Sequence[Kind], planned: Planned
 ) -> dict[Kind, list[Variant]]:
-    """Plan the runs that some kinds of figures compare; the store keeps each of them.
+    """Plan the variants that some kinds of figures compare; the store keeps their results.
 
-    Few and many classes are compared with depth-first search, as in the paper. The fixed padding is
-    the widest adaptive padding on any season's best route, and is therefore as safe everywhere.
+    Small and large numbers of classes are compared with depth-first search, as in the paper. The
+    fixed padding is the widest adaptive padding on any season's best route, so it is as safe.
     """
     variants: dict[Kind, list[Variant]] = {}
     if Kind.CLASSES in kinds:

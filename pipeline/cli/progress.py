@@ -34,7 +34,7 @@ def progress(
 ) -> Iterator[EventHandler]:
     """Report notes on the scenario to standard error, then yield the handler of events.
 
-    With `as_json` each event is a line of JSON. If quiet, nothing is reported here; errors are
+    With `as_json` each event is a line of JSON. With `quiet` nothing is reported here; errors are
     reported at the end of the run.
     """
     if quiet:

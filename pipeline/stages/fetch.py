@@ -139,7 +139,7 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
 
 @dataclass(frozen=True, slots=True)
 class SeasonCurrent:
-    """A season's current with its key in the store, or None; and the sources that were not used.
+    """A season's current with its key in the store, or None; and the unused sources.
 
     `was_asked`: a source was tried and failed, so the request is not at fault.
     """

@@ -1,1 +1,1 @@
-"""A voyage in one line: turns what a person types into a scenario, and runs it."""
+"""Turn a voyage in one line, as a person types it, into a scenario, and run it."""

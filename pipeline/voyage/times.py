@@ -1,4 +1,4 @@
-"""When a voyage takes place: its months, or its departure, latest arrival and range of speeds."""
+"""Read the times of a voyage: its months, or departure, latest arrival and range of speeds."""
 
 import math
 import re
@@ -15,8 +15,8 @@ from pipeline.voyage.vessel_options import speed_range_m_s
 _MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
 # Largest number of departures in the first sample of a window, and minimum time between two.
 _MAX_DEPARTURES, _MIN_STEP = 25, timedelta(minutes=30)
-# The planner adds departures until the best is known to within this share of the window, or to
-# within an hour if that is less.
+# The planner adds departures until the best is known to this share of the window, or to an hour if
+# that is shorter.
 _PROVEN_SHARE, _MAX_PROVEN = 1 / 48, timedelta(hours=1)
 _MINUTE = timedelta(minutes=1)
 

@@ -51,10 +51,7 @@ class Cycles:
 
     @property
     def latest(self) -> str:
-        """Name of the cycle that `latest` points at or, if the link is broken, of the newest.
-
-        It is "" if there is no finished cycle.
-        """
+        """Name of the cycle behind the link `latest`, else of the newest finished cycle, or ""."""
         try:
             name = (self.output / LATEST).readlink().name
         except OSError:
@@ -184,7 +181,7 @@ def writing(folder: Path) -> Iterator[None]:
 
 
 def _age(path: Path) -> tuple[float, int, str]:
-    """Return a cycle's sort key: the time in its name or, if it has none, of its record."""
+    """Return a cycle's sort key: the time in its name or, without one, the time in its record."""
     time = cycle_time(path.name)
     if time is not None:
         return time.timestamp(), revision(path.name), path.name

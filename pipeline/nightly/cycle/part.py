@@ -1,8 +1,8 @@
-"""Part files, each with the rows of neighbouring cases and of their routes, and their folder.
+"""Part files: each holds the rows of neighbouring cases and of the cases' routes.
 
 A part has the cases from `first` to `end` - 1: one row of rank 0 for each case, and one row for
-each of its routes, of which the best has rank 1. Geometries are WKB in lon/lat. A file consists of
-a hash and a Parquet table. A damaged part is treated as missing, so its cases are planned again.
+each route of the case; the best route has rank 1. Geometries are WKB in lon/lat. A file consists
+of a hash and a Parquet table. A damaged part counts as missing, so its cases are planned again.
 """
 
 import contextlib

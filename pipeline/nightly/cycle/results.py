@@ -121,8 +121,8 @@ def reason_to_revise(folder: Path, request: str, currents: str) -> str:
 def faults_of(folder: Path, files: Iterable[str] | None = None) -> dict[str, str]:
     """Return the faults of a cycle's files by name: missing, unreadable or damaged.
 
-    By default the record and all files in it are checked. If the record can't be read, the given
-    files, which are tables, are read to the end instead.
+    By default the record and all files that it names are checked. If the record can't be read, the
+    given files, which are tables, are read to the end instead.
     """
     try:
         hashes = record_of(folder)["sha256"]

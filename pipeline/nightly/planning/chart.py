@@ -144,13 +144,13 @@ class CurrentTask:
 
 @lru_cache(maxsize=2)
 def loaded_chart(path: Path) -> NightChart:
-    """Load a stored chart, as `_loaded` does; a worker keeps the last two."""
+    """Load a stored chart; a worker keeps the last two in memory."""
     return _loaded(path, NightChart)
 
 
 @lru_cache(maxsize=4)
 def loaded_current(path: Path) -> NightCurrent:
-    """Load a stored current, as `_loaded` does; a worker keeps the last four."""
+    """Load a stored current; a worker keeps the last four in memory."""
     return _loaded(path, NightCurrent)
 
 

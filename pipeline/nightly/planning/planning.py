@@ -33,7 +33,7 @@ _DIED = (
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """One job's share of a night: every `of`-th slice of `slice` cases, from `number` on."""
+    """One job's share of a night: every `of`-th slice from `number` on, with `slice` cases each."""
 
     number: int
     of: int
@@ -215,7 +215,7 @@ class Planning:
         return tuple(one for one in named if one not in self.newest.ahead)
 
     def _dated_ahead(self) -> dict[Path, str]:
-        """Return, by path, the reasons for currents whose sources are all dated in the future."""
+        """Return, by path, why a current can't be used: all its sources are dated in the future."""
         return {
             self.current_path(case): "; ".join(
                 self.newest.ahead[one] for one in named_currents(case.season, case.member)

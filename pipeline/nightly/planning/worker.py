@@ -274,7 +274,7 @@ def _placed(chart: NightChart, place: Point) -> np.ndarray[tuple[int, ...], np.d
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Rules for the outcome "look": the smallest saving, percent; why currents are stale, or ""."""
+    """Rules for "look": the smallest saving, percent; why currents are stale, or ""."""
 
     look_percent: float
     stale: str = ""
@@ -302,7 +302,8 @@ def compared(
         return {}
     keep = renew.fuel(path, scene.currents[planned.season], scene.vessel, drift=options.drift)
     line = shapely.LineString(path)
-    # A tolerance, because a route without padding may touch land, and rounding may move it onto it.
+    # The tolerance is needed because a route without padding may touch land, and rounding may move
+    # it onto the land.
     if shapely.intersection(scene.chart.hard_no_go, line).length > allowed:
         keep = math.inf
     row = earlier.columns()

@@ -64,7 +64,7 @@ class DepartureSpec(StrictModel):
 
 @dataclass(frozen=True, slots=True)
 class Departure:
-    """A departure: the time of day of the first one, and the time between that and this one."""
+    """A departure: the time of day of the first departure, and the delay after that."""
 
     time_of_day: timedelta
     later: timedelta

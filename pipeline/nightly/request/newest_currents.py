@@ -45,9 +45,9 @@ class Newest:
     cycle : the cycle's name.
     time : the currents' reference time; their last step if the source gives none; None if they
         have no time.
-    departures_from : the time at or after which the first departure lies.
+    departures_from : earliest time of the first departure.
     digest : hash of all currents' data, or of the numbers that define a plane's current.
-    is_timeless : whether all currents are numbers in a plane, which no forecast renews.
+    is_timeless : whether all currents are numbers in a plane, for which no new forecast appears.
     ahead : for each source that is dated in the future, the reason why it is not used.
     """
 

@@ -1,1 +1,1 @@
-"""What is chosen where a scenario leaves it out: the region, the offing, and when to leave."""
+"""Choose what a scenario leaves out: the region, the offing, and the departure."""

@@ -83,8 +83,8 @@ def covered_by_currents(
 ) -> Coverage:
     """Return the area that the first usable source of every season covers.
 
-    A usable source is available and covers start and goal. A season without one is ignored here
-    and fails later. Downloads are cached in `folder`.
+    A usable source is available and covers start and goal. A season without a usable source is
+    ignored here, and fails later. Downloads are cached in `folder`.
 
     Raises
     ------

@@ -147,7 +147,7 @@ def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureCho
 
 
 def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
-    """Report progress after every few plans: of the departures asked for, then of those added."""
+    """Report progress after every few plans, first of the given departures, then of added ones."""
     if count % _TOLD_EVERY:
         return
     if count < asked:

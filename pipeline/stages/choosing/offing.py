@@ -25,16 +25,16 @@ from pipeline.scenario.model import PlannerOptions, Scenario
 _REACTION_S = 120.0
 # Largest offing as a share of the distance between start and goal.
 _DISTANCE_SHARE = 1 / 200
-# Largest share of the half-width of a passage that its shores keep if the offing has no room.
+# In narrows, the share of the passage's half-width that its shores keep instead of the offing.
 _NARROW_SHARE = 0.5
 # Spacing of the places of a route whose distance from land is measured, in offings.
 _SPACING = 0.1
-# Share of the offing below which a route counts as closer: a path may be a little off by rounding.
+# Share of the offing below which a route counts as closer; the rest is left for rounding.
 _CLOSER = 0.99
 
 
 def with_offing(scenario: Scenario, scene: Scene, accuracy_m: float) -> PlannerOptions:
-    """Return a scenario's options with the offing as clearance if it gives none on a chart."""
+    """Return a scenario's options; without a clearance on a chart, the clearance is the offing."""
     options = scenario.planner
     if options.clearance is not None or scenario.is_planar:
         return options
@@ -71,7 +71,7 @@ def narrows_notes(
 
 
 def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
-    """Say how far a path (n, 2) is closer to land than the offing, and where; None if nowhere."""
+    """Return a note on how far and where a path (n, 2) is closer to land than the offing."""
     land = np.array(scene.chart.no_go, dtype=object)
     if not len(land):
         return None

@@ -1,4 +1,4 @@
-"""Choose a region for a scenario that has none, and widen it while a route comes near its edge."""
+"""Choose a missing region, and widen it while a route comes near its edge."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -174,7 +174,7 @@ def opened(bounds: Bounds, distance_m: float, limits: Bounds) -> Bounds:
 
 
 def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) -> Bounds:
-    """Move the given sides outward, at most to the limits, unless they would hardly change."""
+    """Move the given sides outward, at most to the limits; return small changes unchanged."""
     up = metres / METRES_PER_DEGREE
     widest = max(abs(bounds[1]), abs(bounds[3]))
     aside = up / float(np.cos(np.radians(min(widest, 89.0))))
@@ -203,9 +203,9 @@ def search_region(
     Raises
     ------
     PipelineError
-        The run in the first region failed; or the first region has no way from start to goal, and
-        the run in the widest region failed. After a region with a way, the search stops at the
-        first wider region that fails, and returns the last result.
+        The run in the first region failed; or no region had a way from start to goal, and the run
+        in the widest one failed. After a region with a way, the search stops at the first wider
+        region that fails, and returns the last result.
     """
     region, made = _first_with_a_way(
         chosen_region(asked, store, offline=offline), asked, run_in_region

@@ -27,16 +27,16 @@ _MIN_MARGIN_M = 2_000.0
 # further search reaches further.
 _REACH_SHARE, _MIN_REACH_M = 1.0, 10_000.0
 _SEARCHES, _FURTHER = 4, 2.5
-# Length up to which a way round an island is considered, in lengths of the shortest way.
+# Longest way round an island that is considered, in lengths of the shortest way.
 _LONGEST_WAY = 2.5
-# Length up to which the far side of an island that the region would cut is considered, in lengths
-# of the shortest way.
+# Longest way on the far side of an island that the region would cut, in lengths of the shortest
+# way; longer ones are left out.
 _FAR_WAY = 1.5
-# Factor by which a way in steps to eight neighbours may be longer than it need be: 1 / cos(π/8).
+# Largest ratio of a way in steps to eight neighbours to the shortest way.
 _DETOUR = 1 / math.cos(math.pi / 8)
 # Number of the largest islands on the direct line for which ways on both sides are searched, at
-# 0.1 s each. Smaller islands lie almost completely inside the region anyway. As
-# many islands that the region would cut are looked at.
+# 0.1 s each; smaller islands lie almost completely inside the region anyway. Also the number of
+# islands that are considered of those that the region would cut.
 _MAX_ISLANDS = 5
 # Number of points on the direct line.
 _DIRECT_POINTS = 1000
@@ -182,7 +182,7 @@ def _barriers(grid: WaterGrid, middle: IndexArray, line: IndexArray) -> Iterator
 def _barrier_before(grid: WaterGrid, island: int, way: Way) -> IndexArray:
     """Return the cells of a ray from an island across a way, to the grid's edge.
 
-    A way that does not cross it passes the island on the other side.
+    A way that does not cross this ray passes the island on the other side.
     """
     from scipy.spatial import KDTree
 

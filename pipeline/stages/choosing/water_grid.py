@@ -20,7 +20,7 @@ ScalarT = TypeVar("ScalarT", bound=np.generic)
 _CELLS = 300
 # Distance in cells from an endpoint within which water is searched: harbours are finer than cells.
 _NEAR_CELLS = 5
-# Size below which it does not matter that the region cuts an island, cells.
+# Number of cells below which an island may be cut by the region.
 _MIN_CELLS = 10
 
 
@@ -90,7 +90,7 @@ class WaterGrid:
         return np.asarray(label(~self.is_water, structure=np.ones((3, 3)))[0], dtype=np.int32)
 
     def leaves(self, island: int) -> bool:
-        """Whether an island reaches the grid's edge, so that it may be part of a continent."""
+        """Whether an island reaches the grid's edge and so may be part of a continent."""
         is_land = self.islands == island
         edges = (is_land[0], is_land[-1], is_land[:, 0], is_land[:, -1])
         return any(bool(edge.any()) for edge in edges)
@@ -100,7 +100,7 @@ class WaterGrid:
         return self.bounds_of(np.argwhere(self.islands == island))
 
     def place_on(self, island: int) -> LonLat:
-        """Return the cell of an island that is nearest to its middle (lon, lat), degrees."""
+        """Return the position (lon, lat), degrees, of an island's cell nearest to its middle."""
         cells = np.argwhere(self.islands == island)
         row, column = cells[np.abs(cells - cells.mean(axis=0)).sum(axis=1).argmin()]
         return float(self.lon[column]), float(self.lat[row])

@@ -1,1 +1,1 @@
-"""Comparison of all seasons' routes: names of ways, ways not taken, and doubtful routes."""
+"""Compare all seasons' routes: names of ways, bounds for other ways, and doubtful routes."""

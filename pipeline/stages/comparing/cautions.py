@@ -19,9 +19,9 @@ from pipeline.model import CurrentGrid, Note, Place, Scene, SeasonPlan, ShoreCro
 _STEP_S = 300.0
 # Minimum length of a crossing, true metres: a shorter one only grazes the shore.
 _LEAST_M = 1.0
-# Minimum number of cells across a strait for which the grid can resolve its tide.
+# Minimum number of cells across a strait for the grid to resolve its tide.
 _MIN_CELLS = 2.0
-# A point this near to a coast lies on it, planar metres.
+# A point within this distance of a coast counts as on it, planar metres.
 _ON_COAST = 1e-6
 
 

@@ -1,10 +1,10 @@
 """Find the islands of the catalogue (`catalog/islands.csv`) in a scene's land.
 
-A polygon of land is an island of the catalogue if it lies in the island's bounds, is about as
-large, and either has the island's own point inside, or reaches as far as the island on every side.
-Of an island that the region cuts, only the sides inside the region are compared: they must be two,
-or the point must be inside. So a continent never has an island's name, and two pieces of an island
-have it at most once.
+A polygon of land is an island of the catalogue on three conditions. It lies in the island's bounds
+and is about as large. It contains the island's own point, or reaches as far as the island on every
+side. If the region cuts the island, only the sides inside the region are compared, and there must
+be two of them unless the polygon contains the point. So a continent never has an island's name, and
+only one of two pieces of an island can have it.
 """
 
 import csv
@@ -21,17 +21,17 @@ from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.model import PlaceName, Scene
 from pipeline.scenario import catalogue
 
-# How far a side may lie from the catalogue's: degrees, and a share of the island's extent. The
-# catalogue is drawn at 1:10m, where outlines are kilometres off.
+# Largest distance between a side and the catalogue's: degrees, and a share of the island's extent.
+# The catalogue is drawn at 1:10m, where outlines are off by kilometres.
 _OFF_DEG, _OFF_SHARE = 0.05, 0.1
-# Least and largest area of a polygon, in areas of the island: outlines of the catalogue can be wide
-# of the coast.
+# Least and largest area of a polygon, in areas of the island: the catalogue's outlines can lie far
+# from the coast.
 _LEAST, _MOST = 0.4, 1.6
 # Least area of a piece of an island that the region cuts.
 _LEAST_PIECE = 0.02
 # Number of compared sides that is enough without the island's point.
 _SIDES = 2
-# Step of points on an island's bounds, whose sides are curved in the plane, true metres.
+# Step of points on an island's bounds, because the sides are curved in the plane, true metres.
 _FRAME_STEP_M = 50_000.0
 # Signs of west, south, east and north: outwards is positive.
 _OUTWARDS = np.array([-1.0, -1.0, 1.0, 1.0])
@@ -39,7 +39,7 @@ _OUTWARDS = np.array([-1.0, -1.0, 1.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class Island:
-    """An island of the catalogue: a point on it, its west, south, east and north side, its area."""
+    """An island of the catalogue: a point on it, its west, south, east and north sides, area."""
 
     name: str
     lon: float
@@ -48,7 +48,7 @@ class Island:
     area_km2: float
 
     def moved(self, turns: int) -> "Island":
-        """The island at longitudes that differ by whole turns."""
+        """Return the island with its longitudes shifted by whole turns."""
         west, south, east, north = self.bounds
         by = 360.0 * turns
         return Island(
@@ -73,7 +73,7 @@ def islands() -> tuple[Island, ...]:
 
 
 def island_places(scene: Scene) -> tuple[PlaceName, ...]:
-    """Return a place for each polygon of a scene's land that is an island of the catalogue."""
+    """Return a place for each polygon of land that is an island of the catalogue."""
     return () if scene.is_planar or not scene.land else tuple(_Finder(scene).places())
 
 
@@ -106,7 +106,7 @@ class _Finder:
                 yield at_home
 
     def _polygon(self, island: Island) -> int | None:
-        """Return the index of the polygon that is an island; None if none is, or several may be."""
+        """Return the index of an island's polygon; None if there is none, or several may be it."""
         plane = self.scene.projection
         point = shapely.Point(plane.to_plane(np.array([island.lon, island.lat])))
         near = self._alike(self._tree.query(point, "intersects"), island, sides=0)
@@ -116,9 +116,10 @@ class _Finder:
         return int(near[0]) if len(near) == 1 else None
 
     def _alike(self, near: IndexArray, island: Island, sides: int) -> IndexArray:
-        """Return those of some polygons that can be an island, by their areas and bounds.
+        """Return the polygons that can be an island by their areas and bounds.
 
-        All of its sides inside the region must agree, and be so many; none need where that is 0.
+        If `sides` is not 0, at least `sides` sides of the island must be inside the region, and
+        all of these must agree with the polygon's.
         """
         expected = np.array(island.bounds)
         is_seen = _OUTWARDS * (np.array(self._region) - expected) >= 0
@@ -134,7 +135,7 @@ class _Finder:
         return np.asarray(near[fits])
 
     def _fits_better(self, at: int, island: Island, than: Island | None) -> bool:
-        """Whether a polygon's area is nearer to an island's than to another's."""
+        """Whether a polygon's area is closer to an island's than to another's."""
         if than is None:
             return True
         area = float(self._area_km2[at])
@@ -144,7 +145,7 @@ class _Finder:
         """Return the west, south, east and north sides (n, 4) of polygons, degrees."""
         if not len(near):
             return np.empty((0, 4))
-        # The hulls have the outermost points, and few others.
+        # Hulls keep the outermost points and have few others, so this is quicker.
         hulls = shapely.convex_hull(self._land[near])
         points, owner = shapely.get_coordinates(hulls, return_index=True)
         lonlat = self.scene.projection.to_lonlat(points)

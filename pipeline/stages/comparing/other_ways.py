@@ -44,11 +44,11 @@ _PART_SHARE = 0.01
 # Largest length of the straight lines through a strait, in lengths of the best route: a much longer
 # way would not need less fuel.
 _LONGER = 1.05
-# Largest distance of a bank from the original land, in sums of margin and tolerance.
+# Largest distance between a strait's bank and the original land, in sums of margin and tolerance.
 _AT_LAND = 1.1
-# Largest width of a strait that is shut by what it needs, in widths needed: margin, tolerance and
-# plane are exact to that. A wider one without water is part of enclosed water, which is land to the
-# planner: the straits that shut it are found by themselves.
+# Largest width at which a shut strait counts as shut by its own banks, in needed widths; margin,
+# tolerance and plane are exact to that. A wider strait without water is part of enclosed water,
+# which is land to the planner; the straits that enclose this water are found by themselves.
 _COVERED = 1.05
 # Open width below which a gap is an artefact of rounding and not a way, true metres.
 _NO_WATER_M = 1.0
@@ -233,8 +233,8 @@ class _StraitFinder:
     def rejected(self, plans: Iterable[SeasonPlan]) -> list[ShutStrait]:
         """Return the straits at which classes were rejected, each once with all its seasons.
 
-        Only straits wider than `needed_m` are returned, as `shut` finds the narrower ones; and none
-        that is wider than its own banks need, where the padding of other land shuts the class.
+        Only straits wider than `needed_m` are returned, because `shut` finds the narrower ones. A
+        strait wider than its own banks need is left out, because padding of other land shuts it.
         """
         found: list[ShutStrait] = []
         for plan in plans:
@@ -252,7 +252,7 @@ class _StraitFinder:
         return found
 
     def _is_same(self, one: ShutStrait, other: ShutStrait) -> bool:
-        """Whether two straits are nearer to each other than the larger width that they need."""
+        """Whether two straits are closer to each other than the larger of the widths they need."""
         apart_m = self.scene.projection.geodesic_length_m(
             self.scene.projection.to_plane([(one.lon, one.lat), (other.lon, other.lat)])
         )

@@ -2,10 +2,10 @@
 
 An island has the chart's name, else the catalogue's
 (:mod:`pipeline.stages.comparing.island_names`), else its number in the planner's homotopy classes
-(:mod:`renew.classes.h_signature`: the largest is 1). No two islands have one name: of several, the
-largest has it. A way's name has only as many islands as are needed to distinguish its route from
-the others of its season. All seasons share the numbers and the main island, which is the first in
-every name: the largest that distinguishes any two routes.
+(:mod:`renew.classes.h_signature`: the largest island is 1). If several islands share a name, only
+the largest has it. A way's name has only as many islands as distinguish its route from the other
+routes of its season. Numbers are equal in all seasons. Every name begins with the main island: the
+largest that distinguishes any two routes.
 """
 
 import re
@@ -26,8 +26,8 @@ from pipeline.stages.comparing.island_names import island_places
 from renew.classes.h_signature import Rays, rays_that_matter
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
-# Number of sampled points of a route. A point is abeam of an island if its distance from the
-# island's centre is at most this multiple of the smallest.
+# Number of sampled points of a route. Points are abeam of an island if their distance from its
+# centre is at most this multiple of the smallest distance.
 _SAMPLES, _NEAR = 1000, 2.0
 
 
@@ -81,8 +81,8 @@ class _WayNamer:
         self._scene, self._routes, self._places = scene, routes, places
         self._catalogued = island_places(scene)
         self._rays = Rays.of(scene.chart)
-        # Winding number: the number of times that a route passes north of an island eastward, less
-        # westward. Two routes pass an island on different sides if and only if it differs.
+        # Winding number: how often a route passes north of an island eastward, less westward. Two
+        # routes pass an island on different sides if and only if their winding numbers differ.
         self._windings = {
             key: self._winding_numbers_of(route.path) for key, route in routes.items()
         }
@@ -113,7 +113,7 @@ class _WayNamer:
         )
 
     def class_islands(self, rejected: set[int]) -> tuple[NumberedIsland, ...]:
-        """Return the islands of class names and of `rejected` whose number no way's name has.
+        """Return the numbered islands of class names and of `rejected` that no way's name has.
 
         Class names also number water with an overpowering current, which is left out here.
         """
@@ -132,7 +132,7 @@ class _WayNamer:
 
     @cached_property
     def _distinguishing_any(self) -> list[int]:
-        """The islands that two routes of a season pass differently, the largest first."""
+        """Islands that two routes of some season pass on different sides, the largest first."""
         known = set(self._rays.island.tolist())
         spelled = known.intersection(*[set().union(*(it.spelled for it in self._routes.values()))])
         seasons = {season for season, _ in self._routes}
@@ -144,7 +144,7 @@ class _WayNamer:
 
     @cached_property
     def _main(self) -> int | None:
-        """The first island of all names; if routes don't differ, the largest on the way."""
+        """The main island; if the routes of no season differ, the largest on the way."""
         if self._distinguishing_any or not self._routes:
             return next(iter(self._distinguishing_any), None)
         best = next(iter(self._routes.values()))
@@ -252,7 +252,7 @@ class _WayNamer:
 
     @cached_property
     def _names(self) -> dict[int, str]:
-        """Names of the islands that a way's name may have; no two are the same."""
+        """Names of the islands for the names of ways; all are different."""
         main = [] if self._main is None else [self._main]
         names: dict[int, str] = {}
         for find in (self._chart_name, self._catalogue_name):
@@ -325,7 +325,7 @@ class _WayNamer:
 
 
 def _crosses(path: FloatArray, gap: LineString) -> bool:
-    """Whether a path (n, 2) passes through a gap: it crosses its line an odd number of times."""
+    """Whether a path (n, 2) crosses the line of a gap an odd number of times."""
     places = shapely.intersection(shapely.LineString(path), gap)
     return not places.is_empty and shapely.get_num_geometries(places) % 2 == 1
 

@@ -1,1 +1,1 @@
-"""What a scene is made of beside land and currents: endpoints, planes, areas, speeds."""
+"""Parts of a scene beside land and currents: endpoints, planes, areas, speeds."""

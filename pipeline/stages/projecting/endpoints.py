@@ -12,8 +12,8 @@ from pipeline.model import Scene
 from pipeline.scenario.model import Scenario
 from renew.errors import Strait
 
-# Distances beyond the nearest shore (true metres): the first that is still in water after rounding
-# is suggested.
+# Distances beyond the nearest shore, true metres: the first whose position is still in water after
+# rounding is suggested.
 _BEYOND_SHORE_M = (50.0, 200.0, 1000.0, 5000.0)
 # Decimals of a degree to which a suggested position is rounded: 11 m.
 _DECIMALS = 4

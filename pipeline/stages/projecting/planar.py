@@ -1,4 +1,4 @@
-"""Plane scenarios, whose extent, obstacles and current are given in metres and placed at 0 N 0 E.
+"""Plane scenarios: extent, obstacles and current are given in metres, and placed at 0 N 0 E.
 
 Their data become instances of the same classes as in a chart scenario, so that every output format
 works.

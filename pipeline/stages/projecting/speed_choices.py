@@ -15,8 +15,8 @@ from pipeline.model import Scene, SpeedChoice
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 
-# If the best route arrives earlier than it must by more than the first share of its duration, it is
-# planned once more. The second share is a reserve then, because routes shift a little.
+# If the best route is early by more than the first share of its duration, it is planned again with
+# the second share as a reserve, because routes shift a little.
 _EARLY, _RESERVE = 1e-3, 2e-5
 # Number of points at which the point scale is computed: along the chart's edge, and along each side
 # of a lattice.

@@ -1,7 +1,7 @@
 """Hand out tasks to the workers of a Dask scheduler and monitor them; every wait has a time limit.
 
-A worker gets one task per thread at a time, so that no task waits in a worker that another task
-kills. If a worker dies, its task is reported to the `Work`, which decides whether to repeat it.
+A worker gets one task per thread at a time, so a task that kills its worker takes no waiting task
+with it. If a worker dies, its task is reported to the `Work`, which decides whether to repeat it.
 """
 
 import contextlib

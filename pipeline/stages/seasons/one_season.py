@@ -36,7 +36,7 @@ from renew.turns.turn_reach import TurnReach
 
 MIN_LATENESS_S = 3600.0
 """Minimum of the times by which turns are checked early and late in changing currents, s."""
-# Share of the padding in the refused straits below which hardly any padding of a strait is.
+# Share of the refused straits' padding that hardly any padding of a strait is below.
 _SURE = 0.95
 # Spacing of the points at which hard-over turns begin: at least this many planar metres, as
 # published, and at least this many turning radii, because nearer turns are almost the same.
@@ -102,7 +102,7 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
 def _least_padding(
     error: renew.UnreachableError, scene: Scene, season: str, options: renew.PlanOptions
 ) -> float:
-    """Return a width, planar metres, that hardly any padding of the refused classes is below."""
+    """Return a width, planar metres, below which hardly any padding of the refused classes is."""
     paddings = [max(one.padding_left, one.padding_right) for one in error.straits]
     likely = options.likely_width(scene.vessel_in(season).turning_radius)
     return max(likely, _SURE * min(paddings, default=0.0))
