@@ -61,8 +61,8 @@ _WIDE = tuple(
 _NARROWING = tuple(_Pass(window, _CLOSE, 7, BEND) for window in _WINDOWS[3:])
 # Before the narrowest Newton's method leaves little to find.
 _NARROW = (
-    *(one._replace(spacing=_APART) for one in _NARROWING[:2]),
-    *_NARROWING[2:4],
+    *(one._replace(spacing=_APART) for one in _NARROWING[:3]),
+    _NARROWING[3],
     _NARROWING[5],
 )
 # Passes where eddies are small: a wide window holds several, between which the first path was
@@ -142,7 +142,7 @@ def _refined_part(corridor: Corridor, rough: FloatArray) -> FloatArray:
     *wider, narrowest = _NARROW_IN_EDDIES if has_small_eddies else _NARROW
     path = _straightened(corridor, _refined(corridor, rough, wider))
     # Points of legs that touch V have stayed where they were.
-    path = _refined(corridor, path, [narrowest])
+    path = _refined(corridor, path, [narrowest, narrowest])
     if not corridor.legs_clear(path).all():
         raise InfeasibleError("its path lies in V, and no path clear of V is near")
     return simplified(corridor, path)
@@ -209,7 +209,9 @@ def _through_sections(corridor: Corridor, spacing: float, angle: float) -> Float
 def simplified(corridor: Corridor, path: FloatArray) -> FloatArray:
     """Drop points that a nearly straight path does not need, where the legs past them avoid V."""
     tolerance = SLACK * corridor.voyage.vessel.turning_radius
-    left = shapely.get_coordinates(shapely.LineString(path).simplify(tolerance))
+    left = shapely.get_coordinates(
+        shapely.LineString(path).simplify(tolerance, preserve_topology=False)
+    )
     kept = np.flatnonzero(np.isin(path @ _AS_COMPLEX, left @ _AS_COMPLEX))
     keep = np.zeros(len(path), dtype=bool)
     keep[kept] = True

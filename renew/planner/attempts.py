@@ -7,6 +7,7 @@ from functools import partial
 from typing import TypeAlias
 
 import numpy as np
+import shapely
 
 from renew._types import FloatArray
 from renew.errors import InfeasibleError
@@ -22,6 +23,8 @@ _MUCH = 1.1
 # Ratio of fuel to that of the rough path, itself a little dearer than need be, from which padding
 # has pushed a path off the rough one.
 _PUSHED_OFF = 1.005
+# Distance, as a share of a path, within which a rough path leads to that one.
+_CLOSE = 0.0125
 
 
 _Attempt: TypeAlias = Callable[[], tuple[Corridor, FloatArray]]
@@ -57,11 +60,14 @@ def _near_rough_or_bulging(
     it off the rough path; or tacking pays.
     """
     near = path_from(corridor, near_rough, growth)
-    if not (_is_much_wider(near[0], corridor) or _is_pushed_off(*near) or _pays_tacking(*near)):
+    is_doubtful = _is_much_wider(near[0], corridor) or _pays_tacking(*near)
+    if not (is_doubtful or _is_pushed_off(*near)):
         return near
     with contextlib.suppress(InfeasibleError):
-        bulging = path_from(corridor, _bulging, growth)
-        return min(near, bulging, key=lambda found: corridor.voyage.fuel(found[1]))
+        rough = _bulging(corridor)
+        if is_doubtful or not _leads_to(rough, near[1]):
+            bulging = _path_near(rough, corridor, _bulging, growth)
+            return min(near, bulging, key=lambda found: corridor.voyage.fuel(found[1]))
     return near
 
 
@@ -69,7 +75,16 @@ def path_from(
     corridor: Corridor, rough_path: Callable[[Corridor], FloatArray], growth: PaddingGrowth
 ) -> tuple[Corridor, FloatArray]:
     """Least-fuel path (n, 2) from a rough one, and the corridor with the padding it needs."""
-    rough = rough_path(corridor)
+    return _path_near(rough_path(corridor), corridor, rough_path, growth)
+
+
+def _path_near(
+    rough: FloatArray,
+    corridor: Corridor,
+    rough_path: Callable[[Corridor], FloatArray],
+    growth: PaddingGrowth,
+) -> tuple[Corridor, FloatArray]:
+    """Least-fuel path (n, 2) near a rough one; where more padding shuts that, near another."""
     fitted = growth.fitted(corridor, rough)
     if fitted is corridor:
         return _refined(corridor, rough)
@@ -84,6 +99,12 @@ def _is_pushed_off(corridor: Corridor, path: FloatArray) -> bool:
     voyage = corridor.voyage
     rough = corridor.channel.rough_path(voyage.start, voyage.goal)
     return voyage.fuel(path) > _PUSHED_OFF * voyage.fuel(rough)
+
+
+def _leads_to(rough: FloatArray, path: FloatArray) -> bool:
+    """Whether a rough path runs so close to a least-fuel one (n, 2) that it would end there."""
+    one, other = shapely.linestrings(rough), shapely.linestrings(path)
+    return bool(shapely.hausdorff_distance(one, other) < _CLOSE * shapely.length(other))
 
 
 def _pays_tacking(corridor: Corridor, path: FloatArray) -> bool:

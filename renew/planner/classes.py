@@ -139,7 +139,8 @@ class ClassSearch:
         is_enough = count >= classes or (
             self.found and (enumerator.has_many_triangles or math.isfinite(dearest))
         )
-        if not (is_enough or seen_all):
+        # Where no edge is too narrow for any class the first round has looked into the first k.
+        if not (is_enough or seen_all or enumerator.sees_all):
             for channel in problem.enumerator(0.0).channels(classes):
                 if channel.word not in self.rejected:
                     self.add(channel)

@@ -140,7 +140,9 @@ def _tolerances_stood(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
     for piece in pieces:
         line, count = shapely.LineString(piece), np.zeros(len(piece), dtype=np.int64)
         for tolerance in _TOLERANCES:
-            left = shapely.get_coordinates(line.simplify(tolerance * radius))
+            left = shapely.get_coordinates(
+                line.simplify(tolerance * radius, preserve_topology=False)
+            )
             count += np.isin(piece @ _AS_COMPLEX, left @ _AS_COMPLEX)
         count[[0, -1]] = len(_TOLERANCES) + 1
         stays.append(count[1:] if stays else count)
@@ -248,14 +250,19 @@ def _with_rounded_corners(
 
 
 def _corner_radius(path: FloatArray, voyage: Voyage) -> FloatArray:
-    """Smallest radii (n - 2,), m, at a path's inner corners when the vessel passes them."""
+    """Smallest radii (n - 2,), m, at a path's inner corners when the vessel passes them.
+
+    By the current's table if that is fine: discs are drawn larger than they need be.
+    """
     times = voyage.reading_times(path)[1:-1]
-    return corner_radius(path, voyage.current, voyage.vessel, times)
+    return corner_radius(path, voyage.waters.quick_current, voyage.vessel, times)
 
 
 def _missing_via(path: FloatArray, corridor: Corridor, radius: FloatArray) -> BoolArray:
     """Inner corners (n - 2,) at via points that an arc within a radius (n - 2,) would miss."""
     corners, via = path[1:-1], corridor.voyage.via
+    if not len(via):
+        return np.zeros(len(corners), dtype=bool)
     is_via = (corners[:, None] == via).all(axis=2).any(axis=1)
     turns, _ = course_changes(path)
     missed = radius * (1 / np.cos(turns / 2) - 1)
