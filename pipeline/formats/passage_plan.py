@@ -103,7 +103,8 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
     turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
     least = legs_table.distance_text(planned.clearance_m)
-    gap = f"Optimality gap: {gap_figure(planned.optimality_gap)}."
+    is_proven = not result.lacks_current(planned.season)
+    gap = f"Optimality gap: {gap_figure(planned.optimality_gap) if is_proven else 'not proven'}."
     passage = f"{nautical.duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
     return [
         f"Vessel: {ship}, turns at {vessel.turn_rate_deg_s:g}° a second.",

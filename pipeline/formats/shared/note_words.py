@@ -21,6 +21,7 @@ from renew.errors import Strait
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None
+_NO_FIGURE = "the source of the current has no figure on the whole of the best route"
 _BOUNDS = "{bounds[0]:g} to {bounds[2]:g} E, {bounds[1]:g} to {bounds[3]:g} N"
 MORE_CURRENTS = (
     "give a file of currents (--currents FILE, or its path in 'currents'), or plan without any "
@@ -201,8 +202,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
     "current-lacking": _current_lacking,
     "current-stands-in": "planned on {source}, valid {valid}",
-    "current-unknown": "nothing is known of the current on the best route: none was used, or its "
-    "source has no figure there; fuel and times may differ, and no choice of a way is proven",
+    "current-unknown": lambda left_out: (
+        f"{'no current was used' if left_out else _NO_FIGURE}: fuel and times may differ on the "
+        "sea, and no choice of a way is proven"
+    ),
     "current-without-tide": "the currents are without tide",
     "source-passed-over": "{reason}",
     "steps-are-means": "its time steps are means of a {step}, without the tide",

@@ -1,6 +1,6 @@
 """What is not known about a run: currents, coasts, depths, and straits that are shut."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Protocol
 
 from pipeline import model
@@ -81,11 +81,11 @@ def lacks_current(planned: Planned, season: str) -> bool:
     return grid.is_left_out or best.filled_share >= 1 - _NONE
 
 
-def _of_currents(planned: Planned, seasons: Iterable[str]) -> Iterator[Note]:
-    """Yield a note on the seasons of which the current is not known at all."""
-    lacking = tuple(season for season in seasons if lacks_current(planned, season))
-    if lacking:
-        yield Note.of("current-unknown").about(*lacking)
+def _of_currents(planned: Planned, seasons: Collection[str]) -> Iterator[Note]:
+    """Yield a note on each season of which the current is not known at all."""
+    for grid in planned.fetched.currents:
+        if grid.season in seasons and lacks_current(planned, grid.season):
+            yield Note.of("current-unknown", left_out=grid.is_left_out).about(grid.season)
 
 
 def has_all_depths(metrics: model.RouteMetrics) -> bool:

@@ -71,11 +71,13 @@ def test_a_current_that_is_not_known_at_all_is_told_first() -> None:
     result = with_shares(small_run.parts(), {1: 1.0, 2: 0.2})
     assert [lacks_current(result, season) for season in ("summer", "winter")] == [True, False]
     first = note_texts(unknowns(result))[0]
-    assert first.startswith("summer: nothing is known of the current on the best route")
+    assert first.startswith(
+        "summer: the source of the current has no figure on the whole of the best"
+    )
     still = without_current(with_shares(small_run.parts(), {}), "winter")
     assert [lacks_current(still, season) for season in ("summer", "winter")] == [False, True]
     winter = still.season_routes("winter")[0].metrics
-    assert note_texts(route_unknowns(still, winter))[0].startswith("winter: nothing is known")
+    assert note_texts(route_unknowns(still, winter))[0].startswith("winter: no current was used")
     partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
     assert not lacks_current(partly, "summer")
 
