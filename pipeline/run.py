@@ -59,7 +59,8 @@ def ignore(event: Event) -> None:
 class Outcome:
     """The outcome of a run; `fresh` is False if its files existed already."""
 
-    result: RunResult
+    # Not in the text of an outcome, which would have the whole chart.
+    result: RunResult = field(repr=False)
     directory: Path
     fresh: bool
     seconds: float

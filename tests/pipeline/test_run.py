@@ -14,10 +14,11 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError, StageError
-from pipeline.run import Event, run
+from pipeline.run import Event, Outcome, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Scenario
+from tests.pipeline.formats import small_run
 from tests.tree import tree
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -249,3 +250,9 @@ def test_a_time_that_cannot_be_made_is_refused_with_season_and_dates(tmp_path: P
     (fault,) = caught.value.faults
     assert "arrive_by = 2026-11-22 06:00:20 UTC can't be made" in fault
     assert fault.startswith("season '")
+
+
+def test_the_text_of_an_outcome_is_a_line(tmp_path: Path) -> None:
+    """A notebook keeps it: with the whole chart in it, it was half a megabyte."""
+    outcome = Outcome(small_run.parts(), tmp_path, fresh=True, seconds=1.0)
+    assert repr(outcome) == f"Outcome(directory={tmp_path!r}, fresh=True, seconds=1.0)"
