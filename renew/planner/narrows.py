@@ -10,8 +10,7 @@ import shapely
 from renew._types import FloatArray
 from renew.classes.dual_graph import Channel
 from renew.classes.triangulation import Triangulation
-from renew.kernels.capsules import Capsules
-from renew.paths.sections import Sections, free_parts, sections_of
+from renew.paths.sections import sections_of
 from renew.turns.padding_model import PaddedEdges
 from renew.voyage.voyage import Voyage
 
@@ -20,7 +19,8 @@ _SPACING = 0.25
 # Largest turn between two sections, rad.
 _ANGLE = np.radians(15)
 # Places on a section that are compared to find its middle, as shares of it.
-_PLACES = np.linspace(0.0, 1.0, 25)[1:-1]
+_PLACES = np.linspace(0.0, 1.0, 17)[1:-1]
+_FEW_PLACES = np.linspace(0.0, 1.0, 5)[1:-1]
 
 
 def with_clearance(
@@ -44,18 +44,15 @@ def with_clearance(
     whole = padded.at_least(np.full(len(padded.edge), clearance))
     if share == 1.0 or clearance == 0.0:
         return whole
-    middles = _middles_of_narrows(whole, clearance, channel, voyage, triangulation)
+    # What has less room than turns need is shut whatever the clearance.
+    least = float(padded.padding.min(initial=clearance))
+    middles = _middles_of_narrows(clearance, least, channel, voyage, triangulation)
     if not len(middles):
         return whole
-    reach = clearance / share
-    yields = shapely.dwithin(_lines(padded), shapely.MultiPoint(middles), reach)
+    tree, reach = shapely.STRtree(shapely.points(middles)), clearance / share
+    yields = np.isfinite(_apart(padded, tree, reach))
     pieces = padded.select(yields).cut(_SPACING * clearance)
-    tree = shapely.STRtree(shapely.points(middles))
-    apart = np.full(len(pieces.edge), clearance / share)
-    found, distance = tree.query_nearest(
-        _lines(pieces), max_distance=reach, return_distance=True, all_matches=False
-    )
-    apart[found[0]] = distance
+    apart = np.minimum(_apart(pieces, tree, reach), reach)
     kept = pieces.at_least(share * apart)
     # Each edge's first row has its padding for turns, which may grow.
     first = padded.at_least(np.where(yields, 0.0, clearance))
@@ -63,45 +60,66 @@ def with_clearance(
 
 
 def _middles_of_narrows(
-    whole: PaddedEdges,
     clearance: float,
+    least: float,
     channel: Channel,
     voyage: Voyage,
     triangulation: Triangulation,
 ) -> FloatArray:
-    """Return the middles (n, 2) of sections that V takes whole, and ends of the voyage inside V."""
-    capsules = Capsules(whole.start, whole.end, whole.padding)
-    ends = np.stack([voyage.start, voyage.goal])
+    """Return the middles (n, 2) of the sections and ends of a voyage with less room than clearance.
+
+    Sections in narrows are as close as the least room there, down to `least` m, so that no narrow
+    lies between two.
+    """
     spacing = _SPACING * clearance
-    sections = _blocked(channel, voyage, spacing, capsules)
-    middles, room = _middles(sections, triangulation)
-    finer = float(room.min(initial=np.inf))
+    middles, room = _narrow_sections(clearance, channel, voyage, triangulation, spacing)
+    finer = max(least, float(room.min(initial=np.inf)))
     if 0.0 < finer < spacing:
-        middles, _ = _middles(_blocked(channel, voyage, finer, capsules), triangulation)
-    inside = [len(whole.around(end).edge) > 0 for end in ends]
-    return np.concatenate([middles, ends[inside]])
+        middles, _ = _narrow_sections(clearance, channel, voyage, triangulation, finer)
+    ends = np.stack([voyage.start, voyage.goal])
+    return np.concatenate([middles, ends[_room(ends, triangulation) < clearance]])
 
 
-def _blocked(channel: Channel, voyage: Voyage, spacing: float, capsules: Capsules) -> Sections:
-    """Return the sections at most `spacing` m apart that capsules take whole."""
+def _narrow_sections(
+    clearance: float,
+    channel: Channel,
+    voyage: Voyage,
+    triangulation: Triangulation,
+    spacing: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return each narrow section's point furthest from land (n, 2), and how far off it is (n,), m.
+
+    A section is narrow if none of its places keeps the clearance.
+    """
     sections = sections_of(channel, voyage.start, voyage.goal, spacing, _ANGLE)
-    return sections.select(free_parts(sections, capsules).blocked)
+    # Most sections have room at one of few places.
+    for places in (_FEW_PLACES, _PLACES):
+        points = sections.points(np.broadcast_to(places, (len(sections.left), len(places))))
+        room = _room(points, triangulation)
+        narrow = room.max(axis=1, initial=0.0) < clearance
+        sections, points, room = sections.select(narrow), points[narrow], room[narrow]
+    row = np.arange(len(room))
+    best = room.argmax(axis=1)
+    return points[row, best], room[row, best]
 
 
-def _middles(sections: Sections, triangulation: Triangulation) -> tuple[FloatArray, FloatArray]:
-    """Return each section's point furthest from land (n, 2), and how far off that is (n,), m."""
-    points = sections.points(np.broadcast_to(_PLACES, (len(sections.left), len(_PLACES))))
-    room = np.full(points.shape[:2], np.inf)
+def _room(points: FloatArray, triangulation: Triangulation) -> FloatArray:
+    """Return the distances (...,), m, of points (..., 2) from the nearest constrained edge."""
+    room = np.full(points.shape[:-1], np.inf)
     if room.size:
         found, distance = triangulation.constrained_edge_tree.query_nearest(
             shapely.points(points.reshape(-1, 2)), return_distance=True, all_matches=False
         )
         room.flat[found[0]] = distance
-    best = room.argmax(axis=1)
-    row = np.arange(len(best))
-    return points[row, best], room[row, best]
+    return room
 
 
-def _lines(edges: PaddedEdges) -> FloatArray:
-    """Return the edges as lines."""
-    return np.asarray(shapely.linestrings(np.stack([edges.start, edges.end], axis=1)))
+def _apart(edges: PaddedEdges, tree: shapely.STRtree, reach: float) -> FloatArray:
+    """Return the distances (e,), m, of edges from the nearest point of a tree; inf beyond reach."""
+    lines = shapely.linestrings(np.stack([edges.start, edges.end], axis=1))
+    found, distance = tree.query_nearest(
+        lines, max_distance=reach, return_distance=True, all_matches=False
+    )
+    apart = np.full(len(edges.edge), np.inf)
+    apart[found[0]] = distance
+    return apart
