@@ -54,7 +54,9 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
     if not is_switched_on():
         return function
     options = {"nopython": True, "boundscheck": None, "error_model": "numpy", "nogil": True}
-    compiled: Any = KernelDispatcher(function, None, {**options, "forceinline": forceinline})
+    # Small kernels make no arrays, and need not count who holds those that they read.
+    options |= {"forceinline": True, "_nrt": False} if forceinline else {}
+    compiled: Any = KernelDispatcher(function, None, options)
     compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
     return cast("FunctionT", compiled)
 
