@@ -75,7 +75,7 @@ def run(folder: Path, text: str = SCENARIO, *extra: str) -> tuple[int, list[str]
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     lines = result.stderr.splitlines()
     errors = [line for line in lines if line.startswith("error: ")]
-    return result.exit_code, errors, "\n".join(line for line in lines if '"note"' in line)
+    return result.exit_code, errors, "\n".join(line for line in lines if ": note: " in line)
 
 
 # --- what the planner is given ------------------------------------------------------------------
