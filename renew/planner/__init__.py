@@ -1,1 +1,1 @@
-"""Plans: the best route of a class, class by class, by departure, by speed, and around areas."""
+"""Plan the best route of a class, of all classes, by departure, by speed, and around areas."""

@@ -1,11 +1,11 @@
-"""Plans that keep out of areas while these are shut.
+"""Plan routes that keep out of areas while the areas are shut.
 
 An area that is always shut is no-go like land. An area that is shut for some hours is first taken
-as open: a route is dropped if the vessel, early, on time, late or in a turn, may be in the area in
-these hours. Areas that are met are then taken as land, and the voyage is planned again, until no
-route meets any. Of all these plans the one with the best route counts. So no area is entered while
-it is shut; but the vessel never waits, and of all paths through an area only the least-fuel one of
-each class is known.
+as open. A route is dropped if the vessel, early, on time, late or in a turn, may be in the area
+during these hours. All areas that routes met are then closed like land, and the voyage is planned
+again, until no route meets an area. The plan with the best route is returned. So no route enters a
+shut area; but the vessel never waits, and only the least-fuel path of each class through an area is
+tried.
 """
 
 import math
@@ -21,13 +21,13 @@ from renew.turns.passage_windows import meeting
 
 
 def with_always_shut(chart: Chart, areas: Sequence[ShutArea]) -> Chart:
-    """Chart without the water of the areas that are always shut."""
+    """Return the chart without the water of areas that are always shut."""
     always = [area for area in areas if area.is_always_shut]
     return chart.without(polygons_of(always), is_land=True) if always else chart
 
 
 def meets(route: Route, area: ShutArea, planner: ClassPlanner) -> InfeasibleError | None:
-    """Why a route is dropped: the vessel may be in an area while it is shut; or None."""
+    """Return why the vessel may be in an area while it is shut on this route, or None."""
     voyage = planner.problem.voyage.leaving(float(route.times[0]))
     options = planner.options
     reach = planner.problem.reach if options.is_adaptive else options.min_width
@@ -50,10 +50,7 @@ def meets(route: Route, area: ShutArea, planner: ClassPlanner) -> InfeasibleErro
 def without_meeting(
     plan: Plan, areas: Sequence[ShutArea], planner: ClassPlanner
 ) -> tuple[Plan, dict[ShutArea, float]]:
-    """A plan without the routes that meet an area while it is shut, and these areas.
-
-    With each area comes the least fuel of a route that meets it.
-    """
+    """Return the plan without routes that meet shut areas, and the least fuel to meet each area."""
     routes, rejected, met = list[Route](), list(plan.rejected), dict[ShutArea, float]()
     for route in plan.routes:
         reasons = {area: reason for area in areas if (reason := meets(route, area, planner))}
@@ -75,9 +72,9 @@ def plan_around(
     areas: Sequence[ShutArea],
     plan: Callable[[Sequence[ShutArea]], tuple[Plan, ClassPlanner]],
 ) -> Plan:
-    """The best plan that keeps out of areas while these are shut.
+    """Return the best plan whose routes keep out of areas while the areas are shut.
 
-    `plan` returns a plan and its planner, on the chart with some areas closed like land.
+    `plan` returns a plan and its planner, with the given areas closed like land.
     """
     open_areas, closed = list(areas), list[ShutArea]()
     plans: list[Plan] = []
@@ -107,7 +104,7 @@ def plan_around(
 
 
 def unavoidable(closed: Sequence[ShutArea], failure: PlanningError | None) -> UnreachableError:
-    """Error for areas that every way meets while they are shut, where no way leads around."""
+    """Return the error if every way meets a shut area, and no way leads around the areas."""
     around = Text("") if failure is None else Text("; around them: {0}", (failure.text,))
     return UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "

@@ -1,4 +1,4 @@
-"""Ways to find the least-fuel path of a class that can be steered: the best first."""
+"""Attempts to find the least-fuel path of a class that can be steered, the most likely first."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -17,29 +17,29 @@ from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.planner.grow import PaddingGrowth
 
-# Ratio from which growing padding may spoil a path. In a current that changes, padding grows by
-# some per cent each time: a path is passed at other hours than the rough path of its class.
+# Growth of padding from which a path may be bad. In a changing current padding grows by some per
+# cent in each round, because the hours of passage differ from the rough path's.
 _MUCH = 1.1
-# Ratio of fuel to that of the rough path, itself a little dearer than need be, from which padding
-# has pushed a path off the rough one.
+# Ratio of a path's fuel to the rough path's from which padding has pushed the path away. The rough
+# path itself needs a little more fuel than necessary.
 _PUSHED_OFF = 1.005
-# Distance, as a share of a path, within which a rough path leads to that one.
+# Largest distance, as a share of a path, from which a rough path still leads to that path.
 _CLOSE = 0.0125
 
 
 _Attempt: TypeAlias = Callable[[], tuple[Corridor, FloatArray]]
-"""Finds a path (n, 2) of a class, and the corridor with the padding that it needs."""
+"""Finds a path (n, 2) of a class, and the corridor with the path's padding."""
 
 
 def attempts(
     corridor: Corridor, near: FloatArray | None, growth: PaddingGrowth
 ) -> Iterator[_Attempt]:
-    """Ways to find a path that can be steered and stays in its class; the best first.
+    """Yield functions that find a path in a class, the most likely to be steerable first.
 
-    A path (n, 2) `near` is refined before anything else is tried. Eq. 4 as published rewards
-    tacking against currents above v/2, where v + c·T is no convex speed polar: such paths can't be
-    steered. Then the crab model's path is tried, as it is: making room for it as well would double
-    the time of a class that can't be sailed.
+    If a path (n, 2) `near` is given, it is refined first. Above a head current of v/2, Eq. 4 as
+    published rewards tacking, because v + c·T is then no convex speed polar; such paths can't be
+    steered. The crab model's path is then tried last, without room to turn: making that room would
+    double the time for a class that can't be sailed anyway.
     """
     if near is not None:
         yield partial(_refined, corridor, near)
@@ -53,11 +53,11 @@ def attempts(
 def _near_rough_or_bulging(
     corridor: Corridor, growth: PaddingGrowth
 ) -> tuple[Corridor, FloatArray]:
-    """Least-fuel path (n, 2) near the rough one of the class, and its corridor.
+    """Return the corridor and the least-fuel path (n, 2) near the rough path of the class.
 
-    The path near the best one within the channel is looked for as well, and taken if it needs less
-    fuel, in three cases: the first path needs much more padding, which then stays; padding pushes
-    it off the rough path; or tacking pays.
+    In three cases the path near the best one within the channel is also searched, and the cheaper
+    of both is returned: the first path needs much more padding, which then stays; padding pushes
+    the first path away from the rough one; or tacking pays.
     """
     near = path_from(corridor, near_rough, growth)
     is_doubtful = _is_much_wider(near[0], corridor) or _pays_tacking(*near)
@@ -74,7 +74,7 @@ def _near_rough_or_bulging(
 def path_from(
     corridor: Corridor, rough_path: Callable[[Corridor], FloatArray], growth: PaddingGrowth
 ) -> tuple[Corridor, FloatArray]:
-    """Least-fuel path (n, 2) from a rough one, and the corridor with the padding it needs."""
+    """Return the path's padded corridor, and the least-fuel path (n, 2) near a rough one."""
     return _path_near(rough_path(corridor), corridor, rough_path, growth)
 
 
@@ -84,7 +84,7 @@ def _path_near(
     rough_path: Callable[[Corridor], FloatArray],
     growth: PaddingGrowth,
 ) -> tuple[Corridor, FloatArray]:
-    """Least-fuel path (n, 2) near a rough one; where more padding shuts that, near another."""
+    """Return the path near a rough one; if more padding shuts that, near another rough path."""
     fitted = growth.fitted(corridor, rough)
     if fitted is corridor:
         return _refined(corridor, rough)
@@ -121,7 +121,7 @@ def _pays_tacking(corridor: Corridor, path: FloatArray) -> bool:
 
 
 def _is_much_wider(grown: Corridor, corridor: Corridor) -> bool:
-    """Whether the padding of a corridor has grown by much somewhere."""
+    """Whether padding of a corridor has grown considerably anywhere."""
     return any(
         bool((after.padding > _MUCH * before.padding).any())
         for before, after in zip(corridor.paddings, grown.paddings, strict=True)
@@ -129,16 +129,16 @@ def _is_much_wider(grown: Corridor, corridor: Corridor) -> bool:
 
 
 def near_rough(corridor: Corridor) -> FloatArray:
-    """Rough path (n, 2) near the one by which the class was found."""
+    """Return the rough path (n, 2) near the path by which the class was found."""
     voyage = corridor.voyage
     return path_near(corridor, corridor.channel.rough_path(voyage.start, voyage.goal))
 
 
 def _bulging(corridor: Corridor) -> FloatArray:
-    """Rough path (n, 2) near the best one within the channel."""
+    """Return the rough path (n, 2) near the best path within the channel."""
     return path_near(corridor, path_through_sections(corridor))
 
 
 def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArray]:
-    """Corridor, and the least-fuel path (n, 2) near a rough one."""
+    """Return the corridor, and the least-fuel path (n, 2) near a rough one."""
     return corridor, refined_path(corridor, rough)

@@ -1,4 +1,4 @@
-"""Class by class, in order, until there are as many routes as were asked for."""
+"""Plan classes in order until there are enough routes."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -14,31 +14,30 @@ from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.overpowered_hours import hours_of, with_hours
 from renew.results import Plan, Rejected
 
-# Number of variants, around islands that tell no classes apart, among which the best route is
-# looked for, and number of variants planned beside it.
+# A variant is a class that differs only around islands that normally distinguish no classes.
+# Number of variants that are searched for the best route, and number planned beside the best route.
 _VARIANTS, _BESIDE = 8, 4
-# Routes within this ratio of the best are searched again for variants around small islands, because
-# the first estimate is no more exact.
+# Ratio to the best fuel up to which a route is searched for variants around small islands: the
+# first estimate of fuel is no more exact.
 _NEARLY_BEST = 1.0005
-# Number of classes among which the best path is looked for at first. If the dearest of them needs
-# more than this ratio times the best, later classes are taken to be dearer still.
+# Number of classes that are searched first for the best path. If the most expensive of them needs
+# more than this ratio times the least fuel, later classes are assumed to need even more.
 _FEW, _CLEARLY_DEARER = 4, 1.03
-# Ratio to the best, at first sight, above which a class is not looked at if a cheaper one can be
-# sailed.
+# Ratio of estimated fuel to the best above which a class is skipped if a cheaper one is found.
 _WORTH_A_LOOK = 1.25
-# Largest number of rounds in which channels around blocked transitions are looked for.
+# Largest number of rounds in which channels around blocked transitions are searched.
 _MAX_ROUNDS = 64
 
 
 def plan_classes(planner: ClassPlanner, classes: int) -> Plan:
-    """Plan the first k classes, and further classes in the place of rejected ones.
+    """Plan the first k classes, and replace each rejected class by a further one.
 
-    Where channels are blocked, others are looked for around all blocked places, in rounds, until a
-    round finds no new one. A strait that padding blocks for one class is mostly blocked for all, so
-    the rounds soon hold k classes that can be sailed. Where they don't, no round may have looked
-    into some classes: a place blocked for others was taken as blocked for them, or a passing edge
-    as too narrow. These classes are then planned by themselves, up to k. A class is rejected, with
-    its first reason, when no channel of it is left.
+    If channels are blocked, other channels around all blocked places are searched, in rounds, until
+    a round finds no new one. A strait that padding blocks for one class is mostly blocked for all,
+    so the rounds soon find k classes that can be sailed. If they find fewer, some classes may have
+    been skipped, because places blocked for others were taken as blocked for them, or a passing
+    edge as too narrow. These classes are then planned separately, up to k. A class is rejected,
+    with its first reason, when no channel of it is left.
     """
     search = ClassSearch(planner)
     search.find_first(classes)
@@ -46,11 +45,10 @@ def plan_classes(planner: ClassPlanner, classes: int) -> Plan:
 
 
 class ClassSearch:
-    """Plans classes one by one, and keeps the path of each, or the first reason against it.
+    """Plans classes one by one, and keeps the path of each, or the first reason for its rejection.
 
-    Classes that are `known` are not planned again. With an estimate of fuel, channels are left out
-    whose estimate is no less than the fuel of a path that was found: then only the best is asked
-    for.
+    Classes in `known` are not planned again. With a `fuel_estimate`, only the best route is wanted:
+    channels whose estimate is no less than the fuel of a found path are skipped.
     """
 
     def __init__(
@@ -69,23 +67,22 @@ class ClassSearch:
 
     @property
     def all_found(self) -> Mapping[Word, ClassPath]:
-        """The best path of each class, even if it was found in the search for another class."""
+        """The best path of each class, including paths found in the search for other classes."""
         self._add_slipped()
         return self.found
 
     @property
     def best(self) -> ClassPath | None:
-        """The path of least fuel, of whichever class."""
+        """The path of least fuel among all classes."""
         self._add_slipped()
         return min(self.found.values(), key=lambda found: found.fuel, default=None)
 
     def find_best(self, classes: int) -> None:
-        """Find the best path of the first classes: of a few, if the dearest is clearly dearer.
+        """Find the best path of the first classes; of a few only, if the others are clearly worse.
 
-        Classes come in the order of their fuel at first sight, which is nearly their fuel in the
-        end; finding many classes takes most of the time. Of the variants around islands that tell
-        no classes apart only the first is planned, and one beside the best route: the fuel of
-        others differs far less than that of departures.
+        Classes are ordered by estimated fuel, which is close to their final fuel; finding many
+        classes takes most of the time. Of the variants, the first is planned, and one beside the
+        best route: the fuel of others differs far less than the fuel of different departures.
         """
         if self._planner.options.order == "fuel":
             self._find_best(classes, _WORTH_A_LOOK)
@@ -93,7 +90,7 @@ class ClassSearch:
             self._find_best(classes, math.inf)
 
     def _find_best(self, classes: int, dearest: float) -> None:
-        """Find the best path of the first classes that need at most `dearest` times the least."""
+        """Find the best path of classes that need at most `dearest` times the least estimate."""
         few = min(classes, _FEW)
         self.find_first(few, variants=1, beside=1, dearest=dearest)
         known = self._too_dear | {word: found.fuel for word, found in self.found.items()}
@@ -119,9 +116,9 @@ class ClassSearch:
     ) -> None:
         """Find paths of the first k classes; see :func:`plan_classes`.
 
-        Of the variants around islands that tell no classes apart, the first `variants` are tried,
-        and the first `beside` of those beside the best route. Classes that need more than `dearest`
-        times as much as the best, at first sight, are left out where another is found.
+        The first `variants` variants are tried, and the first `beside` variants beside the best
+        route. Classes whose estimate is more than `dearest` times the best one are skipped if
+        another class has a path.
         """
         problem, options = self._planner.problem, self._planner.options
         clearance = options.likely_width(problem.voyage.vessel.turning_radius)
@@ -131,8 +128,8 @@ class ClassSearch:
             options.order == "fuel" and options.method == "optimal" and self._planner.is_thorough
         )
         if is_free and problem.rays.omits_islands:
-            # The best of all channels is the best of its class, whichever islands tell classes
-            # apart.
+            # The best of all channels is the best of its class, whichever islands distinguish
+            # classes.
             self.plan_in_rounds(scout, min(classes, variants), self.add_variant)
         seen_all = self.plan_in_rounds(enumerator, classes, self.add)
         count = len(self.found.keys() | self._too_dear.keys())
@@ -148,7 +145,7 @@ class ClassSearch:
             self.find_beside_best(scout, beside)
 
     def plan(self, classes: int) -> Plan:
-        """Routes of `classes` classes, least fuel first, with paths that slipped out of others."""
+        """Return the routes of `classes` classes, least fuel first."""
         best = sorted(self.all_found.values(), key=lambda found: found.fuel)[:classes]
         routes = tuple(map(self._planner.route, best))
         rejected = tuple(one for word, one in self.rejected.items() if word not in self.found)
@@ -167,7 +164,7 @@ class ClassSearch:
         for _ in range(_MAX_ROUNDS):
             known = len(blocked)
             channels = enumerator.channels(there_are, blocked)
-            # With more places blocked there can't be more classes.
+            # More blocked places can't give more classes.
             there_are = len(channels)
             for channel in channels:
                 blocked |= add(channel)
@@ -178,15 +175,15 @@ class ClassSearch:
         return False
 
     def add(self, channel: Channel) -> frozenset[Transition]:
-        """Plan a class in one more channel; return the transitions that block it."""
+        """Plan a class in a further channel; return the transitions that block the channel."""
         return frozenset() if channel.word in self.found else self._add(channel, channel.word)
 
     def add_variant(self, channel: Channel) -> frozenset[Transition]:
-        """Plan a channel that more islands tell apart: a class takes its best."""
+        """Plan a channel that more islands distinguish; its class keeps its best channel."""
         return self._add(channel, self._rays.of_word(channel.word))
 
     def find_beside_best(self, scout: ClassEnumerator | ViaEnumerator, count: int) -> None:
-        """Plan `count` variants around other islands, on finer roads beside the best routes."""
+        """Plan `count` variants around other islands, on finer roadmaps beside the best routes."""
         if self.best is None:
             return
         enough = _NEARLY_BEST * self.best.fuel
@@ -196,7 +193,7 @@ class ClassSearch:
             self.add_variant(channel)
 
     def _add(self, channel: Channel, word: Word) -> frozenset[Transition]:
-        """Plan a channel as one of the class with a word."""
+        """Plan a channel as a channel of the class with this word."""
         if channel.word in self._done:
             return frozenset()
         if self._estimate is not None and self.found:
@@ -218,7 +215,7 @@ class ClassSearch:
         return frozenset()
 
     def _find(self, channel: Channel) -> ClassPath:
-        """Path of a channel's class; a path that slips out of the class is put aside."""
+        """Return the path of a channel's class; if it leaves the class, keep it for another."""
         found = self._planner.find(channel)
         word = self._planner.problem.word(found.path)
         if word != channel.word:
@@ -227,12 +224,12 @@ class ClassSearch:
         return found
 
     def _add_slipped(self) -> None:
-        """Add the paths that slipped out of their classes to the classes they belong to."""
+        """Add each path that left its class to the class that it belongs to."""
         for word, found in self._slipped.items():
             _keep_best(self.found, word, found)
 
     def rejected_for(self, channel: Channel, error: InfeasibleError) -> Rejected:
-        """A class without a route, and why; with the hours at which a current shuts its way."""
+        """Return the rejected class, the reason, and the hours when a current shuts its way."""
         hours = hours_of(channel, self._planner.problem.voyage)
         error = with_hours(error, hours)
         return Rejected(
@@ -247,6 +244,6 @@ class ClassSearch:
 
 
 def _keep_best(best: dict[Word, ClassPath], word: Word, found: ClassPath) -> None:
-    """Keep a path of a class if it needs less fuel than the class's best so far."""
+    """Keep a path of a class if it needs less fuel than the best one so far."""
     if word not in best or found.fuel < best[word].fuel:
         best[word] = found

@@ -1,27 +1,26 @@
-"""When to leave: departures are planned until, by the paths found, no other can beat the best.
+"""Plan departures until, by the paths found, no other departure can beat the best one.
 
-On the same path a vessel that leaves later never overtakes. So a later departure brings no earlier
-arrival over all paths either (FIFO). If a voyage begun at t takes D at best, one begun at s > t
-takes D - (s - t) at least.
+On the same path a vessel that leaves later never overtakes. So a later departure never arrives
+earlier, over all paths too (FIFO). If the best voyage from departure t takes D, a voyage from
+s > t takes at least D - (s - t).
 
 The rate at which the current changes gives a tighter bound. On a fixed path dt/dx = σ(x, t) = 1/g,
-with g the speed over ground. So the arrival A, as a function of the departure t, obeys
+where g is the speed over ground. So the arrival A, as a function of the departure t, obeys
 dA/dt = exp ∫ ∂σ/∂t dx = exp(-∫ (∂g/∂t) / g dt) >= exp(-ρ D), where D is the time under way and ρ
-bounds |∂g/∂t| / g on any course (:attr:`renew.voyage.voyage.Voyage.speed_change`). On the path
-that is best from s, this gives A(t) <= A(s) - exp(-ρ D) (s - t). So a voyage begun at s takes at
-least D(t) - L (s - t), with L = 1 - exp(-ρ D), between 0 and 1. As only voyages that beat the best
-one matter, D in L is at most the sum of the best duration and s - t.
+bounds |∂g/∂t| / g on any course (:attr:`renew.voyage.voyage.Voyage.speed_change`). On the best path
+from s, this gives A(t) <= A(s) - exp(-ρ D) (s - t). So a voyage from s takes at least
+D(t) - L (s - t), with L = 1 - exp(-ρ D), between 0 and 1. Only voyages that beat the best one
+matter, so D in L is at most the best duration plus s - t.
 
-Where this bound is below the best duration by more than a tolerance, the next departure to plan is
-the first one that the bound leaves open. Each plan settles a part tolerance / L of the window. So
-window / tolerance plans are enough on any scene, and far fewer where the current changes slowly
-(one, where it does not change); the more durations differ, the fewer are needed.
+The next planned departure is the first at which this bound is below the best duration by more than
+a tolerance. Each plan covers tolerance / L of the window, so window / tolerance plans are always
+enough. Slowly changing currents need far fewer plans, and a steady one needs one plan.
 
-D(t) is taken from the path found, not from a lower bound: the choice is settled to within the error
-of the paths and of the current's table, and is no proof. It rests on FIFO: nothing is known where
-the current reaches the vessel's speed in places. Adaptive padding depends on the hours of passage:
-a later departure may have more room, so a bound starts from the earliest arrival of this departure
-and all later ones.
+D(t) is the duration on the path that was found, not a lower bound. So the choice is exact to within
+the errors of the paths and of the current's table, and is no proof. It depends on FIFO, which fails
+where the current reaches the vessel's speed. Adaptive padding depends on the hours of passage, so a
+later departure may have more room. The bound therefore starts from the earliest arrival of this
+departure and all later ones.
 """
 
 import itertools
@@ -33,21 +32,21 @@ from renew.planner.departures import Sailing, Sailings
 from renew.results import Departures, Plan
 
 Progress = Callable[[int, float], None]
-"""Called after each plan: the number of plans, and how much better (s) the best may become."""
+"""Called after each plan: number of plans, and time (s) by which the best may still improve."""
 
-# Number of rounds in which the middles of the intervals beside the best departure are planned.
+# Number of rounds that plan the middles of both intervals beside the best departure.
 _FINER = 3
-# Lower limit of the slope, to avoid dividing by zero.
+# Lower limit of the slope, to avoid division by zero.
 _FLATTEST = 1e-12
-# Share of the tolerance below which a difference counts as rounding.
+# Share of the tolerance below which a difference is a rounding error.
 _ROUNDING = 1e-6
 
 
 class _Interval(NamedTuple):
-    """From one departure to the next (s).
+    """The interval between two successive departures (s).
 
-    A voyage begun at `begin` takes at least `duration` (s); a voyage begun later takes at least
-    that minus `slope` times its delay.
+    A voyage from `begin` takes at least `duration` (s). A voyage that departs later takes at least
+    `duration` minus `slope` times the delay.
     """
 
     begin: float
@@ -57,20 +56,20 @@ class _Interval(NamedTuple):
 
     @property
     def least_duration(self) -> float:
-        """Time (s) that every voyage begun in the interval takes at least."""
+        """Lower bound (s) on the duration of all voyages that depart in the interval."""
         return self.duration - self.slope * (self.end - self.begin)
 
     def reach(self, goal: float) -> float:
-        """Departure (s) up to which no voyage of the interval takes less than `goal` (s)."""
+        """Return the departure (s) before which no voyage is shorter than `goal` (s)."""
         return self.begin + (self.duration - goal) / max(self.slope, _FLATTEST)
 
 
 class DepartureWindow:
-    """Planned departures (n,), s, ascending; more are added where one may beat the best.
+    """Planned departures (n,), s, ascending; further ones are added where one may beat the best.
 
-    No voyage takes less than `least_duration` (s), whatever the departure. In a second the speed
-    over ground changes by a share `speed_change` (1/s) at most; where that is infinite, nothing is
-    known of departures between those planned.
+    No voyage takes less than `least_duration` (s). `speed_change` (1/s) is the largest relative
+    change of the speed over ground per second; if infinite, departures between planned ones have no
+    bound.
     """
 
     def __init__(
@@ -91,7 +90,7 @@ class DepartureWindow:
 
     @property
     def best(self) -> Sailing:
-        """The sailing that takes least time; of equals, the earliest."""
+        """The shortest sailing; of equal ones, the earliest."""
         return min(self.sailings, key=lambda one: one.duration)
 
     @property
@@ -103,9 +102,9 @@ class DepartureWindow:
         return max(0.0, self.best.duration - bound)
 
     def refine(self, tolerance: float) -> None:
-        """Plan more departures until none between can beat the best by more than `tolerance` s.
+        """Plan departures until no other can beat the best by more than `tolerance` s.
 
-        Where arrivals have no bound, departures are planned one tolerance apart.
+        Where durations have no bound, departures are planned one tolerance apart.
         """
         while True:
             goal = self.best.duration - tolerance
@@ -122,7 +121,7 @@ class DepartureWindow:
         self.sailings = self._planner.by_arrival(self.sailings)
 
     def refine_around_best(self) -> None:
-        """Plan departures ever closer to the best one, on both sides; no bound needs them."""
+        """Plan departures ever closer to the best one, on both sides; no bound requires them."""
         for _ in range(_FINER):
             times = [one.departure for one in self.sailings]
             at = times.index(self.best.departure)
@@ -131,27 +130,27 @@ class DepartureWindow:
         self.sailings = self._planner.by_arrival(self.sailings)
 
     def replace(self, sailing: Sailing) -> None:
-        """Replace the sailing of the same departure."""
+        """Replace the sailing of an equal departure."""
         kept = [one for one in self.sailings if one.departure != sailing.departure]
         self._insert(kept, sailing)
         self.sailings = self._planner.by_arrival(self.sailings)
 
     def departures(self, plan: Plan) -> Departures:
-        """The result, with the plan at the best departure."""
+        """Return the result, with the plan of the best departure."""
         return Departures.of([one.outcome for one in self.sailings], self.unproven, plan)
 
     def _plan(self, departure: float) -> None:
-        """Plan one more departure."""
+        """Plan a further departure."""
         self._insert(self.sailings, self._planner.sailing(departure))
         if self._progress is not None:
             self._progress(len(self.sailings), self.unproven)
 
     def _insert(self, others: Sequence[Sailing], sailing: Sailing) -> None:
-        """Add a sailing to others, in order of departure."""
+        """Insert a sailing into others, in order of departure."""
         self.sailings = sorted((*others, sailing), key=lambda one: one.departure)
 
     def _intervals(self) -> Iterator[_Interval]:
-        """Intervals between departures, with the bounds on arrivals."""
+        """Yield the intervals between departures, with bounds on durations."""
         least_after = list(itertools.accumulate((one.arrival for one in self.sailings[::-1]), min))
         bound = -math.inf
         for (here, after), least in zip(

@@ -1,6 +1,6 @@
-"""The best route by departure; all departures share water, classes and known paddings.
+"""Plan the best route of each departure; all departures share water, classes and paddings.
 
-At a departure a class is planned completely only if it can still be the best.
+At a departure a class is planned completely only if it may have the best route.
 """
 
 import math
@@ -28,14 +28,14 @@ from renew.results import Departed, Plan, Rejected
 from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.voyage.checks import check_current_at_endpoints
 
-# A later departure's path is tried from the departure before if it arrives earlier by this share of
-# the time under way: less is rounding.
+# A later departure's path is also sailed from the departure before if this arrives earlier by more
+# than this share of the duration, which excludes rounding.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Sailing:
-    """Outcome of a departure (s): its least-fuel path, or why there is none."""
+    """Outcome of a departure (s): its least-fuel path, or the reason why it has no path."""
 
     departure: float
     planner: ClassPlanner
@@ -45,22 +45,22 @@ class Sailing:
 
     @property
     def fuel(self) -> float:
-        """Fuel of the path; infinite where there is none."""
+        """Fuel of the path; infinite without a path."""
         return math.inf if self.found is None else self.found.fuel
 
     @property
     def duration(self) -> float:
-        """Time under way (s); infinite where there is no path."""
+        """Time under way (s); infinite without a path."""
         return self.fuel / self.planner.problem.voyage.vessel.fuel_rate
 
     @property
     def arrival(self) -> float:
-        """Time of arrival at the goal (s); infinite where there is no path."""
+        """Time of arrival at the goal (s); infinite without a path."""
         return self.departure + self.duration
 
     @property
     def outcome(self) -> Departed:
-        """Figures of the path, or why there is none."""
+        """The path's figures, or the reason why there is no path."""
         if self.found is None:
             return Departed(self.departure, cause=self.cause)
         problem, path = self.planner.problem, self.found.path
@@ -70,20 +70,20 @@ class Sailing:
 
     @property
     def plan(self) -> Plan:
-        """The path alone, as a plan."""
+        """Return a plan with only this path."""
         routes = () if self.found is None else (self.planner.route(self.found),)
         return Plan(routes, self.rejected, 0, self.planner.problem.overpowered_water)
 
     @property
     def error(self) -> PlanningError:
-        """Why there is no path, with remedies."""
+        """Return the error with the reason why there is no path, and remedies."""
         if not self.rejected and self.cause is not None:
             return self.cause
         return no_class_error(self.rejected, self.planner)
 
     @property
     def is_late(self) -> bool:
-        """Whether every class arrives after the current's last time: later departures do, too."""
+        """Whether every class, also of later departures, arrives after the current's last time."""
         causes = [one.cause for one in self.rejected]
         return bool(causes) and all(isinstance(cause, TooLateError) for cause in causes)
 
@@ -91,7 +91,7 @@ class Sailing:
 class Sailings:
     """Plans the best route of each departure, around areas that it would meet while they are shut.
 
-    All departures share the knowledge of their planners; areas that are met are closed like land.
+    All departures share the planners and what these know; met areas are closed like land.
     """
 
     def __init__(self, task: Task) -> None:
@@ -99,7 +99,7 @@ class Sailings:
         self._closed_at: dict[float, frozenset[ShutArea]] = {}
 
     def sailing(self, departure: float) -> Sailing:
-        """The best route at a departure (s)."""
+        """Return the best route at a departure (s)."""
         closed: frozenset[ShutArea] = frozenset()
         while True:
             try:
@@ -117,7 +117,7 @@ class Sailings:
             closed |= met
 
     def plan(self, sailing: Sailing) -> tuple[Plan, Sailing]:
-        """All classes at the departure of a sailing that has a path, and the best of these."""
+        """Plan all classes at a sailing's departure; return the plan and its best sailing."""
         closed, planner = self._closed_at[sailing.departure], sailing.planner
         word, classes = planner.problem.word, self._task.request.classes
         known = {} if sailing.found is None else {word(sailing.found.path): sailing.found}
@@ -131,20 +131,20 @@ class Sailings:
         return plan, sailing if met else replace(sailing, found=search.best)
 
     def by_arrival(self, sailings: Sequence[Sailing]) -> list[Sailing]:
-        """Sailings of which none arrives later than the next, as far as is safe.
+        """Return sailings improved so that, if possible, none arrives later than the next.
 
-        Where areas are shut nothing is changed: the path of another departure may meet an area.
+        With shut areas nothing changes, because the path of another departure may meet an area.
         """
         return list(sailings) if self._task.areas else in_order_of_arrival(sailings)
 
     def _sailing(self, departure: float, closed: frozenset[ShutArea]) -> Sailing:
-        """The best route at a departure (s), on the chart with some areas closed like land."""
+        """Return the best route at a departure (s), with some areas closed like land."""
         first = self._task.planner(closed)
         problem = first.problem.leaving(departure)
         return best_sailing(first.for_problem(problem), first.unpadded.for_problem(problem))
 
     def _met(self, sailing: Sailing, closed: frozenset[ShutArea]) -> frozenset[ShutArea]:
-        """Areas that a sailing meets while they are shut."""
+        """Return the areas that a sailing meets while they are shut."""
         others = [area for area in self._task.areas if area not in closed]
         if sailing.found is None or not others:
             return frozenset()
@@ -153,7 +153,7 @@ class Sailings:
 
 
 def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
-    """The best route of a planner's classes at its departure; `unpadded` estimates their fuel."""
+    """Return the best route at the planner's departure; `unpadded` gives estimates of fuel."""
     voyage, options = planner.problem.voyage, planner.options
     try:
         check_current_at_endpoints(voyage)
@@ -171,10 +171,10 @@ def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
 
 
 def in_order_of_arrival(sailings: Sequence[Sailing]) -> list[Sailing]:
-    """Sailings by departure, of which none arrives later than the next, as far as is safe.
+    """Return sailings improved so that, if possible, none arrives later than the next.
 
-    On a path the vessel that leaves earlier is first everywhere. So a departure takes the path of
-    the next one, if that arrives earlier and its turns are safe at these hours as well.
+    On the same path the vessel that leaves earlier is ahead everywhere. So a departure takes the
+    path of the next one, if this arrives earlier and turns are safe at the new hours.
     """
     result = list(sailings)
     for k in range(len(result) - 2, -1, -1):
@@ -187,7 +187,7 @@ def in_order_of_arrival(sailings: Sequence[Sailing]) -> list[Sailing]:
 
 
 def _sailed_from(planner: ClassPlanner, found: ClassPath) -> ClassPath | None:
-    """A path of another departure, sailed at the planner's departure; None if that isn't safe."""
+    """Return another departure's path sailed at the planner's departure; None if it is unsafe."""
     path = found.path
     corridor = planner.growth.fitted(planner.corridor(found.corridor.channel), path)
     try:
@@ -202,9 +202,9 @@ def _sailed_from(planner: ClassPlanner, found: ClassPath) -> ClassPath | None:
 
 
 def _fuel_estimate(unpadded: ClassPlanner, channel: Channel) -> float:
-    """Fuel of a channel's path with the least padding there can be, before it is steered.
+    """Return the fuel of a channel's path with minimal padding, before it is steered.
 
-    The channel's route hardly ever needs less. Minus infinity where no such path is found.
+    It is hardly ever above the fuel of the channel's route. Without a path it is minus infinity.
     """
     corridor = unpadded.corridor(channel)
     try:

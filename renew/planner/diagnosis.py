@@ -1,4 +1,4 @@
-"""Why no class can be sailed, and which remedies leave a route: less padding, or more risk."""
+"""Explain why no class can be sailed, and find remedies: less padding, or more risk."""
 
 import itertools
 import math
@@ -12,16 +12,16 @@ from renew.planner.classes import plan_classes
 from renew.planner.one_class import ClassPlanner
 from renew.results import Rejected, Route
 
-# Number of paddings that are tried to find the largest, and the share of a length to which it is.
+# Number of tries to find the largest padding, and its precision as a share of a length.
 _TRIES, _NEARLY = 6, 0.98
-# Largest risk that is suggested, and the ratio to which it is exact.
+# Largest suggested risk, and the ratio to which it is exact.
 _MAX_RISK, _RISK_STEP = 0.5, 0.01
-# Number of reasons that are quoted, and of classes that are named with each.
+# Number of quoted reasons, and of classes named with each.
 _MAX_REASONS = 3
 
 
 def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> UnreachableError:
-    """Error for a plan whose classes were all rejected: the first reasons, and remedies."""
+    """Return the error if all classes were rejected, with the first reasons and remedies."""
     if not rejected:
         return UnreachableError(
             "the search for classes met none before it ended. To find a route: take "
@@ -56,14 +56,14 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
 
 
 def _named(group: list[Rejected]) -> str:
-    """Name the first of some classes, and count the others."""
+    """Name the first of several classes, and count the others."""
     names = ", ".join(shortened(one.homotopy) for one in group[:_MAX_REASONS])
     more = f" and {len(group) - _MAX_REASONS} more" if len(group) > _MAX_REASONS else ""
     return f"class{'es' * (len(group) > 1)} {names}{more}"
 
 
 def suggest_relaxations(planner: ClassPlanner) -> list[Text]:
-    """Remedies that leave a route, each tried out; the widest way through comes first."""
+    """Return tried remedies that leave a route; the widest way through comes first."""
     options, search = planner.options, _RelaxationSearch(planner)
     triangulation = planner.problem.triangulation
     stops = [triangulation.locate(stop) for stop in planner.problem.voyage.stops]
@@ -79,13 +79,13 @@ def suggest_relaxations(planner: ClassPlanner) -> list[Text]:
 
 
 class _RelaxationSearch:
-    """Plans with other padding, to find how much less of it leaves a route."""
+    """Plans with other padding, to find how much less padding leaves a route."""
 
     def __init__(self, planner: ClassPlanner) -> None:
         self._problem, self._options = planner.problem, planner.options
 
     def route(self, **changes: Any) -> Route | None:  # noqa: ANN401 - as of PlanOptions
-        """Best route of the first class that has one with changed options, or None."""
+        """Return the best route of the first class that has one with changed options, or None."""
         options = replace(self._options, **changes)
         # Making room to turn takes long, and less padding leaves more room.
         planner = ClassPlanner(self._problem, options, thorough=False)
@@ -93,7 +93,7 @@ class _RelaxationSearch:
         return routes[0] if routes else None
 
     def least_risk(self) -> str:
-        """The least risk, to 1 %, that leaves a route."""
+        """Return as text the least risk, to 1 %, that leaves a route."""
         low, high = self._options.risk, _MAX_RISK
         if high <= low or self.route(risk=high) is None:
             return f"no risk up to {_MAX_RISK:g} would leave one"
@@ -108,11 +108,11 @@ class _RelaxationSearch:
         return f"a risk of {high:g} would leave one"
 
     def largest_padding(self, most: float) -> list[Text]:
-        """The largest fixed padding up to `most` m that leaves a route, to 2 %; or None."""
+        """Return as text the largest fixed padding up to `most` m, to 2 %, that leaves a route."""
         if not 0 < most < math.inf:
             return []
         low, high, best = 0.0, most, None
-        # Each try takes as long as a plan, and mostly a little less than the whole is enough.
+        # Each try takes as long as a plan, and a little less than `most` is usually enough.
         tried = _NEARLY * most
         for _ in range(_TRIES):
             route = self.route(padding=tried, clearance=0.0, risk_at="route")
@@ -125,13 +125,13 @@ class _RelaxationSearch:
             tried = (low + high) / 2
         if best is None:
             return []
-        # As the option takes it, whatever lengths are spelled in.
+        # In the unit of the option, whatever unit the message uses for other lengths.
         return [
             Text(f"padding = {low:.4g} (planar m) would leave one, {{0}}", (_description(best),))
         ]
 
 
 def _description(route: Route) -> Text:
-    """Fuel and clearance of a route, as text."""
+    """Return a route's fuel and clearance as text."""
     fuel = Text(f"class {shortened(route.homotopy)} for a fuel of {route.fuel:.6g}")
     return Text("{0}, {1} clear of no-go zones", (fuel, Length(route.clearance)))

@@ -1,7 +1,8 @@
-"""Padding grows until neither a path's own triangles nor its hard-over turns need more.
+"""Grow padding until it is enough for a path's own triangles and for its hard-over turns.
 
-The padding of a class is first set for its channel. A path that bulges out of it, or a turn in a
-perturbed current, may need more: the edges concerned grow, and the class is planned again.
+The padding of a class is first set for its channel. A path that bulges out of the channel, or a
+turn in a perturbed current, may need more. The edges concerned then get more, and the class is
+planned again.
 """
 
 from collections.abc import Callable, Iterable
@@ -19,14 +20,14 @@ from renew.turns.passage_windows import passage_windows
 from renew.turns.verification import colliding_edges, risky_edges
 
 _Shortfall: TypeAlias = tuple[IntArray, FloatArray]
-"""Constrained edges, and by how much their padding is too small (m)."""
+"""Constrained edges, and the amount by which the padding of each is too small (m)."""
 
 Shortfalls: TypeAlias = tuple[_Shortfall | None, ...]
-"""Shortfall of padding on the way to each via point, and to the goal; None where it is enough."""
+"""Shortfall of padding on each part of the voyage, between stops; None if there is none."""
 
 
 class _HasCorridor(Protocol):
-    """A path with the corridor in which it was planned."""
+    """A path with its corridor."""
 
     @property
     def corridor(self) -> Corridor:
@@ -44,9 +45,9 @@ def grown_until_clear(
     most: int,
     turns: str = "hard-over turns",
 ) -> _Path:
-    """Grow the padding of a path until it lacks nothing; `plan_again` plans near the last path.
+    """Grow a path's padding until it is enough; `plan_again` plans near the last path.
 
-    InfeasibleError where padding is still too small in the last of `most` rounds.
+    Raises InfeasibleError if padding is still too small after `most` rounds.
     """
     for rounds_left in reversed(range(most)):
         short = shortfall(found)
@@ -60,7 +61,7 @@ def grown_until_clear(
 
 
 def grown(corridor: Corridor, shortfall: Shortfalls) -> Corridor:
-    """Corridor with the padding larger by its shortfall."""
+    """Return the corridor with its padding increased by the shortfall."""
     both = zip(corridor.paddings, shortfall, strict=True)
     return corridor.with_padding(
         [padded.grown(*short) if short else padded for padded, short in both]
@@ -69,14 +70,14 @@ def grown(corridor: Corridor, shortfall: Shortfalls) -> Corridor:
 
 @dataclass(frozen=True)
 class PaddingGrowth:
-    """Finds the shortfall of a corridor's padding for a path, where padding is adaptive."""
+    """Finds how much adaptive padding a path lacks in its corridor."""
 
     problem: Problem
     model: PaddingModel
     options: PlanOptions
 
     def shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
-        """Shortfall of padding for the triangles that a path (n, 2) crosses, else for its turns."""
+        """Return a path's shortfall of padding in the triangles that it crosses, else for turns."""
         if not self.options.is_adaptive:
             return None
         return self.crossed_shortfall(corridor, path) or _any(
@@ -86,7 +87,7 @@ class PaddingGrowth:
     def collisions(
         self, corridor: Corridor, path: FloatArray, speeds: FloatArray
     ) -> Shortfalls | None:
-        """Shortfall of padding for turns along a path (n, 2) sailed at speeds (n - 1,), m/s."""
+        """Return the shortfall for turns along a path (n, 2) sailed at speeds (n - 1,), m/s."""
         if not self.options.is_adaptive:
             return None
         own_speeds = corridor.voyage.cut_speeds(path, speeds)
@@ -96,25 +97,25 @@ class PaddingGrowth:
         )
 
     def fitted(self, corridor: Corridor, path: FloatArray) -> Corridor:
-        """The corridor, with more padding where a path (n, 2) bulges out of its channel."""
+        """Return the corridor with more padding where a path (n, 2) bulges out of its channel."""
         short = self.crossed_shortfall(corridor, path)
         return corridor if short is None else grown(corridor, short)
 
     def crossed_shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
-        """Shortfall of padding where a path bulges out of the channel for which it was set."""
+        """Return the shortfall where a path bulges out of the channel for which padding was set."""
         if not self.options.is_adaptive:
             return None
         return _any(self._bulge_shortfall(*part) for part in corridor.parts(path))
 
     def _bulge_shortfall(self, corridor: Corridor, path: FloatArray) -> _Shortfall | None:
-        """Shortfall of padding where a path (n, 2) between two via points bulges."""
+        """Return the shortfall where a path (n, 2) between two stops bulges out."""
         inside = visits(path, corridor.corners)
         crossed = inside._replace(triangle=corridor.triangles[inside.triangle])
         windows = passage_windows(corridor.voyage, path, inside.enter, inside.leave)
         return self.model.shortfall(crossed, windows, corridor.channel, corridor.padded)
 
     def _turns_shortfall(self, corridor: Corridor, path: FloatArray) -> _Shortfall | None:
-        """Shortfall of padding for turns along a path (n, 2) between two via points."""
+        """Return the shortfall for turns along a path (n, 2) between two stops."""
         voyage, padded = corridor.voyage, corridor.padded
         short = colliding_edges(path, voyage, padded, self.problem.reach)
         if short or self.options.risk_at == "route":
@@ -125,6 +126,6 @@ class PaddingGrowth:
 
 
 def _any(short: Iterable[_Shortfall | None]) -> Shortfalls | None:
-    """The shortfalls of all parts; None where none has any."""
+    """Return the shortfalls of all parts, or None if no part has one."""
     found = tuple(short)
     return found if any(one is not None for one in found) else None

@@ -1,8 +1,7 @@
-"""The latest departure that arrives in time: a later departure arrives no earlier (FIFO).
+"""Find the latest departure that arrives in time: a later departure never arrives earlier (FIFO).
 
-The arrival mostly rises as fast as the departure. So the next guess is the departure that would be
-just in time if it did exactly, kept between a departure known to be in time and one known to be
-late.
+The arrival usually rises as fast as the departure. The next guess assumes that it does exactly, and
+is kept between a departure known to be in time and one known to be late.
 """
 
 import math
@@ -13,18 +12,18 @@ from renew.errors import ArrivalError, Moment, Text
 from renew.planner.departures import Sailing, Sailings
 from renew.voyage.voyage import Voyage
 
-# Share of the time under way by which the vessel may arrive earlier than asked, and largest number
-# of departures that are planned to come that close.
+# Largest early arrival, as a share of the time under way, and largest number of departures that
+# are planned to reach it.
 _EARLY, _MAX_PLANS = 1e-3, 40
-# For remedies: number of halvings; the highest speed, as a multiple of the vessel's; how much
-# earlier the vessel may leave, in times under way.
+# For remedies: number of halvings; the highest speed, in multiples of the vessel's; and the largest
+# advance of the departure, in durations of the voyage.
 _HALVINGS, _FASTEST, _EARLIEST = 12, 4.0, 4.0
 
 
 def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> Sailing:
-    """Latest sailing from `earliest` on that is at the goal by a time (s), nearly.
+    """Return nearly the latest sailing from `earliest` on that reaches the goal by a time (s).
 
-    ArrivalError where the earliest departure is too late already; it names remedies.
+    Raises ArrivalError, with remedies, if the earliest departure is already too late.
     """
     best = sailings.sailing(earliest)
     if best.found is None:
@@ -41,7 +40,7 @@ def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> S
             break
         guess = best.departure + early_by - tolerance / 2
         if guess >= too_late:
-            # Between the two, where the arrival would be in time if it rose evenly; or halfway.
+            # Between the two, as if the arrival rose linearly; or halfway.
             share = early_by / (early_by + late_by) if late_by < math.inf else 0.5
             guess = best.departure + min(max(share, 0.1), 0.9) * room
         tried = sailings.sailing(guess)
@@ -55,10 +54,10 @@ def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> S
 def too_late_error(
     first: Sailing, arrive_by: float, faster: str = "take a vessel that makes {:.3g} m/s"
 ) -> ArrivalError:
-    """Error for an arrival that can't be made, with a speed or departure that can make it.
+    """Return the error for an arrival that is too early, with a sufficient speed and departure.
 
-    Both are found along the path of the sailing, so they are enough, at least nearly. `faster` is
-    the wording of the remedy by speed.
+    Both remedies are found along the sailing's path, so they are nearly exact. `faster` is the text
+    of the remedy by speed.
     """
     voyage = first.planner.problem.voyage
     path = first.found.path if first.found else voyage.start[None]
@@ -75,7 +74,7 @@ def too_late_error(
 
 
 def _earlier(voyage: Voyage, path: FloatArray, duration: float, arrive_by: float) -> list[Text]:
-    """The latest departure at which a path is in time, as a text; none where none is."""
+    """Return a text with the latest departure at which a path is in time, or nothing."""
 
     def is_in_time(earlier: float) -> bool:
         arrivals = voyage.leaving(voyage.departure - earlier).arrivals(path)
@@ -87,7 +86,7 @@ def _earlier(voyage: Voyage, path: FloatArray, duration: float, arrive_by: float
 
 
 def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> list[Text]:
-    """The least speed at which a path is in time, put into a text; none where none is."""
+    """Return a text with the least speed at which a path is in time, or nothing."""
 
     def is_in_time(speed: float) -> bool:
         return bool(voyage.at_speed(speed).arrivals(path)[-1] <= arrive_by)
@@ -98,7 +97,7 @@ def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> li
 
 
 def _least(is_enough: Callable[[float], bool], low: float, high: float) -> float | None:
-    """The least figure that is enough, if every larger one is; None if `high` is not."""
+    """Return the least sufficient value, if every larger one is sufficient; else None."""
     if high <= low or not is_enough(high):
         return None
     for _ in range(_HALVINGS):

@@ -1,7 +1,7 @@
-"""The clearance of a class, which yields in narrows.
+"""Set the clearance of a class, reduced in narrows.
 
-Where no part of a section across the channel keeps the whole clearance, the land around it keeps a
-share of its distance from the middle of the passage instead. The padding for turns never yields.
+If all of a section across the channel lies within the clearance, the land around it keeps a share
+of its distance from the middle of the passage instead. The padding for turns is never reduced.
 """
 
 import numpy as np
@@ -14,11 +14,12 @@ from renew.paths.sections import sections_of
 from renew.turns.padding_model import PaddedEdges
 from renew.voyage.voyage import Voyage
 
-# Spacing of sections, and length of the pieces of shore that yield, as a share of the clearance.
+# Spacing of sections, and length of pieces of shore with reduced clearance, as a share of
+# clearance.
 _SPACING = 0.25
-# Largest turn between two sections, rad.
+# Largest angle between two sections, rad.
 _ANGLE = np.radians(15)
-# Places on a section that are compared to find its middle, as shares of it.
+# Places on a section that are tried as its middle, as shares of its length.
 _PLACES = np.linspace(0.0, 1.0, 17)[1:-1]
 _FEW_PLACES = np.linspace(0.0, 1.0, 5)[1:-1]
 
@@ -31,15 +32,15 @@ def with_clearance(
     voyage: Voyage,
     triangulation: Triangulation,
 ) -> PaddedEdges:
-    """Return padding with a clearance (m) at least, which yields in narrows.
+    """Return padding of at least the clearance (m), reduced in narrows.
 
     Parameters
     ----------
     padded
         Edges within the clearance of a channel without via points; their padding is for turns.
     share
-        Share of its distance from the middle of a narrow that the shore keeps; 1: the clearance
-        yields nowhere.
+        Share of its distance from the middle of a narrow that the shore keeps; with 1 the clearance
+        is never reduced.
     """
     whole = padded.at_least(np.full(len(padded.edge), clearance))
     if share == 1.0 or clearance == 0.0:

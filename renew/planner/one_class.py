@@ -1,4 +1,4 @@
-"""The best route of one homotopy class: padding, path, trajectory, verification by turns."""
+"""Plan the best route of one homotopy class: padding, path, trajectory, and simulated turns."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from renew.turns.padding_model import PaddedEdges, PaddingModel, region_of
 from renew.turns.passage_windows import passage_windows
 from renew.voyage.voyage import Voyage
 
-# Ratio of a steered path's fuel to that of the path before from which other attempts are made.
+# Ratio of a steered path's fuel to the unsteered path's from which other attempts are made.
 _DEAR = 1.01
-# Number of rounds of growing padding before a class is given up.
+# Number of rounds of growing padding before a class is rejected.
 _MAX_ROUNDS = 8
 
 
 class ClassPath(NamedTuple):
-    """The best path (n, 2) of a class, its trajectory (m, 4), fuel, and where it was found.
+    """The best path (n, 2) of a class, its trajectory (m, 4), its fuel and its corridor.
 
-    `harmonic_mean` is the figure by which its class is chosen; where the vessel chooses its speeds
-    the `profile` has the speeds along the path.
+    `harmonic_mean` is the value by which its class is chosen. `profile` has the speeds along the
+    path if the vessel chooses speeds.
     """
 
     corridor: Corridor
@@ -54,10 +54,9 @@ class ClassPath(NamedTuple):
 
 
 class ClassPlanner:
-    """Plans the best route of a class by some options, with the padding `model` if one is given.
+    """Plans the best route of a class, with the padding `model` if one is given.
 
-    Where it is `thorough`, land is padded more where a path can't be steered, and variants are
-    tried.
+    A `thorough` planner tries variants, and adds padding where a path can't be steered.
     """
 
     def __init__(
@@ -76,21 +75,21 @@ class ClassPlanner:
         self.growth = PaddingGrowth(problem, self._model, options)
 
     def for_problem(self, problem: Problem) -> ClassPlanner:
-        """Return the planner of a problem in the same water; known paddings are shared."""
+        """Return the planner of a problem in the same water; it shares known paddings."""
         return ClassPlanner(problem, self.options, self._model, thorough=self.is_thorough)
 
     @cached_property
     def unpadded(self) -> ClassPlanner:
-        """Planner of the same classes without padding, where this one's is adaptive."""
+        """The planner of the same classes without adaptive padding."""
         if not self.options.is_adaptive:
             return self
         return ClassPlanner(self.problem, replace(self.options, padding="none", risk_at="route"))
 
     def find(self, channel: Channel) -> ClassPath:
-        """Best path of a class; its padding grows until every hard-over turn is clear.
+        """Return the best path of a class; padding grows until every hard-over turn is clear.
 
-        Where each attempt slips past an islet, the path is of another class. InfeasibleError says
-        why there is none.
+        If each attempt slips past an islet, the path is of another class. Raises InfeasibleError,
+        with the reason, if there is no path.
         """
         found = self.find_in(self.corridor(channel))
         if not found.corridor.holds_back(found.path):
@@ -101,7 +100,7 @@ class ClassPlanner:
         return found
 
     def find_in(self, corridor: Corridor, near: FloatArray | None = None) -> ClassPath:
-        """Best path of a corridor, near an earlier one (n, 2), if any; its padding may grow."""
+        """Return the best path of a corridor, near an earlier path (n, 2) if given."""
         return grown_until_clear(
             self._found(corridor, near),
             lambda found: self.growth.shortfall(found.corridor, found.path),
@@ -110,7 +109,7 @@ class ClassPlanner:
         )
 
     def route(self, found: ClassPath) -> Route:
-        """Route along a path, with all its figures; at the speeds of its profile, if it has one."""
+        """Return the route along a path, with all figures, at the speeds of its profile if any."""
         corridor, path, trajectory, fuel, class_mean, profile = found
         voyage, paddings = self.problem.voyage, corridor.paddings
         if profile is None:
@@ -149,7 +148,7 @@ class ClassPlanner:
         )
 
     def unpadded_fuel(self, channel: Channel) -> float:
-        """Least fuel of a class with no padding at all; inf where even so there is no path."""
+        """Return a class's least fuel without any padding, or inf if it has no path even then."""
         corridor = self.corridor(channel)
         bare = corridor.with_padding(
             [replace(one, padding=np.zeros(len(one.edge))) for one in corridor.paddings]
@@ -162,7 +161,7 @@ class ClassPlanner:
         return speed_profile(path, voyage).fuel if voyage.has_price else voyage.fuel(path)
 
     def corridor(self, channel: Channel) -> Corridor:
-        """Corridor in which a class's paths are planned."""
+        """Return the corridor in which a class's paths are planned."""
         voyage, triangulation = self.problem.voyage, self.problem.triangulation
         parts = voyage.parts(channel.rough_path(voyage.start, voyage.goal))
         padded = [
@@ -182,7 +181,7 @@ class ClassPlanner:
         return corridor.with_padding(padded)
 
     def _padded(self, channel: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
-        """Padding next to a channel without via points, sailed nearly along a path (n, 2)."""
+        """Return the padding beside a channel without via points, for a path (n, 2)."""
         middle = channel.midline(voyage.start, voyage.goal)
         windows = passage_windows(voyage, path, middle[:-1], middle[1:])
         padded = self._model.padded_edges(channel, voyage.start, voyage.goal, windows)
@@ -192,7 +191,7 @@ class ClassPlanner:
         )
 
     def _found(self, corridor: Corridor, near: FloatArray | None) -> ClassPath:
-        """Best path of a corridor; near the path found while its padding was smaller, if any."""
+        """Return the best path of a corridor, near the path found with less padding, if any."""
         if self.options.method == "sampled":
             return self._best_sample(corridor)
         if near is None:
@@ -200,7 +199,7 @@ class ClassPlanner:
         return self._best_path(corridor, near)
 
     def _best_path(self, corridor: Corridor, near: FloatArray | None) -> ClassPath:
-        """Best path of some attempts; it is of another class if all attempts slip into another."""
+        """Return the best path of several attempts; it is of another class if all attempts are."""
         first: InfeasibleError | None = None
         best: ClassPath | None = None
         slipped: list[tuple[Corridor, FloatArray]] = []
@@ -216,15 +215,15 @@ class ClassPlanner:
             if found is None:
                 slipped.append((used, path))
                 if near is not None and not self._is_of(corridor, near):
-                    # Each attempt slipped while the padding was smaller, too.
+                    # Each attempt also slipped into another class with less padding.
                     break
                 continue
             if best is None or found.fuel < best.fuel:
                 best = found
             if near is not None or found.fuel <= _DEAR * self.problem.voyage.fuel(path):
                 break
-            # Much room had to be made to turn in: another path may need less room. Where only the
-            # padding has grown, other attempts have been made before.
+            # Making room to turn cost much fuel, and another path may need less room. If only
+            # padding has grown, other attempts have been made already.
         if best is None and slipped:
             best = self._steered(corridor, *slipped[0])
         if best is None:
@@ -232,10 +231,10 @@ class ClassPlanner:
         return self._or_straight(best)
 
     def _or_straight(self, found: ClassPath) -> ClassPath:
-        """A path that was found, or the straight line if that is clear and needs less fuel.
+        """Return a found path, or the straight line if this is clear and needs less fuel.
 
-        Paths are looked for in a table of the current: where the field hardly changes across the
-        line, a bend may gain in the table what it loses in the field.
+        Paths are searched in a table of the current. Where the field hardly changes across the
+        line, a bend may save fuel in the table but not in the field.
         """
         voyage, corridor = self.problem.voyage, found.corridor
         straight = voyage.stops
@@ -250,23 +249,22 @@ class ClassPlanner:
     def _steered_in_class(
         self, corridor: Corridor, used: Corridor, path: FloatArray
     ) -> ClassPath | None:
-        """A path (n, 2) that was found, steered; None where it slips into another class."""
+        """Return a found path (n, 2) after steering; None if it slips into another class."""
         found = self._steered(corridor, used, path) if self._is_of(corridor, path) else None
         return found if found is not None and self._is_of(corridor, found.path) else None
 
     def _steered(self, corridor: Corridor, used: Corridor, path: FloatArray) -> ClassPath:
-        """A path (n, 2) that was found in a corridor, or one with more padding."""
+        """Steer a path (n, 2) found in the corridor, or in `used` with more padding."""
         makes_room = self.is_thorough and used.polar == corridor.polar
         steered = steered_with_room if makes_room else steered_as_it_is
         used, path, trajectory = steered(used, path)
         self.check_current(trajectory)
         fuel = self.problem.voyage.fuel(path)
         if not math.isfinite(fuel):
-            # As steered the vessel may be just in time, while by the drift model it is not.
+            # The steered path may arrive just in time while by the drift model it is late.
             raise InfeasibleError("the current leaves no way to be made along its path")
         if self.problem.voyage.has_price:
-            # A path that can be steered at the highest speed may not be at a lower one, across a
-            # current.
+            # Across a current, a path may be steerable at the highest speed but not at a lower one.
             profile = speed_profile(path, self.problem.voyage)
             steer_as_drawn(profile.path, used, profile.speeds)
         return ClassPath(replace(used, polar=corridor.polar), path, trajectory, fuel, fuel)
@@ -276,7 +274,7 @@ class ClassPlanner:
         return self.problem.word(path) == corridor.channel.word
 
     def check_current(self, trajectory: FloatArray) -> None:
-        """Refuse a trajectory through a current as strong as the vessel, or no longer known."""
+        """Raise InfeasibleError if a trajectory's current is too strong, or unknown."""
         voyage = self.problem.voyage
         arrival, (_, last) = trajectory[-1, 0], voyage.current.span
         if arrival > last:
@@ -296,7 +294,7 @@ class ClassPlanner:
             )
 
     def _best_sample(self, corridor: Corridor) -> ClassPath:
-        """Least-fuel path of the paper's sampling, with the harmonic mean of its class."""
+        """Return the least-fuel path of the paper's sampling, with its class's harmonic mean."""
         samples, seed = self.options.samples, self.options.seed
         paths, class_mean = sampled_paths(corridor, self.problem.rays, samples, seed)
         first: InfeasibleError | None = None

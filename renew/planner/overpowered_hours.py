@@ -1,13 +1,13 @@
-"""Where and when the current shuts the way of a class for a while: no vessel waits for it to open.
+"""Find where and when the current temporarily blocks a class's way; no vessel waits for it.
 
-Water is shut while its current is nearly as strong as the vessel is fast, or stronger, whichever
-way it flows. Where water is shut for a while only, a vessel that comes later may be through first;
-the search, in which no vessel waits, gives the best path *without waiting*.
+Water is shut while its current is nearly as strong as the vessel is fast, or stronger, in any
+direction. If water is shut only temporarily, a vessel that waits may arrive first; the search, in
+which no vessel waits, gives the best path *without waiting*.
 
-For a class the places on its way count, and at each place the time from the vessel's earliest
-arrival there to its latest departure. A route has its own times. Along the rough path by which a
-class was found the vessel is taken to wait wherever it meets shut water, until that opens. So the
-hours of a class that fails are the hours at which the vessel would come to the place of failure.
+The hours of a class are given at each place on its way, from the vessel's earliest arrival there to
+its latest departure. A route has its own times. On the rough path of a class the vessel is assumed
+to wait wherever it meets shut water until the water opens. So the hours of a rejected class are the
+hours when the vessel would reach the place that blocks it.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from renew.kernels.viterbi import TOO_STRONG, slowness
 from renew.results import OverpoweredHours
 from renew.voyage.voyage import Voyage, shares
 
-# Number of pieces into which a path is cut at least.
+# Minimum number of pieces into which a path is cut.
 _PIECES = 400
-# Number of places that a reason names.
+# Number of places named in a reason.
 _MAX_NAMED = 3
 
 _Error = TypeVar("_Error", bound=InfeasibleError)
 
 
 class _Spell(NamedTuple):
-    """Number of a point on a path, and from when until when (s) the current shuts it."""
+    """Index of a point on a path, and the begin and end (s) of a time when the current shuts it."""
 
     at: int
     begin: float
@@ -47,20 +47,20 @@ class _Spell(NamedTuple):
 def hours_along(
     path: FloatArray, times: FloatArray, voyage: Voyage
 ) -> tuple[OverpoweredHours, ...]:
-    """Hours at which the current shuts water on a path (n, 2) passed at times (n,), s."""
+    """Return the hours when water is shut on a path (n, 2) passed at times (n,), s."""
     points = _PathPoints.of(path, voyage)
     passed = np.interp(shares(points.points), shares(path), times)
     return points.stretches(points.passed_at(passed))
 
 
 def hours_of(channel: Channel, voyage: Voyage) -> tuple[OverpoweredHours, ...]:
-    """Hours at which the current shuts water on the rough path of a class."""
+    """Return the hours when water is shut on the rough path of a class."""
     points = _PathPoints.of(channel.rough_path(voyage.start, voyage.goal), voyage)
     return points.stretches(points.waiting()) if points.is_shut.any() else ()
 
 
 def with_hours(error: _Error, hours: tuple[OverpoweredHours, ...]) -> _Error:
-    """The reason against a class with the hours at which the current shuts its way, if any."""
+    """Return the reason against a class, with the hours when its way is shut, if any."""
     if not hours:
         return error
     shut = Text.joined(", ", [Text("{0}{1}", (one.place, one.text)) for one in hours[:_MAX_NAMED]])
@@ -71,7 +71,7 @@ def with_hours(error: _Error, hours: tuple[OverpoweredHours, ...]) -> _Error:
 
 
 class _PathPoints(NamedTuple):
-    """Points (n, 2) on a path, and which of them (n,) the current ever shuts."""
+    """Points (n, 2) on a path, and whether the current ever shuts each (n,)."""
 
     points: FloatArray
     is_shut: BoolArray
@@ -79,7 +79,7 @@ class _PathPoints(NamedTuple):
 
     @classmethod
     def of(cls, path: FloatArray, voyage: Voyage) -> _PathPoints:
-        """A path (n, 2) with more points."""
+        """Add points to a path (n, 2)."""
         table, count = voyage.table, len(voyage.table.times)
         if table.is_steady or table.strongest < _level(voyage):
             return cls(path, np.zeros(len(path), dtype=bool), voyage)
@@ -87,19 +87,19 @@ class _PathPoints(NamedTuple):
         points = shapely.get_coordinates(line.segmentize(line.length / _PIECES))
         times = np.tile(table.times, len(points))
         current = velocities(table, np.repeat(points, count, axis=0), times)
-        # Between two slices it is no stronger than in both.
+        # Between two slices the current is no stronger than in the stronger one.
         strongest = np.linalg.norm(current, axis=1).reshape(-1, count).max(axis=1)
         return cls(points, strongest >= _level(voyage), voyage)
 
     def passed_at(self, times: FloatArray) -> Iterator[_Spell]:
-        """Spells that shut a point while the vessel may be there; it passes at times (n,), s."""
+        """Yield the spells that shut a point while the vessel may be there; `times` (n,) in s."""
         early, late = self.voyage.early_and_late(times)
         for at in np.flatnonzero(self.is_shut).tolist():
             for begin, end in self._spells(at, early[at], late[at]):
                 yield _Spell(at, begin, end)
 
     def waiting(self) -> Iterator[_Spell]:
-        """Spells that the vessel meets if it waits wherever the water is shut, until that opens."""
+        """Yield the spells that the vessel meets if it waits until shut water opens."""
         voyage, now = self.voyage, self.voyage.departure
         legs = np.diff(self.points, axis=0)
         lengths = np.linalg.norm(legs, axis=1)
@@ -109,7 +109,7 @@ class _PathPoints(NamedTuple):
                 for _, end in self._spells(at, now, now):
                     now = max(now, end)
                 if math.isinf(now):
-                    # Points behind this one are not reached.
+                    # The vessel does not reach points beyond this one.
                     late = now
                 else:
                     _, (late, *_) = voyage.early_and_late(np.array([now]))
@@ -122,8 +122,8 @@ class _PathPoints(NamedTuple):
             now += lengths[at] * slowness(u, v, tx, ty, voyage.polar)
 
     def stretches(self, spells: Iterable[_Spell]) -> tuple[OverpoweredHours, ...]:
-        """Longest spell of each stretch: of spells at successive points in overlapping hours."""
-        found: list[tuple[_Spell, _Spell]] = []  # the longest of a stretch, and its last
+        """Return the longest spell of each stretch: successive points shut in overlapping hours."""
+        found: list[tuple[_Spell, _Spell]] = []  # the longest and the last spell of each stretch
         for spell in spells:
             for k, (longest, last) in enumerate(found):
                 if spell.at - last.at <= 1 and spell.begin <= last.end and spell.end >= last.begin:
@@ -136,12 +136,12 @@ class _PathPoints(NamedTuple):
         )
 
     def _spells(self, at: int, begin: float, end: float) -> list[tuple[float, float]]:
-        """Spells (s) in which the current shuts a point and that overlap a window of time (s)."""
+        """Return the spells (s) that shut a point and overlap the time from `begin` to `end`."""
         place, table = self.points[at], self.voyage.table
         spells = overpowered_spells(table, place, _level(self.voyage), begin, end)
         return [(float(first), float(last)) for first, last in spells]
 
 
 def _level(voyage: Voyage) -> float:
-    """Strength of the current (m/s) from which the search takes water as shut."""
+    """Return the speed of the current (m/s) from which the search treats water as shut."""
     return math.sqrt(TOO_STRONG) * voyage.vessel.speed
