@@ -73,7 +73,7 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
         row = Row(
             name=nautical.waypoint_name(index, len(points.lonlat)),
             latitude=position(float(latitude), "NS", 2),
-            longitude=position(nautical.wrapped_longitude(longitude), "EW", 3),
+            longitude=position(float(longitude), "EW", 3),
             to_go_nm=f"{to_go[index]:.1f}",
             passed=passed,
         )
@@ -98,7 +98,8 @@ def _leg(points: Waypoints, leg: int) -> dict[str, str]:
 
 
 def position(degrees: float, sides: str, digits: int) -> str:
-    """Write a coordinate in degrees and minutes: 12° 39.510' N."""
+    """Write a coordinate in degrees and minutes: 12° 39.510' N; a longitude within 180 degrees."""
+    degrees = nautical.wrapped_longitude(degrees) if sides == "EW" else degrees
     minutes = round(abs(degrees) * 60, 3)
     whole, rest = divmod(minutes, 60)
     return f"{int(whole):0{digits}d}° {rest:06.3f}' {sides[degrees < 0]}"

@@ -1,6 +1,6 @@
 """Plan a voyage in one call: make its scenario from the request, and run it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -15,7 +15,7 @@ from pipeline.scenario.loading import asked_currents, parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.sources.registry import current_source
-from pipeline.stages.choosing.coverage import least_region, require_sailable
+from pipeline.stages.choosing.coverage import are_water_swapped, least_region, require_sailable
 from pipeline.voyage.positions import Position, read_positions, read_via
 from pipeline.voyage.times import Departing, departing, read_months
 from pipeline.voyage.vessel_options import RANGE, VesselFigures, length_m, vessel_spec
@@ -222,8 +222,17 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     if request.depths is not None:
         chart = data.setdefault("chart", {})
         chart["depths"] = str(resolved(request.depths, "--depths"))
-    notes = tuple(end.note for end in (*ends, *via) if end.note)
-    return parse_scenario(data), notes
+    scenario = parse_scenario(data)
+    return scenario, tuple(_position_notes(scenario, (*ends, *via)))
+
+
+def _position_notes(scenario: Scenario, places: Sequence[Position]) -> Iterator[str]:
+    """Yield notes on how positions were read; none on an order that can't be the other way."""
+    doubtful = [(place.lon, place.lat) for place in places if place.either_order]
+    is_doubtful = bool(doubtful) and are_water_swapped(scenario, doubtful)
+    for place in places:
+        if place.note and (is_doubtful or not place.either_order):
+            yield place.note
 
 
 def _vessel(request: VoyageRequest) -> VesselSpec:

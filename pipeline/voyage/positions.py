@@ -16,6 +16,9 @@ _SPELLINGS = str.maketrans(
     | dict.fromkeys("′’`\N{LEFT SINGLE QUOTATION MARK}\N{MODIFIER LETTER PRIME}", "'")
     | dict.fromkeys("″”“ʺ", '"')
 )
+# A hyphen between two numbers, as in "6-08S": on nautical charts it separates degrees and minutes.
+_HYPHEN = re.compile(r"(?<=\d)-(?=\d)")
+_LETTERS = re.compile(r"[NSEW]")
 # Two commas between digits, with other characters between: decimal commas, as in "120,30 12,80".
 _DECIMAL_COMMAS = re.compile(r"^([^,]*\d),(\d[^,]*(?:;|\s)[^,]*\d),(\d[^,]*)$")
 # If start or goal lies west of this longitude, 360 degrees are added to both: longitudes in a
@@ -26,11 +29,15 @@ _AXIS = {"N": "lat", "S": "lat", "E": "lon", "W": "lon"}
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """A position in degrees; `note` is "" or says how an ambiguous text was understood."""
+    """A position in degrees; `note` is "" or says how a text without letters was understood.
+
+    `either_order` is True if the two figures may also be a latitude and a longitude.
+    """
 
     lon: float
     lat: float
     note: str = ""
+    either_order: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +127,8 @@ def read_position(text: str) -> Position:
 def _normalised(text: str) -> str:
     """Return a text with standard signs, capital letters and decimal points."""
     plain = text.strip().translate(_SPELLINGS).replace("''", '"').upper()
+    if _LETTERS.search(plain):
+        plain = _HYPHEN.sub(" ", plain)
     return _DECIMAL_COMMAS.sub(r"\1.\2.\3", plain)
 
 
@@ -130,22 +139,23 @@ def _ordered(first: _Coordinate, second: _Coordinate, shown: str) -> Position:
         raise ValueError("needs one of N and S, and one of E and W, or none of them")
     is_swapped = axes[0] == "lat"
     note = ""
+    either_order = not any(axes) and max(abs(first.degrees), abs(second.degrees)) <= 90
     if not any(axes) and abs(second.degrees) > 90 >= abs(first.degrees):
         is_swapped = True
         note = (
             f"{shown!r} was read as latitude, longitude: {second.degrees:g} can only be a longitude"
         )
-    elif not any(axes) and abs(first.degrees) <= 90:
+    elif either_order:
         note = (
             f"{shown!r} was read as longitude {first.degrees:g}, latitude {second.degrees:g}; "
-            "write N or S and E or W if it is the other way round"
+            "the other way round it would be water, too: write N or S and E or W to make it clear"
         )
     lon, lat = (second, first) if is_swapped else (first, second)
     if abs(lat.degrees) > 90:
         raise ValueError(f"has the latitude {lat.degrees:g}; give one from -90 to 90 degrees")
     if not -180 <= lon.degrees <= 360:
         raise ValueError(f"has the longitude {lon.degrees:g}; give one from -180 to 360 degrees")
-    return Position(lon.degrees, lat.degrees, note)
+    return Position(lon.degrees, lat.degrees, note, either_order)
 
 
 def _coordinates(text: str) -> tuple[_Coordinate, _Coordinate]:

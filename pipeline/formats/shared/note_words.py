@@ -22,7 +22,6 @@ from renew.errors import Strait
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None
 _NO_FIGURE = "the source of the current has no figure on the whole of the best route"
-_BOUNDS = "{bounds[0]:g} to {bounds[2]:g} E, {bounds[1]:g} to {bounds[3]:g} N"
 MORE_CURRENTS = (
     "give a file of currents (--currents FILE, or its path in 'currents'), or plan without any "
     '(--currents still, or currents = ["still"])'
@@ -88,6 +87,7 @@ class _Formatter(string.Formatter):
 
 _FORMATTER = _Formatter()
 _FORMATS: Mapping[str, Callable[[Any], str]] = {
+    "box": text.box,
     "distance": text.distance,
     "hours": text.hours,
 }
@@ -142,8 +142,8 @@ def _shares(first: int, shares: Sequence[tuple[int, float]]) -> str:
     texts = [f"{text.percent(share)} of route {rank}" for rank, share in shares if rank == first]
     if others := [one for one in shares if one[0] != first]:
         rank, largest = max(others, key=lambda one: one[1])
-        more = f" (the most of {len(others)} others)" if len(others) > 1 else ""
-        texts.append(f"{text.percent(largest)} of route {rank}{more}")
+        others_too = f", the largest share of the {len(others)} other routes" * (len(others) > 1)
+        texts.append(f"{text.percent(largest)} of route {rank}{others_too}")
     return " and ".join(texts)
 
 
@@ -161,8 +161,7 @@ def _ends(ends: Sequence[Note]) -> str:
 
 def _region_chosen(bounds: Sequence[float], ends: Sequence[Note]) -> str:
     rest = f"; {_ends(ends)}" if ends else ""
-    region = _BOUNDS.format(bounds=bounds)
-    return f"region {region}, chosen to hold the ways round what lies between{rest}"
+    return f"region {text.box(bounds)}, chosen to hold the ways round what lies between{rest}"
 
 
 WORDS: Mapping[str, str | Callable[..., str]] = {
@@ -221,7 +220,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "zeros-are-land": "zeros in the file are treated as land",
     # What was chosen.
     "currents-end": "in the {sides: and } the region ends where the data of {source} end",
-    "departure-chosen": lambda choice: " ".join(departure_text(choice)),
+    "departure-chosen": lambda choice: " ".join(departure_text(choice)).removesuffix("."),
     "departures-asked": "{count} departures are planned to choose from",
     "departures-planned": "{count} of {asked} departures are planned",
     "departures-refined": "{count} departures are planned; another one may still save up to "
@@ -234,9 +233,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "region-chosen": _region_chosen,
     "side-left-out": "the far side of the island at {place} is not planned: on a coarse grid the "
     "way round it is at least {ratio:.1f} times as long as the shortest way",
-    "region-opened": f"region widened to {_BOUNDS}, because no way joins start and goal in a "
+    "region-opened": "region widened to {bounds:box}, because no way joins start and goal in a "
     "smaller region",
-    "region-widened": f"region widened to {_BOUNDS}, because the best route came near its "
+    "region-widened": "region widened to {bounds:box}, because the best route came near its "
     "{near: and } edge",
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),

@@ -70,6 +70,20 @@ def fuel(value: float) -> str:
     return number(value)
 
 
+def box(bounds: Sequence[float]) -> str:
+    """Write west, south, east and north in degrees: 178.5 E to 179.5 W, 17.29 to 15.88 S."""
+    west, south, east, north = bounds
+    return f"{_span(west, east, 'EW')}, {_span(south, north, 'NS')}"
+
+
+def _span(least: float, most: float, letters: str) -> str:
+    """Write two coordinates, once with the letter of their hemisphere if both lie in it."""
+    # Longitudes of a chart across 180 degrees are beyond it.
+    turned = [one if letters == "NS" else (one + 180) % 360 - 180 for one in (least, most)]
+    (first, begin), (second, end) = [(abs(one), letters[one < 0]) for one in turned]
+    return f"{first:g}{f' {begin}' if begin != end else ''} to {second:g} {end}"
+
+
 def hours(seconds: float) -> str:
     """Format a duration in hours, minutes or seconds."""
     if not math.isfinite(seconds):

@@ -1,6 +1,6 @@
 """Checks of a request against its sources: the area that currents cover, and stops on land."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,9 +18,9 @@ from pipeline.scenario.strict import Point
 from pipeline.sources.interfaces import LandSource
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.quality.coverage import Bounds, common_bounds
-from pipeline.sources.registry import current_source, land_source
+from pipeline.sources.registry import current_source, has_world_land, land_source
 from pipeline.stages.choosing.region_choice import Voyage
-from pipeline.stages.projecting.endpoints import not_in_water
+from pipeline.stages.projecting.endpoints import lakes_text, not_in_water
 
 # Smallest margin of a region around its stops, degrees (about 100 m).
 _AROUND_DEG = 1e-3
@@ -171,20 +171,31 @@ def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat:
             projection.geometry_to_plane(region), projection.geometry_to_plane(land)
         )
     except renew.GeometryError:
+        remedy = _remedy(source, lon, lat) or f"move it into water{lakes_text(scenario)}"
         return (
             f"{name} = {[lon, lat]} lies on land, more than {_LOOK_M / 1000:.0f} km from the "
-            f"nearest water; {_remedy(source, lon, lat)}"
+            f"nearest water; {remedy}"
         )
     here = shapely.Point(projection.to_plane((lon, lat)))
     return not_in_water(scenario, name, here, chart, projection)
 
 
 def _remedy(source: LandSource, lon: float, lat: float) -> str:
-    """Return the remedy for a position far inland; its coordinates may be swapped."""
+    """Return the remedy for a position far inland whose coordinates may be swapped, or ""."""
     can_swap = -90 <= lon <= 90
     if can_swap and not shapely.intersects_xy(_land_near(source, lat, lon), lat, lon).any():
         return f"did you mean [{lat:g}, {lon:g}]? A place is [longitude, latitude]"
-    return "move it into water"
+    return ""
+
+
+def are_water_swapped(scenario: Scenario, places: Iterable[Point]) -> bool:
+    """Whether positions with longitude and latitude exchanged are water on the world's chart."""
+    source = land_source(scenario.chart, scenario.vessel.draught_m)
+    swapped = [(lat, (lon + 180) % 360 - 180) for lon, lat in places]
+    return has_world_land(scenario.chart) and not any(
+        abs(lat) > 90 or shapely.intersects_xy(_land_near(source, lon, lat), lon, lat).any()
+        for lon, lat in swapped
+    )
 
 
 def _land_near(source: LandSource, lon: float, lat: float) -> npt.NDArray[np.object_]:

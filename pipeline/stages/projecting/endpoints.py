@@ -10,6 +10,7 @@ from pipeline.errors import NoWayError, RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene
 from pipeline.scenario.model import Scenario
+from pipeline.sources.registry import has_world_land
 from renew.errors import Strait
 
 # Distances beyond the nearest shore, true metres: the first whose position is still in water after
@@ -59,7 +60,14 @@ def not_in_water(
     return (
         f"{name} = {list(scenario.stops[name])} lies on {obstacle}, {distance} from the "
         f"nearest water at {place}; move it there, or further out if the vessel needs room to turn"
+        f"{lakes_text(scenario)}"
     )
+
+
+def lakes_text(scenario: Scenario) -> str:
+    """Say that a scenario's chart has the sea alone, if it is the world's; empty otherwise."""
+    is_sea_alone = not scenario.is_planar and has_world_land(scenario.chart)
+    return " (lakes and rivers are no part of this chart: it has the sea alone)" * is_sea_alone
 
 
 def is_shut_in(scene: Scene, straits: Sequence[Strait], width: float) -> bool:

@@ -63,6 +63,10 @@ def test_rows_are_the_waypoints(name: str) -> None:
     assert seconds == pytest.approx(points.time_s, abs=61)
 
 
+def test_every_longitude_is_within_180_degrees() -> None:
+    assert position(188.25, "EW", 3) == "171° 45.000' W"
+
+
 @pytest.mark.parametrize("name", ["across_180", "far_north", "harbours"])
 def test_each_leg_is_as_clear_of_land_as_it_says(name: str) -> None:
     result = getattr(runs, name)()

@@ -37,6 +37,8 @@ SECOND = 1 / 3600
         "120 18 12 48",
         "12.8,120.3",
         "+120.3,+12.8",
+        "12-48N 120-18E",
+        "N12-48.0 E120-18.0",
     ],
 )
 def test_every_way_of_writing_gives_the_same_place(text: str) -> None:
@@ -50,6 +52,7 @@ def test_a_swapped_order_is_noticed_and_said_only_where_it_is_the_only_possible_
     plain = read_position("37.9,23.6")
     assert (plain.lon, plain.lat) == (37.9, 23.6)
     assert "read as longitude 37.9, latitude 23.6" in plain.note
+    assert plain.either_order
     assert read_position("120.3,12.8").note == read_position("23.6E 37.9N").note == ""
 
 

@@ -35,6 +35,8 @@ NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
         (texts.clearance(math.inf), "–"),
         (texts.fuel(695.62), "695.6"),
         (texts.fuel(16_817_637), "16.82 million"),
+        (texts.box((119.8, -17.29, 120.2, -15.88)), "119.8 to 120.2 E, 17.29 to 15.88 S"),
+        (texts.box((178, -1, 182, 2)), "178 E to 178 W, 1 S to 2 N"),
         (texts.fuel(152_340), "152.3 thousand"),
         (texts.fuel(math.nan), "–"),
         (texts.share(0.9664), "96.6 %"),

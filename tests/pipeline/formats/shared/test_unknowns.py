@@ -49,7 +49,7 @@ def test_shares_of_the_current_are_told_for_the_best_and_the_worst() -> None:
     _, text = note_texts(unknowns(result))
     assert text == (
         "summer: the source of the current has no figure for 12.3 % of route 1 and 95.0 % of route "
-        "3 (the most of 2 others): it was filled from the water around"
+        "3, the largest share of the 2 other routes: it was filled from the water around"
     )
     best, second = result.season_routes("summer")[:2]
     assert "12.3 % of route 1:" in note_texts(route_unknowns(result, best.metrics))[1]
