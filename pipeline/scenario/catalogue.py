@@ -12,6 +12,7 @@ from pipeline.errors import RequestError
 from pipeline.machine.paths import NOT_THERE, expanded, unreadable_reason
 from pipeline.machine.paths import shown as shown_path
 from pipeline.scenario import strict
+from pipeline.scenario.region import ChartSpec
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import StrictModel, model_faults, near_miss, shown
 
@@ -338,3 +339,9 @@ def _without_bidi(value: Any) -> Any:  # noqa: ANN401 - whatever TOML can hold
 def unknown(kind: str, value: str, known: Iterable[str]) -> str:
     """Return the fault that a name is not in the catalogue, to be put behind its key."""
     return f"= {shown(value)} is not a {kind} of the catalogue: {near_miss(value, known)}"
+
+
+def has_world_land(chart: ChartSpec) -> bool:
+    """Say whether one of a scenario's land sources is that of the whole world."""
+    entries = (source(one.name) for one in chart.source if one.name)
+    return any(entry.adapter == "osm-land" for entry in entries)

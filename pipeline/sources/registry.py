@@ -32,12 +32,6 @@ def land_source(chart: ChartSpec, draught_m: float | None) -> LandSource:
     return SoundedChart(overlay, DepthFile.open(Path(chart.depths)), safety_depth_m)
 
 
-def has_world_land(chart: ChartSpec) -> bool:
-    """Say whether one of a scenario's land sources is that of the whole world."""
-    entries = (catalogue.source(source.name) for source in chart.source if source.name)
-    return any(entry.adapter == "osm-land" for entry in entries)
-
-
 def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | None) -> LandSource:
     """Return one land source, by its name in the catalogue or by the file at its path."""
     entry = catalogue.source(source.name) if source.name else None

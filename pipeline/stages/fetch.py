@@ -18,13 +18,14 @@ from pipeline.formats.shared.text import season_text
 from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, PassedOver
 from pipeline.model.inputs import current_notes
+from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Region
 from pipeline.scenario.season import MAX_HOURS, Season
 from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.interfaces import CurrentSource, LandSource
 from pipeline.sources.land.osm import OsmLand
-from pipeline.sources.registry import current_source, has_world_land, land_source
+from pipeline.sources.registry import current_source, land_source
 from pipeline.stages.comparing.cautions import overpowering_notes
 from pipeline.stages.projecting import planar
 from pipeline.stages.projecting.avoided_areas import avoided_zones

@@ -12,13 +12,14 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import MORE_CURRENTS
 from pipeline.geo.projection import Projection
+from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.interfaces import LandSource
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.quality.coverage import Bounds, common_bounds
-from pipeline.sources.registry import current_source, has_world_land, land_source
+from pipeline.sources.registry import current_source, land_source
 from pipeline.stages.choosing.region_choice import Voyage
 from pipeline.stages.projecting.endpoints import lakes_text, not_in_water
 

@@ -9,8 +9,8 @@ import renew
 from pipeline.errors import NoWayError, RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene
+from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
-from pipeline.sources.registry import has_world_land
 from renew.errors import Strait
 
 # Distances beyond the nearest shore, true metres: the first whose position is still in water after

@@ -229,11 +229,11 @@ def test_every_fault_is_reported_at_once() -> None:
 
 
 def test_an_order_is_questioned_only_where_the_other_one_is_water_too() -> None:
-    still = {"vessel": "usv-7m", "currents": ("still",)}
+    voyage = VoyageRequest((), "usv-7m", currents=("still",))
     # The other way round: the desert of Arabia.
-    assert voyage_scenario(VoyageRequest(("28.9,36.2", "28.5,36.3"), **still))[1] == ()
+    assert voyage_scenario(replace(voyage, positions=("28.9,36.2", "28.5,36.3")))[1] == ()
     # The Gulf of Oman, where the Gulf of Finland may be meant.
-    notes = voyage_scenario(VoyageRequest(("59.6,24.6", "60.0,24.8"), **still))[1]
+    notes = voyage_scenario(replace(voyage, positions=("59.6,24.6", "60.0,24.8")))[1]
     assert len(notes) == 2
     assert "the other way round it would be water, too" in notes[0]
 
