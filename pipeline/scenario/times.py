@@ -7,9 +7,9 @@ A period is a month, a day or an instant, always UTC. An interval is written as 
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import AfterValidator, AwareDatetime, Field
+from pydantic import AfterValidator, AwareDatetime, Field, model_validator
 
 from pipeline.scenario.strict import Integer, StrictModel
 
@@ -97,7 +97,10 @@ Count = Annotated[
 
 
 class DepartureTimes(StrictModel):
-    """Times at which the vessel may leave: `count` of them from `first` on, `every` apart."""
+    """Times at which the vessel may leave: `count` of them from `first` on, `every` apart.
+
+    The end of a window, `last`, is one of them too, even if `every` does not lead to it.
+    """
 
     first: AwareDatetime = Field(
         description="First departure. Give a time with its zone, as 2026-07-01T06:00:00Z.",
@@ -105,6 +108,22 @@ class DepartureTimes(StrictModel):
     )
     every: Every = "1h"
     count: Count = Field(examples=[24])
+    last: AwareDatetime | None = Field(
+        default=None,
+        description="Last departure, after the others: the end of a window that 'every' does not "
+        "divide. Give a time with its zone, as 2026-07-02T05:50:00Z, or leave it out.",
+        examples=["2026-07-02T05:50:00Z"],
+    )
+
+    @model_validator(mode="after")
+    def _ascending(self) -> Self:
+        if self.last is not None and self.last <= self.begin + self._sampled:
+            latest = (self.begin + self._sampled).isoformat()
+            raise ValueError(
+                f"last = {self.last.isoformat()} is not after the others, which go on to {latest}; "
+                "lower 'count', or leave it out"
+            )
+        return self
 
     @property
     def begin(self) -> datetime:
@@ -114,12 +133,18 @@ class DepartureTimes(StrictModel):
     @property
     def window(self) -> timedelta:
         """Time from the first departure to the last."""
-        return (self.count - 1) * interval(self.every)
+        return self._sampled if self.last is None else self.last.astimezone(UTC) - self.begin
 
     @property
     def seconds(self) -> tuple[float, ...]:
         """All departures, in seconds after the first."""
-        return tuple((i * interval(self.every)).total_seconds() for i in range(self.count))
+        evenly = tuple((i * interval(self.every)).total_seconds() for i in range(self.count))
+        return evenly if self.last is None else (*evenly, self.window.total_seconds())
+
+    @property
+    def _sampled(self) -> timedelta:
+        """Time from the first departure to the last that 'every' leads to."""
+        return (self.count - 1) * interval(self.every)
 
 
 # Name of the season of a departure that nobody named.

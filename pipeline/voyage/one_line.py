@@ -189,7 +189,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     clearance_m = part(lambda: _clearance_m(request.clearance))
     departing_at = part(lambda: _departing(request))
     is_timed = bool(request.depart or request.until or request.arrive_by)
-    is_steady = not is_timed or _has_steady_speeds(request)
+    is_steady = not is_timed or _is_still(request) or _has_steady_speeds(request)
     months = part(lambda: _months(request)) if is_steady else []
     if faults:
         raise RequestError(faults)
@@ -223,7 +223,12 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         chart = data.setdefault("chart", {})
         chart["depths"] = str(resolved(request.depths, "--depths"))
     scenario = parse_scenario(data)
-    return scenario, tuple(_position_notes(scenario, (*ends, *via)))
+    notes = tuple(_position_notes(scenario, (*ends, *via)))
+    if request.until and _is_still(request):
+        notes += (
+            "in still water no later departure needs less fuel: the vessel leaves at the first",
+        )
+    return scenario, notes
 
 
 def _position_notes(scenario: Scenario, places: Sequence[Position]) -> Iterator[str]:
@@ -246,9 +251,14 @@ def _vessel(request: VoyageRequest) -> VesselSpec:
     return vessel_spec(request.vessel, figures)
 
 
+def _is_still(request: VoyageRequest) -> bool:
+    """Whether the voyage is planned without any current, so that its times change nothing."""
+    return request.currents == (STILL,)
+
+
 def _has_steady_speeds(request: VoyageRequest) -> bool:
     """Whether speeds are chosen in steady currents: monthly means or still water."""
-    return bool(request.speeds) and (bool(request.months) or request.currents == (STILL,))
+    return bool(request.speeds) and (bool(request.months) or _is_still(request))
 
 
 def _clearance_m(text: str) -> float | None:
@@ -274,15 +284,15 @@ def _departing(request: VoyageRequest) -> Departing | None:
         faults += error.faults
     if request.depart and request.months and not request.speeds:
         faults.append("--depart and --month both say when; leave one out")
-    if request.until and _has_steady_speeds(request):
+    if request.until and _has_steady_speeds(request) and not _is_still(request):
         faults.append(
             "--until looks for the best departure in currents that change; leave it out, or leave "
             "--month out and give a file with time steps: --currents FILE"
         )
-    if request.depart and request.currents == (STILL,) and not request.speeds:
+    if request.arrive_by and _is_still(request) and not request.speeds:
         faults.append(
-            "--depart needs currents with time steps: give the file with --currents tide.nc, or "
-            "leave --currents out for the service's"
+            "--arrive-by looks for the latest departure in currents that change; in still water "
+            "give --depart alone, and leave as much earlier as the vessel comes late"
         )
     if faults:
         raise RequestError(faults)
@@ -292,7 +302,7 @@ def _departing(request: VoyageRequest) -> Departing | None:
 def _months(request: VoyageRequest) -> list[tuple[str, str]]:
     """Return the months with their titles; for still water without a month, [("", "")]."""
     titles = list(read_months(request.months).items())
-    if titles or request.currents == (STILL,):
+    if titles or _is_still(request):
         return titles or [("", "")]
     fault = (
         "no --month; give the month of the voyage, such as --month 2024-07, which may be repeated, "

@@ -79,13 +79,14 @@ class Departing:
             window = self.until - self.begin
             step = max(_MIN_STEP, math.ceil(window / (_MAX_DEPARTURES - 1) / _MINUTE) * _MINUTE)
             within = min(window * _PROVEN_SHARE, _MAX_PROVEN)
-            when = self.passage | {
-                "departures": {
-                    "first": self.begin,
-                    "every": f"{step // _MINUTE}min",
-                    "count": window // step + 1,
-                }
+            departures = {
+                "first": self.begin,
+                "every": f"{step // _MINUTE}min",
+                "count": window // step + 1,
             }
+            if window % step:  # the end of the window is a departure to choose from, too
+                departures["last"] = self.until
+            when = self.passage | {"departures": departures}
             del when["departure"]
             if self.speeds is None:
                 when["to_within"] = f"{math.ceil(within / _MINUTE)}min"

@@ -69,7 +69,8 @@ class DepartureWindow:
 
     No voyage takes less than `least_duration` (s). `speed_change` (1/s) is the largest relative
     change of the speed over ground per second; if infinite, departures between planned ones have no
-    bound.
+    bound. Departures that are added are whole multiples of `spacing` (s) after the first, unless
+    it is 0.
     """
 
     def __init__(
@@ -79,9 +80,11 @@ class DepartureWindow:
         least_duration: float,
         *,
         speed_change: float,
+        spacing: float = 0.0,
         progress: Progress | None,
     ) -> None:
         self._planner, self._least, self._change = sailings, least_duration, speed_change
+        self._first, self._spacing = departures[0], spacing
         self._progress = progress
         self.sailings: list[Sailing] = []
         for departure in departures:
@@ -104,8 +107,10 @@ class DepartureWindow:
     def refine(self, tolerance: float) -> None:
         """Plan departures until no other can beat the best by more than `tolerance` s.
 
-        Where durations have no bound, departures are planned one tolerance apart.
+        Where durations have no bound, departures are planned one tolerance apart. The tolerance is
+        at least the spacing.
         """
+        tolerance = max(tolerance, self._spacing)
         while True:
             goal = self.best.duration - tolerance
             slack = _ROUNDING * tolerance
@@ -117,7 +122,7 @@ class DepartureWindow:
             if not open_ones:
                 break
             one = min(open_ones, key=lambda interval: interval.least_duration)
-            self._plan(max(one.reach(goal), one.begin + tolerance))
+            self._plan(self._on_grid(max(one.reach(goal), one.begin + tolerance)))
         self.sailings = self._planner.by_arrival(self.sailings)
 
     def refine_around_best(self) -> None:
@@ -125,8 +130,10 @@ class DepartureWindow:
         for _ in range(_FINER):
             times = [one.departure for one in self.sailings]
             at = times.index(self.best.departure)
-            for beside in (*times[max(at - 1, 0) : at], *times[at + 1 : at + 2]):
-                self._plan((times[at] + beside) / 2)
+            for begin, end in itertools.pairwise(times[max(at - 1, 0) : at + 2]):
+                middle = self._on_grid((begin + end) / 2)
+                if begin < middle < end:
+                    self._plan(middle)
         self.sailings = self._planner.by_arrival(self.sailings)
 
     def replace(self, sailing: Sailing) -> None:
@@ -138,6 +145,13 @@ class DepartureWindow:
     def departures(self, plan: Plan) -> Departures:
         """Return the result, with the plan of the best departure."""
         return Departures.of([one.outcome for one in self.sailings], self.unproven, plan)
+
+    def _on_grid(self, departure: float) -> float:
+        """The last departure (s) up to this one that may be added."""
+        if not self._spacing:
+            return departure
+        steps = math.floor((departure - self._first) / self._spacing + _ROUNDING)
+        return self._first + steps * self._spacing
 
     def _plan(self, departure: float) -> None:
         """Plan a further departure."""

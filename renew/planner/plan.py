@@ -8,7 +8,7 @@ from typing import Any, TypeAlias, Unpack
 import numpy as np
 
 from renew._types import FloatArray
-from renew.errors import ParameterError, check_kind, shown
+from renew.errors import ParameterError, check_kind, is_finite, shown
 from renew.inputs.chart import Chart, ShutArea
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.options import (
@@ -143,6 +143,7 @@ def plan_departures(
     *,
     options: PlanOptions | None = None,
     to_within: float | None = None,
+    spacing: float = 0.0,
     progress: Progress | None = None,
     with_classes: bool = True,
     via: ViaPoints = (),
@@ -167,6 +168,9 @@ def plan_departures(
         Plan as many departures between them as it takes to know, to within the error of the paths
         found, that none between the first and the last beats the best one by more than this (s),
         and a few more beside that one.
+    spacing : float
+        Departures planned between them are whole multiples of this (s) after the first, such as
+        minutes; 0 for any time.
     progress : callable, optional
         Told after each plan how many there are, and by how much (s) the best may still be beaten.
     with_classes : bool
@@ -198,6 +202,8 @@ def plan_departures(
     check_objects(chart, vessel, avoid)
     if not isinstance(with_classes, bool | np.bool_):
         raise ParameterError(f"with_classes = {shown(with_classes)} must be true or false")
+    if not (is_finite(spacing) and spacing >= 0):
+        raise ParameterError(f"spacing = {shown(spacing)} s must be finite, 0 or more")
     times = as_departures(departures).tolist()
     given = {**_given(options, changes), "departure": times[0], "arrive_by": arrive_by}
     given |= {"to_within": to_within, "speed": speed, "is_sweep": True}
@@ -212,6 +218,7 @@ def plan_departures(
         sum(itertools.starmap(math.dist, itertools.pairwise(voyage.stops)))
         / (vessel.speed + voyage.table.strongest),
         speed_change=math.inf if task.areas else voyage.speed_change,
+        spacing=spacing,
         progress=progress,
     )
     if window.best.found is None:

@@ -28,6 +28,8 @@ from pipeline.stages.seasons.one_season import MIN_LATENESS_S
 
 # Number of plans between two progress notes.
 _TOLD_EVERY = 5
+# Nobody leaves by the second: departures that are added are whole minutes after the first.
+_MINUTE_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,7 @@ def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> 
         **asked,
         **scene.pace(season.name, scene.speeds[season.name].within_s if season.speed else 0.0),
         to_within=within,
+        spacing=_MINUTE_S,
         progress=partial(_say_progress, len(times), say),
         with_classes=False,
     )

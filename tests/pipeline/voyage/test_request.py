@@ -96,6 +96,29 @@ def test_a_departure_lets_the_currents_of_a_file_change(tmp_path: Path) -> None:
         require_covered(voyage_scenario(late)[0])
 
 
+def test_the_end_of_a_window_is_a_departure_to_choose_from() -> None:
+    """A step of half an hour goes from 06:00 to 07:30; the window ends at 07:50."""
+    asked = replace(PALAWAN, months=(), currents=("tide.nc",), depart="2026-11-22T06:00Z")
+    (season,) = voyage_scenario(replace(asked, until="2026-11-22T07:50Z"))[0].seasons
+    assert season.departures is not None
+    assert season.departures.seconds == (0.0, 1800.0, 3600.0, 5400.0, 6600.0)
+    assert season.departures.window == timedelta(minutes=110)
+    (even,) = voyage_scenario(replace(asked, until="2026-11-22T08:00Z"))[0].seasons
+    assert even.departures is not None
+    assert even.departures.seconds[-1] == 7200.0
+    assert even.departures.last is None
+
+
+@pytest.mark.parametrize("until", ["", "2026-11-22T07:50Z"])
+def test_a_departure_in_still_water_needs_no_current(until: str) -> None:
+    asked = replace(PALAWAN, months=(), currents=("still",), depart="2026-11-22T06:00Z")
+    scenario, notes = voyage_scenario(replace(asked, until=until))
+    (season,) = scenario.seasons
+    assert not season.is_changing
+    assert season.departure == datetime(2026, 11, 22, 6, tzinfo=UTC)
+    assert any("no later departure" in note for note in notes) == bool(until)
+
+
 @pytest.mark.parametrize("speeds", ["", "4..9kn"])
 def test_a_departure_alone_takes_the_services_hours_with_tide(speeds: str) -> None:
     today = datetime.now(UTC).replace(minute=0, second=0, microsecond=0)
@@ -113,7 +136,10 @@ def test_a_departure_alone_takes_the_services_hours_with_tide(speeds: str) -> No
         ({"depart": "2026-11-22T06:00"}, ["has no zone; add it: 2026-11-22T06:00Z"]),
         ({"depart": "tomorrow"}, ["tomorrow is not a time"]),
         ({"months": ("2026-11",)}, ["--depart and --month both say when"]),
-        ({"currents": ("still",)}, ["--depart needs currents with time steps"]),
+        (
+            {"currents": ("still",), "arrive_by": "2026-11-24T05:00Z"},
+            ["--arrive-by looks for the latest departure in currents that change"],
+        ),
         ({"until": "2026-11-22T05:00Z"}, ["--until 2026-11-22T05:00Z is not after --depart"]),
         (
             {"depart": "", "arrive_by": "2026-11-23T06:00"},
@@ -123,10 +149,7 @@ def test_a_departure_alone_takes_the_services_hours_with_tide(speeds: str) -> No
             {"until": "2026-11-23T05:00Z", "arrive_by": "2026-11-24T05:00Z"},
             ["--until and --arrive-by both say"],
         ),
-        (
-            {"depart": "soon", "currents": ("still",)},
-            ["soon is not a time", "--depart needs currents"],
-        ),
+        ({"depart": "soon", "currents": ("still",)}, ["soon is not a time"]),
     ],
 )
 def test_departures_that_say_too_little_or_too_much(

@@ -84,6 +84,18 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     assert same.scene.key == departed.scene.key
 
 
+def test_each_minute_of_a_window_is_planned_once_at_most(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    """Halving steps around the best departure must not end at three times within a minute."""
+    last = DEPARTURE + timedelta(minutes=50)
+    window = {"first": DEPARTURE.isoformat(), "every": "30min", "count": 2}
+    asked = {"departures": {**window, "last": last.isoformat()}, "to_within": "2min"}
+    (choice,) = _chosen(result, tmp_path, [], departure=None, **asked).choices
+    minutes = choice.departures_s / 60
+    assert minutes == pytest.approx(minutes.round())
+    assert len(set(minutes.round())) == len(minutes)
+    assert minutes[-1] == 50
+
+
 def test_an_arrival_sets_the_departure(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
     by = DEPARTURE + timedelta(hours=6)
     departed = _chosen(result, tmp_path, [], arrive_by=by.isoformat())
