@@ -1,4 +1,4 @@
-"""Where paths of one class are planned: its channel and what lies beside it, less V."""
+"""The corridor of a class: its channel and the water beside it, without the soft no-go zone V."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
 from renew.turns.padding_model import PaddedEdges
 from renew.voyage.voyage import Voyage
 
-# Slack beyond V, as a share of v/ω (1.6 cm for the paper's vessel), that a path keeps while it is
-# planned: so points closer than that to the line past them can be dropped, and corners be rounded,
-# without touching V.
+# Extra distance from V, as a share of v/ω (1.6 cm for the paper's vessel), while a path is planned.
+# With this slack, points near a straight line can be dropped and corners rounded without touching
+# V.
 SLACK = 0.01
 # Share of the largest coordinate below which a capsule's radius is lost to rounding.
 _ROUNDING = 1e-12
@@ -30,13 +30,13 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Corridor:
-    """Where paths of a class are planned: its channel and the triangles beside it, less V.
+    """Where paths of a class are planned: its channel and the triangles beside it, without V.
 
-    `triangles` (t,) are their indices and `corners` (t, 3, 2) their corners; `open_outline`
-    (w, 2, 2) are the outer edges among theirs that are no hazard: water too far off, or the end of
-    the chart. Paths are planned in the voyage's table of the current, by the drift model of
-    `polar`. With via points `by_part` has the padding on the way to each of them, and to the goal;
-    `padded` then holds all their edges, each with its least padding.
+    `triangles` (t,) are indices and `corners` (t, 3, 2) the triangles' corners. `open_outline`
+    (w, 2, 2) are outer edges that are no hazard: water too far off, or the end of the chart. Paths
+    are planned in the voyage's table of the current, by the drift model of `polar`. With via
+    points, `by_part` has the padding of each part of the voyage, and `padded` has all their edges
+    with the least padding of each.
     """
 
     voyage: Voyage
@@ -49,23 +49,23 @@ class Corridor:
     by_part: tuple[PaddedEdges, ...] = ()
 
     def with_padding(self, parts: Sequence[PaddedEdges]) -> Corridor:
-        """Return it with other padding: of the whole, or of its parts if there are via points."""
+        """Return the corridor with other padding: of the whole voyage, or of each part."""
         if not len(self.voyage.via):
             return replace(self, padded=parts[0])
         return replace(self, padded=PaddedEdges.joined(parts), by_part=tuple(parts))
 
     @property
     def paddings(self) -> tuple[PaddedEdges, ...]:
-        """Padding of each part, or of the whole where there is one."""
+        """Padding of each part of the voyage, or of the whole if there are no via points."""
         return self.by_part or (self.padded,)
 
     def part(self, at: int, voyage: Voyage) -> Corridor:
-        """The corridor of a part of the voyage."""
+        """Return the corridor of a part of the voyage."""
         channel = self.channel.parts[at]
         return replace(self, voyage=voyage, channel=channel, padded=self.by_part[at], by_part=())
 
     def parts(self, path: FloatArray) -> Iterator[tuple[Corridor, FloatArray]]:
-        """The part of the voyage to each via point, and to the goal, with its piece of a path."""
+        """Yield the corridor of each part of the voyage, between stops, with its piece of a path."""
         for at, (part, piece) in enumerate(self.voyage.parts(path)):
             yield (self.part(at, part) if len(self.voyage.via) else self), piece
 
@@ -74,7 +74,7 @@ class Corridor:
         plan: Callable[[Corridor, FloatArray], FloatArray],
         pieces: Sequence[FloatArray],
     ) -> FloatArray:
-        """Path (n, 2) planned part by part from pieces; each part begins when the last one ends."""
+        """Plan a path (n, 2) part by part from pieces; each part begins at the end of the last."""
         if not len(self.voyage.via):
             return plan(self, pieces[0])
         departure, paths = self.voyage.departure, list[FloatArray]()
@@ -86,33 +86,33 @@ class Corridor:
 
     @property
     def stream(self) -> Stream:
-        """The current as paths are planned in it."""
+        """The current in which paths are planned."""
         return Stream(self.voyage.table, self.polar, self.voyage.clock)
 
     @cached_property
     def search_capsules(self) -> Capsules:
-        """What paths keep out of while they are planned: V with some slack, and the outline."""
+        """Capsules that planned paths avoid: V with some slack, and the open outline."""
         slack = SLACK * self.voyage.vessel.turning_radius
         return self._capsules(self._padding + slack)
 
     @cached_property
     def hard_capsules(self) -> Capsules:
-        """What paths must keep out of: V, and the outline, which may not be touched.
+        """Capsules that paths must avoid: V, and the open outline, which must not be touched.
 
-        Nor may edges with a padding so thin that rounding would hide that a leg crosses them.
+        Edges with padding so thin that rounding would hide a crossing must not be touched either.
         """
         thinnest = _ROUNDING * np.abs(self.corners).max()
         return self._capsules(np.where(self._padding > thinnest, self._padding, -1.0))
 
     @cached_property
     def exempt(self) -> BoolArray:
-        """Capsules (2, c) that hold the start, or the goal: the first or last leg may enter."""
+        """Capsules (2, c) around the start, and around the goal, in which a path may begin or end."""
         return np.stack([self._holding(self.voyage.start), self._holding(self.voyage.goal)])
 
     def legs_clear(self, path: FloatArray) -> BoolArray:
-        """Whether each leg (n - 1,) of a path (n, 2) keeps out of V.
+        """Whether each leg (n - 1,) of a path (n, 2) stays out of V.
 
-        V around a start or goal inside it may be left on the first, entered on the last leg.
+        The first leg may leave V from a start inside V, and the last may enter V to a goal inside.
         """
         clear = legs_are_clear(path[:-1], path[1:], self.hard_capsules)
         for leg, point in ((0, self.voyage.start), (-1, self.voyage.goal)):
@@ -122,14 +122,14 @@ class Corridor:
         return clear
 
     def holds_back(self, path: FloatArray) -> bool:
-        """Whether a path (n, 2) runs along the open outline, beyond which a better one may be."""
+        """Whether a path (n, 2) follows the open outline, so that a better path may lie beyond it."""
         slack = np.full(len(self.open_outline), 2 * SLACK * self.voyage.vessel.turning_radius)
         ends = for_kernels(self.open_outline[:, 0]), for_kernels(self.open_outline[:, 1])
         outline = Capsules(*ends, slack)
         return not legs_are_clear(path[:-1], path[1:], outline).all()
 
     def channel_along(self, path: FloatArray) -> Channel:
-        """The channel, as if it had been found by a path (n, 2)."""
+        """Return the channel as if a path (n, 2) had found it."""
         parts = tuple(
             replace(part.channel, found_by=part.crossed_by(piece))
             for part, piece in self.parts(path)
@@ -138,16 +138,16 @@ class Corridor:
         return replace(self.channel, found_by=self.crossed_by(path), parts=parts)
 
     def crossed_by(self, path: FloatArray) -> RoughPath:
-        """A path (n, 2) with the triangles that it crosses."""
+        """Return a path (n, 2) with the triangles that it crosses."""
         return RoughPath(path, self.triangles[visits(path, self.corners).triangle])
 
     def open_sections(self, spacing: float, angle: float) -> tuple[Sections, FreeParts]:
-        """Sections at most `spacing` m and `angle` rad apart, with the parts of each outside V.
+        """Return sections at most `spacing` m and `angle` rad apart, with their parts outside V.
 
         Raises
         ------
         InfeasibleError
-            V takes a whole section; names the strait.
+            V covers a whole section; the message names the strait.
         """
         sections = sections_of(self.channel, self.voyage.start, self.voyage.goal, spacing, angle)
         free = free_parts(sections, self.search_capsules)
@@ -161,11 +161,11 @@ class Corridor:
 
     @cached_property
     def _padding(self) -> FloatArray:
-        """Padding (c,), m, of the padded edges and then of the outline, which has none."""
+        """Padding (c,), m, of the padded edges, followed by the outline's, which is 0."""
         return np.append(self.padded.padding, np.zeros(len(self.open_outline)))
 
     def _capsules(self, radius: FloatArray) -> Capsules:
-        """Capsules with radii (c,), m, around the padded edges and then the outline."""
+        """Return capsules with radii (c,), m, around the padded edges and then the outline."""
         return Capsules(
             np.concatenate([self.padded.start, self.open_outline[:, 0]]),
             np.concatenate([self.padded.end, self.open_outline[:, 1]]),
@@ -173,12 +173,12 @@ class Corridor:
         )
 
     def _holding(self, point: FloatArray) -> BoolArray:
-        """Which capsules (c,) hold a point, slack included."""
+        """Return whether each capsule (c,), with slack, contains a point."""
         start, end, radius = self.search_capsules
         return segment_distance(point, start, end) < radius
 
     def _narrowest(self, sections: Sections, free: FreeParts) -> Strait:
-        """The narrowest section that V takes whole."""
+        """Return the narrowest section that V covers completely."""
         widths = np.linalg.norm(sections.right - sections.left, axis=1)
         narrowest = int(np.where(free.blocked, widths, np.inf).argmin())
         banks = np.stack([sections.left[narrowest], sections.right[narrowest]])
@@ -188,10 +188,10 @@ class Corridor:
 
 
 def _outside_soft_endpoints(sections: Sections, free: FreeParts) -> BoolArray:
-    """Which sections (s,) to keep: before the first passing edge a start in V leaves V.
+    """Return which sections (s,) to keep, so that a path can leave V around a start or goal.
 
-    Of the sections before the first (behind the last) passing edge those with no free part are
-    dropped, so that V is left by the first with one. The passing edges themselves stay.
+    Sections without a free part are dropped before the first passing edge and after the last one.
+    The passing edges themselves stay.
     """
     keep = ~free.blocked
     if len(keep):

@@ -1,10 +1,10 @@
 """The least-fuel path in one homotopy class, outside its soft no-go zone V.
 
-A dynamic programme in two parts. The first runs over sections of the channel: few sections, many
-points on each, so that the way round is right. The second refines the path found on transversals,
-lines square to it from V to V, in ever narrower windows, so that it can bend, and bulge out of its
-channel: the least-fuel path of a class may leave its row of triangles across open water and come
-back. Before the last of them Newton's method moves all points at once.
+A dynamic programme in two parts. The first runs over sections of the channel: few sections with
+many points each, to find the right way round. The second refines this path on transversals, which
+are perpendicular lines from V to V, in ever narrower windows. So the path can bend, and bulge out
+of its channel: the least-fuel path of a class may leave its row of triangles across open water and
+come back. Before the last pass, Newton's method moves all points at once.
 """
 
 import math
@@ -27,20 +27,20 @@ from renew.paths.refinement import (
     without_detours,
 )
 
-# Sections of the first part: spacing as a share of the midline, angle in a fan (rad), points on
-# each. Few sections with many points let its legs take almost any course.
+# Sections of the first part: spacing as a share of the midline, angle in a fan (rad), and points on
+# each. With few sections of many points, legs can take almost any course.
 _COARSE_SPACING, _COARSE_ANGLE, _COARSE_POINTS = 1 / 14, math.radians(30), 41
-# Spacing and angle where legs that long can't round a corner of V, or cross overpowered water.
+# Spacing and angle if legs that long can't round a corner of V, or cross overpowered water.
 _SHORT_SPACING, _SHORT_ANGLE = 1 / 64, math.radians(9)
-# Angle (rad) from which a turn counts as a bend: the legs beside it are halved from pass to pass,
-# until their transversals stand closer than this share of v/ω.
+# A turn from this angle (rad) on is a bend: each pass halves the legs beside it, until their
+# transversals are closer than this share of v/ω.
 BEND, MIN_SPACING = math.radians(5), 0.25
 
 
 class _Pass(NamedTuple):
     """A pass over transversals: half-width and spacing (shares of the path), points on each.
 
-    `bend` is the angle (rad) from which a turn has its legs halved.
+    Legs beside a turn of at least `bend` (rad) are halved.
     """
 
     window: float
@@ -49,9 +49,9 @@ class _Pass(NamedTuple):
     bend: float
 
 
-# Half-widths of the passes, as shares of the path, down to 1/4,000: 4 cm on the single gyre. The
-# wider ones have more points, so that legs between them can take almost any course; points stand
-# closely along the path only where they hardly move any more.
+# Half-widths of the passes, as shares of the path, down to 1/4,000: 4 cm on the single gyre. Wider
+# passes have more points, so that their legs can take almost any course. Transversals are close
+# together only in the last passes, which move points little.
 _WINDOWS = tuple(0.15 * 0.45**step for step in range(9))
 _APART, _CLOSE = 1 / 60, 1 / 80
 _WIDE = tuple(
@@ -59,35 +59,35 @@ _WIDE = tuple(
     for window, points in zip(_WINDOWS, (17, 13, 9), strict=False)
 )
 _NARROWING = tuple(_Pass(window, _CLOSE, 7, BEND) for window in _WINDOWS[3:])
-# Before the narrowest Newton's method leaves little to find.
+# Passes before the narrowest one find little after Newton's method.
 _NARROW = (
     *(one._replace(spacing=_APART) for one in _NARROWING[:3]),
     _NARROWING[3],
     _NARROWING[5],
 )
-# Passes where eddies are small: a wide window holds several, between which the first path was
-# chosen already; and the path bends more often.
+# Passes for small eddies: a wide window would hold several eddies, between which the first path has
+# already chosen; and the path bends more often.
 _WIDE_IN_EDDIES = (_WIDE[2]._replace(spacing=_CLOSE, points=13),)
 _NARROW_IN_EDDIES = (
     *_NARROWING[:3],
     *(one._replace(spacing=1 / 160) for one in _NARROWING[3:]),
 )
-# How far Newton's method moves points, as a share of the path.
+# Largest shift of points by Newton's method, as a share of the path.
 _FARTHEST = 0.075
-# A point (x, y) as x + iy, so that points can be looked up among others.
+# Turns a point (x, y) into x + iy, so that points can be looked up among others.
 _AS_COMPLEX = np.array([1, 1j])
 
 
 def check_straits(corridor: Corridor) -> None:
-    """Refuse a corridor that V blocks; InfeasibleError names the strait."""
+    """Raise InfeasibleError, with the strait, if V blocks the corridor."""
     for part, _ in corridor.parts(_midline(corridor)):
         part.open_sections(_COARSE_SPACING * length_of(_midline(part)), _COARSE_ANGLE)
 
 
 def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
-    """Path (n, 2) close to the least-fuel one, from a first one of its class that may touch V.
+    """Return a nearly least-fuel path (n, 2) near a first path of the class that may touch V.
 
-    Post-condition: as of :func:`path_through_sections`, if there is such a path near.
+    Post-condition: as for :func:`path_through_sections`, if there is such a path nearby.
     """
     has_small_eddies = corridor.voyage.table.has_small_eddies
     passes = _WIDE_IN_EDDIES if has_small_eddies else _WIDE
@@ -97,17 +97,17 @@ def path_near(corridor: Corridor, first: FloatArray) -> FloatArray:
 
 
 def path_through_sections(corridor: Corridor) -> FloatArray:
-    """Path (n, 2) within the channel that is roughly the least-fuel one.
+    """Return a roughly least-fuel path (n, 2) within the channel.
 
-    Post-condition: it enters V only around a start or goal inside it, and no leg of it runs where
-    the current is as strong as the vessel. InfeasibleError says why there is none.
+    Post-condition: the path enters V only around a start or goal inside V, and no leg crosses a
+    current as strong as the vessel. Raises InfeasibleError, with the reason, if there is no path.
     """
     middle = corridor.voyage.cut(_midline(corridor))
     return corridor.chained(_through_some_sections, middle)
 
 
 def _through_some_sections(corridor: Corridor, middle: FloatArray) -> FloatArray:
-    """Rough path (n, 2) of a corridor without via points, from its channel's midline (n, 2)."""
+    """Return a rough path (n, 2) without via points, given the channel's midline (n, 2)."""
     length = length_of(middle)
     try:
         return _through_sections(corridor, _COARSE_SPACING * length, _COARSE_ANGLE)
@@ -118,10 +118,10 @@ def _through_some_sections(corridor: Corridor, middle: FloatArray) -> FloatArray
 
 
 def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
-    """Least-fuel path (n, 2) near a rough one, into which V may have grown since.
+    """Return the least-fuel path (n, 2) near a rough one, even if V has grown into it since.
 
-    Post-condition: as of :func:`path_through_sections`. InfeasibleError where no way out of V is
-    near, or V takes a via point.
+    Post-condition: as for :func:`path_through_sections`. Raises InfeasibleError if no way out of V
+    is nearby, or V contains a via point.
     """
     for at, point in enumerate(corridor.voyage.via):
         beside = corridor.by_part[at : at + 2]
@@ -137,7 +137,7 @@ def refined_path(corridor: Corridor, rough: FloatArray) -> FloatArray:
 
 
 def _refined_part(corridor: Corridor, rough: FloatArray) -> FloatArray:
-    """Least-fuel path (n, 2) of a corridor without via points, near a rough one."""
+    """Return the least-fuel path (n, 2) near a rough one, without via points."""
     has_small_eddies = corridor.voyage.table.has_small_eddies
     *wider, narrowest = _NARROW_IN_EDDIES if has_small_eddies else _NARROW
     path = _straightened(corridor, _refined(corridor, rough, wider))
@@ -149,20 +149,20 @@ def _refined_part(corridor: Corridor, rough: FloatArray) -> FloatArray:
 
 
 def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> FloatArray:
-    """Path (n, 2) after some passes over transversals."""
+    """Return a path (n, 2) after passes over transversals."""
     length = length_of(path)
     closest = MIN_SPACING * corridor.voyage.vessel.turning_radius
     water = Water(corridor.stream, corridor.search_capsules)
-    # A pass moves the path by its window at most, and windows shrink: twice the first in all.
+    # A pass moves the path by at most its window. Windows shrink: their sum is twice the first.
     within = capsules_near(water.capsules, path, 2 * passes[0].window * length)
     water, exempt = water.near(within), corridor.exempt[:, within]
     keep_whole = np.asarray(corridor.exempt.any(axis=1))
-    # A channel of many triangles has brought many points.
+    # A channel of many triangles gives a path of many points.
     path = without_detours(path, 2 * passes[0].spacing * length, water)
     for one in passes:
         path = with_transversals(path, one.spacing * length, one.bend, closest, keep_whole)
         window, longest = one.window * length, 2 * one.spacing * length
-        # Legs lie between points that lie in windows beside the path.
+        # Legs connect points inside windows beside the path.
         near = capsules_near(water.capsules, path, window)
         path = refined_on_transversals(
             path, window, one.points, longest, water.near(near), exempt[:, near].copy()
@@ -171,7 +171,7 @@ def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> F
 
 
 def _straightened(corridor: Corridor, path: FloatArray) -> FloatArray:
-    """Path (n, 2) with its long stretches turned to where they are quickest."""
+    """Return a path (n, 2) with long stretches turned to their fastest course."""
     farthest = _FARTHEST * length_of(path)
     water = Water(corridor.stream, corridor.search_capsules)
     water = water.near(capsules_near(water.capsules, path, farthest))
@@ -179,17 +179,17 @@ def _straightened(corridor: Corridor, path: FloatArray) -> FloatArray:
 
 
 def _midline(corridor: Corridor) -> FloatArray:
-    """Line (n, 2) through the middles of a channel's passing edges."""
+    """Return the line (n, 2) through the middles of a channel's passing edges."""
     return corridor.channel.midline(corridor.voyage.start, corridor.voyage.goal)
 
 
 def length_of(path: FloatArray) -> float:
-    """Length of a path (n, 2) in metres."""
+    """Return the length of a path (n, 2) in metres."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
 def _through_sections(corridor: Corridor, spacing: float, angle: float) -> FloatArray:
-    """Quickest path (n, 2) through points all over the channel's sections."""
+    """Return the fastest path (n, 2) through points all over the channel's sections."""
     voyage = corridor.voyage
     sections, free = corridor.open_sections(spacing, angle)
     places = free.spread(_COARSE_POINTS)
@@ -207,7 +207,7 @@ def _through_sections(corridor: Corridor, spacing: float, angle: float) -> Float
 
 
 def simplified(corridor: Corridor, path: FloatArray) -> FloatArray:
-    """Drop points that a nearly straight path does not need, where the legs past them avoid V."""
+    """Drop points that a nearly straight path does not need, if the new legs avoid V."""
     tolerance = SLACK * corridor.voyage.vessel.turning_radius
     left = shapely.get_coordinates(
         shapely.LineString(path).simplify(tolerance, preserve_topology=False)

@@ -1,10 +1,10 @@
-"""A path straightened by Newton's method: all its points move square to it at once.
+"""Straighten a path by Newton's method, which moves all points at once, perpendicular to the path.
 
-A dynamic programme over a few points on each transversal sees no gain in turning a long stretch of
-the path by a little: from one leg to the next its points are too far apart for that. The time of a
-path, as a function of how far each point is moved, has a tridiagonal second derivative, and solving
-that system moves long stretches as easily as single points (a damped Newton method; Nocedal and
-Wright, Numerical Optimization, 2006, ch. 3 and 10.3).
+A dynamic programme over a few points on each transversal can't turn a long stretch by a small
+angle, because its points are too far apart. The duration of a path, as a function of each point's
+shift, has a tridiagonal second derivative. Solving that system moves long stretches as easily as
+single points (a damped Newton method; Nocedal and Wright, Numerical Optimization, 2006, ch. 3 and
+10.3).
 """
 
 import math
@@ -19,23 +19,23 @@ from renew.kernels.current_table import Site, site_of, velocity_there
 from renew.kernels.viterbi import Stream, arrivals, leg_time, leg_time_from
 from renew.paths.refinement import Water
 
-# Step of the differences, as a share of the shorter leg beside a point, and the shortest one that
-# counts there, as a share of the path.
+# Step of the differences, as a share of the shorter leg beside a point, and the shortest leg that
+# counts, as a share of the path.
 _STEP, _SHORTEST = 0.05, 1e-6
-# Iterations, and tries with ever more damping, or more points held, in each of them.
+# Number of iterations, and of tries in each with more damping or more points held.
 _ITERATIONS, _TRIES = 12, 6
-# Damping of the first try, as a share of the mean second derivative, its factor from try to try,
-# and the share below which there is none.
+# Damping of the first try, as a share of the mean second derivative; its factor from try to try;
+# and the share below which damping is 0.
 _DAMPING, _MORE, _LEAST_DAMPING = 0.05, 8.0, 1e-4
-# Gain of an iteration, as a share of the time under way, below which it is the last.
+# Gain of an iteration, as a share of the duration, below which it is the last one.
 _GAIN = 3e-6
 
 
 class _Quadratic(NamedTuple):
-    """Derivatives of the arrival time by how far each point (n,) is moved along its normal.
+    """Derivatives of the arrival time with respect to each point's shift along its normal.
 
-    `gradient` (n,) in s/m; second derivatives in s/m²: `diagonal` (n,), and `beside` (n,), with the
-    next point.
+    `gradient` (n,) in s/m; second derivatives in s/m²: `diagonal` (n,), and `beside` (n,), mixed
+    with the next point.
     """
 
     gradient: FloatArray
@@ -47,10 +47,10 @@ class _Quadratic(NamedTuple):
 def straightened(
     path: FloatArray, farthest: float, water: Water, keep_whole: BoolArray
 ) -> FloatArray:
-    """Path (n, 2), no slower, whose points have moved square to it, by `farthest` m at most.
+    """Return a path (n, 2), not slower, whose points have moved at most `farthest` m sideways.
 
-    Points of legs that would touch a capsule stay where they are. `keep_whole` (2,) says whether
-    the first, and the last, leg stays as it is.
+    Points of legs that would touch a capsule stay. `keep_whole` (2,) says whether the first, and
+    the last, leg stays unchanged.
     """
     stream = water.stream
     times = arrivals(path, stream)
@@ -82,9 +82,9 @@ def straightened(
 
 @kernel
 def _moved(path: FloatArray, normals: FloatArray, shift: FloatArray, most: float) -> FloatArray:
-    """Path (n, 2) with its points moved along their normals by a shift (n,), m, or `most` at most.
+    """Return a path (n, 2) with points shifted (n,), m, along their normals, by at most `most` m.
 
-    A step that is too long still leads towards the least time.
+    A step that is too long still leads towards the least duration.
     """
     largest = 0.0
     for one in shift:
@@ -99,7 +99,7 @@ def _moved(path: FloatArray, normals: FloatArray, shift: FloatArray, most: float
 
 @kernel
 def _normals(path: FloatArray) -> FloatArray:
-    """Unit vectors (n, 2) square to a path (n, 2); at its ends they are 0."""
+    """Return unit vectors (n, 2) perpendicular to a path (n, 2), and 0 at its ends."""
     normals = np.zeros(path.shape)
     for k in range(1, len(path) - 1):
         dx, dy = path[k + 1, 0] - path[k - 1, 0], path[k + 1, 1] - path[k - 1, 1]
@@ -112,10 +112,10 @@ def _normals(path: FloatArray) -> FloatArray:
 def _quadratic(
     path: FloatArray, normals: FloatArray, times: FloatArray, stream: Stream
 ) -> _Quadratic:
-    """Derivatives by differences, with the times (n,), s, at which each leg is begun.
+    """Return derivatives by differences, given the times (n,), s, at which legs begin.
 
-    A leg's weight is by how much later the voyage ends for each second by which the leg does; 1
-    where the current is steady.
+    A leg's weight is the delay of the arrival per second of delay of the leg; 1 in a steady
+    current.
     """
     gradient, diagonal, beside = np.zeros(len(path)), np.zeros(len(path)), np.zeros(len(path))
     steps = _steps(path)
@@ -150,7 +150,7 @@ def _quadratic(
 
 @kernel
 def _steps(path: FloatArray) -> FloatArray:
-    """How far (n,), m, points are moved for the differences: a share of the shorter leg beside."""
+    """Return the shifts (n,), m, for the differences: a share of the shorter adjacent leg."""
     last, whole = len(path) - 1, 0.0
     legs, steps = np.empty(last), np.empty(last + 1)
     for k in range(last):
@@ -163,7 +163,7 @@ def _steps(path: FloatArray) -> FloatArray:
 
 
 class _Place(NamedTuple):
-    """Where a point is (m), the table's cell there, and the current on passing it (m/s)."""
+    """A point's position (m), its cell in the table, and the current at its passage (m/s)."""
 
     x: float
     y: float
@@ -181,7 +181,7 @@ def _around(
     times: FloatArray,
     stream: Stream,
 ) -> tuple[_Place, _Place, _Place]:
-    """Point k moved back along its normal by its step (m), not moved, and moved forth."""
+    """Return point k shifted back along its normal by its step (m), unshifted, and forward."""
     dx, dy = steps[k] * normals[k, 0], steps[k] * normals[k, 1]
     x, y = path[k]
     return (
@@ -193,7 +193,7 @@ def _around(
 
 @kernel
 def _place(x: float, y: float, time: float, stream: Stream) -> _Place:
-    """Place of a point that is passed at some time (s)."""
+    """Return the place of a point that is passed at a given time (s)."""
     site = site_of(stream.table, x, y)
     u, v = velocity_there(stream.table, site, time)
     return _Place(x, y, site, u, v)
@@ -201,7 +201,7 @@ def _place(x: float, y: float, time: float, stream: Stream) -> _Place:
 
 @kernel
 def _time_between(a: _Place, b: _Place, begin: float, stream: Stream) -> float:
-    """Time (s) over the leg from a place that is passed at some time (s) to the next."""
+    """Return the time (s) over a leg, which begins at a given time (s)."""
     leg = Segment(a.x, a.y, b.x, b.y)
     table, polar, clock = stream
     return leg_time_from(leg, a.u, a.v, b.site, begin, table, polar, clock.step)
@@ -211,9 +211,9 @@ def _time_between(a: _Place, b: _Place, begin: float, stream: Stream) -> float:
 def _newton_step(
     quadratic: _Quadratic, damping: float, movable: BoolArray
 ) -> tuple[FloatArray, bool]:
-    """How far (n,), m, to move each point, and whether that is towards a least time.
+    """Return the shift (n,), m, of each point, and whether it leads towards a minimum.
 
-    By Cholesky's method for tridiagonal systems; `damping` is a share of the mean of the diagonal.
+    By Cholesky's method for tridiagonal systems; `damping` is a share of the mean diagonal.
     """
     gradient, diagonal, beside = quadratic
     mean = np.abs(diagonal).mean()
@@ -234,9 +234,9 @@ def _newton_step(
 
 @kernel
 def _hold(movable: BoolArray, path: FloatArray, moved: FloatArray, water: Water) -> bool:
-    """Whether the way of a point (n,) to the moved path, or a leg there, touches a capsule.
+    """Mark as immovable each point (n,) whose shift, or a leg there, touches a capsule.
 
-    Such points are movable no longer; those that were not do not count.
+    Returns whether any point was newly marked.
     """
     on_way = legs_are_clear(path, moved, water.capsules)
     on_legs = legs_are_clear(moved[:-1], moved[1:], water.capsules)

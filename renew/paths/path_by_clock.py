@@ -1,8 +1,8 @@
-"""The path of least fuel in one class, with a speed for each leg, as the current changes.
+"""Find the least-fuel path in one class, with a speed for each leg, in a changing current.
 
 A path found at other speeds is refined on transversals, as in :mod:`renew.paths.least_fuel_path`,
-but in windows of both place and time, which narrow from pass to pass. Fuel is minimised, and the
-deadline is kept. The new path goes round land as the given one does, or by a way near that.
+but in windows of both place and time, which narrow from pass to pass. Fuel is minimised subject to
+the deadline. The new path passes land as the given one does, or nearly so.
 """
 
 import math
@@ -24,10 +24,10 @@ from renew.voyage.voyage import shares
 
 
 class _Pass(NamedTuple):
-    """A pass over transversals: their half-width and spacing (shares of the path), points on each.
+    """A pass over transversals: half-width and spacing (shares of the path), points on each.
 
-    Legs beside a turn of more than `bend` (rad) are halved. In each row the least fuel is worked
-    out at `times` times, which span a share `leeway` of the time in which it may be passed.
+    Legs beside a turn of more than `bend` (rad) are halved. In each row the least fuel is computed
+    at `times` times, which span a share `leeway` of the possible times of passage.
     """
 
     window: float
@@ -46,7 +46,7 @@ _PASSES = (
 
 
 def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
-    """A path (n, 2) near that of a profile; it nearly always needs less fuel.
+    """Return a path (n, 2) near a profile's path; it nearly always needs less fuel.
 
     Post-condition: that of :func:`renew.paths.least_fuel_path.refined_path`, if the profile met it.
     """
@@ -91,10 +91,10 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
 def _times(
     allowed: tuple[FloatArray, FloatArray], passed: FloatArray, one: _Pass, sideways: float
 ) -> FloatArray:
-    """Times (n, q), s, at which the least fuel is known in each row of a pass.
+    """Return the times (n, q), s, at which the least fuel is computed in each row of a pass.
 
-    They are centred on the time at which the row was `passed` (n,) before; with a leeway of 1, on
-    the middle of the times `allowed`. On both sides they reach further by `sideways` (s).
+    They are centred on the row's earlier time of passage, `passed` (n,), or, with a leeway of 1, on
+    the middle of the `allowed` times. They extend by a further `sideways` (s) on both sides.
     """
     early, late = allowed
     middle = (early + late) / 2 if one.leeway == 1 else passed

@@ -9,10 +9,10 @@ from renew.paths.corridor import Corridor
 
 
 def random_chains(corridor: Corridor, samples: int, rng: np.random.Generator) -> FloatArray:
-    """Random chains (samples, n, 2) through the free part of each passing edge.
+    """Return random chains (samples, n, 2) through the free part of each passing edge.
 
-    The paper samples whole passing edges and discards; a point in V can't be kept, so drawing
-    from the free part gives the same chains sooner. Legs between the points may cross V.
+    The paper samples whole passing edges and rejects points in V. Sampling the free part gives the
+    same distribution sooner. Legs between the points may cross V.
     """
     passing_edges, free = corridor.open_sections(math.inf, math.inf)
     chains = np.empty((samples, len(passing_edges.left) + 2, 2))

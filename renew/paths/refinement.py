@@ -1,7 +1,7 @@
-"""A path refined on transversals: points to either side of it, in a window that narrows.
+"""Refine a path on transversals: points on both sides of the path, in a narrowing window.
 
-Transversals stand square to the path, from V to V, so that it can bend between them, and bulge out
-of its channel over open water.
+Transversals are perpendicular to the path, from V to V. So the path can bend between them, and
+bulge out of its channel over open water.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from renew.paths.sections import free_intervals
 
 
 class Water(NamedTuple):
-    """What a path is refined in: a current, and what to keep out of."""
+    """The water of a path's refinement: a current, and capsules to avoid."""
 
     stream: Stream
     capsules: Capsules
 
     def near(self, chosen: IntArray) -> Water:
-        """Return the same with only some of the capsules."""
+        """Return this water with only some of the capsules."""
         return Water(self.stream, self.capsules.select(chosen))
 
 
@@ -34,10 +34,10 @@ class Water(NamedTuple):
 def with_transversals(
     path: FloatArray, spacing: float, bend: float, closest: float, keep_whole: BoolArray
 ) -> FloatArray:
-    """Path with points added (n', 2), one for each transversal, at most `spacing` m apart.
+    """Return a path (n', 2) with points added, one per transversal, at most `spacing` m apart.
 
     A bend turns by more than `bend` rad; legs beside it that are longer than twice `closest` m
-    are halved. `keep_whole` (2,) says whether the first, and the last, leg stays as it is.
+    are halved. `keep_whole` (2,) says whether the first, and the last, leg stays unchanged.
     """
     kept, legs = _without_repeats(path)
     course, length = np.empty(legs), np.empty(legs)
@@ -69,7 +69,7 @@ def with_transversals(
 
 @kernel
 def _without_repeats(path: FloatArray) -> tuple[FloatArray, int]:
-    """Path (n', 2) without points that repeat the one before, and how many legs it has."""
+    """Return a path (n', 2) without repeated points, and the number of its legs."""
     kept = np.empty(path.shape)
     kept[0, 0], kept[0, 1] = path[0]
     legs = 0
@@ -82,10 +82,10 @@ def _without_repeats(path: FloatArray) -> tuple[FloatArray, int]:
 
 @kernel
 def points_beside(path: FloatArray, window: float, count: int, capsules: Capsules) -> FloatArray:
-    """Points (n, count, 2) on the transversals of a path (n, 2), n >= 3; its ends repeat.
+    """Return points (n, count, 2) on the transversals of a path (n, 2), n >= 3; its ends repeat.
 
-    They stand up to `window` m to either side, where the capsules leave room; the last of each is
-    the path's own.
+    They lie up to `window` m to either side, outside capsules; the last one of each row is the
+    path's own point.
     """
     rows = len(path)
     left, right = np.empty((rows - 2, 2)), np.empty((rows - 2, 2))
@@ -106,7 +106,7 @@ def points_beside(path: FloatArray, window: float, count: int, capsules: Capsule
             place = low + (high - low) * j / (count - 2)
             for d in range(2):
                 points[k + 1, j, d] = left[k, d] + place * (right[k, d] - left[k, d])
-        # The path's own point stays among them, so that no pass is worse than the one before.
+        # With the path's own point no pass makes the path worse.
         points[k + 1, count - 1, 0], points[k + 1, count - 1, 1] = path[k + 1]
     return points
 
@@ -120,10 +120,10 @@ def refined_on_transversals(
     water: Water,
     exempt: BoolArray,
 ) -> FloatArray:
-    """Quickest path (n', 2) over `count` points on each transversal, `window` m to either side.
+    """Return the fastest path (n', 2) over `count` points per transversal, within `window` m.
 
     `exempt` is as in :func:`renew.kernels.viterbi.quickest_chain`. Detours that a shortcut of up to
-    `longest` m avoids are removed. The path is returned as it is where no chain of points is clear.
+    `longest` m avoids are removed. If no chain of points is clear, the path is returned unchanged.
     """
     rows = len(path)
     if rows < 3:
@@ -135,19 +135,19 @@ def refined_on_transversals(
     chosen = np.empty((rows, 2))
     for k in range(rows):
         chosen[k, 0], chosen[k, 1] = points[k, chain[k]]
-    # Transversals that cross beside a bend may be visited back and forth.
+    # Transversals that cross beside a bend may make the path go back and forth.
     return without_detours(chosen, longest, water)
 
 
 @kernel
 def without_detours(path: FloatArray, longest: float, water: Water) -> FloatArray:
-    """Path (n', 2) without the points that a shortcut of up to `longest` m passes no slower."""
+    """Remove the points of a path that a shortcut of up to `longest` m passes no slower."""
     return path[shortcut(path, water.stream, water.capsules, longest)]
 
 
 @kernel
 def _around_middle(intervals: FloatArray) -> tuple[float, float]:
-    """Ends of the interval (n, 2) that holds, or is nearest to, 0.5; both 0.5 if there is none."""
+    """Return the interval's ends that contain or are nearest to 0.5; both 0.5 if there is none."""
     low, high, nearest = 0.5, 0.5, np.inf
     for k in range(len(intervals)):
         away = max(intervals[k, 0] - 0.5, 0.5 - intervals[k, 1])

@@ -1,8 +1,8 @@
-"""Sections across a channel, and the parts of them that lie outside the soft no-go zone.
+"""Sections across a channel, and their parts outside the soft no-go zone.
 
 Consecutive passing edges share a vertex, so a channel is a row of fans. Each fan is cut into
-several sections from its pivot; a path visits one point of each section in turn, which lets it
-bend inside large triangles where the current turns.
+several sections from its pivot. A path visits one point of each section in turn, so it can bend
+inside large triangles where the current turns.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from renew.kernels.capsules import (
     intersects,
 )
 
-# Shortest free gap, as a share of its section: a shorter one is only a rounding error.
+# Shortest free gap, as a share of its section; a shorter one is a rounding error.
 _SLIVER = 1e-9
-# Approximate maximum number of sections of a channel: without it there would be millions where a
-# midline is much shorter than the edges that it crosses.
+# Approximate maximum number of sections of a channel: if a midline is much shorter than the edges
+# that it crosses, there would be millions.
 _MAX_SECTIONS = 5000
 
 
@@ -33,8 +33,8 @@ _MAX_SECTIONS = 5000
 class Sections:
     """Sections from the left to the right bank, in sailing order.
 
-    `left`, `right` are (s, 2) metres; `passing` (s,) marks passing edges; `place` (s,) is the index
-    in the channel of the triangle that a section crosses, or that a passing edge leads out of.
+    `left`, `right` are (s, 2) metres; `passing` (s,) marks passing edges. `place` (s,) is the
+    channel's index of the triangle that a section crosses or a passing edge ends.
     """
 
     left: FloatArray
@@ -43,7 +43,7 @@ class Sections:
     place: IntArray
 
     def points(self, share: FloatArray) -> FloatArray:
-        """Points (s, ..., 2) at shares (s, ...) of each section, in [0, 1] from left to right."""
+        """Return points (s, ..., 2) at shares (s, ...) of sections, left 0 to right 1."""
         extra = (1,) * (share.ndim - 1)
         left = self.left.reshape(len(self.left), *extra, 2)
         right = self.right.reshape(len(self.right), *extra, 2)
@@ -62,7 +62,7 @@ def sections_of(
     The spacing is measured on the bank where sections are further apart. If both are infinite,
     the sections are the passing edges alone.
     """
-    # The first fan begins and the last one ends with a passing edge of no length: start, goal.
+    # The first fan begins, and the last one ends, with a passing edge of length 0: start, goal.
     left = np.vstack([start, channel.left, goal])
     right = np.vstack([start, channel.right, goal])
     count = _steps(left, right, spacing, angle)
@@ -79,7 +79,7 @@ def sections_of(
 
 
 def _steps(left: FloatArray, right: FloatArray, spacing: float, angle: float) -> IntArray:
-    """Number of steps (g - 1,) from one passing edge (g, 2) to the next."""
+    """Return the number of steps (g - 1,) from each passing edge (g, 2) to the next."""
     moved = np.maximum(
         np.linalg.norm(np.diff(left, axis=0), axis=1),
         np.linalg.norm(np.diff(right, axis=0), axis=1),
@@ -96,7 +96,7 @@ def _steps(left: FloatArray, right: FloatArray, spacing: float, angle: float) ->
 
 @dataclass(frozen=True, slots=True)
 class FreeParts:
-    """The parts of each section that lie outside the soft no-go zone V, as intervals of [0, 1].
+    """The parts of each section outside the soft no-go zone V, as intervals of [0, 1].
 
     The first `count` (s,) intervals in each row of `intervals` (s, n, 2) are valid, and in order.
     """
@@ -106,7 +106,7 @@ class FreeParts:
 
     @property
     def blocked(self) -> BoolArray:
-        """Sections (s,) with no free part."""
+        """Whether each section (s,) has no free part."""
         return np.asarray(self.count == 0)
 
     def select(self, keep: BoolArray) -> FreeParts:
@@ -114,11 +114,11 @@ class FreeParts:
         return FreeParts(self.intervals[keep], self.count[keep])
 
     def spread(self, points: int) -> FloatArray:
-        """Places (s, points), evenly over the free length, all ends of intervals included."""
+        """Return places (s, points), evenly over the free length, with all ends of intervals."""
         return np.asarray(_spread(self.intervals, self.count, points))
 
     def draw(self, points: int, rng: np.random.Generator) -> FloatArray:
-        """Places (s, points), uniform over the free parts."""
+        """Return places (s, points), uniformly distributed over the free parts."""
         within = np.arange(self.intervals.shape[1]) < self.count[:, None]
         lengths = np.where(within, self.intervals[..., 1] - self.intervals[..., 0], 0.0)
         ends = np.cumsum(lengths, axis=1)
@@ -129,7 +129,7 @@ class FreeParts:
 
 
 def free_parts(sections: Sections, capsules: Capsules) -> FreeParts:
-    """Parts of each section outside of all capsules."""
+    """Return the parts of each section outside all capsules."""
     return FreeParts(*free_intervals(sections.left, sections.right, capsules))
 
 
@@ -137,7 +137,7 @@ def free_parts(sections: Sections, capsules: Capsules) -> FreeParts:
 def free_intervals(
     left: FloatArray, right: FloatArray, capsules: Capsules
 ) -> tuple[FloatArray, IntArray]:
-    """Intervals (s, n, 2) of :class:`FreeParts`, and how many there are in each row."""
+    """Return the intervals (s, n, 2) of :class:`FreeParts`, and their number in each row."""
     start, end, radius = capsules
     bounds = capsule_bounds(capsules)
     near = np.zeros(len(left), dtype=np.int64)
@@ -187,7 +187,7 @@ def _insert(intervals: FloatArray, count: int, enter: float, leave: float) -> No
 
 @kernel
 def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
-    """Places (s, points) over the intervals of each row; see :meth:`FreeParts.spread`."""
+    """Return places (s, points) over the intervals of each row; see :meth:`FreeParts.spread`."""
     places = np.zeros((len(count), points))
     for i in range(len(count)):
         total = 0.0
@@ -197,7 +197,8 @@ def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
         for k in range(count[i]):
             low, high = intervals[i, k]
             behind += high - low
-            # Each interval gets its share of the points, and at least two while there are enough.
+            # Each interval gets its share of the points, at least two while there are enough
+            # points.
             last = round(points * behind / total) if k < count[i] - 1 else points
             last = min(max(last, first + 2), points - 2 * (count[i] - 1 - k))
             for j in range(first, last):

@@ -1,7 +1,7 @@
-"""Chains smoothed: straight legs past their points, wherever these are clear and quicker.
+"""Smooth chains: replace parts by straight legs where these are clear and faster.
 
-A shortcut keeps to the chain's class: it crosses the rays of the islands (see
-:mod:`renew.classes.h_signature`) as the part of the chain that it replaces.
+A shortcut keeps the chain's class: it crosses the rays of the islands (see
+:mod:`renew.classes.h_signature`) like the part of the chain that it replaces.
 """
 
 import math
@@ -20,25 +20,25 @@ from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
 
-# Number of pieces into which a path is cut in each round: their ends are what legs lead between.
-# A chain among hundreds gets one round with few.
+# Number of pieces into which a path is cut in each round; shortcuts connect their ends. A chain
+# among hundreds gets one round with few pieces.
 _PIECES, _ROUNDS, _CHAIN_PIECES = 60, 4, 8
-# Legs are timed at two Gauss-Legendre points of each of their pieces, which are at most this share
-# of the whole path; places of the two in a piece.
+# Legs are timed at two Gauss-Legendre points per piece; a piece is at most this share of the whole
+# path. Places of the two points in a piece.
 _TIMED, _GAUSS = 1 / 10, (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 
 
 class Shortened(NamedTuple):
-    """Chains with shortcuts: paths (n, 2), m, and times (c,), s."""
+    """Chains after smoothing: paths (n, 2), m, and times (c,), s."""
 
     paths: list[FloatArray]
     times: FloatArray
 
 
 class _Water(NamedTuple):
-    """What legs are timed in, what they keep out of, and the rays that tell classes apart.
+    """The current that times legs, the capsules that legs avoid, and the rays that define classes.
 
-    `exempt` (2, c) is as :attr:`Corridor.exempt`; paths are begun at `departure`, s.
+    `exempt` (2, c) is as :attr:`Corridor.exempt`; paths begin at `departure`, s.
     """
 
     table: CurrentTable
@@ -50,7 +50,7 @@ class _Water(NamedTuple):
 
 
 def with_shortcuts(corridor: Corridor, rays: Rays, path: FloatArray) -> FloatArray:
-    """Quickest path (m, 2) along straight legs between places on a path (n, 2), clear of V."""
+    """Return the fastest path (m, 2) along straight legs between places on a path, clear of V."""
     time, path = _shortened(path, _PIECES, _ROUNDS, _water(corridor, rays))
     if not math.isfinite(time):
         raise InfeasibleError("no legs between places on its path are clear of V")
@@ -58,9 +58,9 @@ def with_shortcuts(corridor: Corridor, rays: Rays, path: FloatArray) -> FloatArr
 
 
 def each_shortened(corridor: Corridor, rays: Rays, chains: FloatArray) -> Shortened:
-    """Chains (c, n, 2), each with shortcuts between some places on it; those with a clear way.
+    """Smooth chains (c, n, 2), each between some places on it; omit chains without a clear way.
 
-    A chain may itself cross V, where a shortcut past that leg doesn't.
+    A chain may itself cross V if a shortcut avoids that leg.
     """
     water = _water(corridor, rays)
     found = [_shortened(chain, _CHAIN_PIECES, 1, water) for chain in chains]
@@ -69,7 +69,7 @@ def each_shortened(corridor: Corridor, rays: Rays, chains: FloatArray) -> Shorte
 
 
 def _water(corridor: Corridor, rays: Rays) -> _Water:
-    """Water of a corridor, in which rays tell classes apart."""
+    """Return the water of a corridor, with the rays that define classes."""
     return _Water(
         corridor.voyage.table,
         corridor.voyage.departure,
@@ -84,7 +84,7 @@ def _water(corridor: Corridor, rays: Rays) -> _Water:
 def _shortened(
     path: FloatArray, pieces: int, rounds: int, water: _Water
 ) -> tuple[float, FloatArray]:
-    """Time (s) and quickest path (m, 2) between places on a path (n, 2); inf where none is clear.
+    """Return duration (s) and fastest path (m, 2) between places on a path; inf if none is clear.
 
     In each round the path is cut evenly into about `pieces` pieces.
     """
@@ -100,7 +100,7 @@ def _shortened(
 
 @kernel
 def _cut(path: FloatArray, count: int) -> FloatArray:
-    """Path (m, 2) with points added: its own, and others evenly along it."""
+    """Return a path (m, 2) with points added evenly."""
     legs = len(path) - 1
     whole = _length(path)
     pieces = np.empty(legs, dtype=np.int64)
@@ -119,7 +119,7 @@ def _cut(path: FloatArray, count: int) -> FloatArray:
 
 @kernel
 def _length(path: FloatArray) -> float:
-    """Length of a path (n, 2), m."""
+    """Return the length of a path (n, 2), m."""
     length = 0.0
     for k in range(len(path) - 1):
         length += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
@@ -128,9 +128,9 @@ def _length(path: FloatArray) -> float:
 
 @kernel
 def _leg_time(leg: Segment, begin: float, longest: float, water: _Water) -> float:
-    """Time (s) over a straight leg by Eq. 4, in pieces of up to `longest` m; inf if impassable.
+    """Return the time (s) over a straight leg by Eq. 4, in pieces of up to `longest` m, or inf.
 
-    It is begun at a time of the table's clock, s.
+    The leg begins at the time `begin` of the table's clock, s.
     """
     dx, dy = leg.bx - leg.ax, leg.by - leg.ay
     length = math.hypot(dx, dy)
@@ -141,7 +141,7 @@ def _leg_time(leg: Segment, begin: float, longest: float, water: _Water) -> floa
     for piece in range(pieces):
         for within in _GAUSS:
             place = (piece + within) / pieces
-            # The way from the point before, at the slowness there.
+            # The part from the last point, at the slowness of the present one.
             begin += last * (place - behind) * length
             u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy, begin)
             last, behind = slowness(u, v, dx / length, dy / length, water.polar), place
@@ -151,9 +151,9 @@ def _leg_time(leg: Segment, begin: float, longest: float, water: _Water) -> floa
 
 @kernel
 def _quickest(points: FloatArray, water: _Water) -> tuple[float, IntArray]:
-    """Time (s) and points (m,) of the quickest clear way along points (n, 2), first to last.
+    """Return duration (s) and points (m,) of the fastest clear way along points (n, 2).
 
-    The first leg may leave capsules, the last may enter them.
+    The first leg may leave capsules, and the last leg may enter them.
     """
     last, words = len(points) - 1, no_words()
     word = np.zeros(last + 1, dtype=np.int64)
@@ -186,7 +186,7 @@ def _quickest(points: FloatArray, water: _Water) -> tuple[float, IntArray]:
 
 @kernel
 def _is_clear(leg: Segment, water: _Water, is_first: bool, is_last: bool) -> bool:
-    """Whether a leg keeps out of V; the first may leave it, the last enter it."""
+    """Whether a leg stays out of V; the first leg may leave V, and the last may enter V."""
     every = np.arange(len(water.capsules.radius))
     exempt = np.zeros(len(every), dtype=np.bool_)
     if is_first:

@@ -1,12 +1,12 @@
-"""Speeds through water along a given path, that need least fuel to be at its end by a deadline.
+"""Choose speeds through water along a given path, for least fuel until a deadline.
 
-In a steady current the legs have nothing to do with each other but the time that is left: with a
-price λ of time, the Lagrange multiplier of the deadline, each place takes the speed of least
-(α vᵏ + λ) / g, and the time under way falls as λ rises. So the λ at which the deadline is just met
-gives the least fuel; it is 0 where time is free.
+In a steady current, legs depend on each other only through the remaining time. With a price λ of
+time, the Lagrange multiplier of the deadline, the best speed at each place has the least
+(α vᵏ + λ) / g. The duration falls as λ rises, so least fuel has the λ that just meets the deadline,
+or 0 if time is free.
 
-The least-fuel speed changes from place to place: the path is cut into legs in which it changes
-little, and each leg gets the mean of its speeds, at a price at which these meet the deadline.
+The best speed changes from place to place. So the path is cut into legs in which this speed changes
+little. Each leg gets the mean of its speeds, at a price that meets the deadline with these means.
 """
 
 import math
@@ -20,20 +20,19 @@ from renew.kernels.ground_speed import chosen_speeds
 from renew.voyage.fuel import WITHIN, Pieces, ground_speed
 from renew.voyage.voyage import Voyage
 
-# Ratio of the highest to the lowest speed that are sailed as one leg: dearer by under 0.05 %.
+# Ratio of the highest to the lowest speed within a leg: costs less than 0.05 % more fuel.
 _SAME_SPEED = 1.04
-# Number of steps in which a price is found, and the share of the time under way by which the vessel
-# may come earlier than the deadline.
+# Number of steps to find a price, and largest early arrival, as a share of the duration.
 _PRICE_STEPS, _EARLY = 60, 1e-9
-# Number of prices at which a trade-off is worked out.
+# Number of prices for which a trade-off is computed.
 _PRICES = 97
 
 
 class SpeedProfile(NamedTuple):
-    """A path (n, 2) with the speed (n - 1,), m/s, at which each leg is sailed, and its fuel.
+    """A path (n, 2) with the speed (n - 1,), m/s, of each leg, and its fuel.
 
-    `times` (n,), s, are those at its points; the fuel is infinite where it is too late even at the
-    highest speed. `price` is that of time (fuel units a second), infinite at the highest speed.
+    `times` (n,), s, are the times at its points. Fuel is infinite if even the highest speed is too
+    late. `price` is the price of time (fuel units a second), infinite at the highest speed.
     """
 
     path: FloatArray
@@ -44,12 +43,12 @@ class SpeedProfile(NamedTuple):
 
     @property
     def arrival(self) -> float:
-        """When its end is reached (s)."""
+        """Time at the end of the path (s)."""
         return float(self.times[-1])
 
 
 def speed_profile(path: FloatArray, voyage: Voyage) -> SpeedProfile:
-    """Speeds of least fuel along a path (n, 2), to be at its end by the voyage's deadline.
+    """Return the speeds of least fuel along a path (n, 2) that meet the voyage's deadline.
 
     Post-condition: the arrival is not after the deadline, unless the fuel is infinite.
     """
@@ -72,15 +71,15 @@ def speed_profile(path: FloatArray, voyage: Voyage) -> SpeedProfile:
 
 
 def trade_off(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]:
-    """Arrivals (m,), s, ascending, and the least fuels (m,) along a path (n, 2) to be there then.
+    """Return ascending arrivals (m,), s, and the least fuel (m,) for each along a path (n, 2).
 
-    From the highest speed all the way to where time is free.
+    They range from the highest speed to the arrival after which more time saves no fuel.
     """
     way = _SteadyPath(path, voyage)
     if not voyage.has_choice:
         only = way.profile(np.full(len(path) - 1, voyage.vessel.speed), way.own_legs)
         return only.times[-1:], np.array([only.fuel])
-    # Evenly in the speed that is best in still water.
+    # Evenly spaced in the best speed in still water.
     vessel = voyage.vessel
     still = np.linspace(1.0, 0.0, _PRICES) ** vessel.fuel_exponent
     points = [way.cost(way.speeds(price)) for price in way.highest_price * still]
@@ -89,9 +88,9 @@ def trade_off(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]
 
 
 def alike_legs(low: FloatArray, high: FloatArray, own: IntArray) -> IntArray:
-    """Leg (p,) of each piece with its lowest and highest speed (p,), m/s, and its `own` leg (p,).
+    """Return the leg (p,) of each piece, given its range of speeds and its `own` leg of the path.
 
-    Speeds in a leg differ little, and it is straight.
+    Speeds within a leg differ little, and a leg is straight.
     """
     leg = np.zeros(len(low), dtype=np.int64)
     least, most = low[0], high[0]
@@ -115,7 +114,7 @@ class _SteadyPath:
 
     @property
     def own_legs(self) -> IntArray:
-        """The path's own leg (p,) of each piece."""
+        """The path's own leg (p,) that each piece belongs to."""
         return self._pieces.leg
 
     @property
@@ -124,32 +123,33 @@ class _SteadyPath:
         speed, exponent = self._voyage.vessel.speed, self._voyage.vessel.fuel_exponent
         made = self._made(np.array(speed))
         along = (self._velocity * self._tangent).sum(axis=-1)
-        # Derivative of the speed over ground by that through water: v / √(v² - c⊥²), or 1.
+        # Derivative of speed over ground with respect to speed through water: v / √(v² - c⊥²), or
+        # 1.
         gain = speed / (made - along) if self._voyage.drift == "crab" else np.ones(made.shape)
         highest = exponent * speed ** (exponent - 1) * made / gain - speed**exponent
         return float(np.nanmax(highest, initial=speed**exponent)) * (1 + 1e-6)
 
     def speeds(self, price: float) -> FloatArray:
-        """Speeds (p, 4), m/s, that are cheapest at the nodes, at a price of time over α."""
+        """Return the cheapest speeds (p, 4), m/s, at the nodes, at a price of time over α."""
         polar = self._voyage.at_price(price * self._voyage.vessel.fuel_coefficient).polar
         return chosen_speeds(self._velocity, self._tangent, polar)
 
     def time(self, speeds: FloatArray) -> float:
-        """Time (s) under way at speeds (p, 4) through water."""
+        """Return the duration (s) at speeds (p, 4) through water."""
         return float(self._pieces.total(self._slowness(speeds)).sum())
 
     def cost(self, speeds: FloatArray) -> tuple[float, float]:
-        """Time (s) under way at speeds (p, 4), and fuel."""
+        """Return duration (s) and fuel at speeds (p, 4)."""
         slowness, vessel = self._slowness(speeds), self._voyage.vessel
         fuel = self._pieces.total(slowness * speeds**vessel.fuel_exponent).sum()
         return float(self._pieces.total(slowness).sum()), vessel.fuel_coefficient * float(fuel)
 
     def legs(self, speeds: FloatArray) -> IntArray:
-        """Leg (p,) of each piece: speeds (p, 4) in a leg differ little, and it is straight."""
+        """Return the leg (p,) of each piece: straight, of similar speeds."""
         return alike_legs(speeds.min(axis=1), speeds.max(axis=1), self._pieces.leg)
 
     def leg_speeds(self, legs: IntArray, price: float) -> FloatArray:
-        """Speed (l,), m/s, of each leg (p,) of pieces: the mean over time of what is cheapest."""
+        """Return each leg's speed (l,), m/s: the mean over time of the cheapest speeds."""
         speeds = self.speeds(price)
         slowness = self._slowness(speeds)
         first = np.flatnonzero(np.diff(legs, prepend=-1))
@@ -157,11 +157,11 @@ class _SteadyPath:
         return np.asarray(way / np.add.reduceat(self._pieces.total(slowness), first))
 
     def profile(self, speeds: FloatArray, legs: IntArray) -> SpeedProfile:
-        """Profile at a speed for each leg (p,) of the pieces."""
+        """Return the profile at one speed per leg (p,) of the pieces."""
         pieces, voyage = self._pieces, self._voyage
         taken = pieces.total(self._slowness(speeds[legs][:, None]))
         first = np.flatnonzero(np.diff(legs, prepend=-1))
-        # Where a piece begins: its first node lies a known share of it further on.
+        # Where a piece begins: its first node lies a known share of the piece beyond.
         step = pieces.length[first, None] * pieces.tangent[first, 0]
         begin = pieces.points[first, 0] - WITHIN[0] * step
         # Legs that begin at the path's own points do so exactly.
@@ -175,22 +175,22 @@ class _SteadyPath:
         return SpeedProfile(path, speeds, times, float(fuel), math.inf)
 
     def _slowness(self, speeds: FloatArray) -> FloatArray:
-        """Seconds a metre (p, 4) at speeds through water; infinite where no way is made."""
+        """Return seconds per metre (p, 4) at speeds through water, or inf if no way is made."""
         made = self._made(speeds)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(made > 0, 1 / made, np.inf)
 
     def _made(self, speeds: FloatArray) -> FloatArray:
-        """Speeds over ground (p, 4), m/s, at speeds through water."""
+        """Return speeds over ground (p, 4), m/s, at speeds through water."""
         return ground_speed(self._velocity, self._tangent, speeds, self._voyage.drift)
 
 
 def _least_price(
     time: Callable[[float], float], limit: float, highest: float, guess: float = 0.0
 ) -> float:
-    """Least price at which a time (s), which falls with it, is no more than a limit (s).
+    """Return the least price whose time (s), which falls as price rises, is within a limit (s).
 
-    The Illinois rule inside a bracket, around a guess if that is close.
+    By the Illinois rule inside a bracket, near a guess if that is close.
     """
     low, high = 0.0, highest
     at_low, at_high = time(low) - limit, time(high) - limit
@@ -201,7 +201,7 @@ def _least_price(
     following = guess
     for _ in range(_PRICE_STEPS):
         if not low < following < high:
-            # An infinite time, where the lowest speeds make no way, leaves the middle.
+            # If the time is infinite, because the lowest speeds make no way, bisect.
             share = at_low / (at_low - at_high) if math.isfinite(at_low) else 0.5
             following = low + (high - low) * share
         at = time(following) - limit

@@ -1,10 +1,10 @@
-"""Speeds along a given path that need least fuel to be at its end in time, as the current changes.
+"""Choose speeds along a given path for least fuel until a deadline, in a changing current.
 
-In a steady current time has one price all the way (:mod:`renew.paths.speed_profile`). In one that
-changes it is worth more here and less there, since a later passage meets another current; it may
-pay to be slow and let a tide turn, or to make haste for it. The speeds are those of
-:mod:`renew.paths.timed_path`; then neighbouring legs whose speeds differ little become one, and the
-speeds of these are improved once more, until the deadline is met by the current itself.
+In a steady current the price of time is constant along the path (:mod:`renew.paths.speed_profile`).
+In a changing current the price varies, because a later passage meets another current: it may pay to
+slow down and let a tide turn, or to hurry and catch it. The speeds come from
+:mod:`renew.paths.timed_path`. Neighbouring legs with similar speeds are then joined, and their
+speeds are improved until the current itself, not only its table, meets the deadline.
 """
 
 import math
@@ -17,16 +17,16 @@ from renew.paths.timed_path import TimedPath
 from renew.voyage.fuel import passage
 from renew.voyage.voyage import Voyage
 
-# Rounds in which the deadline by the current's table is set, so that that by the current itself is
-# met, and the share of the time under way by which the vessel may come earlier.
+# Rounds that adjust the table's deadline so that the real current meets the real one, and largest
+# early arrival, as a share of the duration.
 _CLOCK_ROUNDS, _EARLY = 6, 1e-6
-# Number of arrivals for which a trade-off is worked out, rounds for each, and number of arrivals at
-# which it is given.
+# Number of arrivals for which a trade-off is computed, rounds for each, and number of arrivals at
+# which it is returned.
 _ARRIVALS, _QUICK_ROUNDS, _GIVEN = 13, 2, 97
 
 
 def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
-    """Speeds of least fuel along a path (n, 2), to be at its end by the voyage's deadline.
+    """Return the speeds of least fuel along a path (n, 2) that meet the voyage's deadline.
 
     Post-condition: the arrival is not after the deadline, unless the fuel is infinite.
     """
@@ -43,7 +43,7 @@ def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
     corners = np.vstack([way.rows[first], path[-1:]])
     time = np.diff(way.sailed(speeds).times)
     speeds = np.add.reduceat(time * speeds, first) / np.add.reduceat(time, first)
-    # The highest speed has a price as well: any will do for a lower bound, but an infinite one.
+    # The highest speed has a price, too: any finite one gives a lower bound.
     vessel = voyage.vessel
     target, least = voyage.deadline, fastest._replace(price=vessel.fuel_exponent * vessel.fuel_rate)
     for _ in range(_CLOCK_ROUNDS):
@@ -56,15 +56,15 @@ def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
         under_way = found.arrival - voyage.departure
         if late <= 0 and (price == 0 or late >= -_EARLY * under_way):
             break
-        # By its table the current is a little other than it is.
+        # The table differs a little from the current.
         target -= late + _EARLY / 2 * under_way
     return least
 
 
 def constant_speed(path: FloatArray, voyage: Voyage) -> float:
-    """Speed (m/s) that needs least fuel along a path, of those that are the same all the way.
+    """Return the constant speed (m/s) along a path that needs least fuel and arrives in time.
 
-    The highest, where no lower one is there in time. It is in time by the current itself.
+    If no speed arrives in time, it is the highest. Arrivals are by the current itself.
     """
     deadline = voyage.deadline
     for _ in range(_CLOCK_ROUNDS):
@@ -72,15 +72,15 @@ def constant_speed(path: FloatArray, voyage: Voyage) -> float:
         late = _flown(path, np.full(len(path) - 1, speed), voyage).arrival - voyage.deadline
         if not late > 0 or speed == voyage.vessel.speed:
             break
-        # By its table the current is a little other than it is.
+        # The table differs a little from the current.
         deadline -= late * (1 + _EARLY)
     return speed
 
 
 def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]:
-    """Arrivals (m,), s, ascending, and the least fuels (m,) along a path (n, 2) to be there then.
+    """Return ascending arrivals (m,), s, and the least fuel (m,) for each along a path (n, 2).
 
-    From the highest speed all the way to where more time saves no more.
+    They range from the highest speed to the arrival after which more time saves no fuel.
     """
     way, vessel = TimedPath(path, voyage), voyage.vessel
     if not way.can_be_made:
@@ -90,7 +90,7 @@ def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, Fl
     earliest = float(way.sailed(fastest).times[-1])
     if not voyage.has_choice:
         return np.array([earliest]), np.array([vessel.fuel_coefficient * way.fuel(fastest)])
-    # As late as is worth it: time is free then.
+    # The latest useful arrival: time is free there.
     slowest, _ = way.least_fuel(way.chain(math.inf).speeds, way.every, way.last_arrival)
     latest = float(way.sailed(slowest).times[-1])
     begun = voyage.departure
@@ -98,7 +98,7 @@ def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, Fl
         return np.array([earliest]), np.array([vessel.fuel_coefficient * way.fuel(slowest)])
     from scipy.interpolate import PchipInterpolator
 
-    # Evenly in speed.
+    # Evenly spaced in speed.
     deadlines = begun + 1 / np.linspace(1 / (earliest - begun), 1 / (latest - begun), _ARRIVALS)
     fuels = [way.fuel(fastest)]
     for deadline in deadlines[1:-1].tolist():
@@ -113,7 +113,7 @@ def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, Fl
 
 
 def _flown(path: FloatArray, speeds: FloatArray, voyage: Voyage) -> SpeedProfile:
-    """A path (n, 2) sailed at speeds (n - 1,) in the current itself."""
+    """Return a path (n, 2) sailed at speeds (n - 1,) in the current itself."""
     vessel = voyage.vessel
     drift, departure = voyage.drift, voyage.departure
     passed = passage(path, voyage.current, vessel, speeds=speeds, drift=drift, departure=departure)

@@ -1,10 +1,9 @@
-"""A path cut into rows, with the clock running: its schedules, and the speeds of least fuel.
+"""Compute schedules and speeds of least fuel on a path cut into rows, in a changing current.
 
-The least fuel is looked for over places and times together (:mod:`renew.kernels.cheapest_chain`),
-which finds the right tide; the speeds that this gives are improved by SciPy's truncated Newton
-method, the deadline being kept by an augmented Lagrangian (Nocedal & Wright, Numerical
-Optimization, 2006, 17.3): its multiplier is the price of time at the end. All of it is in the
-current's table.
+Least fuel is first searched over places and times together (:mod:`renew.kernels.cheapest_chain`),
+which finds the right tide. SciPy's truncated Newton method then improves the speeds, and an
+augmented Lagrangian keeps the deadline (Nocedal & Wright, Numerical Optimization, 2006, 17.3); its
+multiplier is the price of time at the end. Everything uses the current's table.
 """
 
 import math
@@ -20,28 +19,27 @@ from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import Stream, arrivals
 from renew.voyage.voyage import Voyage
 
-# Number of rows into which a path is cut at least and at most, and the number of steps of the clock
-# between two of them.
+# Minimum and maximum number of rows of a path, and number of clock steps between two rows.
 _ROWS, _MAX_ROWS, _STEPS_A_ROW = 96, 400, 3.0
-# Number of times at which the least fuel is known in a row, and of speeds tried on each leg.
+# Number of times at which the least fuel is known in a row, and of speeds tried per leg.
 _TIMES, _TRIES = 48, 6
-# Least width of a window of times, as a share of the time under way at the highest speed.
+# Least width of a window of times, as a share of the duration at the highest speed.
 _NARROWEST = 1e-6
-# Price of lateness, as a multiple of k vᵏ at the highest speed v: so dear that none is worth it.
+# Price of lateness, as a multiple of k vᵏ at the highest speed v: so high that lateness never pays.
 _LATE = 3.0
-# Rounds in which the multiplier is looked for, how much lateness its first change allows, and how
-# much the last one does, as shares of the time under way.
+# Rounds to find the multiplier; lateness that the first and the last change of it allow, as shares
+# of the duration.
 _ROUNDS, _FIRST_LATE, _LATE_AT_LAST = 12, 0.02, 1e-7
-# Cost, as a multiple of a path's usual one, of speeds at which no way can be made.
+# Cost of speeds that make no way, as a multiple of a path's usual cost.
 _NO_WAY = 1e3
-# Number of constant speeds that are tried, and of halvings between two of them.
+# Number of constant speeds tried, and of halvings between two of them.
 _CONSTANT, _HALVINGS = 24, 30
 
 
 class TimedPath:
-    """A path cut into rows, or, `as_it_is`, with its own points as rows. Fuel is that over α.
+    """A path cut into rows or, `as_it_is`, with its own points as rows. Fuel is divided by α.
 
-    `rows` (r + 1, 2), m; `own_leg` (r,) is the path's leg between each two of them.
+    `rows` (r + 1, 2), m; `own_leg` (r,) is the path's leg between each pair of rows.
     """
 
     def __init__(self, path: FloatArray, voyage: Voyage, *, as_it_is: bool = False) -> None:
@@ -58,11 +56,11 @@ class TimedPath:
 
     @property
     def every(self) -> IntArray:
-        """Legs (r,) of which each has a speed of its own."""
+        """Legs (r,) if every row has its own speed."""
         return np.arange(len(self.own_leg))
 
     def errand(self, deadline: float = math.inf) -> Errand:
-        """What the vessel has to do: by a deadline (s), or when it is no longer worth waiting."""
+        """Return the vessel's errand, with a deadline (s) or with the last useful arrival."""
         vessel, voyage = self._voyage.vessel, self._voyage
         return Errand(
             vessel.speed,
@@ -74,21 +72,21 @@ class TimedPath:
         )
 
     def arrivals(self, speed: float) -> FloatArray:
-        """Times (r + 1,), s, at the rows at a constant speed (m/s)."""
+        """Return the times (r + 1,), s, at the rows at a constant speed (m/s)."""
         voyage = self._voyage
         polar = sailing_at(speed, voyage.drift == "crab", voyage.vessel.speed)
         return np.asarray(arrivals(self.rows, Stream(voyage.table, polar, voyage.clock)))
 
     @cached_property
     def constant(self) -> tuple[float, float]:
-        """The constant speed (m/s) of least fuel that is there in time, and that fuel.
+        """Return the constant speed (m/s) of least fuel that is in time, and its fuel.
 
-        The highest, where none is.
+        If no speed is in time, it is the highest.
         """
         deadline, (least, most) = self._voyage.deadline, self.speeds
         tried = np.geomspace(most, least, _CONSTANT).tolist()
         found = [self._at_constant(speed) for speed in tried]
-        # The slowest that is just in time lies between two of them.
+        # The slowest speed that is just in time lies between two of them.
         for at in np.flatnonzero(np.diff([arrival <= deadline for arrival, _ in found])).tolist():
             low, high = tried[at + 1], tried[at]
             for _ in range(_HALVINGS):
@@ -102,16 +100,16 @@ class TimedPath:
         return tried[best], found[best][1]
 
     def _at_constant(self, speed: float) -> tuple[float, float]:
-        """Arrival (s) at the end, and fuel, at a constant speed (m/s)."""
+        """Return arrival (s) and fuel at a constant speed (m/s)."""
         arrival = float(self.arrivals(speed)[-1])
         under_way = arrival - self._voyage.departure
         return arrival, under_way * float(speed**self._voyage.vessel.fuel_exponent)
 
     @cached_property
     def last_arrival(self) -> float:
-        """Time (s) after which no voyage of least fuel arrives, with all the time there is.
+        """Return the time (s) after which no voyage of least fuel arrives, without a deadline.
 
-        A longer voyage burns more even at the lowest speed than one that is known.
+        Even at the lowest speed, a longer voyage burns more than a known one.
         """
         voyage = self._voyage
         burnt = voyage.choice.least**voyage.vessel.fuel_exponent
@@ -119,7 +117,7 @@ class TimedPath:
         return float(min(slowest, voyage.current.span[1]))
 
     def chain(self, deadline: float) -> Chain:
-        """Least fuel over places and times, to be at the end by a deadline (s)."""
+        """Return the chain of least fuel over places and times that meets a deadline (s)."""
         rows = len(self.rows)
         early, late = self.window(deadline)
         clear = np.ones((rows - 1, 1, 1), dtype=np.bool_)
@@ -135,10 +133,10 @@ class TimedPath:
         speeds: FloatArray,
         deadline: float,
     ) -> Chain:
-        """Least fuel over points (r + 1, m, 2) in each row, where legs (r, m, m) are clear.
+        """Return the chain of least fuel over points (r + 1, m, 2), if legs (r, m, m) are clear.
 
-        It is known at `times` (r + 1, q), s, with `speeds` (r, 2), m/s, from and to which each leg
-        may be sailed.
+        Least fuel is computed at `times` (r + 1, q), s; `speeds` (r, 2), m/s, are each leg's
+        limits.
         """
         times[0] = self._voyage.departure
         table, errand = self._voyage.table, self.errand(deadline)
@@ -147,7 +145,7 @@ class TimedPath:
 
     @property
     def can_be_made(self) -> bool:
-        """Whether the highest speed brings the vessel to the end, by the table of the current."""
+        """Whether the highest speed reaches the end, by the table of the current."""
         return math.isfinite(self.arrivals(self.speeds[1])[-1])
 
     @property
@@ -156,7 +154,7 @@ class TimedPath:
         return self._voyage.choice.least, self._voyage.vessel.speed
 
     def window(self, deadline: float) -> tuple[FloatArray, FloatArray]:
-        """Earliest and latest times (r + 1,), s, at the rows, to be at the end by a deadline."""
+        """Return the earliest and latest times (r + 1,), s, at the rows that meet a deadline."""
         least, most = self.speeds
         early = self.arrivals(most)
         slack = max(min(deadline, self.last_arrival) - early[-1], 0.0)
@@ -169,7 +167,7 @@ class TimedPath:
         return Sailed(*sailed(self.rows, speeds, voyage.departure, voyage.table, self.errand()))
 
     def fuel(self, speeds: FloatArray) -> float:
-        """Fuel at speeds (r,), m/s."""
+        """Return the fuel at speeds (r,), m/s."""
         exponent = self._voyage.vessel.fuel_exponent
         return float((speeds**exponent * np.diff(self.sailed(speeds).times)).sum())
 
@@ -181,22 +179,22 @@ class TimedPath:
         price: float = math.nan,
         rounds: int = _ROUNDS,
     ) -> tuple[FloatArray, float]:
-        """Speeds (l,) of legs (r,) of the rows that need least fuel, near some; the price of time.
+        """Return speeds (l,) of legs (r,) with least fuel, near given ones, and the price of time.
 
-        The price is that over α, and so is the first guess at it. Post-condition: the end is
-        reached by the deadline, nearly, if it can be and the rounds are enough.
+        The price, also the first guess, is divided by α. Post-condition: the end is reached nearly
+        by the deadline, if that is possible and the rounds are enough.
         """
         exponent, (least, most) = self._voyage.vessel.fuel_exponent, self.speeds
         first = np.flatnonzero(np.diff(legs, prepend=-1))
         if not math.isfinite(self.sailed(speeds[legs]).times[-1]):
-            # Too slow for some water: begun as fast as may be.
+            # Too slow for some water: begin at the highest speed.
             speeds = np.full(len(speeds), most)
         times = np.diff(self.sailed(speeds[legs]).times)
         total = float(times.sum())
         if not math.isfinite(total):
             return speeds, exponent * most**exponent
         mean = float((speeds[legs] * times).sum() / total)
-        # In these units a change of any leg's speed costs about as much.
+        # In these units a change of any leg's speed costs about the same.
         scale = np.sqrt(np.maximum(np.add.reduceat(times, first) / total, 1e-12))
         unit = mean**exponent * total
         usual = max(exponent - 1, 0.1) * mean**exponent
@@ -206,7 +204,7 @@ class TimedPath:
         stiffness = usual / (_FIRST_LATE * total)
 
         def cost(scaled: FloatArray) -> tuple[float, FloatArray]:
-            """Augmented Lagrangian and its slopes."""
+            """Return the augmented Lagrangian and its slopes."""
             through = (scaled / scale)[legs]
             made = self.sailed(through)
             if not math.isfinite(made.times[-1]):
@@ -223,7 +221,8 @@ class TimedPath:
                 cost,
                 begun,
                 jac=True,
-                # L-BFGS-B needs fewer steps, but ten times as long where BLAS has several threads.
+                # L-BFGS-B needs fewer steps, but takes ten times as long if BLAS has several
+                # threads.
                 method="TNC",
                 bounds=limits,
                 options={"maxfun": 300, "maxCGit": 3, "ftol": 1e-8},
