@@ -65,7 +65,7 @@ class Corridor:
         return replace(self, voyage=voyage, channel=channel, padded=self.by_part[at], by_part=())
 
     def parts(self, path: FloatArray) -> Iterator[tuple[Corridor, FloatArray]]:
-        """Yield the corridor of each part of the voyage, between stops, with its piece of a path."""
+        """Yield the corridor of each part of the voyage, with its piece of a path."""
         for at, (part, piece) in enumerate(self.voyage.parts(path)):
             yield (self.part(at, part) if len(self.voyage.via) else self), piece
 
@@ -106,7 +106,7 @@ class Corridor:
 
     @cached_property
     def exempt(self) -> BoolArray:
-        """Capsules (2, c) around the start, and around the goal, in which a path may begin or end."""
+        """Which capsules (2, c) contain the start, or the goal; a path may begin or end there."""
         return np.stack([self._holding(self.voyage.start), self._holding(self.voyage.goal)])
 
     def legs_clear(self, path: FloatArray) -> BoolArray:
@@ -122,7 +122,7 @@ class Corridor:
         return clear
 
     def holds_back(self, path: FloatArray) -> bool:
-        """Whether a path (n, 2) follows the open outline, so that a better path may lie beyond it."""
+        """Whether a path (n, 2) follows the open outline, beyond which a better one may lie."""
         slack = np.full(len(self.open_outline), 2 * SLACK * self.voyage.vessel.turning_radius)
         ends = for_kernels(self.open_outline[:, 0]), for_kernels(self.open_outline[:, 1])
         outline = Capsules(*ends, slack)

@@ -1,1 +1,1 @@
-"""From a path to a trajectory that the vessel can steer: r', corner rounding."""
+"""Turn a path into a trajectory that the vessel can steer: turning radius r', rounded corners."""

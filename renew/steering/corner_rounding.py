@@ -1,9 +1,10 @@
-"""Corners too sharp for the vessel, rounded on their outer side.
+"""Round corners that are too sharp for the vessel on their outer side.
 
-A least-fuel path that wraps the corner of a no-go zone can't be rounded inwards: the inside is
-the zone. So a disc of the turning radius is put inside the corner, touching it from within, and
-the path is drawn taut around the discs: it leaves the earlier leg before the corner, passes
-through it on an arc, and meets the later leg behind it, always on the far side of the zone.
+A least-fuel path that wraps the corner of a no-go zone can't be rounded inwards, because the zone
+is there. So a disc of the turning radius is put inside the corner, touching it from within, and the
+path is drawn taut around the discs, like a string. The string leaves the first leg before the
+corner, passes through the corner on an arc, and meets the next leg behind it, always outside the
+zone.
 """
 
 import math
@@ -16,21 +17,21 @@ from renew.errors import InfeasibleError
 from renew.kernels.angles import wrapped
 from renew.steering.turning_radius import course_changes
 
-# Angle (rad) that each vertex turns by where an arc becomes a polyline around it (vertices outside,
-# edges tangent).
+# Angle (rad) between the vertices of an arc's polyline (vertices outside the arc, edges tangent).
 _ARC_STEP = math.radians(4)
-# Angle (rad) the wrong way from which on the string really turns by more than half a circle: where
-# it comes back on the line by which it came, it runs around a disc from one tangent to the other.
+# Angle (rad) of a turn the wrong way from which the string really turns by more than half a circle:
+# if the string comes back on its own line, it runs around a disc from one tangent to the other.
 _AROUND = math.radians(135)
 
 
 def round_corners(
     path: FloatArray, sharp: BoolArray, radius: FloatArray, *, together: bool = False
 ) -> tuple[FloatArray, IntArray]:
-    """Path (m, 2) with its sharp corners (n - 2,) drawn around discs of given radii (n - 2,), m.
+    """Draw a path's sharp corners (n - 2,) around discs of given radii (n - 2,), m.
 
-    Also the point (m,) of the path (n, 2) for which each of its points is drawn. Where one disc
-    is enough for several corners it lies as its own corner asks, or as they do `together`.
+    Returns the path (m, 2), and for each of its points the point (m,) of the given path (n, 2). If
+    one disc is enough for several corners, it lies as its own corner requires or, if `together`, as
+    all of them do.
     """
     turns, bisectors = course_changes(path)
     # A point of the path that is not sharp is a disc of radius 0.
@@ -60,10 +61,10 @@ def _turned_to_the_string(
     kept: IntArray,
     courses: FloatArray,
 ) -> FloatArray:
-    """Centres (n, 2) with each kept disc turned about its corner, where it has taken in others.
+    """Return centres (n, 2) with each kept disc turned about its corner for corners it covers.
 
-    It is turned as far as those stay within it towards the middle of the courses before and behind
-    it: around several corners together the string turns otherwise than the path at that one.
+    The disc turns towards the middle of the courses before and behind it, as far as the covered
+    corners stay inside: around several corners the string turns differently than at one.
     """
     turned = centres.copy()
     for at in range(1, len(kept) - 1):
@@ -79,7 +80,7 @@ def _turned_to_the_string(
             if apart == 0.0 or away > radius:
                 continue
             has_others = True
-            # Within the disc are the corners that lie within this angle of its centre.
+            # The disc covers the corners within this angle of its centre.
             widest, off = math.acos(apart / (2 * radius)), wrapped(math.atan2(dy, dx) - now)
             change = min(max(change, min(off - widest, 0.0)), max(off + widest, 0.0))
         if has_others:
@@ -92,11 +93,11 @@ def _turned_to_the_string(
 def _taut(
     centres: FloatArray, radii: FloatArray, sides: FloatArray
 ) -> tuple[IntArray, FloatArray, int]:
-    """Draw the string: drop discs that it doesn't lean on until it leans on all that are left.
+    """Draw the string: drop discs that the string doesn't touch until it touches all others.
 
     A disc (n, 2) is passed on one side: 1 turns to port around it, -1 to starboard. Returns the
-    discs kept (m,), the courses (m - 1,) from each to the next in rad, and -1; or, as the last,
-    the disc that overlaps the next one, on the other side of the string, too far.
+    kept discs (m,), the courses (m - 1,), rad, between them, and -1; or, instead of -1, a disc that
+    overlaps the next one, on the other side of the string, too far.
     """
     kept = np.arange(len(radii))
     courses = np.empty(len(radii) - 1)
@@ -112,13 +113,14 @@ def _taut(
                 inner = k if radii[one] < radii[other] else k + 1
                 if sides[one] != sides[other] or inner in (0, len(kept) - 1):
                     return kept, courses, one
-                # The string round a disc doesn't touch one within it: start over without that.
+                # The string round a disc doesn't touch a disc inside it: start again without the
+                # latter.
                 kept, nested = np.concatenate((kept[:inner], kept[inner + 1 :])), True
                 break
             courses[k] = math.atan2(dy, dx) - math.asin(offset / apart)
         if nested:
             continue
-        # One at a time, the slackest: without it the string may lean on its neighbours again.
+        # One at a time, the slackest first: without it the string may touch its neighbours again.
         worst, slackest = -1, 0.0
         for k in range(1, len(kept) - 1):
             turn = _turn(courses[k - 1], courses[k], sides[kept[k]])
@@ -131,7 +133,7 @@ def _taut(
 
 @kernel
 def _turn(before: float, after: float, side: float) -> float:
-    """Angle (rad) by which the string turns at a disc on a side of it, to port positive."""
+    """Return the angle (rad) by which the string turns at a disc on this side, port positive."""
     turn = wrapped(after - before)
     return turn + side * 2 * math.pi if side * turn < -_AROUND else turn
 
@@ -140,7 +142,7 @@ def _turn(before: float, after: float, side: float) -> float:
 def _drawn(
     centres: FloatArray, radii: FloatArray, sides: FloatArray, courses: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Vertices (m, 2) of the string, arcs as tangent polylines, and the disc (m,) of each."""
+    """Return the string's vertices (m, 2), arcs as tangent polylines, and the disc (m,) of each."""
     last = len(radii) - 1
     turns = np.zeros(last + 1)
     steps = np.ones(last + 1, dtype=np.int64)

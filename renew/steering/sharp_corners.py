@@ -1,4 +1,4 @@
-"""Which corners of a path are rounded on their outer side, and which give way to those."""
+"""Find the corners of a path to round on the outer side, and corners that obstruct these."""
 
 import math
 
@@ -9,16 +9,15 @@ from renew._types import BoolArray, FloatArray
 from renew.kernels.capsules import Capsules, legs_are_clear
 from renew.steering.turning_radius import course_changes
 
-# Distance, in chords of a sharp corner's disc, within which other corners are in the way of its
-# rounding.
+# Distance, in chords of a sharp corner's disc, within which other corners obstruct its rounding.
 _CROWDING = 1.5
 
 
 @kernel
 def sharp_corners(path: FloatArray, radius: FloatArray, no_go: Capsules) -> BoolArray:
-    """Inner corners (n - 2,) of a path (n, 2) that can't be rounded inwards.
+    """Return whether each inner corner (n - 2,) of a path (n, 2) can't be rounded inwards.
 
-    With radii (n - 2,), m, their arcs would enter the no-go capsules, or there is no room on a leg.
+    With radii (n - 2,), m, its arc would enter the no-go capsules, or a leg is too short.
     """
     corners = len(radius)
     turns, bisectors = course_changes(path)
@@ -40,7 +39,8 @@ def sharp_corners(path: FloatArray, radius: FloatArray, no_go: Capsules) -> Bool
     for leg in range(corners + 1):
         dx, dy = path[leg + 1, 0] - path[leg, 0], path[leg + 1, 1] - path[leg, 1]
         if tangent[leg] + tangent[leg + 1] > math.hypot(dx, dy):
-            # Of its corners the one that asks for more of it is sharp; the start is no corner.
+            # Of the leg's two corners, the one that needs more of it is sharp; the start is no
+            # corner.
             asks_more = leg > 0 and tangent[leg] >= tangent[leg + 1]
             sharp[leg - 1 if asks_more else leg] = True
     return sharp
@@ -48,7 +48,7 @@ def sharp_corners(path: FloatArray, radius: FloatArray, no_go: Capsules) -> Bool
 
 @kernel
 def _along(a: FloatArray, b: FloatArray, distance: float) -> tuple[float, float]:
-    """Place at some distance (m) from a point towards another; that point where they coincide."""
+    """Return the point at a distance (m) from a towards b, or a if the points coincide."""
     x, y = b[0] - a[0], b[1] - a[1]
     share = distance / max(math.hypot(x, y), 1e-300)
     return a[0] + share * x, a[1] + share * y
@@ -56,9 +56,9 @@ def _along(a: FloatArray, b: FloatArray, distance: float) -> tuple[float, float]
 
 @kernel
 def crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArray:
-    """Inner corners (n - 2,) that stand where a sharp one near them is to be rounded.
+    """Return whether each inner corner (n - 2,) of a path (n, 2) obstructs a sharp corner.
 
-    Its disc has a radius (n - 2,), m; the path is (n, 2).
+    The sharp corners' discs have radii (n - 2,), m.
     """
     turns, _ = course_changes(path)
     along = np.zeros(len(turns))
@@ -69,7 +69,7 @@ def crowding(path: FloatArray, sharp: BoolArray, radius: FloatArray) -> BoolArra
     for k in range(len(turns)):
         if not sharp[k]:
             continue
-        # A disc that touches the corner from within cuts this chord off either leg.
+        # A disc that touches the corner from within cuts this chord off both legs.
         chord = 2 * radius[k] * math.sin(abs(turns[k]) / 2)
         for other in range(len(turns)):
             if not sharp[other] and abs(along[other] - along[k]) <= _CROWDING * chord:

@@ -1,4 +1,4 @@
-"""A corridor's path made steerable without leaving the corridor."""
+"""Make a corridor's path steerable inside the corridor."""
 
 import contextlib
 import math
@@ -18,38 +18,39 @@ from renew.steering.trajectory import steer
 from renew.steering.turning_radius import corner_radius, course_changes
 from renew.voyage.voyage import Voyage
 
-# Multiples of the radius that can be steered at a corner by which discs are drawn: the current
-# changes on the way round. Those for several corners are larger from the start.
+# Sizes of discs, in multiples of the radius that can be steered at a corner, because the current
+# changes along the arc. Discs for several corners are larger from the start.
 _ROUNDING, _TOGETHER = 1.06, 1.2
-# By what they grow, beyond what an arc lacks of room, where the vessel can't turn; by how much at
-# once, and up to what.
+# Growth of discs where the vessel can't turn, beyond what the arc lacks of room; its maximum per
+# round and in total.
 _MARGIN, _MOST_AT_ONCE, _LARGEST = 1.01, 1.13, 1.5
-# How often discs may grow, and by how much they may be too small.
+# Number of times that discs may grow, and by how much they may be too small.
 _MAX_GROWTHS, _GROWTH = 6, 1.01
-# Tolerances, as shares of v/ω, by which a path is thinned: points crowd where sections meet, and
-# leave a sharp corner no room. The last ones only where the path can't be steered otherwise.
+# Tolerances, as shares of v/ω, for thinning a path: where sections meet, close points leave a sharp
+# corner no room. The last tolerances are used only if the path can't be steered otherwise.
 _TOLERANCES = (0.01, 0.03, 0.1, 0.3, 0.6, 1.0)
-# Number of those by which all of a path is thinned at most, and at first where places differ.
+# Number of tolerances for thinning the whole path: at most, and at first if places differ.
 _MAX_THINNED, _FIRST_THINNED = 4, 3
-# Distance, in v/ω, around a place that can't be steered within which a path is thinned more, and
-# number of times that it is.
+# Distance, in v/ω, around an unsteerable place within which a path is thinned more, and number of
+# repetitions.
 _AROUND, _MAX_THINNINGS = 4.0, 12
-# Share of v/ω by which a path, and its track, may miss a via point.
+# Largest distance, in v/ω, at which a path and its track may pass a via point.
 _MISS = 0.02
-# Makes a point a complex number, so that points can be looked for as values.
+# Turns a point into a complex number, so that points can be searched as values.
 _AS_COMPLEX = np.array([1.0, 1.0j])
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
 _CHEAP = 1.005
-# Ratio of its fuel from which a path is also thinned in places.
+# Ratio of these fuels from which the path is also thinned in places.
 _DEAR = 1.01
 
 
 def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
-    """Path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
+    """Return a path (n, 2) with corners wide enough to steer, and its trajectory (m, 4).
 
-    Corners whose rounding would cut into V, or has no room, are rounded on the outside, and so is
-    one at a via point, which the vessel passes on its arc; the result keeps to the channel and out
-    of V. Where that can't be, InfeasibleError says why.
+    A corner is rounded on the outside if its inner arc would cut into V or has no room. A corner at
+    a via point is also rounded outside, and the vessel passes the point on the arc. The result
+    stays in the channel and out of V. Raises InfeasibleError, with the reason, if that is
+    impossible.
     """
     voyage = corridor.voyage
     enough = _CHEAP * voyage.fuel(path)
@@ -76,10 +77,10 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
 
 
 def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
-    """Path and trajectory of a path that can't be steered otherwise: thinned more where it can't.
+    """Return path and trajectory of a path that is thinned more where it can't be steered.
 
-    Among small eddies some curves of a least-fuel path follow each other too closely to be steered,
-    while most of it can be, and would lose fuel if all of it were thinned as much as they need.
+    Among small eddies some curves of a least-fuel path follow each other too closely to be steered.
+    The rest of the path can be steered, and would lose fuel if it were thinned as much.
     """
     path, stays = _tolerances_stood(path, corridor)
     reach = _AROUND * corridor.voyage.vessel.turning_radius
@@ -98,15 +99,15 @@ def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[Float
             break
         wanted[near] = stays[kept].min() + 1
         if not corridor.legs_clear(path[stays >= wanted]).all():
-            # Thinned that much it touches V itself.
+            # A path thinned so much touches V.
             break
     raise first or InfeasibleError("no tolerance to try")
 
 
 def _tries(path: FloatArray, corridor: Corridor) -> Iterator[tuple[FloatArray, bool]]:
-    """Variants of a path (n, 2), and whether discs are placed for all corners that they round.
+    """Yield variants of a path (n, 2), and whether a disc is placed for all corners it rounds.
 
-    Mostly the path itself can be steered: it is thinned only when that is asked for.
+    Usually the path itself can be steered, so it is thinned only on demand.
     """
     variants: list[FloatArray] = []
     for variant in _thinned(path, corridor):
@@ -117,7 +118,7 @@ def _tries(path: FloatArray, corridor: Corridor) -> Iterator[tuple[FloatArray, b
 
 
 def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
-    """A path (n, 2) thinned by growing tolerances, each different from the one before."""
+    """Yield a path (n, 2) thinned by growing tolerances, without repetitions."""
     yield path
     path, stays = _tolerances_stood(path, corridor)
     count = len(path)
@@ -129,10 +130,10 @@ def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
 
 
 def _tolerances_stood(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, IntArray]:
-    """Path (n, 2) with its via points, and by how many tolerances each (n,) is left when thinned.
+    """Return a path (n, 2) with its via points, and how many tolerances keep each point (n,).
 
-    Its ends and via points always are. What Douglas and Peucker's way leaves at a tolerance it
-    leaves at all that are smaller.
+    Its ends and via points always stay. A point that the Douglas-Peucker algorithm keeps at one
+    tolerance is kept at all smaller ones.
     """
     radius = corridor.voyage.vessel.turning_radius
     stays: list[IntArray] = []
@@ -153,7 +154,7 @@ def _tolerances_stood(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
 def _steered(
     path: FloatArray, corridor: Corridor, *, together: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Round the sharp corners of a path and steer it; discs that round several, for all of them."""
+    """Round a path's sharp corners and steer it; if `together`, a disc serves all its corners."""
     rounding = np.full(len(path), _TOGETHER if together else _ROUNDING)
     first: TooSharpError | None = None
     while first is None or rounding.max() < _LARGEST:
@@ -168,7 +169,7 @@ def _steered(
             np.maximum.at(growth, drawn_for[lacking], wanted[lacking])
             rounding *= growth
         except InfeasibleError as error:
-            # Larger discs take yet more room.
+            # Larger discs need even more room.
             raise first or error from None
     raise first
 
@@ -176,10 +177,10 @@ def _steered(
 def steer_as_drawn(
     path: FloatArray, corridor: Corridor, speeds: FloatArray | None = None
 ) -> FloatArray:
-    """Trajectory (m, 4) along a path (n, 2) whose corners are wide enough.
+    """Return the trajectory (m, 4) along a path (n, 2) whose corners are wide enough.
 
-    Its legs are sailed at the vessel's speed, or at speeds (n - 1,) through water, m/s.
-    InfeasibleError where they are not, or where either leaves the corridor.
+    Legs are sailed at the vessel's speed, or at speeds (n - 1,) through water, m/s. Raises
+    InfeasibleError if corners are too narrow, or path or track leaves the corridor.
     """
     voyage = corridor.voyage
     for part, piece in corridor.parts(path):
@@ -211,10 +212,10 @@ def steer_as_drawn(
 def _with_rounded_corners(
     path: FloatArray, corridor: Corridor, rounding: FloatArray, *, together: bool
 ) -> tuple[FloatArray, IntArray]:
-    """Path (m, 2) with its sharp corners drawn around discs, each as large as its own arc needs.
+    """Return a path (m, 2) with sharp corners drawn around discs as large as their arcs need.
 
-    On the way round a corner the current changes, and the course: in a following current the
-    vessel turns in a wider arc than before and behind it.
+    Current and course change along an arc: in a following current the vessel's arc is wider than
+    before and behind it.
     """
     whole = np.arange(len(path))
     if len(path) < 3:
@@ -259,7 +260,7 @@ def _corner_radius(path: FloatArray, voyage: Voyage) -> FloatArray:
 
 
 def _missing_via(path: FloatArray, corridor: Corridor, radius: FloatArray) -> BoolArray:
-    """Inner corners (n - 2,) at via points that an arc within a radius (n - 2,) would miss."""
+    """Return which inner corners (n - 2,) are via points that an arc within a radius misses."""
     corners, via = path[1:-1], corridor.voyage.via
     if not len(via):
         return np.zeros(len(corners), dtype=bool)
@@ -272,10 +273,10 @@ def _missing_via(path: FloatArray, corridor: Corridor, radius: FloatArray) -> Bo
 def _cut_off(
     path: FloatArray, corridor: Corridor, rounded: FloatArray, drawn_for: IntArray
 ) -> BoolArray:
-    """Inner corners (n - 2,) that were in the way, but without which a rounded path cuts into V.
+    """Return which omitted corners (n - 2,) must stay because the rounded path cuts into V.
 
-    Of those omitted along each leg that does, the one that lies furthest from it. Points (m,) of
-    the rounded path (m, 2) are drawn for those of the path (n, 2).
+    For each leg that cuts into V, it is the omitted corner furthest from the leg. Points (m,) of
+    the rounded path (m, 2) are drawn for points of the path (n, 2).
     """
     cut_off = np.zeros(len(path), dtype=bool)
     for leg in np.flatnonzero(~corridor.legs_clear(rounded)):

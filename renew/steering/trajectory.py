@@ -1,4 +1,4 @@
-"""From a path to a trajectory that a vessel can steer: corners as arcs, headings, times."""
+"""Turn a path into a trajectory that a vessel can steer: corners as arcs, headings, times."""
 
 import math
 from dataclasses import dataclass
@@ -16,16 +16,16 @@ from renew.steering.turning_radius import corner_radius, course_changes
 from renew.voyage.fuel import reading_times, speeds_along, times_under_way
 from renew.voyage.voyage import shares
 
-# Angle (rad) between the points of an arc: chords leave it by 0.02 % of the radius.
+# Angle (rad) between an arc's points: chords deviate from it by 0.02 % of the radius.
 _ARC_STEP = math.radians(2)
-# Number of samples on the straight legs together: the heading follows a current that changes.
+# Number of samples on all straight legs: the heading follows a changing current.
 _LEG_SAMPLES = 256
-# By what factor arcs are wider than they need be at the corner itself, as the current changes along
-# them; by what they grow beyond the excess of their heading rate over ω, and how often they may.
+# Factor by which arcs are wider than needed at the corner itself, because the current changes along
+# them; growth beyond the excess of their heading rate over ω; and number of times they may grow.
 _MARGIN, _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 1.003, 20
-# Length of a leg that is none, as a share of the whole.
+# Length of a leg that counts as 0, as a share of the path.
 _NO_LENGTH = 1e-9
-# Largest turn (rad) at a point where only the speed changes: rounding.
+# Largest turn (rad), from rounding, at a point where only the speed changes.
 _STRAIGHT = 1e-9
 
 
@@ -36,21 +36,21 @@ def steer(
     departure: float = 0.0,
     speeds: FloatArray | None = None,
 ) -> FloatArray:
-    """Trajectory (m, 4) of t (s), x, y (m), heading (rad) along a path (n, 2), corners rounded.
+    """Return the trajectory (m, 4) along a path (n, 2): t (s), x, y (m), heading (rad).
 
-    It begins at the departure, on the clock of a current that changes. Legs are sailed at the
-    vessel's speed, or at speeds (n - 1,) through water.
+    It begins at the departure, on the clock of a changing current, and has rounded corners. Legs
+    are sailed at the vessel's speed, or at speeds (n - 1,) through water.
 
-    The vessel crabs: at each row its heading is the one whose ground velocity
-    v (cos θ, sin θ) + c runs along the path. Post-condition: |Δθ/Δt| <= ω between rows; where
-    that can't be, InfeasibleError says why.
+    The vessel crabs: in each row the ground velocity v (cos θ, sin θ) + c runs along the path.
+    Post-condition: |Δθ/Δt| <= ω between rows. Raises InfeasibleError, with the reason, if that is
+    impossible.
     """
     own = np.full(len(path) - 1, vessel.speed) if speeds is None else speeds
     times = reading_times(path, current, vessel, "crab", departure, own)
     radius = corner_radius(path, current, vessel, times[1:-1], own)
     corners = path
     if speeds is not None:
-        # Where the speed alone changes there is no corner, and the legs beside one are longer.
+        # Where only the speed changes there is no corner; legs beside a corner are longer.
         turn, _ = course_changes(path)
         is_corner = np.concatenate([[True], np.abs(turn) > _STRAIGHT, [True]])
         corners, radius = path[is_corner], radius[is_corner[1:-1]]
@@ -71,7 +71,7 @@ def steer(
         for ends in (curve.corner[:-1], curve.corner[1:]):
             np.maximum.at(growth, ends[fast], _RADIUS_GROWTH * excess[fast])
         if growth[:-1].max(initial=1.0) == 1.0:
-            # It is the current that changes too fast along a leg; no radius helps.
+            # The current changes too fast along a leg; no radius helps.
             break
         radius = radius * growth[:-1]
     where = trajectory[:-1][fast][0]
@@ -98,7 +98,7 @@ def _have_room(path: FloatArray, radius: FloatArray) -> bool:
 
 
 def _rounded(path: FloatArray, radius: FloatArray) -> _Curve:
-    """Round every corner of a path (n, 2) with its radius (n - 2,); samples on its legs."""
+    """Round every corner of a path (n, 2) with its radius (n - 2,), and sample the legs."""
     points, course, corner, asked, length = _with_arcs(for_kernels(path), radius)
     if (asked > length).any():
         raise TooSharpError.at_points(path, asked, length)
@@ -109,9 +109,9 @@ def _rounded(path: FloatArray, radius: FloatArray) -> _Curve:
 def _with_arcs(
     path: FloatArray, radius: FloatArray
 ) -> tuple[FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
-    """Points (m, 2), course (m,) rad and corner or -1 (m,) of a path (n, 2) with arcs for corners.
+    """Return points (m, 2), course (m,) rad and corner or -1 (m,) of a path (n, 2) with arcs.
 
-    Then how much of each leg (n - 1,) its corners ask for, and its length, m.
+    Also return how much of each leg (n - 1,) its corners need, and the leg's length, m.
     """
     inner = len(radius)
     turns, first_course = np.zeros(inner + 1), 0.0
@@ -130,7 +130,7 @@ def _with_arcs(
             steps[k] = max(1, math.ceil(abs(turns[k]) / _ARC_STEP))
             count += steps[k] + 1
         last = towards
-    # A leg is shared between its two corners by what each needs.
+    # A leg is divided between its two corners in proportion to their needs.
     asked = np.empty(inner + 1)
     for k in range(inner + 1):
         asked[k] = (tangent[k] + tangent[k + 1]) * (1 - 1e-12)
@@ -160,7 +160,7 @@ def _with_arcs(
 def _densified(
     points: FloatArray, course: FloatArray, corner: IntArray
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Cut long legs so that the current along them is followed, and drop those of no length."""
+    """Cut long legs so that headings follow the current along them; drop legs of length 0."""
     whole = 0.0
     for k in range(1, len(points)):
         whole += math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
@@ -193,16 +193,16 @@ def _densified(
 def _crab_along(
     curve: _Curve, current: CurrentField, through_water: FloatArray, guess: FloatArray
 ) -> FloatArray:
-    """Trajectory (m, 4) along a curve: crab headings, times by the trapezoidal rule.
+    """Return the trajectory (m, 4) along a curve: crab headings, times by the trapezoidal rule.
 
-    It begins at the first of the times (m,), s, of a guess, from which the others are found sooner.
-    Between its points it is sailed at speeds (m - 1,) through water; where these change the heading
-    is that of their mean.
+    It begins at the first time (m,), s, of a guess that shortens the search for the other times.
+    Legs are sailed at speeds (m - 1,) through water; where these change, the heading is that of
+    their mean.
     """
     velocity = np.empty(curve.points.shape)
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
-        """Time (p,), s, over some legs, by the times (p + 1,) at their ends."""
+        """Return the time (p,), s, over some legs, given the times (p + 1,) at their ends."""
         ends = slice(some.start, some.stop + 1)
         velocity[ends] = current.velocity(curve.points[ends], times)
         return _durations(
@@ -223,7 +223,7 @@ def _crab_along(
 def _durations(
     points: FloatArray, course: FloatArray, velocity: FloatArray, through_water: FloatArray
 ) -> FloatArray:
-    """Time (n - 1,), s, from each point (n, 2) to the next, in currents (n, 2); inf for no way."""
+    """Return the time (n - 1,), s, over each leg in currents (n, 2); inf if no way is made."""
     durations = np.empty(len(points) - 1)
     for k in range(len(durations)):
         polar, slowness = sailing_at(through_water[k], crab=True, most=0.0), 0.0
@@ -238,9 +238,9 @@ def _durations(
 
 @kernel
 def _headings(course: FloatArray, velocity: FloatArray, through_water: FloatArray) -> FloatArray:
-    """Headings (n,), rad, that hold courses (n,) in currents (n, 2); they run on without jumps.
+    """Return continuous headings (n,), rad, that hold courses (n,) in currents (n, 2).
 
-    At a point the speed is the mean of those (n - 1,) before and behind it.
+    At a point the speed is the mean of the speeds (n - 1,) before and behind it.
     """
     headings = np.empty(len(course))
     last = len(through_water) - 1

@@ -1,8 +1,8 @@
-"""How tightly a vessel can turn over ground: the effective turning radius r' and its corners.
+"""Compute how tightly a vessel can turn over ground: effective turning radius r' and corners.
 
-A vessel that turns at ω while it makes v' over ground sails curves of radius r' = v'/ω, its
-effective turning radius (paper, kinematic check). A corner between legs of lengths a and b that
-turns by δ can be rounded with that radius when r' tan(δ/2) <= min(a, b) / 2.
+A vessel that turns at ω while its ground speed is v' sails curves of radius r' = v'/ω, its
+effective turning radius (paper, kinematic check). A corner that turns by δ between legs of lengths
+a and b can be rounded with that radius if r' tan(δ/2) <= min(a, b) / 2.
 """
 
 import math
@@ -19,7 +19,7 @@ from renew.kernels.angles import wrapped
 def effective_turning_radius(
     velocity: FloatArray, heading: FloatArray, vessel: Vessel
 ) -> FloatArray:
-    """Effective turning radius |v (cos φ, sin φ) + c| / ω (...), m, in currents on headings φ."""
+    """Return the radius |v (cos φ, sin φ) + c| / ω (...), m, in currents c on headings φ."""
     through_water = vessel.speed * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     over_ground = np.linalg.norm(through_water + velocity, axis=-1)
     return np.asarray(over_ground / vessel.turn_rate)
@@ -47,9 +47,9 @@ def steerable(
 
 @kernel
 def course_changes(path: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Turns (n - 2,) of a path (n, 2) in rad, to port positive, and unit vectors (n - 2, 2).
+    """Return a path's turns (n - 2,), rad, port positive, and unit vectors (n - 2, 2).
 
-    These halve its corners, on the inside of the turn.
+    The unit vectors bisect its corners, on the inside of the turn.
     """
     turns, inwards = np.zeros(len(path) - 2), np.zeros((len(path) - 2, 2))
     before = 0.0
@@ -71,13 +71,13 @@ def corner_radius(
     times: float | FloatArray = 0.0,
     speeds: FloatArray | None = None,
 ) -> FloatArray:
-    """Smallest radius (n - 2,) in metres that can be steered over ground at a path's inner corners.
+    """Return the smallest radius (n - 2,), m, over ground that can be steered at inner corners.
 
-    At a course χ with crab angle β (sin β = c⊥ / v) the heading turns by V / (v cos β) for each
-    radian of χ, with V the speed over ground: following the curve at rate ω takes a radius of
-    V² / (ω v cos β). In a following current that is more than r' = V / ω. The larger of the two
-    legs' radii counts; where the course can't be held, r' with V = v + |c|. Corners are passed at
-    `times` (n - 2), s; legs are sailed at the vessel's speed, or at speeds (n - 1,).
+    At a course χ with crab angle β (sin β = c⊥ / v) the heading turns by V / (v cos β) per radian
+    of χ, where V is the speed over ground. So a curve at rate ω needs a radius of V² / (ω v cos β).
+    In a following current that is more than r' = V / ω. The larger radius of the two legs counts;
+    if the course can't be held, r' with V = v + |c|. Corners are passed at `times` (n - 2), s; legs
+    are sailed at the vessel's speed, or at speeds (n - 1,).
     """
     if speeds is None:
         speeds = np.full(len(path) - 1, vessel.speed)
@@ -89,7 +89,7 @@ def corner_radius(
 def _corner_radius(
     path: FloatArray, velocity: FloatArray, speeds: FloatArray, turn_rate: float
 ) -> FloatArray:
-    """Radii (n - 2,), m, from the current (n - 2, 2) at the corners."""
+    """Return the radii (n - 2,), m, given the current (n - 2, 2) at the corners."""
     radius = np.zeros(len(velocity))
     for k in range(len(velocity)):
         u, v = velocity[k]
@@ -99,7 +99,7 @@ def _corner_radius(
             needed = math.nan
             if length > 0.0:
                 along, across = (u * dx + v * dy) / length, (v * dx - u * dy) / length
-                # How much of the speed through water is along the course: v cos β.
+                # Component of the speed through water along the course: v cos β.
                 forward = speeds[leg] * speeds[leg] - across * across
                 if forward > 0.0:
                     forward = math.sqrt(forward)
