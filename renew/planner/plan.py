@@ -69,53 +69,53 @@ def plan(
     options : PlanOptions, optional
         How to plan; by default ``PlanOptions()``.
     departure : float
-        When the voyage begins (s), on the clock of a current that changes.
+        Start of the voyage (s), on the clock of a changing current.
     arrive_by : float, optional
         Latest allowed arrival (s), on the same clock. The planner picks the latest departure, not
         before `departure`, that still arrives in time. With `speed` it leaves at `departure`, and
         arrives by then with least fuel.
     via : sequence of array_like
-        Points (2,), m, that the route passes in this order, each within 2 % of v/ω; one class is
+        Points (2,), m, that the route passes in this order, each within 2 % of v/ω; a class is
         then one way to each of them and to the goal.
     avoid : sequence of ShutArea
         Areas that are shut, always or for some hours. The vessel, whether early, on time or late,
         and any hard-over turn it starts, stays out of each area while it is shut; see
         :mod:`renew.planner.areas`.
     speed : (float, float), optional
-        Lowest and highest speed through water (m/s) from which the vessel may choose on each leg,
-        in place of the vessel's own, so that fuel is least; without `arrive_by` it has all the
-        time there is, or for which the current is known. Land is padded, and turns are steered, for
-        the highest. The plan then has a `trade_off` of fuel against arrival, unless areas are shut
-        for some hours. With `via` in steady currents only. See :mod:`renew.planner.speeds`; where
-        the current changes the lower bound is loose.
+        Lowest and highest speed through water (m/s), in place of the vessel's own. The vessel
+        chooses a speed between them on each leg, for least fuel. Without `arrive_by` it has as much
+        time as it wants, while the current is known. Land is padded, and turns are steered, for the
+        highest speed. The plan then has a `trade_off` of fuel against arrival, unless areas are
+        shut for some hours. With `via` only in steady currents. In a changing current the lower
+        bound is loose. See :mod:`renew.planner.speeds`.
     **changes
         Options by name in place of those of `options`, such as ``risk=0.1``.
 
     Returns
     -------
     Plan
-        Routes, least fuel first, and rejected classes with their reasons. With adaptive padding
-        hard-over turns were flown at stations every 0.6 v/ω along every route, to both sides, in
-        the field and in the corners of its spread, and none touched the no-go zone: samples, not a
-        proof. None is flown around a start or goal that lies in the soft no-go zone itself.
+        Routes, least fuel first, and rejected classes with their reasons. With adaptive padding,
+        hard-over turns were simulated every 0.6 v/ω along every route, to both sides, in the field
+        and in the corners of its spread, and none touched the no-go zone: samples, not a proof. No
+        turn is simulated around a start or goal inside the soft no-go zone.
 
     Raises
     ------
     ParameterError
-        Arguments or options out of range; names all of them.
+        Arguments or options are out of range; the message names all of them.
     TypeError
-        A change of no option.
+        A change names no option.
     StartInNoGoError, GoalInNoGoError
-        A start or goal on land or outside the chart; says by how much and where water is nearest.
+        A start or goal is on land or outside the chart; the message names the nearest water.
     CurrentTooStrongError
         The current at the start or at the goal is as strong as the vessel.
     ViaInNoGoError
-        A via point on land or outside the chart; one message names all faults of start, goal and
+        A via point is on land or outside the chart; one message names all faults of start, goal and
         via points.
     UnreachableError
-        No water joins start and goal, or every class was rejected; says why, and what would help.
+        No water joins start and goal, or every class was rejected; with the reason and remedies.
     ArrivalError
-        No voyage begun at `departure` arrives by `arrive_by`; says the earliest arrival.
+        No voyage that begins at `departure` arrives by `arrive_by`; with the earliest arrival.
     """
     check_objects(chart, vessel, avoid)
     given = {**_given(options, changes), "departure": departure, "arrive_by": arrive_by}
@@ -152,11 +152,11 @@ def plan_departures(
     arrive_by: float | None = None,
     **changes: Unpack[Changes],
 ) -> Departures:
-    """Plan the best route of each of some departures, and find the best time to leave.
+    """Plan the best route of each departure, and find the best departure.
 
-    All departures share triangulation, classes, the table of the current, and what is known of
-    padding; at each departure a class is planned completely only if it can still be the best. For
-    the bound on departures between them see :mod:`renew.planner.departure_window`.
+    All departures share triangulation, classes, the table of the current, and known paddings. At
+    each departure a class is planned completely only if it may have the best route. For the bound
+    on departures between them see :mod:`renew.planner.departure_window`.
 
     Parameters
     ----------
@@ -172,18 +172,18 @@ def plan_departures(
         Departures planned between them are whole multiples of this (s) after the first, such as
         minutes; 0 for any time.
     progress : callable, optional
-        Told after each plan how many there are, and by how much (s) the best may still be beaten.
+        Called after each plan with the number of plans, and the time (s) that may still be saved.
     with_classes : bool
-        Whether all classes are planned at the best departure, or the plan holds its best route.
+        Whether to plan all classes at the best departure, or only its best route.
     via : sequence of array_like
         Points that the route passes, as for :func:`plan`.
     avoid : sequence of ShutArea
-        Areas that are shut, as for :func:`plan`. Where one is shut for some hours only, a later
-        departure may arrive earlier, and nothing is known of departures between those planned.
+        Areas that are shut, as for :func:`plan`. If an area is shut for some hours only, a later
+        departure may arrive earlier, and departures between planned ones have no bound.
     speed, arrive_by : optional
-        Speeds to choose from and when to be there, as for :func:`plan`: each departure is planned
-        with the speeds of least fuel, and the best one needs least. Nothing is known of departures
-        between them, and `to_within` is refused. All classes are planned at each.
+        Speeds to choose from and latest arrival, as for :func:`plan`. Each departure is planned
+        with the speeds of least fuel, and the best departure needs least fuel. Departures between
+        them have no bound, so `to_within` is refused. All classes are planned at each departure.
     options, **changes
         As for :func:`plan`; with ``method="optimal"``.
 
@@ -195,9 +195,9 @@ def plan_departures(
     Raises
     ------
     ParameterError
-        Arguments out of range, departures that don't ascend or at which the current isn't known.
+        Arguments out of range; departures that don't ascend, or at which the current is unknown.
     PlanningError
-        As for :func:`plan`, where none of the departures asked for leaves a route.
+        As for :func:`plan`, if no given departure has a route.
     """
     check_objects(chart, vessel, avoid)
     if not isinstance(with_classes, bool | np.bool_):
@@ -234,7 +234,7 @@ def plan_departures(
 
 
 def _given(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Options by their names, with some of them changed."""
+    """Return all options by name, with the changes."""
     options = PlanOptions() if options is None else options
     check_kind("options", options, PlanOptions)
     given = vars(options)
@@ -253,7 +253,7 @@ def _task(
     avoid: Sequence[ShutArea],
     given: Mapping[str, Any],
 ) -> Task:
-    """The task; refuses options, times, speeds and points out of range."""
+    """Return the task; raise an error for options, times, speeds or points out of range."""
     points = as_via(via)
     request = Request(**given, has_via=len(points) > 0)
     return Task(

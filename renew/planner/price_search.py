@@ -1,10 +1,10 @@
-"""Speeds in a steady current, by a price of time.
+"""Choose speeds in a steady current by a price of time.
 
-The deadline gets a Lagrange multiplier: at a price λ of time the planner looks for the classes and
-paths of least fuel + λ time, as elsewhere for those of least time; along a path the price at which
-the deadline is just met gives the speeds of least fuel (:mod:`renew.paths.speed_profile`). It is
-the next price, until it changes no more. The price is found for the best class first, and then for
-each class by itself, since each class has its own.
+The price is the deadline's Lagrange multiplier. At a price λ the planner searches for classes and
+paths with least fuel + λ time, as it otherwise does for least time. Along a found path, the price
+that just meets the deadline gives the speeds of least fuel (:mod:`renew.paths.speed_profile`). That
+price is used next, until it no longer changes. The price is found for the best class first and then
+for each class, because every class has its own.
 """
 
 import functools
@@ -27,17 +27,17 @@ from renew.planner.latest_departure import too_late_error
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.results import Plan, Route, TradeOff
 
-# Largest number of rounds in which the price is looked for, and the relative change below which it
-# counts as settled: fuel differs by the square of that.
+# Largest number of rounds to find the price, and relative change below which it is accepted; the
+# error of fuel is the square of that.
 _MAX_ROUNDS, _SETTLED = 4, 0.03
-# Number of rounds of growing padding for turns at the speeds that are sailed.
+# Number of rounds of growing padding for turns at the chosen speeds.
 _GROWTH_ROUNDS = 4
 # Number of arrivals at which a trade-off is given.
 _ARRIVALS = 65
 
 
 class PriceSearch:
-    """Plans a voyage whose vessel has a choice of speeds, from a planner at an infinite price."""
+    """Plans a voyage with a choice of speeds, starting from a planner at an infinite price."""
 
     def __init__(self, planner: ClassPlanner) -> None:
         self.planner, self.classes = planner, planner.options.classes
@@ -45,9 +45,9 @@ class PriceSearch:
         self._at = functools.cache(self._planner_at)
 
     def plan(self) -> Plan:
-        """Routes of least fuel that arrive in time, one per class.
+        """Return the routes of least fuel that arrive in time, one per class.
 
-        ArrivalError where none does even at the highest speed.
+        Raises ArrivalError if no route arrives in time even at the highest speed.
         """
         fastest = self._fastest()
         search, paths = self.first_paths(fastest)
@@ -75,7 +75,7 @@ class PriceSearch:
         )
 
     def _fastest(self) -> ClassPath:
-        """Quickest path of all classes, at the highest speed; refused where it comes too late."""
+        """Return the fastest path of all classes, at the highest speed; raise an error if late."""
         sailing = best_sailing(self.planner, self.planner.unpadded)
         if sailing.found is None:
             raise sailing.error
@@ -84,7 +84,7 @@ class PriceSearch:
         return sailing.found
 
     def first_paths(self, fastest: ClassPath) -> tuple[ClassSearch, dict[Word, ClassPath]]:
-        """Paths of the first classes at the price of the best one, and the search for them."""
+        """Return the first classes' paths at the price of the best one, and their search."""
         word = self.planner.problem.word(fastest.path)
         first = self.with_speeds(fastest)
         price = profile_of(first).price
@@ -99,7 +99,7 @@ class PriceSearch:
     def search_with(
         self, planner: ClassPlanner, word: Word, first: ClassPath
     ) -> tuple[ClassSearch, dict[Word, ClassPath]]:
-        """Find the first classes by a planner; the path of one word's class is known already."""
+        """Find the first classes with a planner; one class's path is known already."""
         search = ClassSearch(planner)
         search.find_first(self.classes)
         paths = {one: self.with_speeds(found) for one, found in search.all_found.items()}
@@ -108,7 +108,7 @@ class PriceSearch:
         return search, paths
 
     def settled(self, found: ClassPath) -> ClassPath:
-        """The path of a class at its own price."""
+        """Return a class's path at its own price."""
         best = found
         for _ in range(_MAX_ROUNDS):
             price = profile_of(found).price
@@ -123,7 +123,7 @@ class PriceSearch:
         return self.in_time(best)
 
     def verified(self, found: ClassPath) -> ClassPath:
-        """The path with so much padding that turns at its own speeds touch no land."""
+        """Return the path with enough padding that no turn at its speeds touches land."""
 
         def again(corridor: Corridor, found: ClassPath) -> ClassPath:
             planner = self._at(corridor.voyage.choice.price)
@@ -134,12 +134,12 @@ class PriceSearch:
         )
 
     def collisions(self, found: ClassPath) -> Shortfalls | None:
-        """Shortfall of padding for turns at the speeds of a path."""
+        """Return the shortfall of padding for turns at a path's speeds."""
         profile = profile_of(found)
         return self.planner.growth.collisions(found.corridor, profile.path, profile.speeds)
 
     def in_time(self, found: ClassPath) -> ClassPath:
-        """The path; refused where it comes too late at the highest speed."""
+        """Return the path; raise an error if it is too late at the highest speed."""
         profile = profile_of(found)
         if not math.isfinite(profile.fuel):
             raise InfeasibleError(
@@ -150,20 +150,20 @@ class PriceSearch:
         return found
 
     def with_speeds(self, found: ClassPath) -> ClassPath:
-        """A path with the speeds of least fuel along it."""
+        """Return a path with the speeds of least fuel."""
         return found._replace(profile=speed_profile(found.path, self.voyage))
 
     def _planner_at(self, price: float) -> ClassPlanner:
-        """Planner of least cost at a price of time (fuel units a second)."""
+        """Return the planner for a price of time (fuel units a second)."""
         problem = self.planner.problem.at_price(price)
         return self.planner.for_problem(problem) if problem.voyage.has_price else self.planner
 
     def curve(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Arrivals (m,), s, and least fuels (m,) along a path (n, 2)."""
+        """Return arrivals (m,), s, and the least fuel (m,) for each along a path (n, 2)."""
         return trade_off(path, self.voyage)
 
     def trade_off(self, paths: Sequence[FloatArray]) -> TradeOff:
-        """Least fuel by arrival along the paths found, the cheapest for each arrival."""
+        """Return the least fuel for each arrival among the found paths."""
         curves = [self.curve(path) for path in paths]
         earliest = min(times[0] for times, _ in curves)
         latest = min(curves, key=lambda curve: curve[1][-1])[0][-1]
@@ -173,17 +173,17 @@ class PriceSearch:
 
 
 def _is_settled(price: float, before: float) -> bool:
-    """Whether a price is nearly the price before; or both are infinite."""
+    """Whether a price is nearly the previous one, or both are infinite."""
     return price == before or abs(price - before) <= _SETTLED * before
 
 
 def profile_of(found: ClassPath) -> SpeedProfile:
-    """Speeds along a path for which speeds were chosen."""
+    """Return the speeds along a path; raise ValueError if speeds were not chosen."""
     if found.profile is None:
         raise ValueError("the path has no speeds of its own")
     return found.profile
 
 
 def chosen_fuel(found: ClassPath) -> float:
-    """Fuel of a path at its chosen speeds."""
+    """Return a path's fuel at its chosen speeds."""
     return profile_of(found).fuel

@@ -1,4 +1,4 @@
-"""Everything that the classes of a plan share, whatever their padding; computed once."""
+"""What the classes of a plan share at any padding; each part is computed once."""
 
 from __future__ import annotations
 
@@ -26,11 +26,10 @@ from renew.voyage.voyage import Voyage
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A voyage, and which of its classes are looked for.
+    """A voyage, and which of its classes to search.
 
     Parts that depend on neither departure nor speeds are taken from the `first` problem, so that
-    classes keep their names. `base` is the problem at another departure from which the roadmaps
-    are taken.
+    classes keep their names. Roadmaps are taken from `base`, a problem at another departure.
     """
 
     voyage: Voyage
@@ -53,14 +52,14 @@ class Problem:
 
     @cached_property
     def rays(self) -> Rays:
-        """Rays by which classes are told apart."""
+        """Rays that define the classes."""
         if self.first:
             return self.first.rays
         rays, options = self.all_rays, self.options
         if options.distinct_by != "auto":
             return rays.only(rays.size >= options.distinct_by)
         start, goal = self.voyage.start, self.voyage.goal
-        # Where padding shuts all ways, the best of them.
+        # If padding shuts all ways, the best of them.
         found = self.scout(self.likely_width).channels(1) or self.scout(0.0).channels(1)
         path = found[0].midline(start, goal) if found else np.stack([start, goal])
         return rays_that_matter(rays, path, options.classes)
@@ -85,7 +84,7 @@ class Problem:
 
     @property
     def likely_width(self) -> float:
-        """Width (m) that hardly any padding stays below."""
+        """Width (m) below which hardly any padding is."""
         return self.options.likely_width(self.voyage.vessel.turning_radius)
 
     def leaving(self, departure: float) -> Problem:
@@ -97,11 +96,11 @@ class Problem:
         return self._with(self.voyage.at_price(price))
 
     def at_speed(self, speed: float) -> Problem:
-        """Return the problem at a constant speed (m/s), in the water of the vessel's own."""
+        """Return the problem at a constant speed (m/s), in the vessel's own water."""
         return self._with(self.voyage.at_speed(speed))
 
     def scheduled(self, path: FloatArray, times: FloatArray) -> Problem:
-        """Return the problem when the points of a path (n, 2) are passed at times (n,), s."""
+        """Return the problem for passage of the points of a path (n, 2) at times (n,), s."""
         return self._with(self.voyage.scheduled(path, times))
 
     def _with(self, voyage: Voyage) -> Problem:
@@ -109,18 +108,18 @@ class Problem:
         return replace(self, voyage=voyage, first=self.first or self, base=None)
 
     def word(self, path: FloatArray) -> Word:
-        """Word of the class of a path (n, 2)."""
+        """Return the word of a path's class."""
         word, *others = (self.rays.word(piece) for piece in self.voyage.cut(path))
         for other in others:
             word = (*word, VIA, *other)
         return word
 
     def enumerator(self, clearance: float) -> ClassEnumerator | ViaEnumerator:
-        """Enumerate classes by paths that keep about `clearance` m off land."""
+        """Return the enumerator of classes, by paths that keep about `clearance` m off land."""
         return self.scout(clearance).by_rays(self.rays)
 
     def scout(self, clearance: float) -> ClassEnumerator | ViaEnumerator:
-        """Enumerate the classes that all islands tell apart."""
+        """Return the enumerator of the classes that all islands distinguish."""
         if clearance not in self._scouts and self.base is not None:
             self._scouts[clearance] = self.base.scout(clearance).leaving(self.voyage)
         elif clearance not in self._scouts:
@@ -131,7 +130,7 @@ class Problem:
         return self._scouts[clearance]
 
     def _scout(self, voyage: Voyage, clearance: float) -> ClassEnumerator:
-        """Enumerator of the voyage, or of a part of it, without via points."""
+        """Return the enumerator of a voyage, or a part of it, without via points."""
         slack = SLACK * voyage.vessel.turning_radius
         return ClassEnumerator.of(
             voyage,
@@ -143,5 +142,5 @@ class Problem:
 
     @cached_property
     def _scouts(self) -> dict[float, ClassEnumerator | ViaEnumerator]:
-        """Enumerators by their clearance: each has a roadmap of its own."""
+        """Enumerators by clearance; each has its own roadmap."""
         return {}

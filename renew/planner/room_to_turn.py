@@ -1,4 +1,4 @@
-"""Makes room to turn: pads edges more where a path can't be steered, and refines the path again."""
+"""Make room to turn: add padding where a path can't be steered, and refine the path again."""
 
 import contextlib
 
@@ -19,18 +19,18 @@ _WIDENING, _WIDEST, _AROUND = 0.15, 4.0, 3.0
 def steered_as_it_is(
     corridor: Corridor, path: FloatArray
 ) -> tuple[Corridor, FloatArray, FloatArray]:
-    """The corridor, with the path (n, 2) and the trajectory (m, 4) steered in it."""
+    """Return the corridor, the path (n, 2), and the trajectory (m, 4) steered in the corridor."""
     return corridor, *steer_in_corridor(path, corridor)
 
 
 def steered_with_room(
     corridor: Corridor, path: FloatArray
 ) -> tuple[Corridor, FloatArray, FloatArray]:
-    """Path (n, 2) and trajectory (m, 4) that can be steered, with room for them in the corridor.
+    """Return a corridor with room to turn, a path (n, 2) in it, and its trajectory (m, 4).
 
-    A path without padding wraps corners so closely that there may be no room to round them. Where
-    it can't be steered, the edges nearby are padded more, and the path is refined again. If no edge
-    is near, or padding doesn't help, the path is thinned in such places.
+    A path without padding wraps corners closely, which may leave no room to round them. Where it
+    can't be steered, the edges nearby get more padding, and the path is refined again. If no edge
+    is nearby, or padding doesn't help, the path is thinned there.
     """
     radius, tried = corridor.voyage.vessel.turning_radius, path
     used, places, widths = corridor, np.empty((0, 2)), np.empty(0)
@@ -44,7 +44,7 @@ def steered_with_room(
             first = first or error
             if not error.places:
                 break
-            # Each place gets twice the room that it was given before.
+            # Each place gets twice the room that it had before.
             place = error.places[0]
             given = widths[np.linalg.norm(places - place, axis=1) < _AROUND * radius]
             width = max(2 * given.max(initial=0.0), _WIDENING * radius)
@@ -53,7 +53,7 @@ def steered_with_room(
             places, widths = np.vstack([places, place]), np.append(widths, width)
             wider = [one.widened(places, widths, _AROUND * radius) for one in corridor.paddings]
             if all(len(a.edge) == len(b.edge) for a, b in zip(wider, used.paddings, strict=True)):
-                # No edge is near.
+                # No edge is nearby.
                 break
             used = corridor.with_padding(wider)
     with contextlib.suppress(InfeasibleError):

@@ -1,7 +1,7 @@
-"""Paths of a class by the paper's sampling: random chains, each smoothed within its class.
+"""Find paths of a class by the paper's sampling: random chains, each smoothed within its class.
 
-The published figures are of smoothed paths. So each chain is smoothed before it is checked and
-counted in the harmonic mean: hardly any chain can be steered as it is drawn.
+The published figures are of smoothed paths, and hardly any raw chain can be steered. So each chain
+is smoothed before it is checked and counted in the harmonic mean.
 """
 
 import math
@@ -19,7 +19,7 @@ from renew.planner.harmonic_mean import harmonic_mean
 from renew.steering.turning_radius import steerable
 from renew.voyage.voyage import Voyage
 
-# Number of sampled chains, least fuel first, that are steered on trial, and number of chains that
+# Number of sampled chains, least fuel first, that are tried for steering, and number of chains that
 # are smoothed further.
 _MAX_CHAINS, _MAX_SMOOTHED = 60, 4
 
@@ -27,9 +27,9 @@ _MAX_CHAINS, _MAX_SMOOTHED = 60, 4
 def sampled_paths(
     corridor: Corridor, rays: Rays, samples: int, seed: int
 ) -> tuple[Iterable[FloatArray], float]:
-    """Paths (n, 2) of a class to try, the best first, and the harmonic mean of its fuels.
+    """Return paths (n, 2) of a class, the best first, and the harmonic mean of their fuel.
 
-    InfeasibleError where none of the samples can be sailed.
+    Raises InfeasibleError if no sample can be sailed.
     """
     voyage = corridor.voyage
     rng = np.random.default_rng([seed, *corridor.channel.triangles.tolist()])
@@ -52,7 +52,7 @@ def sampled_paths(
 
 
 def _are_steerable(paths: Sequence[FloatArray], voyage: Voyage) -> BoolArray:
-    """Which of some paths (n, 2) can be steered; paths of equal length go in one call."""
+    """Return which paths (n, 2) can be steered; paths of equal length are checked together."""
     points = np.array([len(path) for path in paths])
     result = np.zeros(len(paths), dtype=bool)
     for count in np.unique(points):

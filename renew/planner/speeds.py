@@ -1,7 +1,7 @@
 """Least-fuel plans that arrive by a deadline, with a choice of speed for each leg.
 
-In a steady current classes are planned with a price of time (:mod:`renew.planner.price_search`).
-In a current that changes they are planned at one speed, and then improved hour by hour
+In a steady current, classes are planned with a price of time (:mod:`renew.planner.price_search`).
+In a changing current they are planned at one speed, and then improved hour by hour
 (:mod:`renew.planner.clock_search`).
 
 Land is first padded for the highest speed allowed. If the fastest leg is much slower, the voyage
@@ -122,7 +122,7 @@ def _plan_up_to(planner_up_to: _PlannerUpTo) -> Plan:
 
 
 def _with_one_speed(plan: Plan, planner_up_to: _PlannerUpTo, voyage: Voyage) -> Plan:
-    """The plan, or one whose best route is sailed at one speed, where that needs less fuel.
+    """Return the plan, or a plan whose best route has one speed, if that needs less fuel.
 
     That is possible because land is then padded for that speed only, and not for a higher one.
     """
@@ -169,7 +169,7 @@ def _plan_and_narrow(
 
 
 def _cheaper_of_each_class(plan: Plan, slower: Plan) -> Plan:
-    """For each class, its cheaper route in two plans; longer routes may need the higher speeds."""
+    """Return each class's cheaper route of two plans; longer routes may need the higher speeds."""
     by_fuel = sorted([*slower.routes, *plan.routes], key=lambda route: route.fuel)
     cheapest = {route.homotopy: route for route in reversed(by_fuel)}
     # The bound of the first plan holds for all speeds.
@@ -187,7 +187,7 @@ def _cheaper_of_each_class(plan: Plan, slower: Plan) -> Plan:
 
 
 def _cheaper(one: TradeOff | None, other: TradeOff | None) -> TradeOff | None:
-    """The cheaper of two trade-offs for each arrival."""
+    """Return the cheaper of two trade-offs for each arrival."""
     if one is None or other is None:
         return one or other
     arrivals = np.union1d(one.arrivals, other.arrivals)

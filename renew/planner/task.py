@@ -1,4 +1,4 @@
-"""The request for a plan, and the planners of classes that its parts share."""
+"""The request for a plan, and its planners of classes, which share their parts."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
@@ -16,10 +16,10 @@ from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Where to plan, with which vessel in which current, and how.
+    """Where to plan, with which vessel, in which current, and how.
 
-    The `chart` is without the water of areas that are always shut; `areas` are those that are shut
-    for some hours. Start, via points and goal are `stops` (n, 2), m.
+    The `chart` excludes the water of areas that are always shut; `areas` are shut for some hours.
+    Start, via points and goal are `stops` (n, 2), m.
     """
 
     chart: Chart
@@ -32,14 +32,14 @@ class Task:
 
     @property
     def deadline(self) -> float:
-        """When a vessel with a choice of speeds has to arrive (s): before the current ends."""
+        """Latest arrival (s) with a choice of speeds, at most the end of the current's data."""
         last, arrive_by = self.current.span[1], self.request.arrive_by
         return float(last if arrive_by is None else min(arrive_by, last))
 
     def planner(self, closed: Collection[ShutArea] = (), most: float | None = None) -> ClassPlanner:
-        """Planner of classes, with some areas closed like land, for speeds up to `most` (m/s).
+        """Return the planner at the first departure, for speeds up to `most` (m/s).
 
-        It plans at the first departure; where the request has no speeds, at the vessel's own.
+        Areas in `closed` are closed like land. Without a choice of speeds it uses the vessel's own.
         """
         key = frozenset(closed), most
         if key not in self._planners:
@@ -47,7 +47,7 @@ class Task:
         return self._planners[key]
 
     def _new_planner(self, closed: Collection[ShutArea], most: float | None) -> ClassPlanner:
-        """Make a planner; refuses stops on land, and a current that changes too fast."""
+        """Make a planner; raise an error for stops on land, or a current that changes too fast."""
         chart, vessel, request = self.chart, self.vessel, self.request
         if closed:
             polygons = polygons_of([area for area in self.areas if area in closed])
