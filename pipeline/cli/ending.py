@@ -73,7 +73,7 @@ def season_table(outcome: Outcome) -> str:
                 passed.update(name for passage in row.passages for name in passage.islands)
                 rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    lines = [*_unused_currents(outcome), *_unknown_currents(outcome)]
+    lines = [*_passages(outcome), *_unused_currents(outcome), *_unknown_currents(outcome)]
     lines += [f"{text.capitalised(choice)}." for choice in outcome.choices]
     lines += [""] * bool(outcome.choices)
     found = unknowns(outcome.result)
@@ -104,6 +104,16 @@ def season_table(outcome: Outcome) -> str:
         f"{routes}; {classes}, with reasons."
     )
     return "\n".join(lines)
+
+
+def _passages(outcome: Outcome) -> Iterator[str]:
+    """Yield a line for each season with a departure: when its best route leaves and arrives."""
+    for row in outcome.evaluation.routes:
+        passage = outcome.scenario.passage(row.season, round(row.duration_s))
+        if row.rank == 1 and passage is not None:
+            about = "".join(f"{one}: " for one in outcome.scenario.season_if_several(row.season))
+            leave, arrive = text.exact_moment_text(passage[0]), text.moment_text(passage[1])
+            yield f"{about}Leave at {leave}, arrive at {arrive}.\n"
 
 
 def _unused_currents(outcome: Outcome) -> Iterator[str]:

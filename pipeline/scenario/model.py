@@ -331,10 +331,10 @@ class Scenario(StrictModel):
         via = {f"via[{at}]": point for at, point in enumerate(self.via)}
         return {"start": self.start, **via, "goal": self.goal}
 
-    def departing(self, season: str, departure: datetime) -> Self:
-        """Return the scenario with a season's departure chosen."""
+    def departing(self, season: str, departure: datetime, label: str) -> Self:
+        """Return the scenario with a season's departure chosen, and the season's new name."""
         seasons = tuple(
-            one.departing(departure) if one.name == season else one for one in self.seasons
+            one.departing(departure, label) if one.name == season else one for one in self.seasons
         )
         return self.model_copy(update={"seasons": seasons})
 

@@ -327,9 +327,11 @@ class Season(StrictModel):
             return Period(begin, max(end, (self.arrive_by or end).astimezone(UTC)))
         return period(self.valid)
 
-    def departing(self, departure: datetime) -> Self:
-        """Return the season with its departure chosen."""
-        chosen = {"departure": departure, "departures": None, "to_within": None}
+    def departing(self, departure: datetime, label: str) -> Self:
+        """Return the season, by another name, with its departure chosen."""
+        chosen = {"name": label, "departure": departure, "departures": None, "to_within": None}
+        if label != self.name:  # its title says among which departures it was to be chosen
+            chosen["title"] = ""
         if self.speed is None:
             chosen["arrive_by"] = None
         return self.model_copy(update=chosen)

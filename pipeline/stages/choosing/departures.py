@@ -4,12 +4,12 @@ The chosen departure is set in the scenario, and the times of the season's curre
 it. Later stages treat it as a given departure.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,11 +20,13 @@ from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import DepartureChoice, Note, Say, Scene, plan_options
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
-from pipeline.scenario.times import interval
+from pipeline.scenario.times import departure_name, interval, named_departure
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.projecting.avoided_areas import later
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
+
+_T = TypeVar("_T")
 
 # Number of plans between two progress notes.
 _TOLD_EVERY = 5
@@ -165,12 +167,13 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
     # Output files have times in whole seconds, so the plan starts at a whole second, too.
     shift = float(round(choice.chosen_s))
     chosen = choice.first + timedelta(seconds=shift)
-    scenario = departed.scenario.departing(name, chosen)
+    label = _label(departed.scenario, name, chosen)
+    scenario = departed.scenario.departing(name, chosen, label)
     current = scene.currents[name]
     if isinstance(current, renew.VaryingCurrent):
         current = renew.VaryingCurrent(current.slice_times - shift, current.slices)
     grids = tuple(
-        replace(grid, times_s=grid.times_s - shift) if grid.season == name else grid
+        replace(grid, season=label, times_s=grid.times_s - shift) if grid.season == name else grid
         for grid in parts.fetched.currents
     )
     key = artefact_key("departures", parts.current_keys[name], chosen)
@@ -179,27 +182,48 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
         scenario=scenario,
         parts=replace(
             parts,
-            fetched=replace(parts.fetched, currents=grids),
-            current_keys={**parts.current_keys, name: key},
+            fetched=replace(
+                parts.fetched,
+                currents=grids,
+                notes=tuple(
+                    one.about(*(label if of == name else of for of in one.seasons))
+                    for one in parts.fetched.notes
+                ),
+            ),
+            current_keys={**_renamed(parts.current_keys, name, label), label: key},
         ),
         scene=Made(
             artefact_key("departures", departed.scene.key, name, chosen),
             replace(
                 scene,
-                currents={**scene.currents, name: current},
-                areas={**scene.areas, name: later(scene.areas.get(name, ()), shift)},
-                departures={**scene.departures, name: chosen},
+                currents={**_renamed(scene.currents, name, label), label: current},
+                current_cells=_renamed(scene.current_cells, name, label),
+                areas={
+                    **_renamed(scene.areas, name, label),
+                    label: later(scene.areas.get(name, ()), shift),
+                },
+                departures={**_renamed(scene.departures, name, label), label: chosen},
                 speeds=speed_choices(scenario),
             ),
         ),
-        choices=(*departed.choices, choice),
+        choices=(*departed.choices, replace(choice, season=label)),
         notes=(
             *departed.notes,
-            Note.of("departure-chosen", choice=choice).about(
-                *departed.scenario.season_if_several(name)
-            ),
+            Note.of("departure-chosen", choice=choice).about(*scenario.season_if_several(label)),
         ),
     )
+
+
+def _label(scenario: Scenario, season: str, chosen: datetime) -> str:
+    """Name a season by its chosen departure, unless it has a name of its own."""
+    label = departure_name(chosen)
+    others = {one.name for one in scenario.seasons}
+    return season if named_departure(season) is None or label in others else label
+
+
+def _renamed(by_season: Mapping[str, _T], season: str, label: str) -> dict[str, _T]:
+    """Return values by season, with one season renamed."""
+    return {label if name == season else name: value for name, value in by_season.items()}
 
 
 def _without(departed: Chosen, season: str, reason: str) -> Chosen:

@@ -173,7 +173,7 @@ def test_currents_are_needed_until_the_last_departure_and_the_arrival() -> None:
     assert f"{found.begin}, {found.end}" == "2026-11-22 06:00:00+00:00, 2026-11-23 15:00:00+00:00"
     by = Season.model_validate({**CHANGING, "arrive_by": "2026-11-24T06:00:00Z", "max_hours": 1})
     assert f"{by.period.end}" == "2026-11-24 06:00:00+00:00"
-    chosen = by.departing(found.begin)
+    chosen = by.departing(found.begin, "summer")
     assert Season.model_validate(chosen.model_dump()) == chosen
     assert (chosen.departure, chosen.arrive_by) == (found.begin, None)
 

@@ -19,6 +19,7 @@ from pipeline.formats.shared.text import exact_moment_text
 from pipeline.machine.store import Made, Store
 from pipeline.model import DepartureChoice, Note
 from pipeline.scenario.season import Season
+from pipeline.scenario.times import departure_name
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.projecting.speed_choices import speed_choices
@@ -94,6 +95,41 @@ def test_each_minute_of_a_window_is_planned_once_at_most(result: Any, tmp_path: 
     assert minutes == pytest.approx(minutes.round())
     assert len(set(minutes.round())) == len(minutes)
     assert minutes[-1] == 50
+
+
+def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
+    result: Any,  # noqa: ANN401
+    tmp_path: Path,
+) -> None:
+    """A vessel that leaves hours after the window begins has no file that says its beginning."""
+    old = departure_name(DEPARTURE - timedelta(hours=1))
+    (grid,), scene = result.fetched.currents, result.scene
+    data = result.scenario.seasons[0].model_dump(exclude_none=True)
+    data |= {"name": old, "departures": {**WINDOW, "count": 3}}
+    del data["departure"]
+    season = Season.model_validate(data)
+    scenario = result.scenario.model_copy(update={"seasons": (season,)})
+    fetched = replace(result.fetched, currents=(replace(grid, season=old),))
+    scene = replace(
+        scene,
+        currents={old: scene.currents["tide"]},
+        departures={old: DEPARTURE},
+        current_cells={},
+        areas={},
+    )
+    parts = FetchedParts(fetched, "land", {old: "current"}, {})
+    given = Chosen(scenario, parts, Made("scene", scene))
+    departed = choose_departures(given, Store(tmp_path, "test"), [].append)
+    (choice,) = departed.choices
+    new = departure_name(choice.chosen)
+    assert new != old
+    (named,) = departed.scenario.seasons
+    assert (named.name, choice.season, named.title) == (new, new, "")
+    assert choice.asked == season
+    by_season = (departed.scene.value.currents, departed.scene.value.departures)
+    assert [list(one) for one in by_season] == [[new], [new]]
+    assert [one.season for one in departed.parts.fetched.currents] == [new]
+    assert list(departed.parts.current_keys) == [new]
 
 
 def test_an_arrival_sets_the_departure(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
