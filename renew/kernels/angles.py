@@ -13,5 +13,5 @@ AngleT = TypeVar("AngleT", float, np.float64, FloatArray)
 
 @register_jitable
 def wrapped(angle: AngleT) -> AngleT:
-    """Angle (rad), or each of an array, folded into [-π, π); for NumPy and for kernels."""
+    """Return angles (rad), a number or an array, folded into [-π, π); for NumPy and kernels."""
     return (angle + math.pi) % (2 * math.pi) - math.pi

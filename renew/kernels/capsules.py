@@ -13,9 +13,9 @@ import numpy as np
 from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 
-# Smallest slope (no unit) that is divided by: a line with less counts as level.
+# Smallest slope (no unit) used as a divisor; a line with a smaller one counts as level.
 _MIN_SLOPE = 1e-300
-# Factor on a squared distance beyond which rounding can't bring two things within it.
+# Factor on a squared distance beyond which rounding can't matter.
 _FOR_CERTAIN = 1 + 1e-9
 # Number of consecutive legs or points that are compared with capsules by one common bounding box.
 _BLOCK = 32
@@ -33,7 +33,7 @@ class Segment(NamedTuple):
 class Capsules(NamedTuple):
     """Capsules around segments `start` to `end` (c, 2), m, with radii (c,), m.
 
-    A radius of 0 is no capsule; one below 0 is a bare edge, which a leg may not even touch.
+    A radius of 0 is no capsule; a negative radius is a bare edge, which a leg may not even touch.
     """
 
     start: FloatArray
@@ -47,9 +47,9 @@ class Capsules(NamedTuple):
 
 @kernel
 def capsule_interval(leg: Segment, axis: Segment, radius: float) -> tuple[float, float]:
-    """Interval (enter, leave) of s in [0, 1] where a + s (b - a) lies within a radius of the axis.
+    """Return the interval (enter, leave) of s in [0, 1] where a + s (b - a) is in the capsule.
 
-    Empty if enter > leave. A capsule is convex, so there is one interval: the hull of the
+    It is empty if enter > leave. A capsule is convex, so there is one interval: the hull of the
     intervals in its two discs and in the rectangle between them.
     """
     ax, ay, bx, by = leg
@@ -85,7 +85,7 @@ def capsule_interval(leg: Segment, axis: Segment, radius: float) -> tuple[float,
 
 @kernel
 def _between(value: float, slope: float, low: float, high: float) -> tuple[float, float]:
-    """Interval of s where low <= value + s slope <= high; (inf, -inf) where nowhere."""
+    """Return the interval of s where low <= value + s slope <= high; (inf, -inf) if empty."""
     if abs(slope) < _MIN_SLOPE:
         if low <= value <= high:
             return -math.inf, math.inf
@@ -96,7 +96,7 @@ def _between(value: float, slope: float, low: float, high: float) -> tuple[float
 
 @kernel
 def capsule_bounds(capsules: Capsules) -> FloatArray:
-    """Bounding boxes (c, 4) of capsules: west, south, east, north."""
+    """Return the bounding boxes (c, 4) of capsules: west, south, east, north."""
     start, end, radius = capsules
     bounds = np.empty((len(start), 4))
     for h in range(len(start)):
@@ -123,7 +123,7 @@ def intersects(
 
 @kernel
 def _intersecting(bounds: FloatArray, boxes: FloatArray, chosen: IntArray) -> int:
-    """Count the bounds (c, 4) that intersect the hull of some boxes (n, 4); indices in `chosen`."""
+    """Fill `chosen` with the bounds that intersect the hull of boxes; return their number."""
     west, south = boxes[:, 0].min(), boxes[:, 1].min()
     east, north = boxes[:, 2].max(), boxes[:, 3].max()
     count = 0
@@ -136,7 +136,7 @@ def _intersecting(bounds: FloatArray, boxes: FloatArray, chosen: IntArray) -> in
 
 @kernel
 def capsules_near(capsules: Capsules, path: FloatArray, distance: float) -> IntArray:
-    """Indices of the capsules whose bounding box comes within a distance (m) of a leg's.
+    """Return the capsules whose bounding box is within a distance (m) of a leg's, as indices.
 
     The legs are those of a path (n, 2).
     """
@@ -156,7 +156,7 @@ def capsules_near(capsules: Capsules, path: FloatArray, distance: float) -> IntA
 
 @kernel
 def leg_is_clear(leg: Segment, capsules: Capsules, chosen: IntArray, exempt: BoolArray) -> bool:
-    """Whether a leg stays out of the chosen capsules, the exempt ones (c,) apart."""
+    """Whether a leg stays out of the chosen capsules, except the exempt ones (c,)."""
     ax, ay, bx, by = leg
     start, end, radius = capsules
     west, east = min(ax, bx), max(ax, bx)
@@ -183,7 +183,7 @@ def leg_is_clear(leg: Segment, capsules: Capsules, chosen: IntArray, exempt: Boo
 
 @small_kernel
 def _lies_beside(segment: Segment, line: Segment, distance: float) -> bool:
-    """Whether a segment lies to one side of another's line, for certain further than a distance."""
+    """Whether a segment certainly lies beyond a distance, to one side of another's line."""
     dx, dy = line.bx - line.ax, line.by - line.ay
     one = dx * (segment.ay - line.ay) - dy * (segment.ax - line.ax)
     other = dx * (segment.by - line.ay) - dy * (segment.bx - line.ax)
@@ -194,7 +194,7 @@ def _lies_beside(segment: Segment, line: Segment, distance: float) -> bool:
 
 @kernel
 def legs_are_clear(a: FloatArray, b: FloatArray, capsules: Capsules) -> BoolArray:
-    """Whether each leg a -> b (n, 2) stays out of all capsules: (n,)."""
+    """Return whether each leg a -> b (n, 2) stays out of all capsules."""
     none_exempt = np.zeros(len(capsules.radius), dtype=np.bool_)
     chosen = np.empty(len(capsules.radius), dtype=np.int64)
     bounds = capsule_bounds(capsules)
@@ -212,9 +212,9 @@ def legs_are_clear(a: FloatArray, b: FloatArray, capsules: Capsules) -> BoolArra
 def segments_near(
     points: FloatArray, reach: FloatArray, start: FloatArray, end: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Segments (e, 2) within reach (n,) of each of consecutive points (n, 2).
+    """Return the segments (e, 2) within reach (n,) of each of consecutive points (n, 2).
 
-    Those of point i are near[first[i] : first[i + 1]].
+    The segments of point i are near[first[i] : first[i + 1]].
     """
     first = np.zeros(len(points) + 1, dtype=np.int64)
     near = [np.int64(0)]
@@ -258,11 +258,10 @@ def tracks_touch(
     end: FloatArray,
     radius: FloatArray,
 ) -> tuple[IntArray, IntArray]:
-    """Which tracks (n, turns, steps, 2) come within a radius (n,) of which segments (e, 2).
+    """Return which tracks (n, turns, steps, 2) come within a radius (n,) of which segments (e, 2).
 
-    The tracks of point i are compared with the segments near[first[i] : first[i + 1]], as
-    :func:`segments_near` gives them. Returns pairs: the number of a track among all n x turns, and
-    the segment.
+    The tracks of point i are compared with the segments near[first[i] : first[i + 1]]; see
+    :func:`segments_near`. Returns pairs: a track's number among all n x turns, and a segment.
     """
     touching, touched = [np.int64(0)], [np.int64(0)]
     touching.clear()
@@ -296,12 +295,12 @@ def _touches(xs: FloatArray, ys: FloatArray, axis: Segment, radius: float) -> bo
 
 
 def segment_distance(points: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:
-    """Distance (...) from points (..., 2) to segments pq (..., 2)."""
+    """Return the distances (...) from points (..., 2) to segments pq (..., 2)."""
     return np.asarray(np.linalg.norm(points - nearest_on_segments(points, p, q), axis=-1))
 
 
 def nearest_on_segments(points: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:
-    """Points (..., 2) of segments pq (..., 2) that are nearest to points (..., 2)."""
+    """Return the points (..., 2) of segments pq (..., 2) nearest to points (..., 2)."""
     axis = q - p
     square = (axis * axis).sum(-1)
     place = ((points - p) * axis).sum(-1) / np.where(square > 0, square, 1.0)

@@ -1,13 +1,13 @@
-"""The cheapest chain through rows of points, with a speed for each leg, in a current that changes.
+"""Find the cheapest chain through rows of points, with a speed per leg, in a changing current.
 
-A vessel that chooses its speeds in such a current may have burnt more or less when it comes to a
-point, and what is best from there on depends on when it does. So a state is a point and a time.
-With a rate vᵏ, the least cost from there on obeys
+A vessel that chooses its speeds may have burnt more or less fuel when it reaches a point, and the
+best continuation depends on the time. So a state is a point and a time. With a rate vᵏ, the least
+remaining cost obeys
 
     V(x, t) = min over the points y of the next row, and speeds v, of  vᵏ τ + V(y, t + τ),
 
 where τ is the time over the leg x -> y, begun at t and sailed at v. At the goal V is 0 until the
-deadline, and each second after it costs a price that no speed is worth paying. V is known at some
+deadline; each later second has a price so high that no speed is worth it. V is computed at some
 times in each row, and linear between them (a semi-Lagrangian scheme: Falcone & Ferretti, 2013).
 """
 
@@ -23,17 +23,16 @@ from renew.kernels.current_table import CurrentTable, Site, site_of, velocity, v
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import TOO_STRONG, leg_time_from
 
-# Number of times that the steps between the speeds tried are halved around the best of them: while
-# V is worked out, and on the chain that is chosen.
+# Number of times that the steps between tried speeds are halved around the best speed: while V is
+# computed, and on the chosen chain.
 _HALVINGS, _FINAL_HALVINGS = 1, 12
 
 
 class Errand(NamedTuple):
-    """What a vessel has to do, and what that costs.
+    """The vessel's task and its cost.
 
-    Its highest speed is `most` (m/s), it burns vᵏ a second, k being the `exponent`, looks at the
-    clock each `step` (m), and has to be at the goal by the `deadline` (s): each second after it
-    costs `late_price`.
+    The highest speed is `most` (m/s). The vessel burns vᵏ a second, where k is the `exponent`, and
+    updates the time after each `step` (m). Each second after the `deadline` (s) costs `late_price`.
     """
 
     most: float
@@ -47,7 +46,7 @@ class Errand(NamedTuple):
 class Chain(NamedTuple):
     """A point (r,) of each row, the time (r,), s, there, and the speed (r - 1,), m/s, of each leg.
 
-    `cost` is infinite where no chain is clear; it holds what lateness costs.
+    `cost` is infinite if no chain is clear; it includes the cost of lateness.
     """
 
     cost: float
@@ -57,7 +56,7 @@ class Chain(NamedTuple):
 
 
 class _Ahead(NamedTuple):
-    """The least cost (q,) from a point on, by the times (q,), s, at which it is known."""
+    """The least remaining cost (q,) from a point, at some times (q,), s."""
 
     times: FloatArray
     cost: FloatArray
@@ -66,7 +65,7 @@ class _Ahead(NamedTuple):
 
 @kernel
 def legs_between(points: FloatArray, capsules: Capsules, exempt: BoolArray) -> BoolArray:
-    """Whether legs (r - 1, m, m) from each point of a row to each of the next are clear.
+    """Return whether legs (r - 1, m, m) from each point of a row to each of the next are clear.
 
     `points` and `exempt` are as in :func:`renew.kernels.viterbi.quickest_chain`.
     """
@@ -103,7 +102,7 @@ def cheapest_chain(
     table: CurrentTable,
     errand: Errand,
 ) -> Chain:
-    """Chain of least cost.
+    """Return the chain of least cost.
 
     Parameters
     ----------
@@ -155,7 +154,7 @@ def _traced(
     table: CurrentTable,
     errand: Errand,
 ) -> Chain:
-    """The chain to which V (r, m, q) leads."""
+    """Return the chain that V (r, m, q) gives."""
     rows, count = points.shape[:2]
     chain = np.zeros(rows, dtype=np.int64)
     when, sailed = np.full(rows, np.inf), np.full(rows - 1, errand.most)
@@ -200,9 +199,9 @@ def _best_speed(
     table: CurrentTable,
     errand: Errand,
 ) -> tuple[float, float, float]:
-    """Least cost over a leg and from its end on, its speed (m/s), and the time (s) over it.
+    """Return the least cost of a leg and beyond, the leg's speed (m/s), and its duration (s).
 
-    Some speeds are tried between two others, then halfway to those beside the best one, and so on.
+    Evenly spaced speeds are tried first, then speeds halfway to those beside the best, and so on.
     """
     least, best, taken = np.inf, low, np.inf
     ratio = (high / low) ** (1.0 / (tries - 1))
@@ -229,10 +228,10 @@ def _best_speed(
 
 @small_kernel
 def _cost_from(time: float, ahead: _Ahead, errand: Errand) -> float:
-    """V at a time (s), linear between those at which it is known.
+    """Return V at a time (s), linear between the times at which it is computed.
 
-    Sooner than the first it is taken as then, and each second after the last as lateness: so
-    nothing is gained by leaving the window.
+    Before the first time V is constant; after the last, each second costs as much as lateness. So
+    leaving the window gains nothing.
     """
     if ahead.is_goal:
         return errand.late_price * max(time - errand.deadline, 0.0)

@@ -1,8 +1,8 @@
-"""A current as a table of nodes, bilinear between them: how compiled code looks it up.
+"""A current as a table of nodes, bilinear between them, for compiled code.
 
-The search for paths asks for the current millions of times; it reads a table, made once a plan.
-What a plan reports is worked out in the field itself. A current that changes has one slice of nodes
-for each of some times, and is linear between them; a steady one has one slice.
+The search for paths needs the current millions of times, so it reads a table, made once per plan.
+The figures that a plan reports are computed in the field itself. A changing current has one slice
+of nodes per time, and is linear between slices; a steady current has one slice.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ import numpy as np
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
 
-# Largest error of a table that counts as fine, as a share of its strongest current, in the middle
-# of any cell. A path found with such a table needs more fuel than the least by a second-order term.
+# Largest error of a fine table in the middle of any cell, as a share of its strongest current. A
+# path found with such a table needs more fuel than the least by a second-order term.
 _TOLERANCE = 1e-3
-# Number of nodes a side above which a current has small eddies: about eight along the side.
+# Number of nodes per side above which a current has small eddies: about eight along the side.
 _SMALL_EDDIES = 300
-# As many seconds as no voyage lasts, but finite: times 0 they are 0.
+# More seconds than any voyage lasts, but finite, so that 0 times it is 0.
 _EVER = 1e200
-# Largest difference between the steps of an even axis, as a share of its largest coordinate:
-# rounding.
+# Largest difference, by rounding, between the steps of an even axis, as a share of its largest
+# coordinate.
 _EVEN = 1e-12
 
 
 class CurrentTable(NamedTuple):
     """Ascending nodes x (nx,), y (ny,) in metres and velocities uv (nt, ny, nx, 2) there in m/s.
 
-    The slices stand at ascending `times` (nt,), in seconds on the field's clock; before the first
-    and after the last the current is held, or repeats itself after a `period` (s) that is finite.
-    `error` (m/s) is the largest difference found between field and table. `per_x` and
-    `per_y` are cells per metre, `per_second` is slices per second; 0 where they don't stand evenly.
-    `strongest` (m/s) is the strongest current: between nodes it is no stronger than at those.
+    The slices are at ascending `times` (nt,), in seconds on the field's clock. Before the first and
+    after the last the current is constant, or repeats itself if `period` (s) is finite. `error`
+    (m/s) is the largest difference found between field and table. `per_x`, `per_y` are cells per
+    metre and `per_second` slices per second, or 0 if unevenly spaced. `strongest` (m/s) is the
+    strongest current, which occurs at a node.
     """
 
     x: FloatArray
@@ -55,12 +55,12 @@ class CurrentTable(NamedTuple):
 
     @property
     def has_small_eddies(self) -> bool:
-        """Whether the current turns so often that it takes many nodes to reproduce it."""
+        """Whether the current turns so often that its table needs many nodes."""
         return self.nodes_needed > _SMALL_EDDIES
 
     @property
     def nodes_needed(self) -> float:
-        """Number of nodes a side that it takes to reproduce the field to within _TOLERANCE."""
+        """Number of nodes per side with which the table's error is within _TOLERANCE."""
         nodes = float(max(len(self.x), len(self.y)))
         if self.error == 0.0:
             return nodes
@@ -73,7 +73,7 @@ class CurrentTable(NamedTuple):
         return self.error <= _TOLERANCE * self.strongest
 
     def extremes(self) -> tuple[CurrentTable, CurrentTable, bool]:
-        """Steady tables of the least and the largest velocity along x and y; whether they agree."""
+        """Return steady tables of least and largest velocity by axis, and whether they agree."""
         if self.is_steady:
             return self, self, True
         least, largest = self.uv.min(axis=0), self.uv.max(axis=0)
@@ -88,7 +88,7 @@ def table_of(
     times: FloatArray | None = None,
     period: float = math.inf,
 ) -> CurrentTable:
-    """Table of nodes and velocities, (ny, nx, 2) or (nt, ny, nx, 2); see :class:`CurrentTable`."""
+    """Return the table of velocities (ny, nx, 2) or (nt, ny, nx, 2); see :class:`CurrentTable`."""
     times = np.zeros(1) if times is None else times
     x, y, uv, times = (for_kernels(array) for array in (x, y, uv, times))
     slices = uv.reshape(len(times), len(y), len(x), 2)
@@ -99,7 +99,7 @@ def table_of(
 
 @kernel
 def largest_speed(uv: FloatArray) -> float:
-    """Largest length (m/s) of velocities (..., 2)."""
+    """Return the largest length (m/s) of velocities (..., 2)."""
     square = 0.0
     for u, v in uv.reshape(-1, 2):
         square = max(square, u * u + v * v)
@@ -108,7 +108,7 @@ def largest_speed(uv: FloatArray) -> float:
 
 @kernel
 def weakest_and_strongest(table: CurrentTable) -> tuple[FloatArray, FloatArray]:
-    """The least and the largest speed (m/s) of the current at each node (ny, nx), of all slices."""
+    """Return the least and the largest speed (m/s) of all slices at each node (ny, nx)."""
     shape = table.uv.shape[1:3]
     least, largest = np.full(shape, np.inf), np.zeros(shape)
     for velocities_then in table.uv:
@@ -123,7 +123,7 @@ def weakest_and_strongest(table: CurrentTable) -> tuple[FloatArray, FloatArray]:
 
 @kernel
 def changes(table: CurrentTable) -> FloatArray:
-    """The most by which the current at any node changes in a second, m/s², from slice to slice."""
+    """Return the largest change of the current per second at any node between slices, m/s²."""
     most = np.zeros(max(1, len(table.times) - 1))
     for k in range(len(table.times) - 1):
         lasts = table.times[k + 1] - table.times[k]
@@ -146,7 +146,7 @@ def _density(axis: FloatArray) -> float:
 
 
 _FAR = np.array([0.0, 1e12])
-# Made without a kernel: none is to be compiled, or loaded, by an import.
+# Made without a kernel, because an import must not compile or load one.
 STILL_WATER = CurrentTable(
     _FAR, _FAR, np.zeros(1), np.zeros((1, 2, 2, 2)), 0.0, math.inf, 1e-12, 1e-12, 0.0, 0.0
 )
@@ -154,9 +154,9 @@ STILL_WATER = CurrentTable(
 
 
 class Site(NamedTuple):
-    """A point of a table: the cell that holds it, and its place in that, in [0, 1] along x and y.
+    """A point of a table: its cell, and its place in the cell, in [0, 1] along x and y.
 
-    So that it need not be looked up again for each time.
+    With a site the point need not be looked up again for each time.
     """
 
     column: int
@@ -186,10 +186,10 @@ def velocity_there(table: CurrentTable, site: Site, time: float) -> tuple[float,
 
 
 class Bend(NamedTuple):
-    """The current at a site around the `time` (s) of a slice, before and after which it is linear.
+    """The current at a site around the `time` (s) of a slice; linear before and after it.
 
-    u, v (m/s) are those of that time, and `u_before` and so on their change (m/s²) in the
-    `before` seconds up to it, and the `after` seconds from it.
+    u, v (m/s) are its velocity at that time. `u_before` and so on are its change (m/s²) in the
+    `before` seconds up to that time, and in the `after` seconds from then.
     """
 
     time: float
@@ -251,11 +251,11 @@ def next_slice(table: CurrentTable, time: float) -> float:
         begin = math.floor((time - times[0]) / table.period) * table.period
     for _ in range(2):
         at = int(np.searchsorted(times, time - begin, side="right"))
-        # By rounding it may be at this very time that the next one is found again.
+        # By rounding, the search may find the slice at this very time again.
         while at <= last and begin + times[at] <= time:
             at += 1
         if at <= last:
-            # In the next period the first slice is that at whose time this one ends.
+            # The next period's first slice is at the time of this period's last one.
             return float(begin + times[at])
         if table.period == math.inf:
             break
@@ -265,14 +265,14 @@ def next_slice(table: CurrentTable, time: float) -> float:
 
 @small_kernel
 def _slice(table: CurrentTable, time: float) -> tuple[int, float]:
-    """Slice before a time, and how far it lies between that and the next, in [0, 1)."""
+    """Return the slice before a time, and the share of the time to the next slice, in [0, 1)."""
     times = table.times
     last = len(times) - 1
     if last == 0:
         return 0, 0.0
     if table.period < math.inf:
         time = times[0] + (time - times[0]) % table.period
-    # Where no way can be made times are infinite, or no numbers: no index may come of those.
+    # If no way can be made, times are infinite or NaN, which give no valid index.
     if not time < times[last]:
         return last, 0.0
     return _cell(times, table.per_second, time)
@@ -303,7 +303,7 @@ def velocity(table: CurrentTable, px: float, py: float, time: float) -> tuple[fl
 
 @small_kernel
 def _cell(axis: FloatArray, density: float, value: float) -> tuple[int, float]:
-    """Index of the cell that holds a value, and the place in it in [0, 1]."""
+    """Return the index of the cell that contains a value, and the place in it in [0, 1]."""
     last = len(axis) - 2
     if density > 0.0:
         along = min(max((value - axis[0]) * density, 0.0), last + 1.0)

@@ -1,10 +1,10 @@
-"""Fuel over legs at speeds of their own, with the clock running, and how it changes with each.
+"""Compute fuel over legs at given speeds in a changing current, and its slope by each speed.
 
-A leg that is begun later takes more time or less: so a speed changes the fuel of all legs behind
-its own. The slope by every speed takes one pass from the last leg to the first (adjoint method;
-Bryson & Ho, 1975): with d the time over a leg, begun at t and sailed at v, and μ what a later
-arrival at its end costs, its slope is k v^(k-1) d + (vᵏ + μ) ∂d/∂v, and a later arrival at its
-beginning costs μ + (vᵏ + μ) ∂d/∂t.
+A leg's speed changes the fuel of all later legs, because these begin at other times. One pass from
+the last leg to the first gives all slopes (adjoint method; Bryson & Ho, 1975). Let d be the time
+over a leg that begins at t and is sailed at v, and μ the cost of a later arrival at its end. Then
+the slope is k v^(k-1) d + (vᵏ + μ) ∂d/∂v, and a later arrival at the leg's beginning costs
+μ + (vᵏ + μ) ∂d/∂t.
 """
 
 from typing import NamedTuple
@@ -19,15 +19,15 @@ from renew.kernels.current_table import CurrentTable, site_of, velocity_there
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import leg_time_from
 
-# Steps by which differences are taken: of the speed, and of the time over a leg, as shares.
+# Steps of differences, as shares of the speed and of the time over a leg.
 _OF_SPEED, _OF_TIME = 1e-4, 1e-2
 
 
 class Sailed(NamedTuple):
-    """Times (n,), s, at the points of a path, and how those over its legs change.
+    """Times (n,), s, at the points of a path, and derivatives of the time over each leg.
 
     `by_begin` (n - 1,), s/s, is ∂d/∂t and `by_speed` (n - 1,), s/(m/s), is ∂d/∂v. Times are
-    infinite from where no way can be made.
+    infinite from the first point that the vessel can't reach.
     """
 
     times: FloatArray
@@ -65,7 +65,7 @@ def sailed(
 def _leg_time(
     path: FloatArray, k: int, begin: float, speed: float, table: CurrentTable, errand: Errand
 ) -> float:
-    """Time (s) over the k-th leg of a path (n, 2), begun at a time and sailed at a speed (m/s)."""
+    """Return the time (s) over the k-th leg, begun at a time and sailed at a speed (m/s)."""
     (ax, ay), (bx, by) = path[k], path[k + 1]
     u, v = velocity_there(table, site_of(table, ax, ay), begin)
     polar = sailing_at(speed, errand.crab, errand.most)
@@ -75,7 +75,7 @@ def _leg_time(
 
 @kernel
 def slopes(speeds: FloatArray, made: Sailed, price: float, exponent: float) -> FloatArray:
-    """Slopes (n - 1,), by the speed of each leg, of fuel + price × arrival, over α."""
+    """Return the slopes (n - 1,) of fuel + price × arrival, over α, by each leg's speed."""
     times, by_begin, by_speed = made
     found = np.empty(len(speeds))
     for k in range(len(speeds) - 1, -1, -1):

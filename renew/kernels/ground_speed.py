@@ -1,11 +1,11 @@
 """Speed over ground along a course in a current: the denominator of Eq. 4, in both drift models.
 
-Where the vessel may choose its speed through water v, and time has a price of μ for each second, a
-metre costs the least of (vᵏ + μ) / g, g being the speed over ground. With the inverse of this cost
-in the place of g, every search for the quickest path finds the cheapest one. Let a be the current
-along the course, x that across it (0 in the projected model), and W = √(v² - x²). Then g is a + W,
-and (W² + x²)^(k/2) is convex in W for k >= 1, so the cost has one minimum, where
-k W v^(k-2) (a + W) = vᵏ + μ. For k = 2 that is W = -a + √(a² + x² + μ).
+If the vessel chooses its speed through water v, and each second costs μ, a metre costs the least of
+(vᵏ + μ) / g, where g is the speed over ground. With the inverse of this cost in place of g, every
+search for the fastest path finds the cheapest one. Let a be the current along the course, x across
+it (0 in the projected model), and W = √(v² - x²). Then g is a + W, and (W² + x²)^(k/2) is convex in
+W for k >= 1. So the cost has one minimum, where k W v^(k-2) (a + W) = vᵏ + μ. For k = 2 that is
+W = -a + √(a² + x² + μ).
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
 
-# Most steps of Newton's iteration, and the change, as a share of the highest W, that ends it.
+# Largest number of Newton's iterations, and the final change, as a share of the highest W.
 _MAX_STEPS, _SETTLED = 40, 1e-8
 
 
@@ -142,9 +142,9 @@ def _stationary(
 def ground_speeds(
     velocity: FloatArray, tangent: FloatArray, speed: FloatArray, crab: bool
 ) -> FloatArray:
-    """Speeds over ground (n,) along unit tangents (n, 2) in currents (n, 2), m/s.
+    """Return speeds over ground (n,), m/s, along unit tangents (n, 2) in currents (n, 2).
 
-    At speeds through water (n,), m/s.
+    `speed` (n,), m/s, is through water.
     """
     speeds = np.empty(len(velocity))
     for k in range(len(velocity)):

@@ -1,7 +1,7 @@
-"""When the current at a place is as strong as some level, by its table, exactly.
+"""Find the exact times when the current at a place, by its table, reaches a level.
 
-Between two slices the velocity is linear in time, and so its square is a parabola: what is weaker
-than the level is one interval between two roots.
+Between two slices the velocity is linear in time, so its square is a parabola. The current is
+weaker than the level in one interval between the two roots.
 """
 
 import math
@@ -15,14 +15,14 @@ from renew.kernels.current_table import CurrentTable, velocities
 def overpowered_spells(
     table: CurrentTable, place: FloatArray, level: float, begin: float, end: float
 ) -> FloatArray:
-    """Spells (n, 2), s, ascending, at which the current at a place (2,) is `level` m/s or more.
+    """Return the spells (n, 2), s, ascending, when the current at a place is `level` (m/s) or more.
 
-    Those that overlap the time from `begin` to `end`, each of them whole; infinite where the
-    current is held so before its first time or after its last.
+    Only spells that overlap the time from `begin` to `end` are returned, each complete.
+    A spell is infinite if the current is held before its first or after its last time.
     """
     times = table.times
     at = np.broadcast_to(place, (len(times), 2)).copy()
-    # A periodic table's last slice is its first: it is looked at just before that.
+    # A periodic table's last slice equals its first, so the time just before the last is used.
     last = np.nextafter(times[-1], -math.inf) if math.isfinite(table.period) else times[-1]
     velocity = velocities(table, at, np.minimum(times, last))
     weak = _weaker(times, velocity, level)
@@ -33,7 +33,7 @@ def overpowered_spells(
     elif len(weak):
         weak[weak == times[0]] = -math.inf
         weak[weak == times[-1]] = math.inf
-    # What lies between the weaker spells, and before and after them.
+    # The times between the weaker spells, and before and after them.
     edges = np.concatenate([[-math.inf], weak.ravel(), [math.inf]]).reshape(-1, 2)
     tolerance = 1e-9 * (times[-1] - times[0])
     strong = edges[edges[:, 1] > edges[:, 0] + tolerance]
@@ -41,9 +41,9 @@ def overpowered_spells(
 
 
 def _weaker(times: FloatArray, velocity: FloatArray, level: float) -> FloatArray:
-    """Spells (n, 2), s, ascending, at which velocities (nt, 2), linear between times, are weaker.
+    """Return the spells (n, 2), s, ascending, when velocities (nt, 2) are weaker; they may touch.
 
-    They may touch.
+    Velocities are linear between times.
     """
     if len(times) == 1:
         weak = np.array([[-math.inf, math.inf]])

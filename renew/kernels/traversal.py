@@ -1,6 +1,6 @@
-"""The triangles that a path really crosses, one after the other.
+"""Find the triangles that a path really crosses, in order.
 
-A least-fuel path may bulge out of its channel, so its own row of triangles is not the channel's.
+A least-fuel path may bulge out of its channel, and then crosses other triangles.
 """
 
 import math
@@ -16,7 +16,7 @@ _TOUCH = 1e-9
 
 
 class Visits(NamedTuple):
-    """Which triangle (v,) a path is in, from where (v, 2) to where (v, 2), in its order."""
+    """The triangle (v,) of each visit, and the points (v, 2) where the visit begins and ends."""
 
     triangle: IntArray
     enter: FloatArray
@@ -24,13 +24,13 @@ class Visits(NamedTuple):
 
 
 def visits(path: FloatArray, corners: FloatArray) -> Visits:
-    """Visits of a path (n, 2) to anticlockwise triangles (t, 3, 2), in metres.
+    """Return the visits of a path (n, 2) to anticlockwise triangles (t, 3, 2), in metres.
 
-    A triangle that is left and entered again is visited twice; one that is only touched, never.
+    A triangle that is entered again has two visits; a triangle that is only touched has none.
     """
     triangle, leg, enter, leave = _stays(path, corners)
     order = np.lexsort((triangle, leg + (enter + leave) / 2))
-    # One stay a leg; those in the same triangle, one after the other, are one visit.
+    # Consecutive stays in one triangle, one per leg, are one visit.
     new = np.diff(triangle[order], prepend=-1) != 0
     first, last = order[new], order[np.roll(new, -1)]
     way = np.diff(path, axis=0)
@@ -45,7 +45,7 @@ def visits(path: FloatArray, corners: FloatArray) -> Visits:
 def _stays(
     path: FloatArray, corners: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """Triangle, leg, and the shares of the leg between which it is in the triangle, all (s,)."""
+    """Return each stay's triangle, leg, and first and last share of the leg, all (s,)."""
     triangles, legs = [np.int64(0)], [np.int64(0)]
     enters, leaves = [0.0], [0.0]
     for t in range(len(corners)):

@@ -1,10 +1,9 @@
-"""The quickest chain through rows of points, and shortcuts along a chain.
+"""Find the fastest chain through rows of points, and shortcuts along a chain.
 
-A state's cost is its arrival time. Each row of points is joined to the next by straight legs; a
-leg's time is its length times the mean slowness at its ends (trapezoidal rule: rows stand close).
-In a current that changes legs are sailed with the clock running, in pieces so short that a vessel
-that begins one later does not end it earlier (FIFO; Orda & Rom, 1990): then the chain is that of
-earliest arrival.
+A state's cost is its arrival time. Straight legs join each row of points to the next. A leg's time
+is its length times the mean slowness at its ends (trapezoidal rule: rows are close). In a changing
+current, legs are timed in pieces so short that a vessel that begins a piece later never ends it
+earlier (FIFO; Orda & Rom, 1990). So the chain has the earliest arrival.
 """
 
 import math
@@ -26,18 +25,18 @@ from renew.kernels.current_table import (
 )
 from renew.kernels.ground_speed import Polar, ground_speed
 
-# Current's share of the vessel's speed, squared, from which water counts as too strong at a point:
-# between two points on a leg it may be a little stronger.
+# Squared ratio of current to vessel speed from which water counts as too strong at a point; between
+# two points on a leg the current may be a little stronger.
 TOO_STRONG = 0.97**2
-# Least way made (m²/s: length times speed over ground); it keeps an inverse finite.
+# Least way made (m²/s: length times speed over ground), so that its inverse is finite.
 _MIN_WAY = 1e-300
-# Number of figures that processors take at once, or a multiple.
+# Number of values that processors handle at once, or a multiple of it.
 _LANES = 4
 
 
 @small_kernel
 def slowness(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> float:
-    """Seconds a metre along the unit tangent t in the current c; inf where no way is made.
+    """Return seconds per metre along the unit tangent t in the current c; inf if no way is made.
 
     A current as strong as the vessel at its highest speed is no-go, whichever way it flows.
     """
@@ -49,9 +48,9 @@ def slowness(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> float:
 
 
 class Clock(NamedTuple):
-    """When a path is begun, `departure` (s), and how far a vessel goes between looks at the clock.
+    """The start of a path, `departure` (s), and the longest piece of a leg, `step` (m).
 
-    That is `step` (m): legs in a current that changes are cut into pieces that are no longer.
+    In a changing current, legs are cut into pieces no longer than `step`.
     """
 
     departure: float
@@ -59,7 +58,7 @@ class Clock(NamedTuple):
 
 
 class Stream(NamedTuple):
-    """A current, what a vessel makes in it, and its clock."""
+    """A current, the vessel's polar, and its clock."""
 
     table: CurrentTable
     polar: Polar
@@ -68,10 +67,10 @@ class Stream(NamedTuple):
 
 @kernel
 def leg_time(ax: float, ay: float, bx: float, by: float, begin: float, water: Stream) -> float:
-    """Time (s) over a straight leg a -> b, begun at a time; inf where impassable.
+    """Return the time (s) over a straight leg a -> b, begun at a time; inf if impassable.
 
-    In each of its pieces the trapezoidal rule, with the current at the end looked up when the
-    vessel comes there at the speed of its beginning (Heun's rule).
+    Each piece is timed by the trapezoidal rule, with the current at its end when the vessel would
+    arrive at its initial speed (Heun's rule).
     """
     table, polar, clock = water
     u, v = velocity(table, ax, ay, begin)
@@ -90,9 +89,9 @@ def leg_time_from(
     polar: Polar,
     step: float,
 ) -> float:
-    """Time (s) over a leg from the current where and when it begins, and the site of its end.
+    """Return the time (s) over a leg, given the current at its begin, and the site of its end.
 
-    In a current that changes its pieces are no longer than a step (m).
+    In a changing current its pieces are no longer than `step` (m).
     """
     dx, dy = leg.bx - leg.ax, leg.by - leg.ay
     length = math.sqrt(dx * dx + dy * dy)
@@ -119,7 +118,7 @@ def leg_time_from(
 
 @kernel
 def arrivals(path: FloatArray, water: Stream) -> FloatArray:
-    """Times (n,), s, at the points of a path (n, 2); inf from where no way can be made."""
+    """Return times (n,), s, at the points of a path; inf from the first unreachable point."""
     times = np.full(len(path), np.inf)
     times[0] = water.clock.departure
     for k in range(1, len(path)):
@@ -131,10 +130,9 @@ def arrivals(path: FloatArray, water: Stream) -> FloatArray:
 
 @kernel
 def shortcut(path: FloatArray, water: Stream, capsules: Capsules, longest: float) -> BoolArray:
-    """Points (n,) of a path to keep so that no short leg past one is clear and no slower.
+    """Return which points (n,) to keep, so that no short leg past one is clear and no slower.
 
-    Legs up to `longest` metres are tried, in one pass along the path; each is timed as begun when
-    the path comes there.
+    Legs up to `longest` metres are tried in one pass along the path, from the time of passage.
     """
     every = np.arange(len(capsules.radius))
     none_exempt = np.zeros(len(capsules.radius), dtype=np.bool_)
@@ -180,7 +178,7 @@ class _Row(NamedTuple):
 def quickest_chain(
     points: FloatArray, water: Stream, capsules: Capsules, exempt: BoolArray
 ) -> tuple[float, IntArray]:
-    """Arrival time (s) and the chosen point (r,) of each row; inf where no chain is clear.
+    """Return the arrival time (s) and the chosen point (r,) of each row; inf if none is clear.
 
     Parameters
     ----------
@@ -190,7 +188,7 @@ def quickest_chain(
     exempt : (2, capsules) True where the first, or the last, leg may enter a capsule.
     """
     rows, count = points.shape[:2]
-    # Wider than it need be, by points that are never reached, so that it can be vectorised.
+    # Padded with points that are never reached, so that the loop can be vectorised.
     wide = -(-count // _LANES) * _LANES
     x, y = np.zeros((rows, wide)), np.zeros((rows, wide))
     x[:, :count], y[:, :count] = points[..., 0], points[..., 1]
@@ -239,7 +237,7 @@ def _advance_in_steady(
     near: IntArray,
     exempt: BoolArray,
 ) -> None:
-    """Do what :func:`_advance` does, in a steady current at the vessel's own speed: far quicker."""
+    """Do the same as :func:`_advance` in a steady current at one speed, but far faster."""
     table, polar, _ = water
     x, y, u, v, departure = here
     most = TOO_STRONG * polar.speed * polar.speed
@@ -266,7 +264,7 @@ def _advance_in_steady(
 
 @small_kernel
 def _way(u: float, v: float, dx: float, dy: float, polar: Polar) -> float:
-    """Way made along a leg in a current (m²/s): its length times the speed over ground."""
+    """Return the way made along a leg in a current (m²/s): length times speed over ground."""
     most = polar.speed * polar.speed * (dx * dx + dy * dy)
     across = v * dx - u * dy if polar.crab else 0.0
     return max(u * dx + v * dy + math.sqrt(max(most - across * across, 0.0)), _MIN_WAY)
@@ -282,8 +280,8 @@ def _advance(
     near: IntArray,
     exempt: BoolArray,
 ) -> None:
-    """Fill in the next row's arrival times and currents, and from which point each comes."""
-    # In a current that changes, or where speeds are chosen, some legs can only be timed one by one.
+    """Fill in the next row's arrival times and currents, and the point each arrival comes from."""
+    # In a changing current, or with a choice of speeds, some legs must be timed one by one.
     first = here.arrival.argmin()
     if here.arrival[first] == np.inf:
         return
@@ -363,7 +361,7 @@ def _arrivals(
 
 @kernel
 def _capsules_between(here: _Row, there: _Row, bounds: FloatArray) -> IntArray:
-    """Indices of capsules whose bounds (c, 4) intersect the box around two rows of points."""
+    """Return the capsules whose bounds (c, 4) intersect the box around two rows, as indices."""
     west, east = min(here.x.min(), there.x.min()), max(here.x.max(), there.x.max())
     south, north = min(here.y.min(), there.y.min()), max(here.y.max(), there.y.max())
     near = np.empty(len(bounds), dtype=np.int64)
