@@ -118,8 +118,9 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
         areas={},
     )
     parts = FetchedParts(fetched, "land", {old: "current"}, {})
+    told: list[Note] = []
     given = Chosen(scenario, parts, Made("scene", scene))
-    departed = choose_departures(given, Store(tmp_path, "test"), [].append)
+    departed = choose_departures(given, Store(tmp_path, "test"), told.append)
     (choice,) = departed.choices
     new = departure_name(choice.chosen)
     assert new != old
