@@ -236,7 +236,7 @@ class TradeOff:
     fuels: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Plan:
     """Routes, one per feasible class, least fuel first; and the classes without a route.
 
@@ -260,6 +260,13 @@ class Plan:
         if not self.routes:  # only if built by hand: plan() raises an error instead
             raise UnreachableError("the plan holds no route")
         return self.routes[self.chosen]
+
+    def __repr__(self) -> str:
+        """Return the figures of the first routes, in ten lines at most."""
+        shown = self.routes[:_MAX_ROUTES]
+        rows = [f"  {one.homotopy}: fuel {one.fuel:.1f}, {one.length:.1f} m" for one in shown]
+        head = f"{len(self.routes)} routes, {len(self.rejected)} classes rejected"
+        return "\n".join([head, *rows, *["  ..."] * (len(self.routes) > len(shown))])
 
     def _repr_html_(self) -> str:
         """Return a map and a table for a notebook, without the optimality gap, which takes time."""

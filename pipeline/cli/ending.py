@@ -71,7 +71,8 @@ def season_table(outcome: Outcome) -> str:
             if row.season == plan.season and row.main_passage not in seen:
                 seen.add(row.main_passage)
                 passed.update(name for passage in row.passages for name in passage.islands)
-                rows.append(_row(row, 1.0 if unit == "m" else 1000.0))
+                best = next(one for one in outcome.evaluation.routes if one.season == row.season)
+                rows.append(_row(row, best.fuel, 1.0 if unit == "m" else 1000.0))
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
     lines = [*_passages(outcome), *_unused_currents(outcome), *_unknown_currents(outcome)]
     lines += [f"{text.capitalised(choice)}." for choice in outcome.choices]
@@ -99,10 +100,8 @@ def season_table(outcome: Outcome) -> str:
     rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
     routes = text.count(len(outcome.evaluation.routes), "route", "routes")
     classes = text.count(rejected, "rejected class", "rejected classes")
-    lines.append(
-        "\nThe best route on each side of the main island. In report.html: "
-        f"{routes}; {classes}, with reasons."
-    )
+    sides = "The best route on each side of the main island. " if passed else ""
+    lines.append(f"\n{sides}In report.html: {routes}; {classes}, with reasons.")
     return "\n".join(lines)
 
 
@@ -138,8 +137,11 @@ def _unknown_currents(outcome: Outcome) -> Iterator[str]:
         yield f"Current NOT known: {names}; nothing is proven of the real one\n"
 
 
-def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
-    """Return one route's cells; the last is "collisions/all" of the simulated hard-over turns."""
+def _row(row: RouteMetrics, least_fuel: float, unit_m: float) -> tuple[str, ...]:
+    """Return one route's cells; the last is "collisions/all" of the simulated hard-over turns.
+
+    The fuel of the season's best route is a figure, another route's is what it needs more.
+    """
     kept = text.clearance(row.clearance_m) if row.has_land else "-"
     return (
         text.season_name(row.season),
@@ -148,7 +150,7 @@ def _row(row: RouteMetrics, unit_m: float) -> tuple[str, ...]:
         f"{row.length_m / unit_m:.1f}",
         text.days(row.duration_s) or text.hours(row.duration_s),
         kept,
-        text.fuel(row.fuel),
+        text.number(row.fuel) if row.rank == 1 else f"{100 * (row.fuel / least_fuel - 1):+.1f} %",
         f"{row.fuel_per_distance:.3f}",
         text.gap_figure(row.optimality_gap) if math.isfinite(row.optimality_gap) else "-",
         f"{row.collisions}/{row.trials:,}" if row.has_land else "-",

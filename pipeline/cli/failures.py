@@ -158,7 +158,19 @@ def _end(number: int) -> None:
 
 
 class BriefRefusals(TyperGroup):
-    """A command group that shortens long arguments in its error messages."""
+    """A command group with whole sentences in its help, and short arguments in its refusals."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - of click, or of typer's own copy of it
+        """List the commands with the whole first paragraph of each one's help."""
+        commands = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [
+                    (name, " ".join((command.help or "").split("\n\n", 1)[0].split()))
+                    for name, command in commands
+                    if command is not None and not command.hidden
+                ]
+            )
 
     def make_context(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - of click, or of typer's own copy of it
         """Parse the arguments before the command."""

@@ -14,12 +14,25 @@ from pipeline.cli.failures import reported_errors
 _NEGATIVE = re.compile(r"-[\d.]")
 
 
-class NegativeFigures(TyperCommand):
-    """A command that parses negative numbers as arguments, not as options."""
+class GroupedCommand(TyperCommand):
+    """A command with groups of options, which parses negative numbers as arguments."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - of click, or of typer's own copy of it
         """Parse the arguments; a space before a minus hides it from the option parser."""
         return super().parse_args(ctx, [f" {a}" if _NEGATIVE.match(a) else a for a in args])
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
+        """Write arguments and options in groups, in the order in which the groups first occur."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for one in self.get_params(ctx):
+            if (record := one.get_help_record(ctx)) is not None:
+                is_argument = one.param_type_name == "argument"
+                group = getattr(one, "rich_help_panel", None)
+                name = "Arguments" if is_argument else group or "Other options"
+                groups.setdefault(name, []).append(record)
+        for name, records in groups.items():
+            with formatter.section(name):
+                formatter.write_dl(records)
 
 
 def go(

@@ -26,7 +26,7 @@ import typer
 
 from pipeline.cli import failures, options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.go import NegativeFigures, go
+from pipeline.cli.go import GroupedCommand, go
 from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.nightly import app as nightly_app
 from pipeline.formats.figures.kinds import Form, Kind, Width
@@ -127,7 +127,7 @@ def run(
         run_to_end(run, wanted.scenario, wanted.notes, as_json=as_json, quiet=quiet)
 
 
-app.command(cls=NegativeFigures)(go)
+app.command(cls=GroupedCommand)(go)
 app.add_typer(nightly_app, name="nightly")
 
 

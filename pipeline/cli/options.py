@@ -18,6 +18,9 @@ def _known_names(section: Literal["scenarios", "vessels"]) -> Callable[[str], li
     return completed
 
 
+# The groups of options in the help of `renew go`.
+_VESSEL, _WHEN, _WATER, _LIMITS, _OUTPUT = "Vessel", "When", "Water", "Limits", "Output"
+
 # --- of several commands ---
 
 Scenario = Annotated[
@@ -30,25 +33,44 @@ Scenario = Annotated[
 Quiet = Annotated[
     bool,
     typer.Option(
-        "--quiet", "-q", help="Print errors only: no progress, no notes, and no table at the end."
+        "--quiet",
+        "-q",
+        help="Print errors only: no progress, no notes, and no table at the end.",
+        rich_help_panel=_OUTPUT,
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object in place of the table.")]
+Json = Annotated[
+    bool,
+    typer.Option(
+        "--json", help="Print one JSON object in place of the table.", rich_help_panel=_OUTPUT
+    ),
+]
 JsonOnly = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Output = Annotated[
-    Path, typer.Option(help="Folder of all results; each scenario has its own folder in it.")
+    Path,
+    typer.Option(
+        help="Folder of all results; each scenario has its own folder in it.",
+        rich_help_panel=_OUTPUT,
+    ),
 ]
-Offline = Annotated[bool, typer.Option("--offline", help="Use no source that needs the network.")]
+Offline = Annotated[
+    bool,
+    typer.Option("--offline", help="Use no source that needs the network.", rich_help_panel=_WATER),
+]
 Charts = Annotated[
     Path | None,
-    typer.Option(help="A vector file or a folder of S-57 cells, in place of the chosen chart."),
+    typer.Option(
+        help="A vector file or a folder of S-57 cells, in place of the chosen chart.",
+        rich_help_panel=_WATER,
+    ),
 ]
 Currents = Annotated[
     list[str] | None,
     typer.Option(
         help="A NetCDF file or Zarr store of currents, in place of the chosen ones; may be "
         "repeated for files that belong together, or given as a quoted pattern: 'daily/*.nc'. Or a "
-        "source of the catalogue; 'still' plans without currents."
+        "source of the catalogue; 'still' plans without currents.",
+        rich_help_panel=_WATER,
     ),
 ]
 ExplainGap = Annotated[
@@ -56,6 +78,7 @@ ExplainGap = Annotated[
     typer.Option(
         "--explain-gap",
         help="Report the parts of the optimality gap; this may take as long as planning.",
+        rich_help_panel=_OUTPUT,
     ),
 ]
 Strict = Annotated[
@@ -64,6 +87,7 @@ Strict = Annotated[
         "--strict",
         help="Plan nothing and exit with code 1 if a season's first choice of currents can't be "
         "used.",
+        rich_help_panel=_WATER,
     ),
 ]
 Scheduler = Annotated[
@@ -85,6 +109,7 @@ Vessel = Annotated[
     typer.Option(
         help="A vessel of the catalogue, or the path of a TOML file.",
         autocompletion=_known_names("vessels"),
+        rich_help_panel=_VESSEL,
     ),
 ]
 Speed = Annotated[
@@ -92,34 +117,51 @@ Speed = Annotated[
     typer.Option(
         help="Speed through water, such as 12kn or 6m/s, in place of --vessel. Or a range, "
         "such as 4kn..9kn, also with --vessel: the planner then chooses a speed for each leg, "
-        "for least fuel between --depart and --arrive-by."
+        "for least fuel between --depart and --arrive-by.",
+        rich_help_panel=_VESSEL,
     ),
 ]
-Length = Annotated[str, typer.Option(help="Length of the vessel, as 90m, 300ft.")]
-TurningCircle = Annotated[
-    str, typer.Option(help="Diameter of the turning circle, helm hard over, as 400m.")
+Length = Annotated[
+    str, typer.Option(help="Length of the vessel, as 90m, 300ft.", rich_help_panel=_VESSEL)
 ]
-Draught = Annotated[str, typer.Option(help="Draught, as 4m; charts with depths need it.")]
+TurningCircle = Annotated[
+    str,
+    typer.Option(
+        help="Diameter of the turning circle, helm hard over, as 400m.", rich_help_panel=_VESSEL
+    ),
+]
+Draught = Annotated[
+    str, typer.Option(help="Draught, as 4m; charts with depths need it.", rich_help_panel=_VESSEL)
+]
 Months = Annotated[
     list[str] | None,
-    typer.Option(help="Month of the voyage, as 2024-07; may be repeated: each is a season."),
+    typer.Option(
+        help="Month of the voyage, as 2024-07; may be repeated: each is a season.",
+        rich_help_panel=_WHEN,
+    ),
 ]
 Depart = Annotated[
     str,
     typer.Option(
         help="Departure with its time zone, as 2026-11-22T06:00Z, in place of --month. The "
         "currents then change during the voyage, with the time steps of --currents or with "
-        "the service's hourly ones."
+        "the service's hourly ones.",
+        rich_help_panel=_WHEN,
     ),
 ]
 Until = Annotated[
-    str, typer.Option(help="Latest departure: the best one from --depart until then is chosen.")
+    str,
+    typer.Option(
+        help="Latest departure: the best one from --depart until then is chosen.",
+        rich_help_panel=_WHEN,
+    ),
 ]
 ArriveBy = Annotated[
     str,
     typer.Option(
         help="Latest arrival: the vessel leaves as late as possible, but not before --depart; "
-        "with a range of --speed it leaves at --depart."
+        "with a range of --speed it leaves at --depart.",
+        rich_help_panel=_WHEN,
     ),
 ]
 Via = Annotated[
@@ -128,6 +170,7 @@ Via = Annotated[
         metavar="POSITION",
         help="Point that the route must pass, written like START; may be repeated, in the "
         "order of passing.",
+        rich_help_panel=_LIMITS,
     ),
 ]
 Avoid = Annotated[
@@ -135,15 +178,21 @@ Avoid = Annotated[
     typer.Option(
         metavar="FILE",
         help="GeoJSON or other vector file of areas that no route may enter; may be repeated.",
+        rich_help_panel=_LIMITS,
     ),
 ]
 Clearance = Annotated[
-    str, typer.Option(help="Least distance from no-go areas, true metres; chosen if left out.")
+    str,
+    typer.Option(
+        help="Least distance from no-go areas, true metres; chosen if left out.",
+        rich_help_panel=_LIMITS,
+    ),
 ]
-Name = Annotated[str, typer.Option(help="Name of the folder of results.")]
+Name = Annotated[str, typer.Option(help="Name of the folder of results.", rich_help_panel=_OUTPUT)]
 Depths = Annotated[
     Path | None,
     typer.Option(
-        help="A GEBCO or EMODnet grid (NetCDF): too shallow water is no-go; needs --draught."
+        help="A GEBCO or EMODnet grid (NetCDF): too shallow water is no-go; needs --draught.",
+        rich_help_panel=_WATER,
     ),
 ]

@@ -114,9 +114,20 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
         legs_table.tightest_text(points, result),
         _current_text(result, planned.season),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
+        _scale_text(result.scenario.scale),
         "Within a leg's cross-track limits the vessel stays out of the soft no-go zone.",
         f"Legs are {points.curve.lower()}s; positions are WGS 84.",
     ]
+
+
+def _scale_text(scale: float) -> str:
+    """Say at which scale the route was planned; empty at true scale."""
+    if scale == 1:
+        return ""
+    return (
+        f"Planned at a scale of 1:{scale:g}: lengths and times are true, but the room for turns is "
+        f"{scale:g} times as wide as the vessel's own."
+    )
 
 
 def _current_text(result: RunResult, season: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -89,9 +90,17 @@ def test_plans_survive_pickling_though_a_current_may_not() -> None:
 def test_plans_print_and_compare_by_identity() -> None:
     plan = gyre_plan()
     again = pickle.loads(pickle.dumps(plan))  # noqa: S301  (our own bytes)
-    assert "Route(" in repr(again)
+    assert repr(again) == repr(plan)
     assert plan.best in plan.routes
     assert again != plan
+
+
+def test_a_plan_is_printed_in_at_most_ten_lines() -> None:
+    plan = gyre_plan()
+    many = replace(plan, routes=plan.routes * 20)
+    assert len(str(plan).splitlines()) == 1 + len(plan.routes)
+    assert len(str(many).splitlines()) == 8
+    assert all(len(line) < 80 for line in str(many).splitlines())
 
 
 def test_a_plan_built_without_routes_has_no_best_one() -> None:

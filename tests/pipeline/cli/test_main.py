@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -89,6 +90,15 @@ def test_shells_complete_scenarios_and_vessels(shell: str) -> None:
     assert "palawan-season" in completed("renew run pal")
     assert "hansando" not in completed("renew run pal")
     assert "usv-7m" in completed("renew go --vessel us")
+
+
+def test_help_has_whole_sentences_and_options_in_groups() -> None:
+    commands = CliRunner().invoke(app, ["--help"]).stdout
+    assert "..." not in commands.partition("Commands:")[2]
+    told = CliRunner().invoke(app, ["go", "--help"]).stdout
+    groups = [line.rstrip(":") for line in told.splitlines() if re.fullmatch(r"\w.*:", line)]
+    assert groups[:6] == ["Arguments", "Vessel", "When", "Water", "Limits", "Output"]
+    assert "--clearance" in told.partition("Limits:")[2].partition("Output:")[0]
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["list"], ["show", "palawan-season"]])

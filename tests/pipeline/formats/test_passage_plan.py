@@ -106,7 +106,13 @@ def test_a_page_says_what_a_navigator_asks(result: RunResult, tmp_path: Path) ->
     assert len(pages) == 2
     for page, season in zip(pages, ("Summer", "Winter"), strict=True):
         assert f"Two islands: {season}" in page
-        for part in ("Start", "Goal", "kn through the water", "Padding at the tightest place"):
+        for part in (
+            "Start",
+            "Goal",
+            "kn through the water",
+            "Padding at the tightest place",
+            "scale of 1:1000",
+        ):
             assert part in page
         assert "Not known: no depths in this chart" in " ".join(page.split())
         assert small_run.LAND.text in page

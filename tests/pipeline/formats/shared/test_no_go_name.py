@@ -123,3 +123,17 @@ def test_uncharted_water_in_the_chart_is_not_called_land(with_depths: RunResult)
     west, south, east, north = with_depths.scenario.area.bounds
     assert label(shapely.box(west - 1, south, west + 0.1, north)) == "land or uncharted"
     assert label(shapely.box(east + 0.1, south, east + 1, north)) == "land"
+
+
+def test_the_table_gives_the_fuel_of_other_routes_beside_the_best(tmp_path: Path) -> None:
+    result = small_run.parts()
+    rows = result.evaluation.routes
+    of_best = next(row for row in rows if row.rank == 1)
+    dear = tuple(replace(row, fuel=1.682e7 * (1 + 0.1 * (row.rank > 1))) for row in rows)
+    evaluation = replace(result.evaluation, routes=dear)
+    table = season_table(
+        Outcome(replace(result, evaluation=evaluation), tmp_path, fresh=True, seconds=1.0)
+    )
+    assert "million" not in table
+    assert "16,820,000" in table
+    assert ("+10.0 %" in table) == any(row.main_passage != of_best.main_passage for row in rows)
