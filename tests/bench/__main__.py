@@ -34,6 +34,7 @@ from tests.bench import (
     speed_figures,
     startup_figures,
     tide_figures,
+    waters_figures,
     writing,
 )
 from tests.bench.figure import Figure
@@ -66,6 +67,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "pairs": chart_figures.pairs,
     "far-east": chart_figures.far_east,
     "sea": sea_figures.figures,
+    "waters": waters_figures.figures,
     "clock": clock_figures.figures,
     "tide": tide_figures.figures,
     "speeds": speed_figures.figures,

@@ -1,0 +1,370 @@
+"""Figures on waters drawn by a seed, none picked by eye: voyages from harbours and skerries too.
+
+Coasts, ends and vessels are drawn from the whole world's land of OpenStreetMap. Each voyage is
+planned as the pipeline does that chooses region, chart and offing, and is then measured by referees
+that share no code with the planner: exact buffers of the raw land say whether there is a way, and a
+grid Dijkstra and transversals say what the way costs. Forty waters take an hour:
+`python -m tests.bench.waters_figures 0 40`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.random import Generator
+from shapely.geometry.base import BaseGeometry
+
+import renew
+from pipeline._types import BoolArray, FloatArray
+from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.scenario.catalogue import VesselSpec
+from pipeline.sources.land import osm
+from pipeline.sources.quality.field import LandMask
+from pipeline.stages.choosing.offing import offing_m
+from pipeline.stages.choosing.region_choice import Voyage, choose_region
+from pipeline.stages.simplify import simplify_land
+from tests.bench.figure import Figure, at_most
+from tests.bench.sea_figures import PEAK_M_S, Water
+from tests.oracles import grid_dijkstra, leg_times, tighten
+
+SEEDS = range(3)
+"""The waters of the suite."""
+
+_KNOT = 1852 / 3600
+_WORLD = (-360.0, -89.0, 360.0, 89.0)
+# Half the side of the box in which a coast is drawn, degrees of latitude; tries at each end.
+_BOX_DEG, _TRIES = 0.3, 40
+# Cells of the rival's grid along the longer side, and of its transversals along a path.
+_CELLS, _PLACES = 120, 500
+# Round corners of a buffer are cut by this share of the width.
+_QUAD_SEGMENTS = 16
+_CUT = math.cos(math.pi / 4 / _QUAD_SEGMENTS)
+
+
+@dataclass(frozen=True)
+class DrawnWater(Water):
+    """A water drawn by a seed, with the vessel that sails there."""
+
+    spec: VesselSpec
+
+    @cached_property
+    def vessel(self) -> renew.Vessel:
+        """The vessel as the planner takes it."""
+        spec = self.spec
+        rate = math.radians(spec.turn_rate_deg_s)
+        return renew.Vessel(speed=spec.speed_m_s, turn_rate=rate, length=spec.length_m)
+
+    @cached_property
+    def turns_m(self) -> float:
+        """Room for any hard-over turn: the turning circle, and the drift meanwhile at most."""
+        return 2 * self.vessel.turning_radius + PEAK_M_S * self.vessel.turn_period
+
+    @cached_property
+    def offing(self) -> float:
+        """The offing that a run chooses, m."""
+        distance = Voyage.between(self.start, self.goal).distance_m
+        return float(math.floor(offing_m(self.spec, osm.ACCURACY_M, distance)))
+
+    def simplified(self) -> renew.Chart:
+        """The chart as a run simplifies it for this vessel."""
+        land = simplify_land(
+            self.land.polygons,
+            shapely.box(*self.bounds),
+            accuracy_m=osm.ACCURACY_M,
+            turning_radius_m=self.vessel.turning_radius,
+            endpoints=(self.start, self.goal),
+        ).simplified
+        no_go, inner = (
+            self.projection.geometry_to_plane(np.array(polygons, dtype=object)).tolist()
+            for polygons in (land.polygons, land.inner_polygons)
+        )
+        return renew.Chart(self.extent, no_go, land=inner)
+
+    def has_way(self, width: float) -> bool:
+        """Whether some water at least `width` m off the raw land joins both ends' own water."""
+        grown = shapely.buffer(self.raw.hard_no_go, width / _CUT, quad_segs=_QUAD_SEGMENTS)
+        parts, reached = shapely.get_parts(shapely.difference(self.extent, grown)), []
+        for end in self.ends:
+            here = shapely.Point(end)
+            ways = shapely.shortest_line(here, parts)
+            near = shapely.length(ways) < width
+            near &= ~shapely.intersects(self.raw.hard_no_go, ways)
+            reached.append(set(np.flatnonzero(near).tolist()))
+        return bool(reached[0] & reached[1])
+
+    def fuel(self, path: FloatArray) -> float:
+        """Fuel along a path by the oracle's quadrature."""
+        piece = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / _PLACES
+        there, _ = leg_times(path[:-1], path[1:], self.current, self.vessel, "projected", piece)
+        return self.vessel.fuel_rate * float(there.sum())
+
+
+def drawn(seed: int) -> DrawnWater:
+    """Draw ends until both lie in one body of water in the region that a run chooses."""
+    rng = np.random.default_rng([35, seed])
+    length = float(np.exp(rng.uniform(math.log(7), math.log(60))))
+    speed, circle = rng.uniform(5, 15) * _KNOT, rng.uniform(2, 6) * length
+    rate = math.degrees(2 * speed / circle)
+    spec = VesselSpec(length_m=length, speed_m_s=speed, turn_rate_deg_s=rate)
+    while True:
+        ends = _ends(rng)
+        if ends is None:
+            continue
+        voyage = Voyage.between(*ends)
+
+        def mask_of(bounds: tuple[float, float, float, float]) -> LandMask:
+            return LandMask.from_land(osm.land(shapely.box(*bounds)), bounds)
+
+        bounds = choose_region(voyage, mask_of, _WORLD).bounds
+        water = DrawnWater(f"water {seed}", bounds, *ends, spec)
+        parts = shapely.get_parts(water.raw.water)
+        both = [shapely.covers(parts, shapely.Point(end)) for end in water.ends]
+        if (both[0] & both[1]).any():
+            return water
+
+
+def _ends(rng: Generator) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Draw a coast, a start beside it, and a goal 5 to 120 km off, half of them by a coast."""
+    place = np.array([rng.uniform(-179, 179), math.degrees(math.asin(rng.uniform(-0.9, 0.96)))])
+    coast = _coast(place, _BOX_DEG)
+    if not len(coast):
+        return None
+    furthest = 300.0 if rng.random() < 1 / 3 else 8_000.0
+    start = _wet(rng, coast[rng.integers(len(coast))], 0.0, furthest)
+    if start is None:
+        return None
+    distance = float(np.exp(rng.uniform(math.log(5_000), math.log(120_000))))
+    goal = _wet(rng, start, distance, distance)
+    if goal is not None and rng.random() < 1 / 2:
+        coast = _coast(goal, _BOX_DEG)
+        apart = np.hypot(*((coast - goal) * _degree(goal)).T) if len(coast) else np.empty(0)
+        if len(coast) and apart.min() < 0.5 * distance:
+            goal = _wet(rng, coast[apart.argmin()], 0.0, 1_000.0)
+    if goal is None or not 5_000 <= np.hypot(*((goal - start) * _degree(start))) <= 120_000:
+        return None
+    return (float(start[0]), float(start[1])), (float(goal[0]), float(goal[1]))
+
+
+def _degree(place: FloatArray) -> FloatArray:
+    """Metres of a degree of longitude and of latitude."""
+    return METRES_PER_DEGREE * np.array([math.cos(math.radians(place[1])), 1.0])
+
+
+def _coast(place: FloatArray, half: float) -> FloatArray:
+    """Vertices (n, 2) of the coast in a box."""
+    low, high = (place + sign * half * METRES_PER_DEGREE / _degree(place) for sign in (-1, 1))
+    land = osm.land_polygons(shapely.box(*low, *high), 0.0).polygons
+    coast = shapely.get_coordinates(np.array(land, dtype=object))
+    inside = ((coast > low + 1e-3) & (coast < high - 1e-3)).all(axis=1)
+    return np.asarray(coast[inside])
+
+
+def _wet(rng: Generator, near: FloatArray, least: float, most: float) -> FloatArray | None:
+    """Draw a place in water at some distance from another, m; None where land takes all tries."""
+    for _ in range(_TRIES):
+        angle, metres = rng.uniform(0, 2 * math.pi), rng.uniform(least, most)
+        place = near + metres * np.array([math.cos(angle), math.sin(angle)]) / _degree(near)
+        box = shapely.Point(place).buffer(1e-4)
+        land = np.array(osm.land_polygons(box, 10.0).polygons, dtype=object)
+        if abs(place[1]) < 80 and not shapely.intersects_xy(land, *place).any():
+            return np.round(place, 5)
+    return None
+
+
+def figures() -> Iterator[Figure]:
+    """Refusals, fuel beside a rival's, safety and distance from land."""
+    for seed in SEEDS:
+        yield from water_figures(drawn(seed))
+
+
+def water_figures(water: DrawnWater) -> Iterator[Figure]:
+    """All figures of a water."""
+    name, spec, turns = water.name, water.spec, water.turns_m
+    knots, circle = spec.speed_m_s / _KNOT, 2 * water.vessel.turning_radius
+    distance = Voyage.between(water.start, water.goal).distance_m / 1000
+    text = f"{water.start} to {water.goal}, {distance:.0f} km; {spec.length_m:.0f} m, "
+    text += f"{knots:.1f} kn, circle {circle:.0f} m, turns {turns:.0f} m, offing {water.offing:g} m"
+    yield Figure(f"{name}: asked", "", text)
+    chart = water.simplified()
+    started = time.process_time()
+    try:
+        plan = renew.plan(
+            chart,
+            water.current,
+            water.vessel,
+            *water.ends,
+            clearance=water.offing,
+            narrow_share=0.5,
+            distinct_by="auto",
+        )
+    except renew.PlanningError as error:
+        taken = time.process_time() - started
+        yield at_most(f"{name}: CPU to a refusal", taken, 20.0, " s")
+        wide, least = (
+            water.has_way(width + osm.ACCURACY_M) for width in (turns, turns - _drift(water))
+        )
+        text = f"a way for turns {wide}, for turns in still water {least}: {str(error)[:300]}"
+        yield Figure(f"{name}: refused though there is a way", "False", text, not wide)
+        return
+    taken = time.process_time() - started
+    text = f"{len(plan.routes)} in {taken:.1f} s, gap {100 * plan.best.optimality_gap:.2f} %"
+    yield Figure(f"{name}: routes", "", text)
+    yield from _safety(water, plan)
+    yield from _apart(water, chart, plan.best)
+    yield from _fuel(water, chart, plan.best)
+
+
+def _drift(water: DrawnWater) -> float:
+    """How far the current carries the vessel in a turn at most, m."""
+    return PEAK_M_S * water.vessel.turn_period
+
+
+def _safety(water: DrawnWater, plan: renew.Plan) -> Iterator[Figure]:
+    """Metres over raw land, and hard-over turns that meet it outside the ends' soft zone."""
+    over = sum(water.over_land(route) for route in plan.routes)
+    yield at_most(f"{water.name}: over the land itself, all routes", over, 0.0, " m")
+    hits, trials = 0, 0
+    for route in plan.routes:
+        spacing = max(route.length / 2000, water.vessel.turning_radius / 2)
+        flown = renew.contingency(route, water.raw, water.current, water.vessel, spacing=spacing)
+        outside = ~_in_soft_ends(flown.points, route)
+        hits += int((flown.collided & outside).sum())
+        trials += int(outside.sum())
+    text = f"{hits} of {trials:,}"
+    yield Figure(f"{water.name}: places with turns that meet land", "0", text, not hits)
+
+
+def _in_soft_ends(points: FloatArray, route: renew.Route) -> BoolArray:
+    """Which points (n, 2) lie in capsules of the soft no-go zone that hold an end."""
+    used = route.padding_used
+    lines, where = shapely.linestrings(used[:, :4].reshape(-1, 2, 2)), shapely.points(points)
+    inside = np.zeros(len(points), dtype=bool)
+    for end in (route.path[0], route.path[-1]):
+        for at in np.flatnonzero(shapely.distance(shapely.Point(end), lines) < used[:, 4]):
+            inside |= shapely.dwithin(lines[at], where, used[at, 4])
+    return inside
+
+
+def _apart(water: DrawnWater, chart: renew.Chart, route: renew.Route) -> Iterator[Figure]:
+    """Length of the best route that is too close to land: in narrows, and away from them."""
+    offing, land = water.offing, chart.hard_no_go
+    if land.is_empty:
+        return
+    step = max(0.1 * offing, route.length / 3000)
+    line = shapely.LineString(route.path)
+    along = np.arange(step / 2, line.length, step)
+    places = shapely.get_coordinates(shapely.line_interpolate_point(line, along))
+    ahead = shapely.get_coordinates(shapely.line_interpolate_point(line, along + 0.01 * step))
+    course = (ahead - places) / np.linalg.norm(ahead - places, axis=1)[:, None]
+    across = np.stack([-course[:, 1], course[:, 0]], axis=1)
+    tree = shapely.STRtree(np.array(chart.no_go, dtype=object))
+    shapely.prepare(land)
+
+    def off(points: FloatArray) -> FloatArray:
+        where = shapely.points(points.reshape(-1, 2))
+        _, found = tree.query_nearest(where, return_distance=True, all_matches=False)
+        return np.asarray(found.reshape(points.shape[:-1]))
+
+    own = off(places)
+    # Water on a section across the route, on each side up to land or two offings.
+    shares = np.linspace(0.0, 2 * offing, 41)
+    sides = [off(places[:, None] + sign * shares[:, None] * across[:, None]) for sign in (-1, 1)]
+    open_to = [np.logical_and.accumulate(side > 0, axis=1) for side in sides]
+    half = np.maximum(*(np.where(o, s, 0).max(axis=1) for o, s in zip(open_to, sides, strict=True)))
+    narrow = ~open_to[0][:, -1] & ~open_to[1][:, -1]
+    from_ends = np.linalg.norm(places[:, None] - water.ends, axis=2).min(axis=1)
+    judged = (from_ends > 3 * offing) & ~_in_soft_ends(places, route)
+    asked = np.minimum(np.minimum(0.5 * half, offing), water.turns_m + osm.ACCURACY_M)
+    short = narrow & judged & (own < 0.97 * asked)
+    yield _length(water, "in narrows, under half the half-width", short, own, places, step)
+    near = np.zeros(len(places), dtype=bool)
+    if narrow.any():
+        spots = shapely.STRtree(shapely.points(places[narrow]))
+        near[spots.query(shapely.points(places), predicate="dwithin", distance=3 * offing)[0]] = (
+            True
+        )
+    close = ~near & judged & (own < 0.99 * offing)
+    yield _length(water, "away from narrows, under the offing", close, own, places, step)
+
+
+def _length(
+    water: DrawnWater, what: str, short: BoolArray, own: FloatArray, places: FloatArray, step: float
+) -> Figure:
+    """Metres of the route that are too close, and where it is closest."""
+    text = f"{step * short.sum():.0f} m"
+    if short.any():
+        worst = int(np.where(short, own, np.inf).argmin())
+        lon, lat = water.projection.to_lonlat(places[worst])
+        text += f", {own[worst]:.0f} m off at {lon:.4f} {lat:.4f}"
+    return Figure(f"{water.name}: {what}", "0 m", text, not short.any())
+
+
+def _fuel(water: DrawnWater, chart: renew.Chart, route: renew.Route) -> Iterator[Figure]:
+    """Best fuel beside rivals that keep as far off land as the route had to, and the bound."""
+    path = route.path[int(route.starts_in_soft_no_go) :]
+    path = path[: len(path) - int(route.ends_in_soft_no_go)]
+    if len(path) < 2:
+        return
+    zone = _forbidden(chart, route, max(water.offing, water.turns_m))
+    low, high = path.min(axis=0), path.max(axis=0)
+    room = 0.15 * float((high - low).max()) + 2 * water.offing
+    window = shapely.intersection(shapely.box(*(low - room), *(high + room)), water.extent)
+    parts = [one for one in shapely.get_parts(shapely.intersection(zone, window)) if one.area > 0]
+    rival_chart = renew.Chart(window, [one for one in parts if one.geom_type == "Polygon"])
+    xmin, ymin, xmax, ymax = window.bounds
+    spacing = max(xmax - xmin, ymax - ymin) / _CELLS
+    given = (rival_chart, water.current, water.vessel)
+    found, other = grid_dijkstra(*given, path[0], path[-1], spacing, radius=4)
+    own, fuels = water.fuel(path), {"grid": math.inf}
+    if math.isfinite(found):
+        fuels["grid"], _ = tighten(other, *given, spacing=spacing, width=2 * spacing)
+    pieces = route.length / _PLACES
+    fuels["own"], _ = tighten(path, *given, spacing=pieces, width=2 * pieces, rounds=8)
+    name = f"{water.name}: fuel beside {', '.join(f'{k} {own / v:.4f}' for k, v in fuels.items())}"
+    yield at_most(name, own / min(fuels.values()), 1.003, digits=4)
+    bare = (water.raw, water.current, water.vessel)
+    least, _ = tighten(route.path, *bare, spacing=pieces, width=8 * pieces, rounds=9)
+    bound = route.fuel / (1 + route.optimality_gap)
+    yield Figure(
+        f"{water.name}: bound beside a way along the land",
+        "<= 1",
+        f"{bound / least:.4f}",
+        bound <= least,
+    )
+
+
+def _forbidden(chart: renew.Chart, route: renew.Route, width: float) -> BaseGeometry:
+    """The land, the route's padded edges, and a width (m) round edges that it does not have."""
+    used = route.padding_used
+    capsules = shapely.buffer(shapely.linestrings(used[:, :4].reshape(-1, 2, 2)), used[:, 4])
+    rings = shapely.get_parts(shapely.boundary(np.array(chart.no_go, dtype=object)))
+    edges = np.concatenate(
+        [np.empty((0, 4))]
+        + [np.hstack([xy[:-1], xy[1:]]) for xy in map(shapely.get_coordinates, rings)]
+    )
+    known = {tuple(row) for row in np.round(used[:, :4], 1).tolist()}
+    others = [
+        row
+        for row in np.round(edges, 1).tolist()
+        if tuple(row) not in known and (*row[2:], *row[:2]) not in known
+    ]
+    lines = shapely.linestrings(np.array(others).reshape(-1, 2, 2))
+    return shapely.union_all([chart.hard_no_go, *capsules, *shapely.buffer(lines, width)])
+
+
+def main() -> None:
+    """Print the figures of the seeds from the first up to, but not with, the second argument."""
+    for seed in range(int(sys.argv[1]), int(sys.argv[2])):
+        for one in water_figures(drawn(seed)):
+            print(f"{one.verdict or '-'}\t{one.name}\t{one.reached}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
