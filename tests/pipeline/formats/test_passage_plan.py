@@ -126,7 +126,12 @@ def test_the_map_goes_on_beyond_the_regions_edge_and_names_it(
     for name, run in (("with", replace(result, fetched=fetched)), ("without", result)):
         write_passage_plan(run, tmp_path / f"{name}.pdf")
     assert (tmp_path / "with.pdf").stat().st_size != (tmp_path / "without.pdf").stat().st_size
-    assert "edge of the region that was planned in" in texts(tmp_path / "with.pdf")[0]
+    words = "edge of the region that was planned in"
+    assert words not in texts(tmp_path / "with.pdf")[0]  # it lies beyond this map
+    chart = renew.Chart(shapely.box(-60, -50, 60, 28), result.scene.chart.no_go)
+    near = replace(result, scene=replace(result.scene, chart=chart))
+    write_passage_plan(near, tmp_path / "near.pdf")
+    assert words in texts(tmp_path / "near.pdf")[0]
 
 
 def test_land_of_another_shoreline_is_told(result: RunResult, tmp_path: Path) -> None:
