@@ -43,10 +43,10 @@ def with_clearance(
         is never reduced.
     """
     whole = padded.at_least(np.full(len(padded.edge), clearance))
-    if share == 1.0 or clearance == 0.0:
-        return whole
-    # What has less room than turns need is shut whatever the clearance.
+    # A passage with less room than turns need is shut, whatever the clearance.
     least = float(padded.padding.min(initial=clearance))
+    if share == 1.0 or least == clearance:
+        return whole
     middles = _middles_of_narrows(clearance, least, channel, voyage, triangulation)
     if not len(middles):
         return whole

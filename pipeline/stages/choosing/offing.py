@@ -65,7 +65,7 @@ def narrows_notes(
     notes = (
         (plan.season, _narrows(scene, np.asarray(plan.ranked_routes[0].path), options.clearance))
         for plan in plans
-        if plan.ranked_routes
+        if plan.ranked_routes and plan.ranked_routes[0].clearance < _CLOSER * options.clearance
     )
     return tuple(note.about(season) for season, note in notes if note is not None)
 
