@@ -1,8 +1,8 @@
 """Compiles every kernel that planning calls, by planning.
 
-Which kernels a plan calls, and with which types, only plans themselves know; a list of signatures
-would fall behind them. So a few small plans, of a second each once all is compiled, take every
-option and every kind of current.
+Which kernels a plan calls, and with which types, shows only when the plan runs. A list of
+signatures would become outdated as the planner changes. So a few small plans use every option and
+every kind of current. Once all kernels are compiled, each of these plans takes about a second.
 """
 
 import contextlib
@@ -86,7 +86,7 @@ REHEARSALS = (
 def rehearse() -> Iterator[str]:
     """Plan each of `REHEARSALS`, and ask its routes for everything; yields the next one's name.
 
-    Compiled are the kernels for which no machine code is found; see :mod:`renew._compiled`.
+    This compiles the kernels for which no machine code is found; see :mod:`renew._compiled`.
     """
     chart = Chart(_EXTENT, _ISLANDS)
     for what, current, options in REHEARSALS:
@@ -99,7 +99,8 @@ def rehearse() -> Iterator[str]:
 def rehearse_half(half: int) -> None:
     """Compile half of a first plan's kernels: the search for classes and the bound, or the rest.
 
-    Of equal times, for two processes; the few kernels of both are compiled by both.
+    Two processes compile one half each, and take about equally long. A few kernels belong to both
+    halves, and are compiled in both processes.
     """
     chart, current, ends = Chart(_EXTENT, _ISLANDS), _as_grid(_GYRE), (_START, _GOAL)
     if half:

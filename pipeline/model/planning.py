@@ -1,4 +1,4 @@
-"""The planner's input, made of a scenario's vessel and options too, and its results."""
+"""The planner's input, among it the vessel and options of a scenario, and the planner's results."""
 
 import math
 from collections.abc import Mapping
@@ -36,7 +36,8 @@ class Simplified:
     margin_m: float
 
 
-# A path passes a via point again if it comes as close, to within this share of the turning radius.
+# A path may come near a via point several times. It passes the point each time that its distance
+# exceeds its least distance by no more than this share of the turning radius.
 _AS_CLOSE = 0.01
 
 
@@ -70,13 +71,15 @@ class SpeedChoice:
 class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
 
-    `land` is the original, unsimplified land; `second_shore` and `depths` are as in Land;
-    `currents` is keyed by season, and so is `current_cells`, where its source has figures; `start`
-    and `goal` have shape (2,). A scene `is_planar` where it was given in metres, and not on a
-    chart. `departures` are of seasons whose currents change: on the clock of these
-    currents, in seconds, they are 0. Routes pass the points `via` (n, 2), and keep out of the
-    `areas` of their season, on the same clock. `speeds` are of seasons that have a choice, in
-    place of the vessel's own.
+    `land` is the original, unsimplified land. `second_shore` and `depths` are as in Land. `start`
+    and `goal` have shape (2,). Routes pass the points `via` (n, 2). `is_planar` is True if the
+    scenario gives its places in metres, and not on a chart.
+
+    The mappings are keyed by season. `current_cells` states where the source of a season's current
+    has figures. `departures` has the seasons whose currents change; the clock of such a current, in
+    seconds, is 0 at the departure. Routes keep out of their season's `areas`, whose hours are on
+    the same clock. `speeds` has the seasons in which the vessel chooses its speed. There the choice
+    replaces the speed of `vessel`.
     """
 
     chart: renew.Chart
@@ -101,7 +104,7 @@ class Scene:
         return self.vessel if choice is None else replace(self.vessel, speed=choice.most)
 
     def pace(self, season: str, arrive_by_s: float) -> Pace:
-        """Speeds to choose from, as `renew.plan` takes them, with an arrival on its clock."""
+        """Speeds to choose from and the latest arrival (s on the clock), for `renew.plan`."""
         choice = self.speeds.get(season)
         if choice is None:
             return {}
@@ -123,11 +126,11 @@ class Scene:
         return {"via": self.via, "avoid": self.areas.get(season, ())}
 
     def place_text(self, place: FloatArray) -> str:
-        """Name a place (2,), planar metres, for a message: by degrees, in a plane by metres."""
+        """Name a place (2,), planar metres, for a message: in degrees, or metres if planar."""
         return self.place(place).text
 
     def place(self, place: FloatArray) -> Place:
-        """A place (2,), planar metres, in degrees; in a plane as it is."""
+        """Return a place (2,), planar metres, in degrees; in a planar scene it stays in metres."""
         x, y = (place if self.is_planar else self.projection.to_lonlat(place)).tolist()
         return Place(x, y, self.is_planar)
 
@@ -143,9 +146,9 @@ class Scene:
 class SeasonPlan:
     """One season's plan; `failure` is empty when it was planned, else the reason in one line.
 
-    It `is_shut` where the reason is that no way joins start and goal in the region, and a wider one
-    may have one. Where speeds are chosen, `arrive_by_s` is the arrival that was asked of the
-    planner, on its clock.
+    `is_shut` is True if the failure is that no way joins start and goal in the region; a wider
+    region may have a way. Where speeds are chosen, `arrive_by_s` is the latest arrival that the
+    planner was asked for, in seconds on the planner's clock.
     """
 
     season: str
@@ -175,16 +178,18 @@ class DepartureChoice:
     Attributes
     ----------
     first : the beginning of the clock, UTC.
-    departures_s : (n,) ascending, seconds after that.
-    fuels, durations_s : (n,) of each departure's best route, in the planner's units and in seconds;
-        inf where it has none.
-    homotopies, reasons : the class of each route, or why there is none; else empty.
-    chosen_s : the departure that is taken, seconds after the first.
-    unproven_s : by how much another departure in the window may still beat it, to within the
-        paths' own error; inf if nothing is known of it.
-    arrive_by : when the vessel has to be there, where that decided.
-    asked : the season as it left its departure open.
-    has_speeds : speeds were chosen as well: each departure is at its own, to be there in time.
+    departures_s : (n,) the departures, ascending, in seconds after `first`.
+    fuels, durations_s : (n,) fuel (planner's units) and time under way (seconds) of each
+        departure's best route; inf where a departure has no route.
+    homotopies, reasons : (n,) the class of each departure's best route, and the reason why a
+        departure has no route. The one that does not apply is empty.
+    chosen_s : the chosen departure, in seconds after `first`.
+    unproven_s : the most time under way (seconds) that another departure in the window may still
+        save, apart from the error of the paths; inf if no limit is known.
+    arrive_by : the latest arrival at the goal, if the departure was chosen to keep it.
+    asked : the season as the scenario states it, with its departure left open.
+    has_speeds : whether speeds were chosen as well. Then each departure has speeds of its own, at
+        which the vessel arrives in time.
     """
 
     season: str
@@ -237,7 +242,8 @@ def planner_vessel(spec: VesselSpec) -> renew.Vessel:
 def plan_options(options: PlannerOptions, *, min_lateness: float = 0.0) -> renew.PlanOptions:
     """Return the planner's options; the vessel is early or late by `min_lateness` (s) at least.
 
-    A run has chosen the clearance for a chart before; a plane's is 0 where it is left out.
+    On a chart, a run has chosen the clearance before this call. In a planar scenario, a clearance
+    that the options leave out is 0.
     """
     given = {**options.model_dump(), "clearance": options.clearance or 0.0}
     return renew.PlanOptions(**given, min_lateness=min_lateness)

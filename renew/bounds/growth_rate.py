@@ -1,12 +1,14 @@
-"""By how much a function of the place can grow a second on a vessel's way, at most: λ of a bound.
+"""Largest rate λ, per second, at which a function of the place can grow on a vessel's way.
 
-Where the vessel chooses its speed v, a second costs (vᵏ + μ) over the polar's scale
-(:mod:`renew.kernels.ground_speed`), and λ is the largest growth for that cost:
+Let p = ∇u be the gradient of the function u, T the unit tangent of the way, and c the current. With
+g the speed over ground, u grows by (p·T) g a second. Where the vessel chooses its speed v, a second
+costs (vᵏ + μ) over the polar's scale (:mod:`renew.kernels.ground_speed`), and λ is the largest
+growth divided by this cost:
 
-- crab: over T the growth is at most v |p| + p·c; over v the ratio is largest at the speed that
-  would be best without a cross-current;
-- projected: the largest growth over T is convex in v, and so lies below its chords. [v₁, v₂] is cut
-  into a few pieces, on each of which the chord takes its place.
+- crab: in any direction T the growth is at most v |p| + p·c. Growth divided by cost is largest at
+  the v that would be best if there were no cross-current.
+- projected: the largest growth over all T is a convex function of v, and so lies below its chords.
+  The range of speeds is cut into a few pieces, and on each piece the chord replaces the function.
 """
 
 import math
@@ -29,7 +31,7 @@ def growth_rate(
     deviation: float,
     polar: Polar,
 ) -> float:
-    """λ of a triangle: (p·T) g(x, T) over all T and all x in it is no more; p = ∇u in s/m."""
+    """λ of a triangle: an upper bound on (p·T) g over all T and all its points; p in s/m."""
     p = math.sqrt(px * px + py * py)
     largest = -math.inf
     for k in range(3):
@@ -50,9 +52,9 @@ def projected_rate(px: float, py: float, cx: float, cy: float, speed: float) -> 
 
     The Lagrange dual of a quadratic on the unit circle: with w = (v |p|/2)² and the quadratic
     form's eigenvalues e, e' = (p·c ± |p||c|)/2, every μ > e gives the bound
-    μ + w μ / ((μ - e)(μ - e')). The least is where (μ - e)(μ - e') = √w √(μ² - e e'); Newton's
-    iteration from the right of it. However far it gets, the bound holds; it grows by more than
-    rounding can have taken off it.
+    μ + w μ / ((μ - e)(μ - e')). The bound is least where (μ - e)(μ - e') = √w √(μ² - e e').
+    Newton's iteration approaches this μ from the right. The bound holds wherever the iteration
+    stops. At the end it is raised by more than rounding can have lowered it.
     """
     p = math.sqrt(px * px + py * py)
     if p == 0.0:
@@ -109,7 +111,7 @@ def _rate_at_choice(
 
 @kernel
 def _most_made(along: float, low: float, high: float, polar: Polar) -> float:
-    """Largest scale (v + along) / (vᵏ + μ) for v between two speeds (m/s)."""
+    """Largest value of scale * (v + along) / (vᵏ + μ), with v from `low` to `high` (m/s)."""
     no_crab = False
     piece = Polar(high, no_crab, low, polar.price, polar.exponent, polar.scale, polar.still, 0.0)
     return ground_speed(along, 0.0, 1.0, 0.0, piece) * (1 + _ROUNDING)

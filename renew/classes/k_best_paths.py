@@ -2,9 +2,9 @@
 
 The search is A* over pairs of (node, word so far), as in h-signature-augmented graphs
 (Bhattacharya, Likhachev & Kumar, 2012), with the exact time to go as its heuristic. A label that is
-no quicker than k others of the same node, each with another word, can't belong to the k best
-classes: the others reach the goal by the same way on. So at most k words live at any node, however
-many islands there are.
+no quicker than k other labels of the same node, each with another word, can't belong to the k best
+classes: the other labels can continue to the goal on the same path. So a node has at most k words
+in the search, however many islands there are.
 """
 
 import heapq
@@ -41,11 +41,13 @@ from renew.kernels.viterbi import Stream
 _BEATEN = -2
 # Number of labels that there is room for at first.
 _CAPACITY = 1024
-# Number of buckets by which labels are ordered, and the ratio of their times, less 1: buckets take
-# a tenth of a heap's time. The last one holds all that take more than a hundred times the best.
+# Number of buckets by which labels are ordered, and the ratio of the times of successive buckets,
+# less 1. Buckets take a tenth of the time of a heap. The last bucket holds all labels whose time is
+# more than about a hundred times the best.
 _BUCKETS, _BUCKET_SIZE = 1 << 18, 2e-5
-# Largest times of the paths that are looked for, as multiples of the best. Among many triangles
-# most of the dearer paths wind about islands that no better path has to pass.
+# Largest time of the paths that are looked for, as a multiple of the best path's time: in a mesh of
+# many triangles, and in any other mesh. Among many triangles most of the slower paths wind about
+# islands that no better path has to pass.
 _DEAREST, _ANY = 1.6, 1e300
 # Columns of labels, (l, 6) whole numbers: the node, the row, its word, the label before, the label
 # that the node had before, and whether it is settled. A node has one label for each word.
@@ -75,7 +77,7 @@ def time_to_go(graph: Roadmap) -> FloatArray:
 
 @kernel
 def _first_label(nodes: int) -> tuple[IntArray, FloatArray, IntArray]:
-    """Room for labels and their times, with that of the start; and each node's newest label."""
+    """Labels and their times, with the start's label filled in, and each node's newest label."""
     labels, times = np.zeros((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
     labels[0, _NODE], labels[0, _PARENT], labels[0, _OLDER] = START, -1, -1
     newest = np.full(nodes, -1, dtype=np.int64)
@@ -94,7 +96,8 @@ def k_best_paths(
 ) -> tuple[list[IntArray], list[IntArray]]:
     """Rows of triangles, and nodes (n,), of the `count` quickest paths with different words.
 
-    `to_go` (n,) is :func:`time_to_go`; the clock of the `stream` runs. No row has a triangle twice.
+    `to_go` (n,) is :func:`time_to_go`. Where the current of the `stream` changes, legs are timed by
+    the clock of the `stream`. No row has a triangle twice.
     Paths that take more than `dearest` times as long as the best are left out. The search gives up
     after `max_steps`.
     """
@@ -197,7 +200,7 @@ def _note(
 
 @kernel
 def _first_filled(bucket: IntArray, at: int) -> int:
-    """First of the buckets from one on that holds anything; their number, if none does."""
+    """First bucket, from `at` on, that holds a label; the number of buckets if all are empty."""
     while at < len(bucket) and bucket[at] < 0:
         at += 1
     return at
@@ -207,9 +210,11 @@ def _first_filled(bucket: IntArray, at: int) -> int:
 def _known(
     labels: IntArray, times: FloatArray, label: int, word: int, time: float, count: int
 ) -> int:
-    """Label of a word among `label` and its older ones, for a time to be noted in.
+    """Find the label in which to note a time at a node: the node's label with the same word.
 
-    UNKNOWN if there is none; _BEATEN if that label, or `count` others, are as quick.
+    `label` is the node's newest label. Returns _BEATEN if the label with the word is as quick, or
+    settled. If no label has the word, returns _BEATEN if at least `count` labels are as quick, and
+    else UNKNOWN.
     """
     quicker = 0
     while label >= 0:
@@ -223,9 +228,9 @@ def _known(
 
 @kernel
 def triangles_crossed(graph: Roadmap, nodes: IntArray) -> IntArray:
-    """Triangles (c,) that a path over nodes (n,) leaves, and the last one's.
+    """Triangles (c,) that a path over nodes (n,) leaves in turn, and the last node's triangle.
 
-    A row of triangles leaves out triangles from which its path turns back.
+    Unlike a row of triangles, they include the triangles from which the path turns back.
     """
     legs, count = np.empty(len(nodes) - 1, dtype=np.int64), 0
     for k in range(len(legs)):

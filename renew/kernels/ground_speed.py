@@ -24,10 +24,11 @@ class Polar(NamedTuple):
     """What the vessel "makes" on a course: its speed over ground (m/s), or what takes its place.
 
     `crab` is True for the exact model, in which the vessel heads into the cross-current, and False
-    for the projected one, as published. If `least` is below `speed`, it chooses its speed v through
-    water between them. Then `price` is μ, `exponent` is k, and it "makes" `scale` divided by the
-    least (vᵏ + μ) / g; `still` is the best v in still water if there were no `least`. If `speed` is
-    below the vessel's highest speed, `no_go` is the highest (m/s): it may cross weaker currents.
+    for the projected one, as published. If `least` is below `speed`, the vessel chooses its speed v
+    through water between the two. Then `price` is μ, `exponent` is k, and the vessel "makes"
+    `scale` divided by the least (vᵏ + μ) / g. `still` is the v that would be best in still water if
+    there were no `least`. If `speed` is below the vessel's highest speed, `no_go` is the highest
+    speed (m/s): the vessel may cross currents weaker than `no_go`.
     """
 
     speed: float

@@ -1,13 +1,13 @@
-"""Find where and when the current temporarily blocks a class's way; no vessel waits for it.
+"""Find where and when the current temporarily blocks the way of a class.
 
 Water is shut while its current is nearly as strong as the vessel is fast, or stronger, in any
-direction. If water is shut only temporarily, a vessel that waits may arrive first; the search, in
-which no vessel waits, gives the best path *without waiting*.
+direction. If water is shut only temporarily, a vessel that waits for it to open may arrive first.
+In the search no vessel waits, so the search gives the best path *without waiting*.
 
 The hours of a class are given at each place on its way, from the vessel's earliest arrival there to
-its latest departure. A route has its own times. On the rough path of a class the vessel is assumed
-to wait wherever it meets shut water until the water opens. So the hours of a rejected class are the
-hours when the vessel would reach the place that blocks it.
+its latest departure. A planned route has its own times. A rejected class has only a rough path. On
+this path the vessel is assumed to wait wherever it meets shut water until the water opens. So the
+hours of a rejected class are the hours when the vessel would reach the place that blocks the class.
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ from renew.voyage.voyage import Voyage
 
 # If no leg is faster than this share of the highest speed, narrower padding is tried.
 _MUCH_LOWER = 0.95
-# Largest number of rounds of the search for a route at one speed, and the relative change of that
-# speed from one round to the next that ends it.
+# The search for a route at one constant speed runs at most this number of rounds. It ends earlier
+# if the speed changes by no more than this share from one round to the next.
 _ONE_SPEED_ROUNDS, _SAME = 4, 1e-7
 
 _PlannerUpTo: TypeAlias = Callable[[float | None], ClassPlanner]

@@ -1,4 +1,4 @@
-"""Round corners that are too sharp for the vessel on their outer side.
+"""Round, on their outer side, the corners of a path that are too sharp for the vessel.
 
 A least-fuel path that wraps the corner of a no-go zone can't be rounded inwards, because the zone
 is there. So a disc of the turning radius is put inside the corner, touching it from within, and the
@@ -19,8 +19,9 @@ from renew.steering.turning_radius import course_changes
 
 # Angle (rad) between the vertices of an arc's polyline (vertices outside the arc, edges tangent).
 _ARC_STEP = math.radians(4)
-# Angle (rad) of a turn the wrong way from which the string really turns by more than half a circle:
-# if the string comes back on its own line, it runs around a disc from one tangent to the other.
+# At a disc the string may seem to turn to the wrong side, because angles are known only up to whole
+# turns. From this angle (rad) on, the string really turns to the disc's side by more than half a
+# circle: it comes back almost on its own line, and runs around the disc.
 _AROUND = math.radians(135)
 
 
@@ -61,10 +62,11 @@ def _turned_to_the_string(
     kept: IntArray,
     courses: FloatArray,
 ) -> FloatArray:
-    """Return centres (n, 2) with each kept disc turned about its corner for corners it covers.
+    """Return centres (n, 2), where each kept disc that covers other corners is turned.
 
-    The disc turns towards the middle of the courses before and behind it, as far as the covered
-    corners stay inside: around several corners the string turns differently than at one.
+    Around several corners the string turns differently than at one. So the disc is turned about its
+    own corner, towards the middle of the courses before and behind the disc. It turns only as far
+    as the other corners stay inside it.
     """
     turned = centres.copy()
     for at in range(1, len(kept) - 1):
@@ -80,7 +82,8 @@ def _turned_to_the_string(
             if apart == 0.0 or away > radius:
                 continue
             has_others = True
-            # The disc covers the corners within this angle of its centre.
+            # Seen from the disc's corner, the disc covers the other corner if the direction to the
+            # centre and the direction to that corner differ by at most `widest`.
             widest, off = math.acos(apart / (2 * radius)), wrapped(math.atan2(dy, dx) - now)
             change = min(max(change, min(off - widest, 0.0)), max(off + widest, 0.0))
         if has_others:
@@ -95,9 +98,10 @@ def _taut(
 ) -> tuple[IntArray, FloatArray, int]:
     """Draw the string: drop discs that the string doesn't touch until it touches all others.
 
-    A disc (n, 2) is passed on one side: 1 turns to port around it, -1 to starboard. Returns the
-    kept discs (m,), the courses (m - 1,), rad, between them, and -1; or, instead of -1, a disc that
-    overlaps the next one, on the other side of the string, too far.
+    At a disc of side 1 the string turns to port, at a disc of side -1 to starboard. Returns the
+    kept discs (m,), the courses (m - 1,), rad, between them, and -1. If two neighbouring discs on
+    opposite sides of the string overlap too far, the first of them is returned in place of the -1;
+    so it is if one of two neighbours lies inside the other, and is the first or the last point.
     """
     kept = np.arange(len(radii))
     courses = np.empty(len(radii) - 1)
@@ -107,7 +111,8 @@ def _taut(
             one, other = kept[k], kept[k + 1]
             dx, dy = centres[other, 0] - centres[one, 0], centres[other, 1] - centres[one, 1]
             apart = math.hypot(dx, dy)
-            # The centres lie side * radius to port of the leg, which turns by the difference.
+            # Each centre lies to port of the leg, by side * radius. The difference of these offsets
+            # is `apart` times the sine of the angle between the leg and the line of centres.
             offset = sides[other] * radii[other] - sides[one] * radii[one]
             if apart == 0.0 or abs(offset) > apart:
                 inner = k if radii[one] < radii[other] else k + 1

@@ -1,9 +1,9 @@
-"""Windows of time in which a vessel may be where it passes, be it early, on time or late.
+"""Windows of time: when a vessel may be at a place on its path, be it early, on time or late.
 
-Padding holds in all of each window. In its window a vessel may also meet an area that is shut, on
-its way or in a turn that it begins there: a full turn may carry it as far as
-:class:`renew.turns.turn_reach.TurnReach` says, for as long as the turn lasts. That is an upper
-bound on where the vessel can be, so a path that is found free of the area is safe.
+The padding of a place holds throughout the window of the place. During the window the vessel may
+also meet a shut area, either on its path or in a turn that it begins at the place. A full turn is
+taken to carry the vessel as far as :class:`renew.turns.turn_reach.TurnReach` says, for as long as
+the turn lasts. The vessel can get no farther, so a path that is found free of the area is safe.
 """
 
 import numpy as np
@@ -24,10 +24,11 @@ _SPACING, _MAX_POINTS = 0.5, 20_000
 def passage_windows(
     voyage: Voyage, path: FloatArray, enter: FloatArray, leave: FloatArray
 ) -> FloatArray:
-    """Windows (n, 2), s, between two places (n, 2) each of a path (m, 2).
+    """Windows (n, 2), s, of the stretches of a path (m, 2) from `enter` to `leave` (n, 2).
 
-    A window opens when the vessel, if early, comes to the first place. It closes when a turn that
-    the vessel, if late, begins at the last place is over. In a steady current any window will do.
+    A window opens when an early vessel comes to the first place of the stretch. A late vessel may
+    begin a turn at the last place; the window closes when this turn is over. In a steady current
+    the times do not matter, and all windows are 0.
     """
     if voyage.current.is_steady or not len(enter):
         return np.zeros((len(enter), 2))
@@ -59,7 +60,8 @@ def meeting(
     early, late = voyage.early_and_late(passed)[0], voyage.early_and_late(passed)[1]
     far = reach(points) if isinstance(reach, TurnReach) else np.full(len(points), reach)
     is_near = shapely.distance(shapely.points(points), area.polygon) <= far + spacing
-    # From the point before to the one behind: between the points it may be in it as well.
+    # The vessel may also be in the area between two points. So each point's time reaches from the
+    # point before it to the point behind it.
     begin = np.append(early[:1], early[:-1])
     end = np.append(late[1:], late[-1:]) + voyage.vessel.turn_period
     met = np.flatnonzero(is_near & (begin < area.end) & (end > area.begin))
@@ -71,7 +73,7 @@ def meeting(
 def _densified(
     line: FloatArray, times: FloatArray, spacing: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Points (m, 2) at most so far apart (m), with their times (m,), s."""
+    """Points (m, 2) on a line, at most `spacing` (m) apart, with their times (m,), s."""
     lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
     pieces = np.maximum(1, np.ceil(lengths / spacing)).astype(int)
     leg = np.repeat(np.arange(len(lengths)), pieces)

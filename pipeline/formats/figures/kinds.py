@@ -35,7 +35,7 @@ class Kind(StrEnum):
 
 
 class Width(StrEnum):
-    """Width of a figure: a journal's column or page, or as large as a screen reads it."""
+    """Width of a figure: a journal's column, a journal's page, or a width that suits a screen."""
 
     COLUMN = "column"
     PAGE = "page"

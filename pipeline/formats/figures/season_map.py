@@ -47,7 +47,10 @@ def overview_figure(
 
 
 def _titles(result: RunResult, season: str) -> tuple[str, str]:
-    """Title of a season (a stand-in with its date); way, length and fuel of its best route."""
+    """Return a season's title, and a line on the way, length and fuel of its best route.
+
+    If the current is not the scenario's first choice, the title names the period of the current.
+    """
     title = result.season_title(season)
     if result.is_stand_in(season) and (period := result.period_text(season)):
         title = f"{title}: current of {period}"

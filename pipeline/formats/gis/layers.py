@@ -214,9 +214,10 @@ LAYERS = (
         "routes",
         "Routes",
         "Least-fuel route of each homotopy class; rank 1 is the season's best. length_m and "
-        "clearance_m are in true metres, fuel and fuel_per_distance in the planner's scaled "
-        "units, optimality_gap is a share of the fuel, collisions counts those of the trials "
-        "hard-over turns that met land or another no-go area.",
+        "clearance_m are in true metres. fuel and fuel_per_distance are in the planner's scaled "
+        "units. optimality_gap is a share of the fuel. trials is the number of hard-over turns "
+        "that were simulated; collisions is the number of these turns that met land or another "
+        "no-go area.",
         "LineString",
         _routes,
     ),

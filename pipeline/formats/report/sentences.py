@@ -61,7 +61,10 @@ class Season:
         if self.is_still or (self.lacks_current and self.best.length_m <= rival.length_m):
             return f"because {self._still(rival)}."
         if self.best.fuel > rival.fuel:  # the sampled method
-            return "because the mean fuel of its class is the least, though not its own."
+            return (
+                "because its class needs the least fuel in the mean, although another route needs "
+                "less than this one."
+            )
         ours, theirs = (_gain(route) for route in (self.best, rival))
         helped = f"the current {_effect_on(ours)} its speed and {_effect_on(theirs)} the other's"
         if self.best.length_m > rival.length_m * (1 + _SAME_LENGTH):
@@ -69,9 +72,9 @@ class Season:
             return f"because {helped}: that outweighs {more} more."
         if self.best.length_m >= rival.length_m * (1 - _SAME_LENGTH):
             return f"because {helped}, over the same distance."
-        but = "and" if ours >= theirs else "which outweighs that"
+        but = "and" if ours >= theirs else "although"
         if _signed(ours) == _signed(theirs):
-            helped, but = f"the current {_effect_on(ours)} the speed on either", "and"
+            helped, but = f"the current {_effect_on(ours)} the speed on either route", "and"
         return f"because {self._shorter(rival)}, {but} {helped}."
 
     def lead(self) -> str:
@@ -178,8 +181,8 @@ class Season:
             )
         else:  # the sampled method chooses by the mean of each class
             needs = (
-                f"was chosen over {other} (rank {rival.rank}) by the mean fuel of its class, "
-                f"although that needs {text.percent(-more)} less fuel"
+                f"was chosen over {other} (rank {rival.rank}) because its class needs the least "
+                f"fuel in the mean, although the other route needs {text.percent(-more)} less fuel"
             )
         longer = best.length_m - rival.length_m
         if abs(longer) < _SAME_LENGTH * best.length_m:
@@ -212,7 +215,7 @@ def clock_text(worth: ClockWorth) -> str:
             ("the shortest safe path", worth.shortest),
         )
     )
-    at = ", at speeds that bring it there in time" if worth.in_time else ""
+    at = ", at speeds that bring the vessel to the goal in time" if worth.in_time else ""
     sailed = f"Sailed in the changing current from the same departure on{at}, {others}."
     if worth.best > (1 + text.USEFUL_GAP) * worth.bound:
         return f"{sailed} There is no useful bound on what a better route could save."

@@ -1,4 +1,7 @@
-"""Which time steps of a dataset make up a season's field, with which weights; or all of a voyage.
+"""Selection of a dataset's time steps.
+
+A season's field is a weighted mean of some steps. A voyage in a changing current takes all steps of
+its time, each as a field of its own.
 
 The service labels the mean of a month or a day with its first moment, that of an hour with its
 first or its middle, and an instantaneous field with its own time. So a step is identified here by a
@@ -19,6 +22,12 @@ _LABEL_FORMATS: dict[StepLength, str] = {
     "day": "%Y-%m-%d",
     "6 hours": "%Y-%m-%dT%H",
     "hour": "%Y-%m-%dT%H",
+}
+_SPOKEN: dict[StepLength, str] = {
+    "month": "a month",
+    "day": "a day",
+    "6 hours": "6 hours",
+    "hour": "an hour",
 }
 _HOURS: dict[StepLength, int] = {"day": 24, "6 hours": 6, "hour": 1}
 
@@ -85,8 +94,8 @@ def select_steps(period: Period, resolution: TimeResolution, method: TimeMethod)
     Raises
     ------
     ValueError
-        There are none: the steps are longer than the period, or it is a climatology, and linear
-        interpolation between its months was asked for.
+        No steps can be selected: the steps are longer than the period, or the dataset is a
+        climatology and linear interpolation between its months was asked for.
     """
     middle = period.begin + (period.end - period.begin) / 2
     if resolution.kind == "climatology":
@@ -102,7 +111,8 @@ def select_steps(period: Period, resolution: TimeResolution, method: TimeMethod)
         starts.append(start)
         start = following
     if not starts:
-        raise ValueError(f"has time steps of a {resolution.length}, which are longer than that")
+        length = _SPOKEN[resolution.length]
+        raise ValueError(f"has time steps of {length}, which are longer than the time asked for")
     return _with_equal_weights(starts, resolution)
 
 
@@ -112,7 +122,7 @@ def select_all_steps(period: Period, resolution: TimeResolution) -> SelectedStep
     Raises
     ------
     ValueError
-        It is a climatology.
+        The dataset is a climatology.
     """
     if resolution.kind == "climatology":
         raise ValueError("is a climatology of months, which does not show how currents change")

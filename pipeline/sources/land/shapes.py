@@ -40,7 +40,7 @@ _QUADRANT_SEGMENTS = 4
 # comes from rounding.
 _GRID_DEG = 1e-7
 NAME_COLUMNS = ("name", "objnam")
-"""Columns that hold names of land, in small letters: everyone's, and that of S-57."""
+"""Columns that hold names of land, in lower case: the usual one, and the one of S-57 charts."""
 
 
 def box_around(region: Polygon, beyond_m: float = BEYOND_M) -> Polygon:
@@ -187,7 +187,8 @@ def named_places(names: Sequence[object], geometries: Geometries) -> Iterator[Pl
         yield PlaceName(text, float(point.x), float(point.y), float(largest.area))
 
 
-# Largest longitude and latitude, degrees: half a turn beyond either way of counting, and rounding.
+# Largest longitude and latitude, degrees. Longitudes are counted to 180 or to 360 degrees, and may
+# lie half a turn beyond either range. Latitudes may lie beyond a pole by rounding.
 MAX_LONLAT = (540.0, 90.01)
 # Names of GDAL's own functions, which open some of its messages.
 _FUNCTION = re.compile(r"\bOGR\w+\(\): ")
@@ -209,7 +210,7 @@ _FOLLOWERS = (
 
 @cache
 def vector_library() -> ModuleType:
-    """Import pyogrio, and take from GDAL the drivers that obey a file."""
+    """Import pyogrio, and remove GDAL's drivers that take a file's content for a command."""
     pyogrio = import_module("pyogrio")
     from pyogrio._ogr import _register_drivers  # it has no public function for this
 

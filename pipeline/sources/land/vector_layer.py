@@ -38,7 +38,8 @@ _MAX_NUMBERS = 3
 class NearbyFeatures:
     """Valid geometries near a box, without collections, in its longitudes.
 
-    `repaired` counts the invalid ones among them; `notes` are about features left out, and doubts.
+    `repaired` counts the geometries that were invalid and have been repaired. `notes` tell which
+    features were left out, and what is doubtful about the others.
     """
 
     geometry: Geometries
@@ -50,8 +51,8 @@ class NearbyFeatures:
 class VectorLayer:
     """A layer of a file, and its CRS; made by :func:`open_layer`.
 
-    `numbers` (n,) are its features' own, `extents` (4, n) their bounds in its CRS: NaN for those
-    without a geometry. `warnings` are GDAL's.
+    `numbers` (n,) are the numbers of the features in the file. `extents` (4, n) are the bounds of
+    the features in the layer's CRS, and NaN for features without a geometry. `warnings` are GDAL's.
     """
 
     path: Path
@@ -121,7 +122,7 @@ class VectorLayer:
             west, south, east, north = self.extents[:, first]
             raise chart_fault(
                 self.path,
-                f"has coordinates that are none of its CRS ({self.crs.name}): feature "
+                f"has coordinates that are impossible in its CRS ({self.crs.name}): feature "
                 f"{self.numbers[first]} lies in {west:g} to {east:g}, {south:g} to {north:g}; "
                 'correct it, or name the right CRS with crs = "EPSG:…"',
             )
@@ -137,13 +138,14 @@ class VectorLayer:
         return np.asarray(self._is_blank | (self.extents == 0).all(axis=0))
 
     def _unread_reason(self) -> str:
-        """Say why features can't be read; empty where those without a geometry never had one."""
+        """Say why features can't be read; empty if no geometry was lost in reading."""
         pyogrio = shapes.vector_library()
 
         if not self._is_suspect.any() or self.numbers.size > _MAX_REREAD:
             return ""
         try:
-            # Without bounds pyogrio returns a feature that it can't read as one without geometry.
+            # If no bounding box is given, pyogrio raises no error for a feature that it can't read:
+            # it returns the feature without a geometry.
             pyogrio.raw.read(self.path, layer=self.name, columns=[], bbox=_EVERYWHERE)
         except pyogrio.errors.FeatureError as error:
             return shapes.one_line(error)

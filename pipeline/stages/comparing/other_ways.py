@@ -30,7 +30,8 @@ from renew.errors import PlanningError, Strait
 from renew.inputs.current import as_field
 from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 
-# Number of lines from the island, in all directions; the suitable one with the least area is used.
+# Number of lines that are drawn from the island in all directions. Each is widened to a strip, and
+# the suitable strip with the least area is used.
 _DIRECTIONS = 72
 # Numbers of cells of the bound's grid, tried in turn until the side is proven. With few cells, the
 # front passes through narrow islands: the bound stays valid, but is lower. Around Palawan, 16,000
@@ -39,16 +40,19 @@ _CELLS = (16_000, 160_000)
 # Width of the strip, as a share of the square root of the chart's area: three cells of the finer
 # grid.
 _WIDTH = 3 / math.sqrt(_CELLS[-1])
-# Minimum size of the land on either side, as a share of the distance between start and goal.
+# Minimum size of the land on either side of a strait, as a share of the distance from start to
+# goal.
 _PART_SHARE = 0.01
 # Largest length of the straight lines through a strait, in lengths of the best route: a much longer
 # way would not need less fuel.
 _LONGER = 1.05
-# Largest distance between a strait's bank and the original land, in sums of margin and tolerance.
+# Largest distance between a strait's bank and the original land, as a multiple of the sum of margin
+# and tolerance.
 _AT_LAND = 1.1
-# Largest width at which a shut strait counts as shut by its own banks, in needed widths; margin,
-# tolerance and plane are exact to that. A wider strait without water is part of enclosed water,
-# which is land to the planner; the straits that enclose this water are found by themselves.
+# Largest width at which a shut strait counts as shut by its own banks, as a multiple of the width
+# that the planner needs. The excess allows for the errors of margin, tolerance and projection. A
+# wider strait without water is part of enclosed water, which is land to the planner. The straits
+# that enclose this water are found separately.
 _COVERED = 1.05
 # Open width below which a gap is an artefact of rounding and not a way, true metres.
 _NO_WATER_M = 1.0

@@ -21,7 +21,7 @@ from pipeline.stages.projecting.speed_choices import speed_choices
 
 
 def fetched_plane(scenario: Scenario) -> Fetched:
-    """Return the obstacles as land, without currents: `plane_scene` reads them."""
+    """Return the obstacles as land, and no currents: `plane_scene` reads the currents later."""
     projection = _projection(scenario)
     credit = Credit(
         name="Obstacles of the scenario", kind="land", text=_plane(scenario).credit, licence=""

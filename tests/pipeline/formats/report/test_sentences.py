@@ -68,8 +68,8 @@ def test_without_another_passage_it_is_compared_with_the_next_best() -> None:
 
 def test_a_route_chosen_by_its_class_is_not_called_cheaper() -> None:
     text = Season([replace(BEST, fuel=1100.0), OTHER]).verdict()[0]
-    assert "was chosen over the best way east of island 1 (rank 3) by the mean fuel of its" in text
-    assert "although that needs 9.1 % less fuel" in text
+    assert "was chosen over the best way east of island 1 (rank 3) because its class needs" in text
+    assert "although the other route needs 9.1 % less fuel" in text
 
 
 def test_the_only_class_and_its_collisions_are_stated() -> None:
@@ -107,14 +107,14 @@ def test_the_reason_is_length_or_the_current() -> None:
     )
     shorter = replace(OTHER, length_m=1_200_000.0, duration_s=1_200_000 / 1.3)
     assert Season([BEST, shorter]).because() == (
-        "because it is 200.0 km shorter than the best way east of island 1, which outweighs that "
+        "because it is 200.0 km shorter than the best way east of island 1, although "
         "the current adds 0.25 m/s to its speed and adds 0.30 m/s to the other's."
     )
     assert Season([BEST]).because() == "because no other class has a route."
     alike = replace(shorter, duration_s=1_200_000 / 1.25)
     assert Season([BEST, alike]).because() == (
         "because it is 200.0 km shorter than the best way east of island 1, and the current adds "
-        "0.25 m/s to the speed on either."
+        "0.25 m/s to the speed on either route."
     )
     unhelped = replace(BEST, speed_m_s=1.251)
     assert "the current adds nothing to its speed and takes" in Season([unhelped, OTHER]).because()
@@ -131,7 +131,7 @@ def test_the_current_is_told_by_each_routes_own_speed() -> None:
 def test_plans_without_a_clock_are_in_time_where_speeds_are_chosen() -> None:
     worth = ClockWorth("summer", 100.0, 110.0, math.inf, 100.0, 90.0, in_time=True)
     text = clock_text(worth)
-    assert "departure on, at speeds that bring it there in time, the plan on the current" in text
+    assert "at speeds that bring the vessel to the goal in time, the plan on the current" in text
     assert "on its mean over the voyage comes too late" in text
     text = clock_text(replace(worth, in_time=False))
     assert "departure on, the plan" in text

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pipeline.scenario.catalogue import StepKind, StepLength
 from pipeline.scenario.season import TimeMethod
-from pipeline.scenario.times import period
+from pipeline.scenario.times import Period, period
 from pipeline.sources.copernicus.steps import TimeResolution, select_steps
 
 MONTHS, DAYS, HOURS = (
@@ -53,6 +53,13 @@ def test_a_day_is_its_own_steps_but_no_month() -> None:
     )
     with pytest.raises(ValueError, match="has time steps of a month, which are longer"):
         select_steps(period("2024-07-15"), MONTHS, "mean")
+
+
+@pytest.mark.parametrize(("length", "words"), [("6 hours", "of 6 hours,"), ("hour", "of an hour,")])
+def test_the_length_of_steps_is_said_in_words(length: StepLength, words: str) -> None:
+    moment = datetime(2024, 7, 15, 12, tzinfo=UTC)
+    with pytest.raises(ValueError, match=words):
+        select_steps(Period(moment, moment), TimeResolution(length, "mean"), "mean")
 
 
 @pytest.mark.parametrize(

@@ -93,8 +93,8 @@ BAD: dict[str, tuple[object, list[str]]] = {
     "unknown type": ({"type": "Circle", "coordinates": RING}, ["Unsupported geometry type"]),
     "NaN": (with_point(119.3, float("nan")), ["no finite number", "feature 1, near 118.6, 9.5"]),
     "infinite": (with_point(119.3, float("inf")), ["feature 1 lies in", "9.5 to inf"]),
-    "far too large": (with_point(1e300, 10.4), ["none of its CRS (WGS 84)", "to 1e+300"]),
-    "beyond a pole": (with_point(119.3, 91.0), ["none of its CRS", "9.5 to 91", "EPSG:"]),
+    "far too large": (with_point(1e300, 10.4), ["impossible in its CRS (WGS 84)", "to 1e+300"]),
+    "beyond a pole": (with_point(119.3, 91.0), ["impossible in its CRS", "9.5 to 91", "EPSG:"]),
     "all far too large": (polygon([[1e12, 1e12]] * 4), ["feature 1 lies in 1e+12 to 1e+12"]),
     "a point without a radius": (
         nested({"type": "Point", "coordinates": [119.8, 10.8]}, 4),
