@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
 
 # Largest number of faults in a message, of characters in a fault, and of characters in a word.
 _MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
@@ -14,6 +15,7 @@ _MIN_ALIKE, _MAX_PLACES = 4, 3
 _PLACE = re.compile(r"\w*\[\d+\]|\b(?:row|line) \d+\b")
 _LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
 _DIGITS = re.compile(r"\d+")
+_Part = TypeVar("_Part")
 
 
 def shortened(text: str) -> str:
@@ -89,6 +91,21 @@ class RequestError(PipelineError):
     def __reduce__(self) -> tuple[type[RequestError], tuple[tuple[str, ...]]]:
         """Keep the faults when the error is pickled by a worker process."""
         return type(self), (self.faults,)
+
+
+class Faults:
+    """The faults of all parts of a request, which are reported together."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def part(self, read: Callable[[], _Part]) -> _Part | None:
+        """Read one part of a request; if it has faults, keep their lines and return None."""
+        try:
+            return read()
+        except RequestError as error:
+            self.lines += error.faults
+            return None
 
 
 class NoWayError(RequestError):

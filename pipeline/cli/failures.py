@@ -13,12 +13,10 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 import typer
-from typer.core import TyperGroup
 
-from pipeline.errors import PipelineError, RequestError, shortened
+from pipeline.errors import PipelineError, RequestError
 
 MESSAGE = "stopped; finished stages are kept, run again to continue"
 # Time for the main thread to clean up, s. Then the process ends, the system releases its locks, and
@@ -155,44 +153,6 @@ def _end(number: int) -> None:
                 stream.write(_SHOW_CURSOR)
             stream.flush()
     os._exit(128 + number)
-
-
-class BriefRefusals(TyperGroup):
-    """A command group with whole sentences in its help, and short arguments in its refusals."""
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - of click, or of typer's own copy of it
-        """List the commands with the whole first paragraph of each one's help."""
-        commands = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
-        with formatter.section("Commands"):
-            formatter.write_dl(
-                [
-                    (name, " ".join((command.help or "").split("\n\n", 1)[0].split()))
-                    for name, command in commands
-                    if command is not None and not command.hidden
-                ]
-            )
-
-    def make_context(self, *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - of click, or of typer's own copy of it
-        """Parse the arguments before the command."""
-        with _brief_refusals():
-            return super().make_context(*args, **kwargs)
-
-    def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - as above
-        """Parse the command's own arguments, and run it."""
-        with _brief_refusals():
-            return super().invoke(ctx)
-
-
-@contextlib.contextmanager
-def _brief_refusals() -> Iterator[None]:
-    """Shorten click's messages about invalid arguments."""
-    try:
-        yield
-    except Exception as error:
-        # Depending on its version, typer raises click's class of usage errors or its own copy.
-        if hasattr(error, "format_message") and isinstance(getattr(error, "message", None), str):
-            error.message = shortened(error.message)  # type: ignore[attr-defined]
-        raise
 
 
 def exit_code_of(error: BaseException) -> int:

@@ -26,9 +26,10 @@ import typer
 
 from pipeline.cli import failures, options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.go import GroupedCommand, go
+from pipeline.cli.go import go
 from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.nightly import app as nightly_app
+from pipeline.cli.usage import BriefRefusals, Command, GroupedCommand
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory
 
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="renew",
-    cls=failures.BriefRefusals,
+    cls=BriefRefusals,
     help="Vessel routes that are safe and cheap in ocean currents.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -86,7 +87,7 @@ def root(
 _MIN_LIMIT_S = 1.0
 
 
-@app.command()
+@app.command(cls=Command)
 def run(
     scenario: options.Scenario,
     *,
@@ -131,7 +132,7 @@ app.command(cls=GroupedCommand)(go)
 app.add_typer(nightly_app, name="nightly")
 
 
-@app.command()
+@app.command(cls=Command)
 def plot(
     scenario: options.Scenario,
     *,
@@ -157,7 +158,7 @@ def plot(
     They show the results of an earlier run; seasons without results are planned first.
     """
     with reported_errors():
-        wanted = _wanted(scenario, output, charts, currents)
+        wanted = _wanted(scenario, output, charts, currents, seasons=season or ())
         from pipeline.cli.plot import plot as plot_scenario
         from pipeline.cli.progress import progress
         from pipeline.machine.paths import short_path
@@ -183,7 +184,7 @@ def plot(
         raise typer.Exit(1 if drawn.failures else 0)
 
 
-@app.command("list")
+@app.command("list", cls=Command)
 def list_entries(*, as_json: options.JsonOnly = False) -> None:
     """List the catalogue: scenarios and what they need, vessels, sources."""
     with reported_errors():
@@ -193,7 +194,7 @@ def list_entries(*, as_json: options.JsonOnly = False) -> None:
         typer.echo(spelled_as_json(entries) if as_json else as_text(entries))
 
 
-@app.command()
+@app.command(cls=Command)
 def show(
     name: Annotated[str, typer.Argument(help="An entry of the catalogue, or a file.")],
 ) -> None:
@@ -206,7 +207,7 @@ def show(
         typer.echo(path.read_text(encoding="utf-8"), nl=False)
 
 
-@app.command()
+@app.command(cls=Command)
 def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")]) -> None:
     """List all faults of a scenario's file; also check that its start and goal are in water."""
     with reported_errors(), still_at_work():
@@ -223,7 +224,7 @@ def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its na
         )
 
 
-@app.command()
+@app.command(cls=Command)
 def clean(
     *,
     output: options.Output = Path("outputs"),
@@ -242,7 +243,7 @@ def clean(
         typer.echo(freed(output, older=older, everything=everything))
 
 
-@app.command()
+@app.command(cls=Command)
 def doctor(
     *,
     output: options.Output = Path("outputs"),
@@ -266,7 +267,7 @@ def doctor(
         raise typer.Exit(exit_code(findings))
 
 
-@app.command()
+@app.command(cls=Command)
 def warm() -> None:
     """Compile the planner's code now, so that the first plan does not have to wait for it."""
     with reported_errors(), still_at_work():
@@ -285,16 +286,29 @@ class _Wanted:
 
 
 def _wanted(
-    asked: str, output: Path, charts: Path | None, currents: Sequence[str] | None
+    asked: str,
+    output: Path,
+    charts: Path | None,
+    currents: Sequence[str] | None,
+    *,
+    seasons: Sequence[str] = (),
 ) -> _Wanted:
     """Load a scenario before slow imports, so that a wrong request is reported at once."""
+    from pipeline.errors import Faults, RequestError
     from pipeline.machine.paths import folder_to_write
     from pipeline.scenario.catalogue import scenario_path
-    from pipeline.scenario.loading import load_scenario
+    from pipeline.scenario.loading import load_scenario, require_seasons
 
-    folder_to_write(output, "--output")
     notes: list[str] = []
-    scenario = load_scenario(asked, charts=charts, currents=currents or (), on_note=notes.append)
+    faults = Faults()
+    faults.part(lambda: folder_to_write(output, "--output"))
+    scenario = faults.part(
+        lambda: load_scenario(asked, charts=charts, currents=currents or (), on_note=notes.append)
+    )
+    if scenario is not None:
+        faults.part(partial(require_seasons, scenario, seasons))
+    if scenario is None or faults.lines:
+        raise RequestError(faults.lines)
     from pipeline.session import Origin
 
     return _Wanted(scenario, Origin.of(scenario_path(asked)), notes)

@@ -10,6 +10,7 @@ import typer
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.log_lines import still_at_work
+from pipeline.cli.usage import Command
 
 app = typer.Typer(
     help="Plan all cases of a night on the newest currents, and publish what changed.",
@@ -35,7 +36,7 @@ OnlyOption = Annotated[
 YesOption = Annotated[bool, typer.Option("--yes", help="Plan more than 100,000 cases.")]
 
 
-@app.command()
+@app.command(cls=Command)
 def check(
     *,
     config: ConfigOption = None,
@@ -57,7 +58,7 @@ def check(
         typer.echo(f"{loaded.path.name}: valid, {len(cases):,} cases ({sizes})")
 
 
-@app.command()
+@app.command(cls=Command)
 def run(
     *,
     config: ConfigOption = None,
@@ -110,7 +111,7 @@ def run(
         raise typer.Exit(outcome.exit_code)
 
 
-@app.command()
+@app.command(cls=Command)
 def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> None:
     """Print the latest cycle, whether a job is at work, and its progress."""
     with reported_errors():
@@ -121,7 +122,7 @@ def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> 
             typer.echo(line)
 
 
-@app.command()
+@app.command(cls=Command)
 def show(
     case: Annotated[str, typer.Argument(help="A case, or the first parts of its name.")],
     *,

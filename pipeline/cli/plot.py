@@ -19,6 +19,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import distance, season_text
 from pipeline.machine.files import whole_file
 from pipeline.run import EventHandler, planned_scenario
+from pipeline.scenario.loading import require_seasons
 from pipeline.scenario.model import Scenario
 from pipeline.session import Origin
 from pipeline.stages.write import output_directory, safe_name
@@ -87,7 +88,7 @@ def plot(
         Nothing could be planned, or the figures can't be written.
     """
     known = [season.name for season in scenario.seasons]
-    _refuse_unknown(seasons, known, scenario.name)
+    require_seasons(scenario, seasons)
     chosen = [name for name in known if not seasons or name in seasons]
     selected = Kind.selected(tuple(kinds))
     planned = partial(
@@ -115,17 +116,6 @@ def plot(
                 _save(drawing, path, f"{about}, {result.season_title(name)}: {kind.value}")
             )
     return Drawn(directory, tuple(files), tuple(failures.values()), tuple(skipped))
-
-
-def _refuse_unknown(seasons: Sequence[str], known: Sequence[str], scenario: str) -> None:
-    """Raise RequestError for names of seasons that a scenario does not have."""
-    faults = [
-        f"{scenario} has no season {name!r}: it has {', '.join(known)}"
-        for name in seasons
-        if name not in known
-    ]
-    if faults:
-        raise RequestError(faults)
 
 
 def _save(drawing: "Figure", path: Path, title: str) -> Path:

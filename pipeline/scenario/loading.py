@@ -4,23 +4,25 @@ The keys of a file are checked first, all at once, then whether its tables go to
 not asked here: `pipeline.stages.choosing.coverage` checks whether their data cover a season.
 """
 
+import glob
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from pipeline.errors import RequestError
+from pipeline.errors import Faults, RequestError
 from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Plane, Region
 from pipeline.scenario.season import Season
-from pipeline.scenario.strict import model_faults
+from pipeline.scenario.strict import looks_like_path, model_faults, near_miss
 
 _AS_PATH = "; write a folder or file as a path: './charts', './field.nc'"
 
@@ -57,14 +59,18 @@ def load_scenario(
         raise RequestError(
             f"{path} is TOML but not a scenario: it has no start, goal or seasons; {EXAMPLE}"
         )
+    faults = Faults()
     if charts is not None:
-        data = _with_chart(data, charts)
+        data = faults.part(partial(_with_chart, data, charts)) or data
     if currents:
-        data, notes = with_currents(data, currents)
+        data, notes = faults.part(partial(with_currents, data, currents)) or (data, [])
         if on_note is not None:
             for note in notes:
                 on_note(note)
-    return parse_scenario(data, path.parent)
+    scenario = faults.part(lambda: parse_scenario(data, path.parent))
+    if scenario is None or faults.lines:
+        raise RequestError(faults.lines)
+    return scenario
 
 
 def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario:
@@ -219,6 +225,40 @@ def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
     return found
 
 
+def require_currents(asked: Sequence[str | Path]) -> None:
+    """Raise RequestError if --currents names a file that can't be read, or an unknown source.
+
+    Patterns of files are looked up later.
+    """
+    known = catalogue.names("sources")
+    faults = []
+    for one in map(str, asked):
+        if one in known or glob.has_magic(one):
+            continue
+        reason = unreadable_reason(resolved(one, "--currents"))
+        if reason == NOT_THERE:
+            hint = "give a NetCDF file or a Zarr store"
+            if not looks_like_path(one):
+                hint = f"it is no source of the catalogue either: {near_miss(one, known)}"
+            reason = f"{reason}; {hint}"
+        if reason:
+            faults.append(f"--currents = '{shown(one)}' {reason}")
+    if faults:
+        raise RequestError(faults)
+
+
+def require_seasons(scenario: Scenario, asked: Sequence[str]) -> None:
+    """Raise RequestError for names of seasons that a scenario does not have."""
+    known = [season.name for season in scenario.seasons]
+    faults = [
+        f"{scenario.name} has no season {name!r}: it has {', '.join(known)}"
+        for name in asked
+        if name not in known
+    ]
+    if faults:
+        raise RequestError(faults)
+
+
 def with_currents(
     data: dict[str, Any], asked: Sequence[str | Path]
 ) -> tuple[dict[str, Any], list[str]]:
@@ -230,6 +270,7 @@ def with_currents(
         raise RequestError(
             "--currents needs a scenario with a [region]; a [plane] gives its current as numbers"
         )
+    require_currents(asked)
     currents = asked_currents(asked)
     given = data.get("seasons")
     seasons = [

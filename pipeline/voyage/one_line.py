@@ -1,19 +1,22 @@
 """Plan a voyage in one call: make its scenario from the request, and run it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import RequestError
-from pipeline.machine.paths import resolved
+from pydantic import TypeAdapter, ValidationError
+
+from pipeline.errors import Faults, RequestError
+from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason
 from pipeline.run import Event, EventHandler, Outcome, ignore, run
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.scenario.loading import asked_currents, parse_scenario
+from pipeline.scenario.loading import asked_currents, parse_scenario, require_currents
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
+from pipeline.scenario.strict import Name
 from pipeline.sources.registry import current_source
 from pipeline.stages.choosing.coverage import are_water_swapped, least_region, require_sailable
 from pipeline.voyage.positions import Position, read_positions, read_via
@@ -174,25 +177,20 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     RequestError
         The message has a line for each fault.
     """
-    faults: list[str] = []
-
-    def part(read: Callable[[], Any]) -> Any:  # noqa: ANN401 - each part has its own type
-        try:
-            return read()
-        except RequestError as error:
-            faults.extend(error.faults)
-            return None
-
-    ends = part(lambda: read_positions(request.positions))
-    via = part(lambda: read_via(request.via, ends[0].lon if ends else 0.0))
-    vessel = part(lambda: _vessel(request))
-    clearance_m = part(lambda: _clearance_m(request.clearance))
-    departing_at = part(lambda: _departing(request))
+    faults = Faults()
+    ends = faults.part(lambda: read_positions(request.positions))
+    via = faults.part(lambda: read_via(request.via, ends[0].lon if ends else 0.0))
+    vessel = faults.part(lambda: _vessel(request))
+    clearance_m = faults.part(lambda: _clearance_m(request.clearance))
+    departing_at = faults.part(lambda: _departing(request))
     is_timed = bool(request.depart or request.until or request.arrive_by)
     is_steady = not is_timed or _is_still(request) or _has_steady_speeds(request)
-    months = part(lambda: _months(request)) if is_steady else []
-    if faults:
-        raise RequestError(faults)
+    months = faults.part(lambda: _months(request)) if is_steady else []
+    files = faults.part(lambda: _files(request))
+    faults.part(lambda: require_currents(request.currents))
+    faults.part(lambda: _require_name(request.name))
+    if faults.lines or ends is None or via is None or vessel is None or files is None:
+        raise RequestError(faults.lines)
     start, goal = ends
     data: dict[str, Any] = {
         "schema_version": 1,
@@ -208,21 +206,14 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
                 **_season(month, title, request, (start, goal)),
                 **(departing_at.passage if departing_at is not None else {}),
             }
-            for month, title in months
+            for month, title in months or []
         ],
     }
     if via:
         data["via"] = [[point.lon, point.lat] for point in via]
-    if request.avoid:
-        data["avoid"] = [{"path": str(resolved(path, "--avoid"))} for path in request.avoid]
     if clearance_m is not None:
         data["planner"] = {"clearance": clearance_m}
-    if request.charts is not None:
-        data["chart"] = {"source": {"path": str(resolved(request.charts, "--charts"))}}
-    if request.depths is not None:
-        chart = data.setdefault("chart", {})
-        chart["depths"] = str(resolved(request.depths, "--depths"))
-    scenario = parse_scenario(data)
+    scenario = parse_scenario({**data, **files})
     notes = tuple(_position_notes(scenario, (*ends, *via)))
     if request.until and _is_still(request):
         notes += (
@@ -249,6 +240,42 @@ def _vessel(request: VoyageRequest) -> VesselSpec:
         # The turning circle is given for the highest speed.
         figures = replace(figures, speed=request.speeds.partition(RANGE)[2])
     return vessel_spec(request.vessel, figures)
+
+
+def _files(request: VoyageRequest) -> dict[str, Any]:
+    """Return the tables of a scenario that name files: its chart and its areas to avoid."""
+    faults = Faults()
+
+    def read(option: str, path: Path, remedy: str) -> str:
+        file = faults.part(lambda: resolved(path, option))
+        if file is not None and (reason := unreadable_reason(file)):
+            remedy = f"; {remedy}" if reason == NOT_THERE else ""
+            faults.lines.append(f"{option} = '{shown(file)}' {reason}{remedy}")
+        return str(file)
+
+    data: dict[str, Any] = {}
+    if request.avoid:
+        remedy = "give a vector file, such as GeoJSON"
+        data["avoid"] = [{"path": read("--avoid", path, remedy)} for path in request.avoid]
+    if request.charts is not None:
+        remedy = "give a vector file, or a folder of S-57 cells"
+        data["chart"] = {"source": {"path": read("--charts", request.charts, remedy)}}
+    if request.depths is not None:
+        remedy = "give a GEBCO or EMODnet grid in NetCDF"
+        data.setdefault("chart", {})["depths"] = read("--depths", request.depths, remedy)
+    if faults.lines:
+        raise RequestError(faults.lines)
+    return data
+
+
+def _require_name(name: str) -> None:
+    """Raise RequestError if a name can't be a scenario's."""
+    try:
+        TypeAdapter(Name).validate_python(name or "unnamed")
+    except ValidationError:
+        raise RequestError(
+            f"--name = {name!r} is not a name: use up to 64 lower-case letters, digits, '-' and '_'"
+        ) from None
 
 
 def _is_still(request: VoyageRequest) -> bool:

@@ -2,13 +2,12 @@
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from pydantic import ValidationError
 
-from pipeline.errors import RequestError
+from pipeline.errors import Faults, RequestError
 from pipeline.machine.paths import expanded, unreadable_reason
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
@@ -99,13 +98,19 @@ def vessel_spec(named: str, figures: VesselFigures) -> VesselSpec:
     RequestError
         None or several of these are given, or one has faults; the message has a line for each.
     """
-    if named and (given := figures.given()):
-        raise RequestError(
-            [f"--vessel {named} and {', '.join(given)} both describe the vessel; leave one out"]
+    if not named:
+        return _from_figures(figures)
+    faults = Faults()
+    read = _from_file if looks_like_path(named) else _from_catalogue
+    vessel = faults.part(lambda: read(named))
+    if given := figures.given():
+        faults.lines.append(
+            f"--vessel {named} and {', '.join(given)} both describe the vessel; leave one out"
         )
-    if named:
-        return _from_file(named) if looks_like_path(named) else _from_catalogue(named)
-    return _from_figures(figures)
+        _figures(figures, faults.lines)
+    if vessel is None or faults.lines:
+        raise RequestError(faults.lines)
+    return vessel
 
 
 def _from_catalogue(name: str) -> VesselSpec:
@@ -132,39 +137,42 @@ def _from_file(path: str) -> VesselSpec:
 def _from_figures(figures: VesselFigures) -> VesselSpec:
     """Return the vessel given by figures; its turn rate is speed divided by turning radius."""
     faults: list[str] = []
-
-    def read(option: str, text: str, reader: Callable[[str], float]) -> float:
-        try:
-            value = reader(text)
-            if value <= 0:
-                faults.append(f"{option} {text} is not above 0; give a larger figure")
-        except ValueError as error:
-            faults.append(f"{option} {error}")
-            return math.nan
-        return value
-
     needed = ("speed", "length", "turning_circle")
     lacking = [f"--{name.replace('_', '-')}" for name in needed if not getattr(figures, name)]
     if lacking:
         which = "no vessel" if not figures.given() else f"the vessel lacks {', '.join(lacking)}"
         faults.append(f"{which}; {_REMEDY}")
-    data: dict[str, Any] = {}
-    if figures.speed:
-        data["speed_m_s"] = read("--speed", figures.speed, speed_m_s)
-    if figures.length:
-        data["length_m"] = read("--length", figures.length, length_m)
-    if figures.draught:
-        data["draught_m"] = read("--draught", figures.draught, length_m)
-    circle_m = math.nan
-    if figures.turning_circle:
-        circle_m = read("--turning-circle", figures.turning_circle, length_m)
+    data = _figures(figures, faults)
     if faults:
         raise RequestError(faults)
+    circle_m = data.pop("turning_circle_m")
     radius_m = circle_m / 2
     data["turn_rate_deg_s"] = math.degrees(data["speed_m_s"] / radius_m)
     data["fuel_exponent"] = _FUEL_EXPONENT
     data["origin"] = f"Figures of the request; turning circle {circle_m:g} m; propeller law"
     return _validated(data, "")
+
+
+def _figures(figures: VesselFigures, faults: list[str]) -> dict[str, Any]:
+    """Read the figures that were given, in SI units; add errors to `faults`."""
+    given: dict[str, Any] = {}
+    readers = (
+        ("speed_m_s", "--speed", figures.speed, speed_m_s),
+        ("length_m", "--length", figures.length, length_m),
+        ("draught_m", "--draught", figures.draught, length_m),
+        ("turning_circle_m", "--turning-circle", figures.turning_circle, length_m),
+    )
+    for key, option, text, reader in readers:
+        if not text:
+            continue
+        try:
+            given[key] = reader(text)
+        except ValueError as error:
+            faults.append(f"{option} {error}")
+        else:
+            if given[key] <= 0:
+                faults.append(f"{option} {text} is not above 0; give a larger figure")
+    return given
 
 
 def _validated(data: dict[str, Any], prefix: str) -> VesselSpec:

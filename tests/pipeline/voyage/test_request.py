@@ -18,6 +18,7 @@ from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
 from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
+_HOURLY = "copernicus-total-hourly"
 PALAWAN = VoyageRequest(("120.30,12.80", "116.80,7.70"), "usv-7m", months=("2024-07",))
 
 
@@ -98,7 +99,7 @@ def test_a_departure_lets_the_currents_of_a_file_change(tmp_path: Path) -> None:
 
 def test_the_end_of_a_window_is_a_departure_to_choose_from() -> None:
     """A step of half an hour goes from 06:00 to 07:30; the window ends at 07:50."""
-    asked = replace(PALAWAN, months=(), currents=("tide.nc",), depart="2026-11-22T06:00Z")
+    asked = replace(PALAWAN, months=(), currents=(_HOURLY,), depart="2026-11-22T06:00Z")
     (season,) = voyage_scenario(replace(asked, until="2026-11-22T07:50Z"))[0].seasons
     assert season.departures is not None
     assert season.departures.seconds == (0.0, 1800.0, 3600.0, 5400.0, 6600.0)
@@ -155,7 +156,7 @@ def test_a_departure_alone_takes_the_services_hours_with_tide(speeds: str) -> No
 def test_departures_that_say_too_little_or_too_much(
     changes: dict[str, object], words: list[str]
 ) -> None:
-    asked = replace(PALAWAN, months=(), depart="2026-11-22T06:00Z", currents=("./tide.nc",))
+    asked = replace(PALAWAN, months=(), depart="2026-11-22T06:00Z", currents=(_HOURLY,))
     with pytest.raises(RequestError) as caught:
         voyage_scenario(replace(asked, **changes))  # type: ignore[arg-type]
     assert len(caught.value.faults) == len(words)
