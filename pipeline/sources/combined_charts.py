@@ -163,7 +163,7 @@ class SoundedChart:
             return
         rows, columns = np.searchsorted(heights.lat, lat), np.searchsorted(heights.lon, lon)
         height_m = heights.height_m[np.ix_(rows, columns)]
-        known = np.isfinite(height_m) & ~LandMask.from_land(land, region.bounds).on_grid(lon, lat)
+        known = np.isfinite(height_m) & ~LandMask.of(land.polygons, region.bounds).on_grid(lon, lat)
         dry = float((height_m[known] > 0).mean()) if known.sum() >= _MIN_PLACES else 0.0
         if dry > _MAX_DRY_SHARE:
             sign = "up" if self.file.sign > 0 else "down"

@@ -96,7 +96,7 @@ class EmbeddedTable(CurrentSource):
             licence=entry.licence,
             url=entry.url,
         )
-        mask = LandMask.from_land(land, region.bounds)
+        mask = LandMask.of(land.polygons, region.bounds)
         lacking = water_without_data(Field(lon, lat, u, v), mask, region)
         notes = (lacking.note,) if lacking else ()
         return CurrentGrid(season.name, lon, lat, u[None], v[None], entry.valid, credit, notes)

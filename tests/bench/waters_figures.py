@@ -120,7 +120,7 @@ def drawn(seed: int) -> DrawnWater:
         voyage = Voyage.between(*ends)
 
         def mask_of(bounds: tuple[float, float, float, float]) -> LandMask:
-            return LandMask.from_land(osm.land(shapely.box(*bounds)), bounds)
+            return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)
 
         bounds = choose_region(voyage, mask_of, _WORLD).bounds
         water = DrawnWater(f"water {seed}", bounds, *ends, spec)

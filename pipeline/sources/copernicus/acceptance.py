@@ -104,7 +104,7 @@ def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
     except ValueError as error:
         raise StageError(f"{path.name}: {error}") from None
     if fields is not None:
-        mask = LandMask.from_land(land, expected.region.bounds)
+        mask = LandMask.of(land.polygons, expected.region.bounds)
         first = next(fields.at_each_time())
         faults = _missing_chunk_faults(first, expected, mask) + faults + _gap_faults(first, mask)
         if not faults:

@@ -9,16 +9,16 @@ offset where the gaps match the land better.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from pipeline._types import BoolArray, FloatArray, IndexArray
+from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.model import Land, Note
+from pipeline.model import Note
 
 # Depth above which a level counts as the surface, m: the uppermost level of ocean models is
 # 0.5 to 1.5 m deep.
@@ -58,15 +58,17 @@ class LandMask:
     bounds: tuple[float, float, float, float]
 
     @classmethod
-    def from_land(cls, land: Land, bounds: tuple[float, float, float, float]) -> LandMask:
-        """Make a mask of land polygons, known in the region that they were fetched for."""
-        polygons = np.array(land.polygons, dtype=object)
+    def of(
+        cls, polygons: Geometries | Sequence[Polygon], bounds: tuple[float, float, float, float]
+    ) -> LandMask:
+        """Make a mask of land polygons (n,), known in the bounds that they were read for."""
+        land = np.asarray(polygons, dtype=object)
 
         def is_land(lon: FloatArray, lat: FloatArray) -> BoolArray:
             found = np.zeros(lon.size, dtype=bool)
             # A tree of the points, not of the land: the geometries searched for are prepared.
             tree = shapely.STRtree(shapely.points(lon, lat))
-            found[np.unique(tree.query(polygons, predicate="intersects")[1])] = True
+            found[np.unique(tree.query(land, predicate="intersects")[1])] = True
             return found
 
         return cls(is_land, bounds)

@@ -15,15 +15,15 @@ from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
 from pipeline.model import Note, Place
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
+from pipeline.sources.land import osm
 from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
 from pipeline.stages.choosing.region_choice import RegionChoice, Voyage, choose_region
 
-# Distance between start and goal, m, below which the chart's polygons are used instead of the land
-# mask, whose cells of 500 m are too coarse there.
-_FINE_M = 50_000.0
+# Least extent of the world's land that matters to the choice, as a share of the direct line's.
+_LEAST_LAND = 1 / 600
 SIDES = ("west", "south", "east", "north")
 """The sides of bounds, in their order."""
 
@@ -71,11 +71,13 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     voyage = max(parts, key=lambda part: part.distance_m)
     source = land_source(scenario.chart, scenario.vessel.draught_m)
     is_world = all(one.name == "osm-land" for one in scenario.chart.source)
+    least_deg = _LEAST_LAND * voyage.distance_m / METRES_PER_DEGREE
 
     def mask_of(bounds: Bounds) -> LandMask:
-        if is_world and voyage.distance_m > _FINE_M:
-            return LandMask.world()
-        return LandMask.from_land(source.land(shapely.box(*bounds)), bounds)
+        box = shapely.box(*bounds)
+        if is_world:
+            return LandMask.of(osm.polygons_near("Osm", box, least_deg)[0].polygons, bounds)
+        return LandMask.of(source.land(box).polygons, bounds)
 
     stops = tuple(scenario.stops.values())
     key = artefact_key("region", source.identity, *stops, coverage.bounds)

@@ -6,17 +6,17 @@ best route comes near the region's edge, :mod:`pipeline.stages.choosing.region` 
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from pipeline._types import FloatArray, IndexArray
+from pipeline._types import FloatArray
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.quality.field import LandMask
-from pipeline.stages.choosing.water_grid import LonLat, WaterGrid, Way
+from pipeline.stages.choosing.water_grid import Cell, LonLat, WaterGrid, Way
 
 # Margin around endpoints, ways and islands: a share of the distance between start and goal, and its
 # minimum, m.
@@ -111,25 +111,22 @@ def choose_region(
         searched = _within(widened_by(bounds_of(voyage.direct), reach_m), limits)
         grid = WaterGrid.of(mask_of(searched), searched)
         start, goal = grid.water_near(*voyage.start), grid.water_near(*voyage.goal)
-        shortest = None if start is None or goal is None else grid.shortest_way(start, goal)
-        if shortest is not None:
-            return _around_ways(voyage, grid, shortest, limits)
+        if start is not None and goal is not None and (ways := grid.ways(start, goal)):
+            return _around_ways(voyage, grid, (start, goal), ways[0], limits)
         reach_m *= _FURTHER
     # The coarse grid has no way, as through a canal; the planner may find one on the real coast.
     return RegionChoice(_region(voyage, [bounds_of(voyage.direct)], limits))
 
 
-def _around_ways(voyage: Voyage, grid: WaterGrid, shortest: Way, limits: Bounds) -> RegionChoice:
+def _around_ways(
+    voyage: Voyage, grid: WaterGrid, ends: tuple[Cell, Cell], shortest: Way, limits: Bounds
+) -> RegionChoice:
     """Choose a region that holds the shortest way, and the ways round the islands beside it."""
-    start, goal = shortest.ends
     places = [bounds_of(np.array([voyage.start, voyage.goal])), grid.bounds_of(shortest.cells)]
-    for island, barriers in _islands_between(voyage, grid):
-        ways = [grid.shortest_way(start, goal, barrier) for barrier in barriers]
-        if all(
-            way is not None and way.length_m <= _LONGEST_WAY * shortest.length_m for way in ways
-        ):
-            places += [grid.bounds_of(way.cells) for way in ways if way is not None]
-            places.append(grid.bounds_of_island(island))
+    for island in _islands_between(voyage, grid):
+        ways = grid.ways(*ends, island)
+        if len(ways) > 1 and ways[-1].length_m <= _LONGEST_WAY * shortest.length_m:
+            places += [*(grid.bounds_of(way.cells) for way in ways), grid.bounds_of_island(island)]
     far_sides, tried = list[FarSide](), set[int]()
     for _ in range(_MAX_ISLANDS):
         cut = grid.islands_cut_by(_region(voyage, places, limits))
@@ -137,12 +134,13 @@ def _around_ways(voyage: Voyage, grid: WaterGrid, shortest: Way, limits: Bounds)
         if not island:
             break
         tried.add(island)
-        way = grid.shortest_way(start, goal, _barrier_before(grid, island, shortest))
-        if way is None:
+        ways = grid.ways(*ends, island)
+        if len(ways) == 1:
             continue
+        way, bounds = ways[-1], grid.bounds_of_island(island)
         ratio = way.length_m / _DETOUR / shortest.length_m
         if ratio <= _FAR_WAY:
-            places += [grid.bounds_of(way.cells), grid.bounds_of_island(island)]
+            places += [grid.bounds_of(way.cells), bounds]
         else:
             far_sides.append(FarSide(*grid.place_on(island), ratio))
     return RegionChoice(_region(voyage, places, limits), tuple(far_sides))
@@ -155,53 +153,13 @@ def _region(voyage: Voyage, places: Sequence[Bounds], limits: Bounds) -> Bounds:
     return _within(rounded_outward(widened_by(hull, voyage.margin_m)), limits)
 
 
-def _islands_between(voyage: Voyage, grid: WaterGrid) -> Iterator[tuple[int, list[IndexArray]]]:
-    """Yield the largest islands on the direct line, with a barrier on the left and on the right.
-
-    A barrier leads from the island to the grid's edge, perpendicular to the direct line. A way that
-    does not cross the barrier passes the island on the other side.
-    """
+def _islands_between(voyage: Voyage, grid: WaterGrid) -> list[int]:
+    """Return the largest islands on the direct line, the largest first."""
     cells = grid.cells(voyage.direct)
-    met = grid.islands[cells[:, 0], cells[:, 1]]
-    numbers, size = np.unique(grid.islands[grid.islands > 0], return_counts=True)
-    on_way = [(n, -count) for n, count in zip(numbers, size, strict=True) if n in set(met)]
-    inner = [int(n) for n, _ in sorted(on_way, key=lambda it: it[1]) if not grid.leaves(int(n))]
-    for island in inner[:_MAX_ISLANDS]:
-        middle = cells[np.flatnonzero(met == island)]
-        yield island, list(_barriers(grid, middle[len(middle) // 2], cells))
-
-
-def _barriers(grid: WaterGrid, middle: IndexArray, line: IndexArray) -> Iterator[IndexArray]:
-    """Yield the cells of both perpendiculars to a line of cells, from a cell to the grid's edge."""
-    along = line[-1] - line[0]
-    across = np.array([-along[1], along[0]])
-    for side in (across, -across):
-        yield _ray(grid, middle, side)
-
-
-def _barrier_before(grid: WaterGrid, island: int, way: Way) -> IndexArray:
-    """Return the cells of a ray from an island across a way, to the grid's edge.
-
-    A way that does not cross this ray passes the island on the other side.
-    """
-    from scipy.spatial import KDTree
-
-    cells = np.argwhere(grid.islands == island)
-    apart, nearest = KDTree(cells).query(way.cells)
-    beside = int(apart.argmin())
-    begin = cells[nearest[beside]]
-    return _ray(grid, begin, way.cells[beside] - begin)
-
-
-def _ray(grid: WaterGrid, begin: IndexArray, towards: IndexArray) -> IndexArray:
-    """Return the cells (n, 2) from a cell in a direction, to the grid's edge."""
-    side = towards / max(float(np.hypot(*towards)), 1e-9)
-    shape = np.array(grid.is_water.shape)
-    # Half steps, so that no cell on the ray is left out.
-    steps = np.arange(0, 2 * shape.sum()) / 2
-    ray = np.rint(begin + steps[:, None] * side).astype(np.intp)
-    inside = ((ray >= 0) & (ray < shape)).all(axis=1)
-    return np.asarray(ray[: int(inside.argmin()) if not inside.all() else None])
+    met = np.unique(grid.islands[cells[:, 0], cells[:, 1]])
+    size = np.bincount(grid.islands.ravel())
+    largest = sorted((int(one) for one in met if one), key=lambda one: -size[one])
+    return [one for one in largest if not grid.leaves(one)][:_MAX_ISLANDS]
 
 
 def bounds_of(lonlat: FloatArray) -> Bounds:

@@ -31,12 +31,6 @@ class Way:
     cells: IndexArray
     length_m: float
 
-    @property
-    def ends(self) -> tuple[Cell, Cell]:
-        """Return the first and the last cell."""
-        (row, column), (last_row, last_column) = self.cells[[0, -1]].tolist()
-        return (row, column), (last_row, last_column)
-
 
 @dataclass(frozen=True)
 class WaterGrid:
@@ -123,49 +117,69 @@ class WaterGrid:
         largest = sorted((int(one) for one in cut if one), key=lambda one: -size[one])
         return [one for one in largest if not self.leaves(one)]
 
-    def shortest_way(
-        self, start: Cell, goal: Cell, barrier: IndexArray | None = None
-    ) -> Way | None:
-        """Return the shortest way through water that avoids a barrier's cells (n, 2), or None.
+    def ways(self, start: Cell, goal: Cell, island: int = 0) -> list[Way]:
+        """Return the shortest way between two cells of water; with an island, on either side of it.
 
         Steps go to the eight neighbours. A diagonal step needs water in both cells beside it, so
-        that no way passes between cells of land or a barrier that touch at a corner.
+        that no way passes between cells of land that touch at a corner.
+
+        With an island there are up to two ways, the shorter one first. A ray leads from the island
+        to the east. Ways that cross it an even number of times pass the island on one side, the
+        others on the other. So the search is on two copies of the cells, and a step across the ray
+        leads from one copy to the other.
         """
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import dijkstra
 
-        open_water = self.is_water.copy()
-        if barrier is not None:
-            open_water[barrier[:, 0], barrier[:, 1]] = False
-        open_water[start] = open_water[goal] = True
-        number = np.arange(open_water.size).reshape(open_water.shape)
+        size, width = self.is_water.size, len(self.lon)
+        here, there, length = self._two_copies(island) if island else self._steps
+        nodes = 2 * size if island else size
+        graph = coo_array((length, (here, there)), shape=(nodes, nodes)).tocsr()
+        origin, target = (row * width + column for row, column in (start, goal))
+        reached, before = dijkstra(graph, directed=False, indices=origin, return_predecessors=True)
+        found = []
+        for end in range(target, nodes, size):
+            if not np.isfinite(reached[end]):
+                continue
+            cells = [end]
+            while cells[-1] != origin:
+                cells.append(int(before[cells[-1]]))
+            places = np.array(cells[::-1]) % size
+            found.append(Way(np.stack(np.divmod(places, width), axis=1), float(reached[end])))
+        return sorted(found, key=lambda way: way.length_m)
+
+    def _two_copies(self, island: int) -> tuple[IndexArray, IndexArray, FloatArray]:
+        """Return the steps on two copies of the cells, and between them across an island's ray."""
+        (here, there, length), (size, width) = self._steps, (self.is_water.size, len(self.lon))
+        cells = np.argwhere(self.islands == island)
+        row, column = cells[cells[:, 1].argmax()]
+        # The ray lies between two rows: a step from one to the other crosses it.
+        crosses = (here // width == row) & (here % width > column) & (there // width > row)
+        return (
+            np.concatenate([here, here + size]),
+            np.concatenate([there + size * crosses, there + size * ~crosses]),
+            np.tile(length, 2),
+        )
+
+    @cached_property
+    def _steps(self) -> tuple[IndexArray, IndexArray, FloatArray]:
+        """Cells from which and to which steps lead (n,), numbered row by row, and lengths, m."""
+        number = np.arange(self.is_water.size).reshape(self.is_water.shape)
         up = float(self.lat[1] - self.lat[0]) * METRES_PER_DEGREE
         across = float(self.lon[1] - self.lon[0]) * np.cos(np.radians(self.lat)) * METRES_PER_DEGREE
-        across = np.broadcast_to(across[:, None], open_water.shape)
+        across = np.broadcast_to(across[:, None], number.shape)
         here, there, length = [], [], []
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            first, second = _shifted(open_water, down, right)
+            first, second = _shifted(self.is_water, down, right)
             passable = first & second
             if down and right:
-                passable &= _corner(open_water, right)
+                passable &= _corner(self.is_water, right)
             one, other = _shifted(number, down, right)
             steps = np.hypot(down * up, right * _shifted(across, down, right)[0])
             here.append(one[passable])
             there.append(other[passable])
             length.append(np.broadcast_to(steps, passable.shape)[passable])
-        graph = coo_array(
-            (np.concatenate(length), (np.concatenate(here), np.concatenate(there))),
-            shape=(open_water.size, open_water.size),
-        ).tocsr()
-        origin, target = int(number[start]), int(number[goal])
-        distance, before = dijkstra(graph, directed=False, indices=origin, return_predecessors=True)
-        if not np.isfinite(distance[target]):
-            return None
-        cells = [target]
-        while cells[-1] != origin:
-            cells.append(int(before[cells[-1]]))
-        found = np.stack(np.divmod(np.array(cells[::-1]), open_water.shape[1]), axis=1)
-        return Way(found, float(distance[target]))
+        return np.concatenate(here), np.concatenate(there), np.concatenate(length)
 
 
 def _shifted(

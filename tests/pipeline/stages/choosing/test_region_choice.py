@@ -172,3 +172,14 @@ def test_real_islands_beside_the_line_are_whole(
     number = int(grid.islands[row, column])
     assert number
     assert not grid.leaves(number)
+
+
+def test_islands_behind_an_end_are_not_taken_for_islands_between() -> None:
+    """Luzon lies behind the start: ways round it are more than thrice as long."""
+    world = LandMask.world()
+    voyage = Voyage.between((120.30, 12.80), (116.80, 7.70))
+    (west, south, east, north), far_sides = choose_region(voyage, lambda _: world, WORLD)
+    assert (east - west) * (north - south) < 50
+    assert north < 15
+    luzon = min(far_sides, key=lambda side: math.hypot(side.lon - 121.0, side.lat - 16.0))
+    assert luzon.ratio > 3

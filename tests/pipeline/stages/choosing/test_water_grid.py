@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -47,23 +49,67 @@ def oracle(is_water: np.ndarray, start: tuple[int, int], goal: tuple[int, int]) 
 def test_the_way_is_as_short_as_that_of_another_search(is_water: np.ndarray) -> None:
     start, goal = (0, 0), (SHAPE[0] - 1, SHAPE[1] - 1)
     is_water[start] = is_water[goal] = True
-    way = near_the_equator(is_water).shortest_way(start, goal)
+    ways = near_the_equator(is_water).ways(start, goal)
     known = oracle(is_water, start, goal)
-    if way is None or known is None:
-        assert way is None
-        assert known is None
+    if known is None:
+        assert not ways
         return
+    [way] = ways
     assert way.length_m == pytest.approx(known * METRES_PER_DEGREE / 100, rel=1e-6)
     assert is_water[way.cells[:, 0], way.cells[:, 1]].all()
     assert way.cells[0].tolist() == list(start)
     assert way.cells[-1].tolist() == list(goal)
 
 
-def test_a_barrier_of_cells_that_touch_by_a_corner_is_tight() -> None:
-    grid = near_the_equator(np.ones((9, 9), dtype=bool))
-    diagonal = np.stack([np.arange(9), np.arange(9)], axis=1)
-    assert grid.shortest_way((8, 0), (0, 8), diagonal) is None
-    assert grid.shortest_way((8, 0), (0, 8), diagonal[:-1]) is not None
+def swept(cells: np.ndarray, centre: np.ndarray) -> float:
+    """Return the angle that a way of cells (n, 2) sweeps as seen from a place (2,), radians."""
+    y, x = (cells - centre).T
+    return float(np.diff(np.unwrap(np.arctan2(y, x))[[0, -1]])[0])
+
+
+def shortest_on_each_side(
+    is_water: np.ndarray, start: tuple[int, int], goal: tuple[int, int], island: np.ndarray
+) -> list[float]:
+    """Return lengths in cells by a search on pairs of cell and parity, with a ray to the north."""
+    row, column = island[island[:, 0].argmax()].tolist()
+    graph = nx.Graph()
+    for r, c in np.argwhere(is_water).tolist():
+        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            beside = [(r + down, c), (r, c + right), (r + down, c + right)]
+            if all(
+                0 <= y < is_water.shape[0] and 0 <= x < is_water.shape[1] and is_water[y, x]
+                for y, x in beside
+            ):
+                crosses = min(c, c + right) == column and right != 0 and r + down / 2 > row
+                for parity in (0, 1):
+                    there = (r + down, c + right, parity ^ crosses)
+                    graph.add_edge((r, c, parity), there, weight=np.hypot(down, right))
+    lengths = []
+    for parity in (0, 1):
+        with contextlib.suppress(nx.NetworkXNoPath, nx.NodeNotFound):
+            ends = (*start, 0), (*goal, parity)
+            lengths.append(float(nx.shortest_path_length(graph, *ends, weight="weight")))
+    return sorted(lengths)
+
+
+@given(arrays(np.bool_, SHAPE, elements=st.sampled_from([True, True, True, True, False])))
+@settings(max_examples=60)
+def test_ways_on_both_sides_are_as_short_as_those_of_another_search(is_water: np.ndarray) -> None:
+    start, goal = (0, 0), (SHAPE[0] - 1, SHAPE[1] - 1)
+    is_water[start] = is_water[goal] = True
+    is_water[3, 4] = False
+    grid = near_the_equator(is_water)
+    number = int(grid.islands[3, 4])
+    island = np.argwhere(grid.islands == number)
+    ways = grid.ways(start, goal, number)
+    known = shortest_on_each_side(is_water, start, goal, island)
+    assert [way.length_m for way in ways] == pytest.approx(
+        [length * METRES_PER_DEGREE / 100 for length in known], rel=1e-6
+    )
+    if len(ways) == 2:
+        turns = (swept(ways[0].cells, island[0]) - swept(ways[1].cells, island[0])) / (2 * np.pi)
+        assert round(turns) % 2 == 1
+        assert turns == pytest.approx(round(turns))
 
 
 def test_cells_are_square_on_the_ground_and_water_is_found_near_a_harbour() -> None:
