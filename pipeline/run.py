@@ -2,6 +2,7 @@
 
 import contextlib
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -259,6 +260,9 @@ class _Stages:
             parts = fetch(scenario, store, offline=options.offline, strict=options.strict)
             for note in parts.fetched.notes:
                 say(note)
+        if store.has_made:
+            # Then all later artefacts are made, too. The stages before "plan" leave a core idle.
+            threading.Thread(target=load_libraries).start()
         with self._stage("simplify") as say:
             land = simplify(scenario, parts.land, store)
             for note in land.value.notes:

@@ -69,11 +69,13 @@ class Store:
     """Artefacts in a folder, one file each.
 
     `owner` is the name of the scenario whose run writes to it; it begins unfinished files' names.
+    `has_made` tells whether an artefact was missing so far.
     """
 
     def __init__(self, root: Path, owner: str = "") -> None:
         self.root = root
         self.owner = owner
+        self.has_made = False
 
     def path(self, stage: str, key: str) -> Path:
         """Return the path of an artefact, whether it exists or not."""
@@ -95,6 +97,7 @@ class Store:
         """Load an artefact, or make and save it."""
         found = self.load(stage, key, kind)
         if found is None:
+            self.has_made = True
             found = make()
             self.save(stage, key, found)
         return found

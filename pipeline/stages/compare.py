@@ -1,5 +1,6 @@
 """Sixth stage: compare the routes of all seasons, and name the way that each takes."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -29,12 +30,22 @@ def compare(
     options, scene = chosen.scenario.planner, chosen.scene.value
     plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
     named = with_way_names(planned.value.evaluation, scene, plans, chosen.parts.fetched.land.places)
-    sides = store.made(
-        "sides", tuple, (*inputs, options.drift), lambda: side_bounds(scene, plans, named, options)
-    ).value
-    straits = store.made(
-        "straits", tuple, inputs, lambda: shut_straits(scene, land.value.simplified, plans, options)
-    ).value
+    # Straits are found while the other cores bound the sides.
+    with ThreadPoolExecutor(max_workers=1) as pool:
+        found = pool.submit(
+            store.made,
+            "straits",
+            tuple,
+            inputs,
+            lambda: shut_straits(scene, land.value.simplified, plans, options),
+        )
+        sides = store.made(
+            "sides",
+            tuple,
+            (*inputs, options.drift),
+            lambda: side_bounds(scene, plans, named, options),
+        ).value
+        straits = found.result().value
     result = RunResult(
         chosen.scenario,
         chosen.parts.fetched,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -149,12 +150,13 @@ class ClassPlanner:
 
     def unpadded_fuel(self, channel: Channel) -> float:
         """Return a class's least fuel without any padding, or inf if it has no path even then."""
-        corridor = self.corridor(channel)
-        bare = corridor.with_padding(
-            [replace(one, padding=np.zeros(len(one.edge))) for one in corridor.paddings]
-        )
+
+        def bare(own: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
+            edges = self._beside(own, voyage, path)
+            return replace(edges, padding=np.zeros(len(edges.edge)))
+
         try:
-            _, path = path_from(bare, near_rough, self.growth)
+            _, path = path_from(self._corridor(channel, bare), near_rough, self.growth)
         except InfeasibleError:
             return math.inf
         voyage = self.problem.voyage
@@ -162,10 +164,16 @@ class ClassPlanner:
 
     def corridor(self, channel: Channel) -> Corridor:
         """Return the corridor in which a class's paths are planned."""
+        return self._corridor(channel, self._padded)
+
+    def _corridor(
+        self, channel: Channel, padded_edges: Callable[[Channel, Voyage, FloatArray], PaddedEdges]
+    ) -> Corridor:
+        """Return a class's corridor with the padding of each part between two stops."""
         voyage, triangulation = self.problem.voyage, self.problem.triangulation
         parts = voyage.parts(channel.rough_path(voyage.start, voyage.goal))
         padded = [
-            self._padded(own, *part)
+            padded_edges(own, *part)
             for own, part in zip(channel.parts or (channel,), parts, strict=True)
         ]
         region = np.array(list(region_of(triangulation, channel)))
@@ -182,13 +190,17 @@ class ClassPlanner:
 
     def _padded(self, channel: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
         """Return the padding beside a channel without via points, for a path (n, 2)."""
-        middle = channel.midline(voyage.start, voyage.goal)
-        windows = passage_windows(voyage, path, middle[:-1], middle[1:])
-        padded = self._model.padded_edges(channel, voyage.start, voyage.goal, windows)
+        padded = self._beside(channel, voyage, path)
         options, triangulation = self.options, self.problem.triangulation
         return with_clearance(
             padded, options.clearance, options.narrow_share, channel, voyage, triangulation
         )
+
+    def _beside(self, channel: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
+        """Return the padding for turns beside a channel without via points, for a path (n, 2)."""
+        middle = channel.midline(voyage.start, voyage.goal)
+        windows = passage_windows(voyage, path, middle[:-1], middle[1:])
+        return self._model.padded_edges(channel, voyage.start, voyage.goal, windows)
 
     def _found(self, corridor: Corridor, near: FloatArray | None) -> ClassPath:
         """Return the best path of a corridor, near the path found with less padding, if any."""
