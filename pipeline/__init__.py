@@ -3,8 +3,6 @@
 The only package that deals with files, coordinate reference systems, the network and Dask.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """The errors that end a run, and limits on the length of their messages."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
@@ -88,7 +86,7 @@ class RequestError(PipelineError):
         self.faults = condensed([faults] if isinstance(faults, str) else faults)
         super().__init__("\n".join(self.faults))
 
-    def __reduce__(self) -> tuple[type[RequestError], tuple[tuple[str, ...]]]:
+    def __reduce__(self) -> "tuple[type[RequestError], tuple[tuple[str, ...]]]":
         """Keep the faults when the error is pickled by a worker process."""
         return type(self), (self.faults,)
 

@@ -8,8 +8,6 @@ container that was warmed up) is read all the same. A file that can't be read, o
 as missing.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import hashlib
@@ -284,7 +282,7 @@ class _Locator(_CacheLocator):
         self._module = module
 
     @classmethod
-    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "_Locator":
         """Return the locator of a function; Numba's own name for this."""
         del py_file
         return cls(py_func.__module__)

@@ -6,8 +6,6 @@ called by others, as are all of Numba's own functions for arrays. Here, such a *
 and becomes machine code only within its callers, which saves a third of the time.
 """
 
-from __future__ import annotations
-
 import contextlib
 import gc
 from collections.abc import Callable, Hashable, Iterator
@@ -99,7 +97,7 @@ class _Part(JITCodeLibrary):
     """Code that callers copy: neither optimized as a whole nor turned into machine code."""
 
     @property
-    def codegen(self) -> _NoMachineCode:
+    def codegen(self) -> "_NoMachineCode":
         """A stand-in for the code generator, by which Numba sets addresses in machine code."""
         return _NoMachineCode()
 

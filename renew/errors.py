@@ -3,8 +3,6 @@
 A message names the value, the limit it broke and what to change.
 """
 
-from __future__ import annotations
-
 import math
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -68,7 +66,7 @@ class Text:
     """
 
     template: str
-    values: tuple[FloatArray | Moment | Length | Text, ...] = ()
+    values: "tuple[FloatArray | Moment | Length | Text, ...]" = ()
 
     def __str__(self) -> str:
         """Return the message with places and lengths in metres and moments in seconds."""
@@ -110,7 +108,7 @@ class Text:
         return tuple(value for value in _values_in(self) if isinstance(value, Length))
 
     @classmethod
-    def joined(cls, separator: str, texts: Sequence[Text]) -> Text:
+    def joined(cls, separator: str, texts: "Sequence[Text]") -> "Text":
         """Return texts one after the other."""
         return cls(separator.join(f"{{{at}}}" for at in range(len(texts))), tuple(texts))
 
@@ -163,7 +161,7 @@ class PlanningError(Exception):
         """Text of the message with its places, moments and lengths spelled in another way."""
         return self.text.spelled(place, moment, length)
 
-    def __reduce__(self) -> tuple[type[PlanningError], tuple[Text]]:
+    def __reduce__(self) -> "tuple[type[PlanningError], tuple[Text]]":
         """Survive the way back from a worker process."""
         return type(self), (self.text,)
 
@@ -251,7 +249,7 @@ class InfeasibleError(PlanningError):
     @classmethod
     def at_strait(
         cls, strait: Strait, blocked: Iterable[tuple[int, int, int]] = ()
-    ) -> InfeasibleError:
+    ) -> "InfeasibleError":
         """Blame one of all blocked gaps, with the width that its paddings take."""
         error = cls(
             "blocked at {0}, between {1} and {2}: the gap is {3} wide, and the padding takes {4} "
@@ -276,7 +274,7 @@ class TooSharpError(InfeasibleError):
     excess: FloatArray
 
     @classmethod
-    def at_points(cls, path: FloatArray, asked: FloatArray, length: FloatArray) -> TooSharpError:
+    def at_points(cls, path: FloatArray, asked: FloatArray, length: FloatArray) -> "TooSharpError":
         """Blame the leg of a path (n, 2) that lacks most of the length (n - 1,), m, asked of it."""
         worst = int((asked - length).argmax())
         error = cls(

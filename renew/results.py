@@ -1,7 +1,5 @@
 """What a plan consists of: routes with their figures, and rejected classes with their reasons."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields
@@ -11,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
@@ -51,7 +48,7 @@ class FuelBound:
         """The lower bound (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
         return fuel_lower_bound(self.source) if isinstance(self.source, Voyage) else self.source
 
-    def __reduce__(self) -> tuple[type[FuelBound], tuple[float]]:
+    def __reduce__(self) -> "tuple[type[FuelBound], tuple[float]]":
         """Pickle the bound instead of its source: a current may be any function."""
         return FuelBound, (self.value,)
 
@@ -119,7 +116,7 @@ class Route:
     starts_in_soft_no_go: bool
     ends_in_soft_no_go: bool
     overpowered: tuple[OverpoweredHours, ...] = ()
-    _zone: list[BaseGeometry] = field(default_factory=list, init=False, repr=False)
+    _zone: list[shapely.Geometry] = field(default_factory=list, init=False, repr=False)
 
     @cached_property
     def channel(self) -> FloatArray:
@@ -128,7 +125,7 @@ class Route:
         return np.asarray(self.corners[list(crossed)])
 
     @property
-    def soft_no_go(self) -> BaseGeometry:
+    def soft_no_go(self) -> shapely.Geometry:
         """The soft no-go zone V of this class: its padded edges, buffered."""
         if not self._zone:
             unite_soft_no_go([self])
@@ -212,7 +209,7 @@ class Rejected:
         """The reason, with places (2,), m, and moments spelled by functions, such as in lon/lat."""
         return self.text.spelled(place, moment)
 
-    def __reduce__(self) -> tuple[type[Rejected], tuple[object, ...]]:
+    def __reduce__(self) -> "tuple[type[Rejected], tuple[object, ...]]":
         """Pickle the fuel, not its source: the current may be a function that can't be pickled."""
         *others, _ = (getattr(self, one.name) for one in fields(self))
         return Rejected, (*others, self.unpadded_fuel)
@@ -250,7 +247,7 @@ class Plan:
     routes: tuple[Route, ...]
     rejected: tuple[Rejected, ...]
     chosen: int = 0
-    overpowering: BaseGeometry = field(default_factory=shapely.MultiPolygon)
+    overpowering: shapely.Geometry = field(default_factory=shapely.MultiPolygon)
     shut: tuple[ShutArea, ...] = ()
     trade_off: TradeOff | None = None
 
@@ -318,7 +315,7 @@ class Departures:
     plan: Plan
 
     @classmethod
-    def of(cls, found: Iterable[Departed], unproven: float, plan: Plan) -> Departures:
+    def of(cls, found: Iterable[Departed], unproven: float, plan: Plan) -> "Departures":
         """List the outcome of each departure, with the plan at the best of them."""
         departures, arrivals, fuels, paths, times, homotopies, causes = zip(*found, strict=True)
         return cls(

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from shapely.geometry import Polygon
 
 from pipeline.formats import legs_table
 from pipeline.formats.exchange import nautical
@@ -210,7 +209,7 @@ def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, to
         axes.annotate(str(number), (x, y), (3, 2), textcoords="offset points", fontsize=6, zorder=5)
 
 
-def _put_region_edge(axes: Axes, result: RunResult, frame: Polygon) -> None:
+def _put_region_edge(axes: Axes, result: RunResult, frame: shapely.Polygon) -> None:
     """Draw the region's edge where the map shows it, and name it below the map."""
     edge = shapely.intersection(result.scene.chart.extent.exterior, frame)
     parts = [part for part in shapely.get_parts(edge) if part.length > 0]

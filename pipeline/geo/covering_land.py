@@ -15,11 +15,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import FloatArray, Geometries
+from pipeline._types import FloatArray, Geometries, IndexArray
 
 # Share of the tolerance that is cut before the buffer. The rest is cut after it, which also removes
 # vertices that the buffer adds. Of the shares that were tried, this left the fewest vertices.
@@ -80,7 +78,7 @@ def _united(areas: Geometries) -> Geometries:
     return _parts(shapely.disjoint_subset_union_all(areas))
 
 
-def _parts(areas: Geometries | BaseGeometry) -> Geometries:
+def _parts(areas: Geometries | shapely.Geometry) -> Geometries:
     """Split areas into polygons."""
     parts = shapely.get_parts(areas)
     return np.asarray(parts[~shapely.is_empty(parts)])
@@ -113,7 +111,7 @@ class Thinned:
 
     areas: Geometries
     outlines: Geometries
-    owner: npt.NDArray[np.intp]
+    owner: IndexArray
 
 
 def thinned(polygons: Geometries, cut_m: float) -> Thinned:
@@ -135,7 +133,7 @@ def thinned(polygons: Geometries, cut_m: float) -> Thinned:
     return Thinned(areas, lines[outlined], owner[outlined])
 
 
-def _from_rings(lines: Geometries, owner: npt.NDArray[np.intp], count: int) -> Geometries:
+def _from_rings(lines: Geometries, owner: IndexArray, count: int) -> Geometries:
     """Build polygons (count,) of closed lines, the shell first; empty if there are no lines."""
     areas = np.full(count, shapely.Polygon(), dtype=object)
     if len(lines):

@@ -4,11 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry import Polygon
 
-from pipeline._types import BoolArray, FloatArray
+from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.projection import Projection
 
 # Number of points, evenly along a path, by which its shares are measured: one in 200 m of 1,000 km,
@@ -35,7 +33,7 @@ class KnownCells:
         return np.asarray(across & along & self.known[row, column])
 
 
-def _cell(axis: FloatArray, values: FloatArray) -> tuple[npt.NDArray[np.intp], BoolArray]:
+def _cell(axis: FloatArray, values: FloatArray) -> tuple[IndexArray, BoolArray]:
     """Return the node nearest to each value, and whether the value is within its cell."""
     nearest = np.searchsorted((axis[1:] + axis[:-1]) / 2, values)
     low = axis[0] - (axis[1] - axis[0]) / 2
@@ -47,7 +45,7 @@ def _cell(axis: FloatArray, values: FloatArray) -> tuple[npt.NDArray[np.intp], B
 class DepthCover:
     """Where a chart has depths (lon/lat degrees): in areas, and in the cells of a grid."""
 
-    areas: tuple[Polygon, ...] = ()
+    areas: tuple[shapely.Polygon, ...] = ()
     cells: KnownCells | None = None
 
     def at(self, lonlat: FloatArray) -> BoolArray:

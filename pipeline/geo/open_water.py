@@ -12,8 +12,6 @@ import numpy as np
 import shapely
 from scipy import sparse
 from scipy.sparse import csgraph
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray, Geometries
@@ -40,7 +38,11 @@ class OpenWater:
 
 
 def opened(
-    land: Geometries, original: Geometries, extent: Polygon, endpoints: FloatArray, added_m: float
+    land: Geometries,
+    original: Geometries,
+    extent: shapely.Polygon,
+    endpoints: FloatArray,
+    added_m: float,
 ) -> OpenWater:
     """Remove added land that covers the endpoints (n, 2) or separates them.
 
@@ -58,7 +60,7 @@ def opened(
     return result
 
 
-def parted(land: Geometries, extent: Polygon, voyages: FloatArray) -> set[int]:
+def parted(land: Geometries, extent: shapely.Polygon, voyages: FloatArray) -> set[int]:
     """Return the voyages, of (n, 2, 2), whose ends do not lie in one body of water."""
     bodies = shapely.get_parts(shapely.difference(extent, shapely.disjoint_subset_union_all(land)))
     points = shapely.points(voyages.reshape(-1, 2))
@@ -68,7 +70,11 @@ def parted(land: Geometries, extent: Polygon, voyages: FloatArray) -> set[int]:
 
 
 def _connected(
-    water: OpenWater, original: Geometries, extent: Polygon, ends: FloatArray, added_m: float
+    water: OpenWater,
+    original: Geometries,
+    extent: shapely.Polygon,
+    ends: FloatArray,
+    added_m: float,
 ) -> OpenWater:
     """Open the widest way between the ends (2, 2) of a voyage, if there is one."""
     way = widest_way(original, extent, ends[0], ends[1], added_m)
@@ -109,7 +115,7 @@ def _drawn_back(
     return land
 
 
-def _without(land: Geometries, cleared: BaseGeometry) -> Geometries:
+def _without(land: Geometries, cleared: shapely.Geometry) -> Geometries:
     """Remove an area from disjoint polygons."""
     meets = shapely.intersects(land, cleared)
     parts = shapely.get_parts(shapely.difference(land[meets], cleared))
@@ -117,7 +123,7 @@ def _without(land: Geometries, cleared: BaseGeometry) -> Geometries:
 
 
 def widest_way(
-    land: Geometries, extent: Polygon, start: FloatArray, goal: FloatArray, piece_m: float
+    land: Geometries, extent: shapely.Polygon, start: FloatArray, goal: FloatArray, piece_m: float
 ) -> Geometries | None:
     """Return the widest way as lines (n,) no longer than `piece_m`; None if there is no way.
 

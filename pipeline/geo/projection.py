@@ -17,8 +17,6 @@ across 180 degrees have continuous longitudes (170 to 190); results are continuo
 degrees of the region's centre.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -28,14 +26,12 @@ import numpy as np
 import numpy.typing as npt
 import pyproj
 import shapely
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, Geometries, IntArray
 from pipeline.errors import RequestError
 
 # A geometry or an array of geometries: functions return the type that they are given.
-GeometryT = TypeVar("GeometryT", bound="BaseGeometry | npt.NDArray[np.object_]")
+GeometryT = TypeVar("GeometryT", bound="shapely.Geometry | Geometries")
 
 _GEOD = pyproj.Geod(ellps="WGS84")
 _LONLAT = "OGC:CRS84"
@@ -84,7 +80,9 @@ class Projection:
             raise RequestError(f"scale is {self.scale:g}, must be above 0: 1 is the true scale")
 
     @classmethod
-    def for_region(cls, region: Polygon, scale: float = 1.0, crs: str | None = None) -> Projection:
+    def for_region(
+        cls, region: shapely.Polygon, scale: float = 1.0, crs: str | None = None
+    ) -> "Projection":
         """Choose the projection for a region.
 
         Parameters
@@ -127,7 +125,7 @@ class Projection:
         return chosen
 
     @classmethod
-    def at(cls, longitude: float, latitude: float, scale: float = 1.0) -> Projection:
+    def at(cls, longitude: float, latitude: float, scale: float = 1.0) -> "Projection":
         """Return a plane whose origin is the given point (degrees), true to scale there."""
         return cls(_proj4("tmerc", longitude, latitude), scale, longitude)
 
@@ -138,9 +136,9 @@ class Projection:
         longitude: float,
         latitude: float,
         northing: float,
-        region: Polygon,
+        region: shapely.Polygon,
         scale: float,
-    ) -> Projection:
+    ) -> "Projection":
         """Balance the scale factor: the geometric mean of its extremes over the region is 1."""
         factors = cls(_proj4(name, longitude, latitude)).point_scale(_samples(region))
         factor = 1 / math.sqrt(float(factors.min() * factors.max()))
@@ -255,7 +253,7 @@ def densified(path: FloatArray, max_length: float) -> FloatArray:
     return cut(path, max_length)[0]
 
 
-def cut(path: FloatArray, max_length: float) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+def cut(path: FloatArray, max_length: float) -> tuple[FloatArray, IntArray]:
     """Cut the legs of a path (n, 2) into equal pieces no longer than `max_length`.
 
     Returns their ends (m, 2), and the first piece (n - 1,) of each leg.
@@ -274,7 +272,7 @@ def _proj4(name: str, longitude: float, latitude: float) -> str:
     return f"+proj={name} +lon_0={longitude!r}{origin} +datum=WGS84 +units=m +no_defs"
 
 
-def _polar_latitude(region: Polygon) -> float | None:
+def _polar_latitude(region: shapely.Polygon) -> float | None:
     """Return the latitude of the pole to centre on, degrees; None for other projections."""
     _, south, _, north = region.bounds
     centre = (south + north) / 2
@@ -284,21 +282,21 @@ def _polar_latitude(region: Polygon) -> float | None:
     return None
 
 
-def _is_narrow(region: Polygon) -> bool:
+def _is_narrow(region: shapely.Polygon) -> bool:
     """Say whether the region is taller than wide, or narrower than 1000 km."""
     west, south, east, north = region.bounds
     width = (east - west) * math.cos(math.radians((south + north) / 2)) * _EQUATOR_DEGREE_M
     return bool(width <= max(_SMALL_WIDTH_M, (north - south) * _EQUATOR_DEGREE_M))
 
 
-def _samples(region: Polygon) -> FloatArray:
+def _samples(region: shapely.Polygon) -> FloatArray:
     """Return lon/lat points (n, 2) over the region's bounds, edges included."""
     west, south, east, north = region.bounds
     grid = np.meshgrid(np.linspace(west, east, _SAMPLES), np.linspace(south, north, _SAMPLES))
     return np.stack(grid, axis=-1).reshape(-1, 2)
 
 
-def _checked(crs: str, region: Polygon) -> str:
+def _checked(crs: str, region: shapely.Polygon) -> str:
     """Return `crs` if it is projected and conformal in the region; refuse it otherwise."""
     try:
         parsed = pyproj.CRS.from_user_input(crs)

@@ -3,8 +3,6 @@
 A note tells a reader something beside the result, as values without words.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -51,11 +49,11 @@ class Note:
     seasons: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, kind: str, **values: object) -> Note:
+    def of(cls, kind: str, **values: object) -> "Note":
         """Return a note with its values."""
         return cls(kind, tuple(values.items()))
 
-    def about(self, *seasons: str) -> Note:
+    def about(self, *seasons: str) -> "Note":
         """Return the note about some seasons."""
         return replace(self, seasons=seasons)
 

@@ -5,8 +5,6 @@ metres and m/s. Any other is a *chart* scenario: it takes land and currents from
 `region` in lon/lat that a run chooses where it is left out, and is planned at a `scale`.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -355,7 +353,7 @@ class Scenario(StrictModel):
         return self.plane is not None
 
     @property
-    def area(self) -> Polygon:
+    def area(self) -> "Polygon":
         """The region in lon/lat degrees, or the plane's extent in metres."""
         place = self.region if self.region is not None else self.plane
         if place is None:

@@ -1,7 +1,5 @@
 """Where a scenario takes place: its region or plane, the chart of its land, and areas to avoid."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import (
@@ -67,7 +65,7 @@ class Region(StrictModel):
         return self
 
     @property
-    def shape(self) -> Polygon:
+    def shape(self) -> "Polygon":
         """The region as a polygon, lon/lat degrees."""
         import shapely
 
@@ -126,7 +124,7 @@ class Plane(StrictModel):
         return max(xmax - xmin, ymax - ymin)
 
     @property
-    def shape(self) -> Polygon:
+    def shape(self) -> "Polygon":
         """The extent as a polygon, metres."""
         import shapely
 
@@ -279,7 +277,7 @@ class AvoidedArea(StrictModel):
         return self
 
     @model_serializer(mode="wrap")
-    def _by_its_keys(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _by_its_keys(self, dump: "SerializerFunctionWrapHandler") -> dict[str, Any]:
         """Spell the keys as a scenario does: `from` is no name in Python."""
         return {("from" if key == "begin" else key): value for key, value in dump(self).items()}
 

@@ -4,8 +4,6 @@ The last sentence of a key's description is the remedy: an error message about t
 Each of pydantic's errors becomes a line that states the value, the limit and the remedy.
 """
 
-from __future__ import annotations
-
 import difflib
 import itertools
 import json
@@ -142,7 +140,7 @@ def shown(value: object) -> str:
     return text if len(text) <= _MAX_VALUE else text[: _MAX_VALUE - 1] + "…"
 
 
-def model_faults(error: ValidationError, model: type[BaseModel], data: object) -> list[str]:
+def model_faults(error: "ValidationError", model: type[BaseModel], data: object) -> list[str]:
     """Return one line per fault, in the order found; of the faults of a union, only the first."""
     lines: dict[str, str] = {}
     found = error.errors(include_url=False)
@@ -162,7 +160,7 @@ def model_faults(error: ValidationError, model: type[BaseModel], data: object) -
 
 
 def _lines(
-    details: ErrorDetails,
+    details: "ErrorDetails",
     model: type[BaseModel],
     path: Sequence[str | int],
 ) -> list[str]:
@@ -204,7 +202,7 @@ def remedy_of(description: str) -> str:
     return sentence[:1].lower() + sentence[1:]
 
 
-def _path_in(data: object, details: ErrorDetails) -> list[str | int]:
+def _path_in(data: object, details: "ErrorDetails") -> list[str | int]:
     """Return the path through the data: pydantic's location without names of union members."""
     path: list[str | int] = []
     here: Any = data
@@ -229,14 +227,14 @@ def _spelled(path: Sequence[str | int]) -> str:
     return text
 
 
-def _field(model: type[BaseModel], path: Sequence[str | int]) -> FieldInfo | None:
+def _field(model: type[BaseModel], path: Sequence[str | int]) -> "FieldInfo | None":
     """Return the last field on a path, or None."""
     names = [step for step in path if isinstance(step, str)]
     owner = _model(model, names[:-1])
     return _keys(owner).get(names[-1]) if names and owner is not None else None
 
 
-def _keys(model: type[BaseModel]) -> dict[str, FieldInfo]:
+def _keys(model: type[BaseModel]) -> "dict[str, FieldInfo]":
     """Return a model's fields by the keys that a scenario has for them."""
     return {field.alias or name: field for name, field in model.model_fields.items()}
 

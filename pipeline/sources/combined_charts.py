@@ -14,8 +14,6 @@ import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
 from scipy import ndimage
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
@@ -40,7 +38,7 @@ class Overlay:
         """The identities of all sources, in their order."""
         return tuple(part for source in self.sources for part in (*source.identity, ""))
 
-    def land(self, region: Polygon) -> Land:
+    def land(self, region: shapely.Polygon) -> Land:
         """Return the land of all sources near a region (lon/lat degrees)."""
         return overlay([source.land(region) for source in self.sources])
 
@@ -74,7 +72,7 @@ def _depths(lands: Sequence[Land]) -> DepthCover | None:
     return DepthCover(tuple(area for one in found for area in one.areas)) if found else None
 
 
-def _uncharted(land: Land) -> BaseGeometry:
+def _uncharted(land: Land) -> shapely.Geometry:
     """The area that a chart does not cover."""
     return shapely.union_all([zone.area for zone in land.zones if zone.kind == "uncharted"])
 
@@ -105,7 +103,7 @@ class SoundedChart:
         digest = _hash(path, status.st_size, status.st_mtime_ns)
         return (*self.chart.identity, "depths", f"{self.safety_depth_m!r}", digest)
 
-    def land(self, region: Polygon) -> Land:
+    def land(self, region: shapely.Polygon) -> Land:
         """Return the land near a region (lon/lat degrees), and the water that is too shallow.
 
         Raises
@@ -142,7 +140,7 @@ class SoundedChart:
         name = self.file.title or f"{name_of(self.file.path)}, user's file"
         return Credit(name, "land", f"Depths: {name}", self.file.licence)
 
-    def _notes(self, heights: Heights, region: Polygon) -> Iterator[Note]:
+    def _notes(self, heights: Heights, region: shapely.Polygon) -> Iterator[Note]:
         """Yield a note on water no-go by depth, and one if part of the region has no depths."""
         name, cell_m = name_of(self.file.path), _cell_m(heights)
         depth_m = self.safety_depth_m
@@ -151,7 +149,7 @@ class SoundedChart:
         if lacking > _MIN_NOTED_SHARE:
             yield Note.of("depths-lacking", source=name, share=lacking)
 
-    def _check_sign(self, heights: Heights, land: Land, region: Polygon) -> None:
+    def _check_sign(self, heights: Heights, land: Land, region: shapely.Polygon) -> None:
         """Refuse heights by which most of the chart's water lies above the sea."""
         west, south, east, north = region.bounds
         lon, lat = (
@@ -190,7 +188,7 @@ def _cell_m(heights: Heights) -> float:
     return max(up, across) * METRES_PER_DEGREE
 
 
-def _covered_share(heights: Heights, region: Polygon) -> float:
+def _covered_share(heights: Heights, region: shapely.Polygon) -> float:
     """Return the share of a region's places at which the depth is known."""
     west, south, east, north = region.bounds
     steps = (np.arange(200) + 0.5) / 200
@@ -201,7 +199,7 @@ def _covered_share(heights: Heights, region: Polygon) -> float:
     return float(cells.at(points).mean()) if len(points) else 0.0
 
 
-def _without_land(shallow: Geometries, land: Land) -> BaseGeometry:
+def _without_land(shallow: Geometries, land: Land) -> shapely.Geometry:
     """Return the part of shallow polygons that is water, for maps."""
     ground = np.array(land.polygons, dtype=object)
     meets = np.unique(shapely.STRtree(ground).query(shallow, predicate="intersects")[1])

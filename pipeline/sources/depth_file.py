@@ -5,8 +5,6 @@ in metres, and so is EMODnet's; a depth is positive down, unless its attribute `
 otherwise.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Iterator
@@ -79,7 +77,7 @@ class DepthFile:
     licence: str
 
     @classmethod
-    def open(cls, path: Path) -> DepthFile:
+    def open(cls, path: Path) -> "DepthFile":
         """Read names, axes and attributes of a file, but no depths.
 
         Raises
@@ -128,7 +126,7 @@ def _refused(path: Path) -> Iterator[None]:
         raise RequestError(f"chart.depths: {path.name}: {error}") from None
 
 
-def _described(path: Path, dataset: xr.Dataset) -> DepthFile:
+def _described(path: Path, dataset: "xr.Dataset") -> DepthFile:
     """Find the variable of an open file; ValueError where there is none that can be used."""
     name, sign = _variable(dataset)
     array = dataset[name]
@@ -156,7 +154,7 @@ def _described(path: Path, dataset: xr.Dataset) -> DepthFile:
     )
 
 
-def _variable(dataset: xr.Dataset) -> tuple[str, float]:
+def _variable(dataset: "xr.Dataset") -> tuple[str, float]:
     """Return the name of the variable, and the sign by which it becomes a height."""
     grids = {str(name): array for name, array in dataset.data_vars.items() if array.ndim >= 2}
     found = {
@@ -181,7 +179,7 @@ def _variable(dataset: xr.Dataset) -> tuple[str, float]:
     raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}")
 
 
-def _standard_sign(array: xr.DataArray) -> float | None:
+def _standard_sign(array: "xr.DataArray") -> float | None:
     """Return the sign that a variable's standard name gives; None where it is another quantity."""
     standard = array.attrs.get("standard_name", "")
     if standard == _ELLIPSOID and _AT_SEA_LEVEL not in array.attrs.get("long_name", "").lower():

@@ -7,10 +7,9 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from shapely.geometry import Polygon
 
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, IndexArray
 from pipeline.errors import StageError
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.scenario import catalogue
@@ -133,7 +132,7 @@ class EmbeddedTable(CurrentSource):
         return np.array(found, dtype=float).reshape(-1, 4)
 
 
-def _axis(values: FloatArray, name: str) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+def _axis(values: FloatArray, name: str) -> tuple[FloatArray, IndexArray]:
     """Regular axis through all values, and each value's index on it."""
     distinct = np.unique(values)
     if distinct.size < 2:

@@ -4,8 +4,6 @@ A new source is an adapter in this package, a spec in `pipeline.scenario.catalog
 branch below, and an entry in `catalog/sources`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
     from pipeline.sources.interfaces import CurrentSource, LandSource
 
 
-def land_source(chart: ChartSpec, draught_m: float | None) -> LandSource:
+def land_source(chart: ChartSpec, draught_m: float | None) -> "LandSource":
     """Return all of a scenario's land sources as one; charts with depths need the draught."""
     from pipeline.sources.combined_charts import Overlay
 
@@ -32,7 +30,7 @@ def land_source(chart: ChartSpec, draught_m: float | None) -> LandSource:
     return SoundedChart(overlay, DepthFile.open(Path(chart.depths)), safety_depth_m)
 
 
-def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | None) -> LandSource:
+def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | None) -> "LandSource":
     """Return one land source, by its name in the catalogue or by the file at its path."""
     entry = catalogue.source(source.name) if source.name else None
     if entry is not None and entry.adapter == "osm-land":
@@ -72,7 +70,7 @@ def _safety_depth_m(chart: ChartSpec, draught_m: float | None) -> float:
     return draught_m + chart.under_keel_clearance_m
 
 
-def current_source(named: str | tuple[str, ...]) -> CurrentSource:
+def current_source(named: str | tuple[str, ...]) -> "CurrentSource":
     """Return the source of currents that a catalogue entry names, or that files make together."""
     if not isinstance(named, str):
         from pipeline.sources.cf.adapter import CfFiles

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import FloatArray
@@ -122,7 +121,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
     )
 
 
-def extent_polygon(region: Polygon, projection: Projection) -> Polygon:
+def extent_polygon(region: shapely.Polygon, projection: Projection) -> shapely.Polygon:
     """Project a region, and divide the edges that would sag too much."""
     corners = shapely.get_coordinates(region.exterior)
     planar = projection.to_plane(corners)

@@ -18,8 +18,6 @@ from itertools import chain, pairwise
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import StageError
@@ -85,8 +83,8 @@ def simplify(
 
 
 def simplify_land(
-    polygons: Sequence[Polygon],
-    region: Polygon,
+    polygons: Sequence[shapely.Polygon],
+    region: shapely.Polygon,
     *,
     margin_m: float | None = None,
     tolerance_m: float | None = None,
@@ -170,14 +168,14 @@ class _Area:
     `stretch` is the plane's largest point scale in the region (at least 1).
     """
 
-    extent: Polygon
+    extent: shapely.Polygon
     endpoints: FloatArray
     diagonal_m: float
     stretch: float
 
     @classmethod
     def of(
-        cls, region: Polygon, plane: Projection, endpoints: Sequence[tuple[float, float]]
+        cls, region: shapely.Polygon, plane: Projection, endpoints: Sequence[tuple[float, float]]
     ) -> "_Area":
         """Project a region and its endpoints (lon/lat degrees)."""
         extent = plane.geometry_to_plane(region, _MAX_EDGE_M)
@@ -241,7 +239,7 @@ def check(
         )
 
 
-def _place(area: BaseGeometry, plane: Projection) -> str:
+def _place(area: shapely.Geometry, plane: Projection) -> str:
     """Return the position of a point inside an area of the plane, as text in lon/lat."""
     lon, lat = plane.to_lonlat(shapely.get_coordinates(shapely.point_on_surface(area))[0])
     return f"at {position_text(lon, lat)}"
@@ -260,7 +258,9 @@ def _beyond(areas: Geometries, cover: Geometries) -> Geometries:
     return np.array(beyond, dtype=object)
 
 
-def _planar_land(polygons: Sequence[Polygon], plane: Projection, window: Polygon) -> Geometries:
+def _planar_land(
+    polygons: Sequence[shapely.Polygon], plane: Projection, window: shapely.Polygon
+) -> Geometries:
     """Project and repair the land, and clip it to the window."""
     # Repair before long edges are divided, because dividing alone would drop half of a figure of
     # eight, and again afterwards.

@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
@@ -256,7 +255,7 @@ def wet_cells(chart: Chart, x: FloatArray, y: FloatArray) -> BoolArray:
     return np.asarray(wet)
 
 
-def _near_lines(lines: BaseGeometry, x: FloatArray, y: FloatArray) -> BoolArray:
+def _near_lines(lines: shapely.Geometry, x: FloatArray, y: FloatArray) -> BoolArray:
     """Cells (ny - 1, nx - 1) that the bounding box of a piece of some lines touches."""
     points, line = shapely.get_coordinates(shapely.get_parts(lines), return_index=True)
     joined = line[:-1] == line[1:]

@@ -16,8 +16,6 @@ ascending order the i-th of one and the j-th of the other can be among the k lea
 i x j <= k, counted from 1.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -115,7 +113,7 @@ class ClassEnumerator:
         order: Order,
         *,
         clearance: float = 0.0,
-    ) -> ClassEnumerator:
+    ) -> "ClassEnumerator":
         """Enumerate the classes that rays tell apart.
 
         UnreachableError where no row of triangles joins start and goal.
@@ -141,15 +139,15 @@ class ClassEnumerator:
         """Whether there are too many to count the classes: the first may not hold the best one."""
         return len(self._triangulation.triangles) > MAX_FLOODED
 
-    def by_rays(self, rays: Rays) -> ClassEnumerator:
+    def by_rays(self, rays: Rays) -> "ClassEnumerator":
         """Return the enumerator of the classes that other rays tell apart."""
         return replace(self, _rays=rays)
 
-    def up_to(self, dearest: float) -> ClassEnumerator:
+    def up_to(self, dearest: float) -> "ClassEnumerator":
         """Return the enumerator without channels that need `dearest` times as much as the best."""
         return replace(self, _dearest=dearest)
 
-    def leaving(self, voyage: Voyage) -> ClassEnumerator:
+    def leaving(self, voyage: Voyage) -> "ClassEnumerator":
         """Return the enumerator of a voyage with another departure; the roadmap is shared."""
         return replace(self, _voyage=voyage)
 
@@ -244,15 +242,15 @@ class ViaEnumerator:
         """See :class:`ClassEnumerator`."""
         return any(part.has_many_triangles for part in self.parts)
 
-    def by_rays(self, rays: Rays) -> ViaEnumerator:
+    def by_rays(self, rays: Rays) -> "ViaEnumerator":
         """Return the enumerator of the classes that other rays tell apart."""
         return replace(self, parts=tuple(part.by_rays(rays) for part in self.parts))
 
-    def up_to(self, dearest: float) -> ViaEnumerator:
+    def up_to(self, dearest: float) -> "ViaEnumerator":
         """See :class:`ClassEnumerator`; in each part."""
         return replace(self, parts=tuple(part.up_to(dearest) for part in self.parts))
 
-    def leaving(self, voyage: Voyage) -> ViaEnumerator:
+    def leaving(self, voyage: Voyage) -> "ViaEnumerator":
         """Return the enumerator of a voyage with another departure."""
         return replace(self, voyage=voyage)
 

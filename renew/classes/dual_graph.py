@@ -4,8 +4,6 @@ The graph has a node for each triangle and an edge for each passing edge. A chan
 triangles from start to goal, in which paths of one class are planned.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Container, Iterator
@@ -28,7 +26,7 @@ from renew.classes import h_signature
 from renew.classes.h_signature import VIA, Word
 
 
-def dual_graph(triangulation: Triangulation) -> nx.Graph[int]:
+def dual_graph(triangulation: Triangulation) -> "nx.Graph[int]":
     """Dual graph; each of its edges has the passing edge's `midpoint` (2,) and `width`, m."""
     import networkx as nx
 
@@ -206,10 +204,10 @@ class Channel:
     right: FloatArray
     word: Word
     found_by: RoughPath | None = None
-    parts: tuple[Channel, ...] = ()
+    parts: "tuple[Channel, ...]" = ()
 
     @classmethod
-    def joined(cls, parts: Sequence[Channel], via: FloatArray) -> Channel:
+    def joined(cls, parts: "Sequence[Channel]", via: FloatArray) -> "Channel":
         """Channel through via points (s - 1, 2), m, of the parts (s,) between them.
 
         In the triangle of a via point the row has a passing edge of no length there.
@@ -234,7 +232,7 @@ class Channel:
         )
 
     @classmethod
-    def of(cls, triangulation: Triangulation, row: IntArray, word: Word = ()) -> Channel:
+    def of(cls, triangulation: Triangulation, row: IntArray, word: Word = ()) -> "Channel":
         """Channel of a row of triangles (n,)."""
         beside = triangulation.neighbours[row[:-1]]
         corners = (beside == row[1:, None]).argmax(axis=1)

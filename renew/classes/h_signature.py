@@ -13,8 +13,6 @@ side. The few are the largest on the way, as many as it takes for k classes by p
 either side. The largest one counts, however small it is.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -22,7 +20,6 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray, IntArray
@@ -63,7 +60,7 @@ class Rays:
     omits_islands: bool = False
 
     @classmethod
-    def of(cls, chart: Chart, overpowered: BaseGeometry | None = None) -> Rays:
+    def of(cls, chart: Chart, overpowered: shapely.Geometry | None = None) -> "Rays":
         """Rays of all islands; overpowered water has some as well, numbered after the islands'."""
         kinds = [np.array(polygons, dtype=object) for polygons in chart.islands]
         if overpowered is not None:
@@ -73,7 +70,7 @@ class Rays:
         order = np.argsort(x, kind="stable")
         return cls(x[order], y[order], order + 1, _sizes(islands)[order])
 
-    def only(self, chosen: BoolArray) -> Rays:
+    def only(self, chosen: BoolArray) -> "Rays":
         """Some of the rays (i,), under their numbers."""
         return Rays(
             self.x[chosen],

@@ -18,7 +18,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
-from shapely.geometry.base import BaseGeometry
 
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import GeometryError, ParameterError, UnreachableError
@@ -132,7 +131,7 @@ def triangulation_of(chart: Chart) -> Triangulation:
 
 
 def triangulate(
-    chart: Chart, backend: Backend = "auto", closed: BaseGeometry | None = None
+    chart: Chart, backend: Backend = "auto", closed: shapely.Geometry | None = None
 ) -> Triangulation:
     """Triangulate the chart's water, constrained to its edges, without Steiner points.
 
@@ -179,7 +178,7 @@ def triangulate(
     return Triangulation(vertices, triangles, neighbours, hazardous)
 
 
-def _by_triangle(water: BaseGeometry, precision: float) -> FloatArray:
+def _by_triangle(water: shapely.Geometry, precision: float) -> FloatArray:
     """Corners (t, 3, 2) by Triangle, over the convex hull less the parts that segments wall off."""
     import triangle  # an extra: only where it is installed
 
@@ -207,7 +206,7 @@ def _by_triangle(water: BaseGeometry, precision: float) -> FloatArray:
     return np.asarray(vertices[result["triangles"]])
 
 
-def _by_shapely(water: BaseGeometry) -> FloatArray:
+def _by_shapely(water: shapely.Geometry) -> FloatArray:
     """Corners (t, 3, 2) by GEOS's constrained Delaunay triangulation."""
     cells = shapely.get_parts(
         [shapely.constrained_delaunay_triangles(polygon) for polygon in shapely.get_parts(water)]
@@ -229,7 +228,7 @@ def _neighbours(triangles: IntArray) -> IntArray:
 
 def _hazardous(
     chart: Chart,
-    closed: BaseGeometry | None,
+    closed: shapely.Geometry | None,
     vertices: FloatArray,
     triangles: IntArray,
     neighbours: IntArray,
@@ -264,7 +263,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def overpowered_water(voyage: Voyage) -> BaseGeometry:
+def overpowered_water(voyage: Voyage) -> shapely.Geometry:
     """Water where the current is always at least as strong as the vessel is fast, as one geometry.
 
     It is bounded by a contour of the table's currents, lowered by the error of the table.
@@ -284,7 +283,7 @@ def overpowered_water(voyage: Voyage) -> BaseGeometry:
     return shapely.multipolygons(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
 
 
-def _at_least(x: FloatArray, y: FloatArray, values: FloatArray, level: float) -> BaseGeometry:
+def _at_least(x: FloatArray, y: FloatArray, values: FloatArray, level: float) -> shapely.Geometry:
     """Where values (ny, nx) at nodes, linear between them, are a level or more."""
     contours = contour_generator(x, y, values, fill_type=FillType.OuterOffset)
     polygons = [

@@ -1,7 +1,5 @@
 """The chart: an extent of water with its hard no-go zone L, and areas that are shut for a time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +8,6 @@ from functools import cached_property
 import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
-from shapely.geometry.base import BaseGeometry
 
 from renew.errors import GeometryError, ParameterError, Text, from_until, is_number, shown
 
@@ -76,7 +73,7 @@ class Chart:
                 f"{_PRECISION:g} of its diagonal; no water is left"
             )
 
-    def without(self, areas: Iterable[Polygon], *, is_land: bool) -> Chart:
+    def without(self, areas: Iterable[Polygon], *, is_land: bool) -> "Chart":
         """Return the chart with areas (m) as no-go; land keeps its numbers in names of classes.
 
         If they are land, the lower bound on fuel keeps off them, too.
@@ -97,12 +94,12 @@ class Chart:
         return MultiPolygon(self.no_go)
 
     @cached_property
-    def water(self) -> BaseGeometry:
+    def water(self) -> shapely.Geometry:
         """The extent minus L: a Polygon, or a MultiPolygon where land parts it."""
         return self.less(self.extent, self.hard_no_go)
 
     @cached_property
-    def open_water(self) -> BaseGeometry:
+    def open_water(self) -> shapely.Geometry:
         """The extent minus the land alone, at least the water."""
         if self._land is None:
             return self.water
@@ -110,7 +107,7 @@ class Chart:
         uncrossable = shapely.intersection(land, self.hard_no_go, grid_size=self.precision)
         return self.less(self.extent, uncrossable)
 
-    def less(self, area: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
+    def less(self, area: shapely.Geometry, other: shapely.Geometry) -> shapely.Geometry:
         """Return an area less another on the chart's grid: a Polygon or a MultiPolygon."""
         rest = shapely.difference(area, other, grid_size=self.precision)
         if isinstance(rest, Polygon | MultiPolygon):
@@ -133,12 +130,12 @@ def _all_polygons(name: str, geometries: object) -> list[Polygon]:
         raise GeometryError(f"chart: {name} must be polygons in a row, not {shown(geometries)}")
     given = list(geometries)
     for at, geometry in enumerate(given):
-        if not isinstance(geometry, BaseGeometry):
+        if not isinstance(geometry, shapely.Geometry):
             raise GeometryError(f"chart: {name}[{at}] must be a Polygon, not {shown(geometry)}")
     return [part for geometry in given for part in _polygons(geometry)]
 
 
-def _polygons(geometry: BaseGeometry) -> list[Polygon]:
+def _polygons(geometry: shapely.Geometry) -> list[Polygon]:
     """Return the polygons in any geometry; points and lines have no area to keep out of."""
     return [
         part

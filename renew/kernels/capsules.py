@@ -3,8 +3,6 @@
 The same code runs without the compiler under NUMBA_DISABLE_JIT=1.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -40,7 +38,7 @@ class Capsules(NamedTuple):
     end: FloatArray
     radius: FloatArray
 
-    def select(self, keep: BoolArray | IntArray) -> Capsules:
+    def select(self, keep: BoolArray | IntArray) -> "Capsules":
         """Return some of the capsules."""
         return Capsules(self.start[keep], self.end[keep], self.radius[keep])
 

@@ -5,8 +5,6 @@ The figures that a plan reports are computed in the field itself. A changing cur
 of nodes per time, and is linear between slices; a steady current has one slice.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -72,7 +70,7 @@ class CurrentTable(NamedTuple):
         """Whether the table reproduces the field to within _TOLERANCE."""
         return self.error <= _TOLERANCE * self.strongest
 
-    def extremes(self) -> tuple[CurrentTable, CurrentTable, bool]:
+    def extremes(self) -> "tuple[CurrentTable, CurrentTable, bool]":
         """Return steady tables of least and largest velocity by axis, and whether they agree."""
         if self.is_steady:
             return self, self, True

@@ -1,7 +1,5 @@
 """The corridor of a class: its channel and the water beside it, without the soft no-go zone V."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -48,7 +46,7 @@ class Corridor:
     padded: PaddedEdges
     by_part: tuple[PaddedEdges, ...] = ()
 
-    def with_padding(self, parts: Sequence[PaddedEdges]) -> Corridor:
+    def with_padding(self, parts: Sequence[PaddedEdges]) -> "Corridor":
         """Return the corridor with other padding: of the whole voyage, or of each part."""
         if not len(self.voyage.via):
             return replace(self, padded=parts[0])
@@ -59,19 +57,19 @@ class Corridor:
         """Padding of each part of the voyage, or of the whole if there are no via points."""
         return self.by_part or (self.padded,)
 
-    def part(self, at: int, voyage: Voyage) -> Corridor:
+    def part(self, at: int, voyage: Voyage) -> "Corridor":
         """Return the corridor of a part of the voyage."""
         channel = self.channel.parts[at]
         return replace(self, voyage=voyage, channel=channel, padded=self.by_part[at], by_part=())
 
-    def parts(self, path: FloatArray) -> Iterator[tuple[Corridor, FloatArray]]:
+    def parts(self, path: FloatArray) -> "Iterator[tuple[Corridor, FloatArray]]":
         """Yield the corridor of each part of the voyage, with its piece of a path."""
         for at, (part, piece) in enumerate(self.voyage.parts(path)):
             yield (self.part(at, part) if len(self.voyage.via) else self), piece
 
     def chained(
         self,
-        plan: Callable[[Corridor, FloatArray], FloatArray],
+        plan: "Callable[[Corridor, FloatArray], FloatArray]",
         pieces: Sequence[FloatArray],
     ) -> FloatArray:
         """Plan a path (n, 2) part by part from pieces; each part begins at the end of the last."""

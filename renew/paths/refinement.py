@@ -4,8 +4,6 @@ Transversals are perpendicular to the path, from V to V. So the path can bend be
 bulge out of its channel over open water.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -25,7 +23,7 @@ class Water(NamedTuple):
     stream: Stream
     capsules: Capsules
 
-    def near(self, chosen: IntArray) -> Water:
+    def near(self, chosen: IntArray) -> "Water":
         """Return this water with only some of the capsules."""
         return Water(self.stream, self.capsules.select(chosen))
 

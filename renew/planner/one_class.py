@@ -1,7 +1,5 @@
 """Plan the best route of one homotopy class: padding, path, trajectory, and simulated turns."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Callable
@@ -75,12 +73,12 @@ class ClassPlanner:
         )
         self.growth = PaddingGrowth(problem, self._model, options)
 
-    def for_problem(self, problem: Problem) -> ClassPlanner:
+    def for_problem(self, problem: Problem) -> "ClassPlanner":
         """Return the planner of a problem in the same water; it shares known paddings."""
         return ClassPlanner(problem, self.options, self._model, thorough=self.is_thorough)
 
     @cached_property
-    def unpadded(self) -> ClassPlanner:
+    def unpadded(self) -> "ClassPlanner":
         """The planner of the same classes without adaptive padding."""
         if not self.options.is_adaptive:
             return self

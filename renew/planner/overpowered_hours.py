@@ -10,8 +10,6 @@ this path the vessel is assumed to wait wherever it meets shut water until the w
 hours of a rejected class are the hours when the vessel would reach the place that blocks the class.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple, TypeVar
@@ -78,7 +76,7 @@ class _PathPoints(NamedTuple):
     voyage: Voyage
 
     @classmethod
-    def of(cls, path: FloatArray, voyage: Voyage) -> _PathPoints:
+    def of(cls, path: FloatArray, voyage: Voyage) -> "_PathPoints":
         """Add points to a path (n, 2)."""
         table, count = voyage.table, len(voyage.table.times)
         if table.is_steady or table.strongest < _level(voyage):

@@ -1,7 +1,5 @@
 """What the classes of a plan share at any padding; each part is computed once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,8 +32,8 @@ class Problem:
 
     voyage: Voyage
     options: PlanOptions
-    first: Problem | None = None
-    base: Problem | None = None
+    first: "Problem | None" = None
+    base: "Problem | None" = None
 
     @cached_property
     def overpowered_water(self) -> BaseGeometry:
@@ -87,23 +85,23 @@ class Problem:
         """Width (m) below which hardly any padding is."""
         return self.options.likely_width(self.voyage.vessel.turning_radius)
 
-    def leaving(self, departure: float) -> Problem:
+    def leaving(self, departure: float) -> "Problem":
         """Return the problem at another departure (s)."""
         return replace(self._with(self.voyage.leaving(departure)), base=self)
 
-    def at_price(self, price: float) -> Problem:
+    def at_price(self, price: float) -> "Problem":
         """Return the problem at another price of time (fuel units a second)."""
         return self._with(self.voyage.at_price(price))
 
-    def at_speed(self, speed: float) -> Problem:
+    def at_speed(self, speed: float) -> "Problem":
         """Return the problem at a constant speed (m/s), in the vessel's own water."""
         return self._with(self.voyage.at_speed(speed))
 
-    def scheduled(self, path: FloatArray, times: FloatArray) -> Problem:
+    def scheduled(self, path: FloatArray, times: FloatArray) -> "Problem":
         """Return the problem for passage of the points of a path (n, 2) at times (n,), s."""
         return self._with(self.voyage.scheduled(path, times))
 
-    def _with(self, voyage: Voyage) -> Problem:
+    def _with(self, voyage: Voyage) -> "Problem":
         """Return the problem of another voyage in the same water."""
         return replace(self, voyage=voyage, first=self.first or self, base=None)
 

@@ -7,8 +7,6 @@ taken over the window of time in which the vessel may be in the triangle. Edges 
 are the soft no-go zone V.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -50,14 +48,14 @@ class PaddedEdges:
     edge: IntArray
 
     @classmethod
-    def joined(cls, parts: Sequence[PaddedEdges]) -> PaddedEdges:
+    def joined(cls, parts: "Sequence[PaddedEdges]") -> "PaddedEdges":
         """All edges of some parts of a voyage, each once, with its least padding."""
         every = cls.stacked(parts)
         order = np.lexsort((every.padding, every.edge))
         return every.select(order[np.diff(every.edge[order], prepend=-1) != 0])
 
     @classmethod
-    def stacked(cls, parts: Sequence[PaddedEdges]) -> PaddedEdges:
+    def stacked(cls, parts: "Sequence[PaddedEdges]") -> "PaddedEdges":
         """Return the edges of all parts, one part after the other."""
         return cls(
             *(
@@ -66,15 +64,15 @@ class PaddedEdges:
             )
         )
 
-    def select(self, keep: BoolArray | IntArray) -> PaddedEdges:
+    def select(self, keep: BoolArray | IntArray) -> "PaddedEdges":
         """Return only some of the edges."""
         return PaddedEdges(self.start[keep], self.end[keep], self.padding[keep], self.edge[keep])
 
-    def at_least(self, width: FloatArray) -> PaddedEdges:
+    def at_least(self, width: FloatArray) -> "PaddedEdges":
         """Return them with a padding of at least `width` (e,) metres."""
         return replace(self, padding=np.maximum(self.padding, width))
 
-    def cut(self, longest: float) -> PaddedEdges:
+    def cut(self, longest: float) -> "PaddedEdges":
         """Return them in pieces of at most `longest` metres."""
         along = self.end - self.start
         count = np.maximum(np.ceil(np.linalg.norm(along, axis=1) / longest), 1).astype(np.int64)
@@ -89,18 +87,18 @@ class PaddedEdges:
             self.edge[row],
         )
 
-    def around(self, point: FloatArray) -> PaddedEdges:
+    def around(self, point: FloatArray) -> "PaddedEdges":
         """Only the edges whose padding reaches over a point (2,)."""
         return self.select(segment_distance(point, self.start, self.end) < self.padding)
 
-    def grown(self, edges: IntArray, by: FloatArray) -> PaddedEdges:
+    def grown(self, edges: IntArray, by: FloatArray) -> "PaddedEdges":
         """Return them with the padding of some constrained edges larger by `by` metres each."""
         extra = np.zeros(len(self.edge))
         order = np.argsort(self.edge, kind="stable")
         np.maximum.at(extra, order[np.searchsorted(self.edge, edges, sorter=order)], by)
         return replace(self, padding=self.padding + extra)
 
-    def widened(self, places: FloatArray, by: FloatArray, reach: float) -> PaddedEdges:
+    def widened(self, places: FloatArray, by: FloatArray, reach: float) -> "PaddedEdges":
         """Return them with the parts of edges within reach (m) of places (n, 2) padded more.
 
         `by` (n,) is how much more, m, at each place.

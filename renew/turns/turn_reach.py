@@ -14,8 +14,6 @@ draws are those of the paper: speed and direction of the current about their mea
 which a turn begins about the course. `TurnReach` bounds the reach of any turn from above.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -160,7 +158,7 @@ class TurnSampler:
         self._is_stretched = stretch > 1
 
     @classmethod
-    def for_risk(cls, seed: int, risk: float) -> TurnSampler:
+    def for_risk(cls, seed: int, risk: float) -> "TurnSampler":
         """Return a sampler whose quantiles at that risk are near enough."""
         count = math.ceil(_TAIL_DRAWS / risk)
         if count <= _MAX_DRAWS:
@@ -335,7 +333,7 @@ class TurnReach:
     furthest: FloatArray
 
     @classmethod
-    def of(cls, table: CurrentTable, vessel: Vessel) -> TurnReach:
+    def of(cls, table: CurrentTable, vessel: Vessel) -> "TurnReach":
         """Bounds from the strongest current that a turn can meet, at any time.
 
         A turn is 2 v/ω wide in still water, and is carried by the drift of one period. Speeds

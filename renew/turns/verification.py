@@ -9,8 +9,6 @@ another heading, or lie in another triangle than the one that an edge was padded
 the drawn turns than the risk allows may reach land from there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple, TypeAlias
 
@@ -186,7 +184,7 @@ class _Stations(NamedTuple):
     course: FloatArray
     current: CurrentStatistics
 
-    def chosen(self, which: IntArray | BoolArray) -> _Stations:
+    def chosen(self, which: IntArray | BoolArray) -> "_Stations":
         """Some of them."""
         current = CurrentStatistics(*(of[which] for of in self.current))
         return _Stations(self.points[which], self.course[which], current)

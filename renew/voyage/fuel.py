@@ -8,8 +8,6 @@ along the unit tangent T in the current c:
   g = c·T + √(v² - |c - (c·T)T|²).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -85,7 +83,7 @@ class Pieces(NamedTuple):
     length: FloatArray
 
     @classmethod
-    def of(cls, path: FloatArray) -> Pieces:
+    def of(cls, path: FloatArray) -> "Pieces":
         """Cut a path."""
         return cls(*_cut(for_kernels(path)))
 

@@ -1,7 +1,5 @@
 """The voyage that every step of a plan works on: chart, current, vessel, start and goal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -139,7 +137,7 @@ class Voyage:
         crab = speed / math.sqrt(speed**2 - strongest**2) if self.drift == "crab" else 1.0
         return crab * self.waters.current_change / (speed - strongest)
 
-    def leaving(self, departure: float) -> Voyage:
+    def leaving(self, departure: float) -> "Voyage":
         """Return the voyage at another departure (s)."""
         return replace(self, departure=departure, schedule=None)
 
@@ -148,7 +146,7 @@ class Voyage:
         """Start, via points and goal (n + 2, 2), m."""
         return np.vstack([self.start, self.via, self.goal])
 
-    def part(self, at: int, departure: float) -> Voyage:
+    def part(self, at: int, departure: float) -> "Voyage":
         """The part from one stop to the next, begun at a time (s), as a voyage of its own."""
         start, goal = self.stops[at : at + 2]
         before = departure - self.departure
@@ -156,7 +154,7 @@ class Voyage:
             self.leaving(departure), start=start, goal=goal, via=self.via[:0], before=before
         )
 
-    def parts(self, path: FloatArray) -> Iterator[tuple[Voyage, FloatArray]]:
+    def parts(self, path: FloatArray) -> "Iterator[tuple[Voyage, FloatArray]]":
         """Each part with its piece of a path (n, 2), begun when the path comes to it."""
         if not len(self.via):
             yield self, path
@@ -191,19 +189,19 @@ class Voyage:
         """The pieces, and how far off each via point is."""
         return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)
 
-    def at_price(self, price: float) -> Voyage:
+    def at_price(self, price: float) -> "Voyage":
         """Return the voyage at another price of time (fuel units a second)."""
         return replace(self, choice=replace(self.choice, price=price))
 
-    def at_speed(self, speed: float) -> Voyage:
+    def at_speed(self, speed: float) -> "Voyage":
         """Return the voyage at a constant speed through water (m/s)."""
         return replace(self, vessel=replace(self.vessel, speed=speed), schedule=None)
 
-    def due(self, deadline: float) -> Voyage:
+    def due(self, deadline: float) -> "Voyage":
         """Return the voyage with another deadline (s)."""
         return replace(self, choice=replace(self.choice, deadline=deadline))
 
-    def scheduled(self, path: FloatArray, times: FloatArray) -> Voyage:
+    def scheduled(self, path: FloatArray, times: FloatArray) -> "Voyage":
         """Return the voyage with a schedule: the times (n,), s, at points of a path (n, 2)."""
         return replace(self, schedule=np.column_stack([shares(path), times]))
 

@@ -5,9 +5,8 @@ import re
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
-import numpy.typing as npt
 
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, IntArray
 from pipeline.formats.passage.tracks import DECIMALS
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints
 from pipeline.formats.shared.note_words import note_texts
@@ -137,7 +136,7 @@ def within_180(points: FloatArray) -> FloatArray:
     return points - np.stack([360.0 * _turns(points[:, 0]), np.zeros(len(points))], axis=-1)
 
 
-def _turns(longitude: FloatArray) -> npt.NDArray[np.int64]:
+def _turns(longitude: FloatArray) -> IntArray:
     """Whole turns (n,) by which longitudes are beyond -180 to below 180 degrees."""
     return np.floor((longitude + 180) / 360).astype(np.int64)
 

@@ -4,11 +4,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import FloatArray
+from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.formats.figures.graticule import nice_step
 from pipeline.formats.shared.result import RunResult
 
@@ -36,7 +34,7 @@ class SpeedScale:
 
     limits: tuple[float, ...]
 
-    def classify(self, speed: FloatArray) -> npt.NDArray[np.intp]:
+    def classify(self, speed: FloatArray) -> IndexArray:
         """Index of the class of each speed (n,); speeds above the last limit are in the last."""
         return np.minimum(np.searchsorted(self.limits, speed), len(self.limits) - 1)
 
@@ -60,7 +58,7 @@ class Arrows:
         """Speed of each (n,), m/s."""
         return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
 
-    def outlines(self, scale: SpeedScale) -> list[BaseGeometry]:
+    def outlines(self, scale: SpeedScale) -> list[shapely.Geometry]:
         """Outline the arrows of each class of speed, the weakest class first."""
         classes = scale.classify(self.speed)
         count = len(scale.limits)
@@ -104,7 +102,7 @@ def arrows(result: RunResult, season: str) -> Arrows:
     return Arrows(positions[moves], velocity[moves], spacing)
 
 
-def on_water(result: RunResult, positions: FloatArray) -> npt.NDArray[np.bool_]:
+def on_water(result: RunResult, positions: FloatArray) -> BoolArray:
     """Whether positions (n, 2) in the plane lie inside the chart and not on land."""
     chart, land = result.scene.chart, np.array(result.scene.land, dtype=object)
     water = np.asarray(shapely.contains_xy(chart.extent, positions))
@@ -114,7 +112,7 @@ def on_water(result: RunResult, positions: FloatArray) -> npt.NDArray[np.bool_]:
     return water
 
 
-def _outline(positions: FloatArray, velocity: FloatArray, length: float) -> BaseGeometry:
+def _outline(positions: FloatArray, velocity: FloatArray, length: float) -> shapely.Geometry:
     """Outline arrows of one length, centred on their positions and pointing along the current."""
     if not len(positions):
         return shapely.MultiPolygon()

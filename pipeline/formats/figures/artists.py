@@ -26,9 +26,8 @@ from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
-from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, Geometries
 from pipeline.formats.figures.graticule import scale_bar_m
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
@@ -151,7 +150,7 @@ def point(axes: Axes) -> float:
     )
 
 
-def patch(areas: BaseGeometry | npt.NDArray[np.object_], **style: object) -> PathPatch:
+def patch(areas: shapely.Geometry | Geometries, **style: object) -> PathPatch:
     """One patch of all rings of all areas, so that an SVG has one element per layer."""
     rings = shapely.get_rings(shapely.get_parts(areas))
     outlines = [Outline(shapely.get_coordinates(ring), closed=True) for ring in rings]

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.patheffects import withStroke
-from shapely.geometry.base import BaseGeometry
 
 from pipeline.formats.figures.artists import (
     PLAIN_PT,
@@ -270,7 +269,7 @@ def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> floa
 
 
 def _free_side(
-    axes: Axes, position: tuple[float, float], text: str, drawn: BaseGeometry
+    axes: Axes, position: tuple[float, float], text: str, drawn: shapely.Geometry
 ) -> tuple[int, int]:
     """Side (across, up) of a position where its text is inside the map and off the paths.
 

@@ -1,7 +1,5 @@
 """Kinds, widths and file types of a season's figures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -28,7 +26,7 @@ class Kind(StrEnum):
     ALL = "all"
 
     @classmethod
-    def selected(cls, kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
+    def selected(cls, kinds: "tuple[Kind, ...]") -> "tuple[Kind, ...]":
         """Selected kinds, each once and in the order above; all kinds if none is selected."""
         every = tuple(kind for kind in cls if kind is not cls.ALL)
         return tuple(kind for kind in every if kind in (kinds or every) or cls.ALL in kinds)
@@ -57,12 +55,12 @@ class Form(StrEnum):
 
 
 def figure(
-    result: RunResult,
+    result: "RunResult",
     season: str,
     kind: Kind,
     width: Width = Width.SCREEN,
-    variants: Mapping[Kind, Sequence[Variant]] | None = None,
-) -> Figure:
+    variants: "Mapping[Kind, Sequence[Variant]] | None" = None,
+) -> "Figure":
     """Draw a figure, of any kind but `all`, of a season that has a route.
 
     `variants` are the runs with other options that `classes` and `paddings` compare.
@@ -77,7 +75,7 @@ def figure(
 
     size = width.points
 
-    def compared() -> Figure:
+    def compared() -> "Figure":
         chosen = (variants or {})[kind]
         padded = kind is Kind.PADDINGS
         return variants_figure(result, season, chosen, with_padding=padded, width_pt=size)

@@ -9,8 +9,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from shapely.geometry.base import BaseGeometry
 
+from pipeline._types import Geometries
 from pipeline.formats.figures.artists import patch, point, stroke
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
@@ -22,7 +22,9 @@ SOFT_ALPHA = 0.38
 ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
 
 
-def chart_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = None) -> list[Artist]:
+def chart_layers(
+    axes: Axes, result: RunResult, within: shapely.Geometry | None = None
+) -> list[Artist]:
     """Hard no-go zone, over it the original land, shoals and hazards; in detail that can be seen.
 
     Clipped to an area if one is given. A planar scenario has no no-go zone beside its land.
@@ -56,7 +58,7 @@ def chart_layers(axes: Axes, result: RunResult, within: BaseGeometry | None = No
     ]
 
 
-def soft_layer(axes: Axes, area: BaseGeometry) -> Artist:
+def soft_layer(axes: Axes, area: shapely.Geometry) -> Artist:
     """A soft no-go zone, translucent."""
     visible = shapely.simplify(area, DETAIL_PT * point(axes))
     return patch(visible, facecolor=COLOURS["soft"], edgecolor="none", alpha=SOFT_ALPHA, zorder=3)
@@ -136,7 +138,7 @@ def line_handle(role: str, width_pt: float, text: str) -> Artist:
     return Line2D([], [], color=COLOURS[role], linewidth=width_pt, label=text)
 
 
-def visible(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.object_]:
+def visible(areas: Geometries, detail: float) -> Geometries:
     """Simplify areas (n,) by a detail, and drop those smaller than it."""
     west, south, east, north = shapely.bounds(areas).T
     return np.asarray(
@@ -145,8 +147,8 @@ def visible(areas: npt.NDArray[np.object_], detail: float) -> npt.NDArray[np.obj
 
 
 def _clipped(
-    areas: Sequence[BaseGeometry] | npt.NDArray[np.object_], within: BaseGeometry | None
-) -> npt.NDArray[np.object_]:
+    areas: Sequence[shapely.Geometry] | Geometries, within: shapely.Geometry | None
+) -> Geometries:
     """Clip areas to another area, if one is given."""
     areas = np.array(areas, dtype=object)
     if within is None:

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray
 from pipeline.formats.exchange import nautical
@@ -55,7 +54,7 @@ def _features(kind: str, frame: GeoDataFrame) -> list[dict[str, Any]]:
     return list(frame.iterfeatures(na="null", drop_id=True))
 
 
-def _line(points: FloatArray) -> BaseGeometry:
+def _line(points: FloatArray) -> shapely.Geometry:
     """Make a LineString, or a MultiLineString if the line crosses 180 degrees."""
     parts = nautical.split_at_antimeridian(points)
     return shapely.LineString(parts[0]) if len(parts) == 1 else shapely.MultiLineString(parts)

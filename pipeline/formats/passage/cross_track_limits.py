@@ -5,7 +5,6 @@ from typing import Self
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray, Geometries, IndexArray
 from pipeline.formats.passage.safe_corridor import (
@@ -27,7 +26,7 @@ _MAX_HALVINGS = 12
 
 
 def cross_track_limits(
-    legs: Tracks, soft_no_go: BaseGeometry, obstacles: Obstacles, cap: float
+    legs: Tracks, soft_no_go: shapely.Geometry, obstacles: Obstacles, cap: float
 ) -> tuple[FloatArray, FloatArray]:
     """Cross-track limits of each leg to port and to starboard (k,), metres of the plane.
 

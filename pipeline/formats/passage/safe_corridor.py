@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 import renew
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, Geometries, IntArray
 from pipeline.formats.shared.route_profile import edges_of
 from pipeline.model import Scene
 
@@ -34,7 +32,7 @@ class IndexedEdges:
 
     def __init__(self, ends: FloatArray) -> None:
         self.ends = ends
-        self.lines: npt.NDArray[np.object_] = np.asarray(shapely.linestrings(ends))
+        self.lines: Geometries = np.asarray(shapely.linestrings(ends))
         self.tree = shapely.STRtree(self.lines)
 
 
@@ -44,19 +42,19 @@ class Obstacles:
     `areas` are shut when a route passes them, and count as land then.
     """
 
-    def __init__(self, scene: Scene, areas: Sequence[BaseGeometry] = ()) -> None:
+    def __init__(self, scene: Scene, areas: Sequence[shapely.Geometry] = ()) -> None:
         self.scene, self._areas = scene, tuple(areas)
         self._land = np.array([*scene.land, *areas], dtype=object)
         self._tree = shapely.STRtree(self._land)
         self._extent = scene.chart.extent
         shapely.prepare(self._extent)
 
-    def land_in(self, area: BaseGeometry) -> BaseGeometry:
+    def land_in(self, area: shapely.Geometry) -> shapely.Geometry:
         """Return the original land inside an area, as one geometry."""
         near = self._land[self._tree.query(area, predicate="intersects")]
         return shapely.union_all(shapely.intersection(near, area))
 
-    def clipped_to_chart(self, area: BaseGeometry) -> BaseGeometry:
+    def clipped_to_chart(self, area: shapely.Geometry) -> shapely.Geometry:
         """Clip an area to the chart: beyond its edge the land is unknown."""
         if shapely.covers(self._extent, area):
             return area
@@ -84,10 +82,10 @@ class SafeCorridor:
     """
 
     path: FloatArray
-    free: BaseGeometry
-    blocked: BaseGeometry
+    free: shapely.Geometry
+    blocked: shapely.Geometry
     wanted_clearance: float
-    off_land: BaseGeometry
+    off_land: shapely.Geometry
     first: int
     last: int
     max_error: float
@@ -105,7 +103,7 @@ class SafeCorridor:
         """Tree of the edges of `blocked`."""
         return shapely.STRtree(shapely.linestrings(edges_of([self.blocked])))
 
-    def clearance(self, geometries: npt.NDArray[np.object_]) -> FloatArray:
+    def clearance(self, geometries: Geometries) -> FloatArray:
         """Distance (n,) of points or lines from V and land, capped at `wanted_clearance`."""
         clearance = np.full(len(geometries), self.wanted_clearance)
         # Most lines are far from all. The box of a long one holds thousands of edges, so its pieces
@@ -120,8 +118,8 @@ class SafeCorridor:
 
 
 def _pieces(
-    geometries: npt.NDArray[np.object_],
-) -> tuple[npt.NDArray[np.object_], npt.NDArray[np.int64]]:
+    geometries: Geometries,
+) -> tuple[Geometries, IntArray]:
     """Segments of lines (n,), or the points themselves, and the index of the one each is of."""
     points, owner = shapely.get_coordinates(geometries, return_index=True)
     inside = owner[:-1] == owner[1:]
@@ -170,7 +168,9 @@ def cross(one: FloatArray, other: FloatArray) -> FloatArray:
     return product
 
 
-def _with_exits(soft: BaseGeometry, path: FloatArray, margin: float) -> tuple[FloatArray, int, int]:
+def _with_exits(
+    soft: shapely.Geometry, path: FloatArray, margin: float
+) -> tuple[FloatArray, int, int]:
     """Add a vertex `margin` outside V at each end of a path that lies in V.
 
     Returns the path and the indices of these vertices (else of start and goal), between which the
@@ -182,7 +182,7 @@ def _with_exits(soft: BaseGeometry, path: FloatArray, margin: float) -> tuple[Fl
     return forwards, min(first, last), last
 
 
-def _with_exit(soft: BaseGeometry, path: FloatArray, margin: float) -> tuple[FloatArray, int]:
+def _with_exit(soft: shapely.Geometry, path: FloatArray, margin: float) -> tuple[FloatArray, int]:
     """Add a vertex where a path that starts in V has left it; returns its index too, else 0."""
     legs = shapely.linestrings(np.stack([path[:-1], path[1:]], axis=1))
     outside = np.flatnonzero(~shapely.intersects(soft, legs))

@@ -1,15 +1,11 @@
 """Fewest waypoints: a shortest path through candidate waypoints that see each other."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import BoolArray, FloatArray, IntArray
+from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.formats.passage.safe_corridor import SafeCorridor, cross
 from pipeline.formats.passage.tracks import Drawing
 from pipeline.formats.shared.legs import metres_along
@@ -42,7 +38,7 @@ class Candidates:
     xy: FloatArray
     along: FloatArray
 
-    def __getitem__(self, chosen: IntArray | slice) -> Candidates:
+    def __getitem__(self, chosen: IntArray | slice) -> "Candidates":
         """Select candidates."""
         return Candidates(self.xy[chosen], self.along[chosen])
 
@@ -227,7 +223,7 @@ def _on_same_side(
     candidates: Candidates,
     begin: IntArray,
     end: IntArray,
-    lines: npt.NDArray[np.object_],
+    lines: Geometries,
     corridor: SafeCorridor,
 ) -> BoolArray:
     """Whether legs (k,) pass every hole of the corridor on the same side as the path.
@@ -279,7 +275,7 @@ def thin(corridor: SafeCorridor, drawing: Drawing) -> Candidates:
     return concatenated(before[:-1], middle, after[1:])
 
 
-def _split_legs(path: Candidates, region: BaseGeometry, drawing: Drawing) -> Candidates:
+def _split_legs(path: Candidates, region: shapely.Geometry, drawing: Drawing) -> Candidates:
     """Add points to legs whose drawn curves leave the region, until they stay inside."""
     if len(path.xy) < 2:
         return path
@@ -303,7 +299,7 @@ def _interpolated(values: FloatArray, leg: IntArray, share: FloatArray) -> Float
     return value
 
 
-def _split_shares(leg: FloatArray, region: BaseGeometry, drawing: Drawing) -> FloatArray:
+def _split_shares(leg: FloatArray, region: shapely.Geometry, drawing: Drawing) -> FloatArray:
     """Shares at which equal parts of a leg (2, 2) begin, as few as stay inside the region.
 
     Only 0 if the leg itself leaves the region.

@@ -10,11 +10,10 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import pyproj
 import shapely
 
-from pipeline._types import FloatArray, IntArray
+from pipeline._types import FloatArray, Geometries, IntArray
 from pipeline.geo.projection import Projection
 
 Curve = Literal["Loxodrome", "Orthodrome"]
@@ -51,7 +50,7 @@ class Tracks:
     leg: IntArray
 
     @property
-    def lines(self) -> npt.NDArray[np.object_]:
+    def lines(self) -> Geometries:
         """One LineString a leg, in the plane."""
         return np.asarray(shapely.linestrings(self.xy, indices=self.leg))
 
@@ -105,7 +104,7 @@ class Drawing:
         """Degrees (n, 2) of planar points, as they will be written."""
         return np.round(self.projection.to_lonlat(xy), DECIMALS)
 
-    def lines(self, begin: FloatArray, end: FloatArray) -> npt.NDArray[np.object_]:
+    def lines(self, begin: FloatArray, end: FloatArray) -> Geometries:
         """Legs from degrees (k, 2) to degrees (k, 2), as lines of the plane."""
         return tracks(begin, end, self.curve, self.projection, self.error_m).lines
 

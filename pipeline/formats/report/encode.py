@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry import Polygon
 
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, Geometries, IntArray
 from pipeline.formats.shared.result import RunResult
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
@@ -48,7 +46,7 @@ class Lattice:
         step_m = 10.0 ** math.floor(math.log10(side_m / _MIN_STEPS))
         return cls(np.array([xmin, ymin]), step_m / scale, step_m)
 
-    def to_steps(self, points: FloatArray) -> npt.NDArray[np.int64]:
+    def to_steps(self, points: FloatArray) -> IntArray:
         """Round planar points (n, 2) to whole steps (n, 2)."""
         return np.rint((points - self.origin) / self.step).astype(np.int64)
 
@@ -59,7 +57,7 @@ class Lattice:
         keep[:1] = True
         return moves[keep].ravel().tolist()
 
-    def rings(self, areas: npt.NDArray[np.object_]) -> list[list[int]]:
+    def rings(self, areas: Geometries) -> list[list[int]]:
         """Every ring of polygonal geometries (n,); outer rings anticlockwise, holes clockwise.
 
         Rings are not closed by repeating the first point; those smaller than a step are dropped.
@@ -86,7 +84,7 @@ def series(values: FloatArray) -> dict[str, object]:
     return {"step": step, "moves": moves.tolist()}
 
 
-def within(areas: npt.NDArray[np.object_], extent: Polygon) -> npt.NDArray[np.object_]:
+def within(areas: Geometries, extent: shapely.Polygon) -> Geometries:
     """Clip geometries (n,) to the extent; those inside stay unchanged."""
     shapely.prepare(extent)
     areas = areas[shapely.intersects(extent, areas)]
@@ -96,9 +94,7 @@ def within(areas: npt.NDArray[np.object_], extent: Polygon) -> npt.NDArray[np.ob
     return clipped
 
 
-def coarser(
-    areas: npt.NDArray[np.object_], tolerance: float, max_vertices: int
-) -> npt.NDArray[np.object_]:
+def coarser(areas: Geometries, tolerance: float, max_vertices: int) -> Geometries:
     """Simplify geometries (n,) with a growing tolerance until they have at most `max_vertices`.
 
     Islets smaller than the tolerance become empty. There are at most twenty rounds.

@@ -7,11 +7,10 @@ Coordinates are in the planner's own plane at true scale: angles are true, and n
 import math
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
 import renew
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, Geometries
 from pipeline.formats.figures.arrows import on_water
 from pipeline.formats.figures.graticule import graticule
 from pipeline.formats.report.encode import Lattice, coarser, positions, series, within
@@ -78,7 +77,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
     }
 
 
-def _areas(result: RunResult, areas: npt.NDArray[np.object_], lattice: Lattice) -> list[list[int]]:
+def _areas(result: RunResult, areas: Geometries, lattice: Lattice) -> list[list[int]]:
     """Rings of planar areas, clipped to the chart."""
     if not len(areas):
         return []
@@ -171,7 +170,7 @@ def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
     ]
 
 
-def _soft_no_go(result: RunResult) -> dict[RouteKey, npt.NDArray[np.object_]]:
+def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
     """Soft no-go zone of each route in the plane, simplified and clipped to the chart."""
     chart = result.scene.chart
     xmin, ymin, xmax, ymax = chart.bounds

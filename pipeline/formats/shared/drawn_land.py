@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
 
 from pipeline._types import Geometries
 from pipeline.errors import RequestError
@@ -21,13 +20,13 @@ def continued(land: Geometries, surroundings: Geometries) -> Geometries:
     return np.concatenate([np.delete(land, touched), shapely.get_parts(joined)])
 
 
-def planar_land(scene: Scene, surroundings: Sequence[Polygon]) -> Geometries:
+def planar_land(scene: Scene, surroundings: Sequence[shapely.Polygon]) -> Geometries:
     """Land of a scene, continued by the land around it (lon/lat degrees), in the scene's plane."""
     around = np.array([*_projected(scene, surroundings)], dtype=object)
     return continued(np.array(scene.land, dtype=object), shapely.make_valid(around))
 
 
-def _projected(scene: Scene, polygons: Sequence[Polygon]) -> Iterator[Polygon]:
+def _projected(scene: Scene, polygons: Sequence[shapely.Polygon]) -> Iterator[shapely.Polygon]:
     """Yield polygons in the plane, but for those that reach too far for it, as across a pole."""
     for polygon in polygons:
         with contextlib.suppress(RequestError):

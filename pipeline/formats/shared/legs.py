@@ -3,10 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import pyproj
 
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, IntArray
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.geo.projection import cut, densified
 from pipeline.model import Scene
@@ -110,7 +109,7 @@ def steps(points: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
 
 def sailed(
     pieces: FloatArray,
-    first: npt.NDArray[np.int64],
+    first: IntArray,
     speeds: FloatArray,
     scene: Scene,
     season: str,
@@ -140,7 +139,7 @@ def sailed(
 
 def at_speeds_sailed(
     points: FloatArray, ranked: RankedRoute
-) -> tuple[FloatArray, npt.NDArray[np.int64], FloatArray]:
+) -> tuple[FloatArray, IntArray, FloatArray]:
     """Steps between points (n, 2) along a route, cut where speeds differ on the way.
 
     Returns the pieces' ends (m, 2), the first piece (n - 1,) of each step, and the speed (m - 1,)

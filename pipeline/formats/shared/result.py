@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline import model
@@ -104,7 +103,7 @@ class RunResult:
         return (*self.fetched.land.credits, *currents)
 
     @property
-    def shoals(self) -> tuple[BaseGeometry, ...]:
+    def shoals(self) -> tuple[shapely.Geometry, ...]:
         """Water too shallow for the vessel, lon/lat degrees: no-go like land."""
         return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "shoal")
 
@@ -119,19 +118,19 @@ class RunResult:
         return planar_land(self.scene, self.fetched.surroundings)
 
     @property
-    def hazards(self) -> tuple[BaseGeometry, ...]:
+    def hazards(self) -> tuple[shapely.Geometry, ...]:
         """Rocks, wrecks, marks and the like with the room around them, lon/lat degrees: no-go."""
         return tuple(zone.area for zone in self.fetched.land.zones if zone.kind == "hazard")
 
     @cached_property
-    def open_zones(self) -> tuple[tuple[model.Zone, BaseGeometry], ...]:
+    def open_zones(self) -> tuple[tuple[model.Zone, shapely.Geometry], ...]:
         """The chart's restricted areas, traffic schemes and shut areas, with planar areas.
 
         Routes may pass through them.
         """
         return self._zones_in_chart({"restricted", "traffic", "shut"})
 
-    def _zones_in_chart(self, kinds: set[str]) -> tuple[tuple[model.Zone, BaseGeometry], ...]:
+    def _zones_in_chart(self, kinds: set[str]) -> tuple[tuple[model.Zone, shapely.Geometry], ...]:
         """Zones of some kinds that lie at least partly in the chart, with planar areas."""
         zones = [zone for zone in self.fetched.land.zones if zone.kind in kinds]
         areas = self.scene.projection.geometry_to_plane(

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 import pyproj
 import shapely
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, Geometries
 from pipeline.formats.shared.legs import cumulative, steps
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.geo.projection import Projection, densified
@@ -116,8 +113,8 @@ class ClosestApproach:
 class CoastIndex:
     """Land, its edges, and a tree of the edges that finds the nearest one."""
 
-    land: npt.NDArray[np.object_]
-    edges: npt.NDArray[np.object_]
+    land: Geometries
+    edges: Geometries
     tree: shapely.STRtree
 
     def clearance_m(
@@ -165,7 +162,7 @@ class CoastIndex:
         return ClosestApproach(gaps[best, 0], lengths[best])
 
 
-def edges_of(areas: Sequence[BaseGeometry]) -> FloatArray:
+def edges_of(areas: Sequence[shapely.Geometry]) -> FloatArray:
     """Endpoints (n, 2, 2) of the edges of all rings of areas."""
     rings = shapely.get_rings(shapely.get_parts(np.array(areas, dtype=object)))
     points, ring = shapely.get_coordinates(rings, return_index=True)
@@ -174,7 +171,7 @@ def edges_of(areas: Sequence[BaseGeometry]) -> FloatArray:
 
 # Polygons are hashed by their coordinates, which takes a hundredth of the time of the tree.
 @lru_cache(maxsize=2)
-def coast_index(land: tuple[Polygon, ...]) -> CoastIndex:
+def coast_index(land: tuple[shapely.Polygon, ...]) -> CoastIndex:
     """Index the edges of the land."""
     edges = shapely.linestrings(edges_of(land))
     return CoastIndex(np.array(land, dtype=object), edges, shapely.STRtree(edges))
@@ -188,7 +185,7 @@ def _with_point(line: FloatArray, point: FloatArray, same: float) -> FloatArray:
     return np.insert(line, after + 1, point, axis=0)
 
 
-def _segments(line: FloatArray) -> npt.NDArray[np.object_]:
+def _segments(line: FloatArray) -> Geometries:
     """LineStrings (n - 1,) between the points (n, 2) of a line."""
     return np.asarray(shapely.linestrings(np.stack([line[:-1], line[1:]], axis=1)))
 

@@ -1,7 +1,5 @@
 """What several writers need: values for JSON, templates, and errors of the system."""
 
-from __future__ import annotations
-
 import errno
 import json
 import math
@@ -56,7 +54,9 @@ def encodable_text(text: str) -> str:
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
-def environment(*packages: str, finalize: Callable[[object], object] | None = None) -> Environment:
+def environment(
+    *packages: str, finalize: Callable[[object], object] | None = None
+) -> "Environment":
     """Load the templates of some packages; values are escaped, and a missing one is an error.
 
     If several packages have a template, the first one's is used.
@@ -74,7 +74,7 @@ def environment(*packages: str, finalize: Callable[[object], object] | None = No
 
 
 @cache
-def xml_environment(package: str) -> Environment:
+def xml_environment(package: str) -> "Environment":
     """Load a package's templates of XML; characters that XML forbids are replaced."""
     return environment(package, finalize=_escaped)
 

@@ -12,12 +12,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 import shapely
 
+from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.machine.files import flush_tree, write_whole
 from pipeline.machine.store import file_hash
@@ -178,7 +177,7 @@ class EarlierRoute:
     homotopy: str
     fuel: float
     arrival: datetime | None
-    path: npt.NDArray[np.float64]
+    path: FloatArray
 
     def columns(self) -> Row:
         """Return the columns that describe the route."""

@@ -7,8 +7,6 @@ latitude. Scale, offset and fill values are xarray's work here as well, calendar
 cftime's; units of speed would need pint besides.
 """
 
-from __future__ import annotations
-
 import calendar
 import itertools
 import re
@@ -44,7 +42,7 @@ _MAX_LON, _MAX_LAT, _MAX_TURN = 720.0, 91.0, 1.02
 SAME_SHARE = 1e-3
 
 
-def axis_role(dataset: xr.Dataset, dim: str) -> str:
+def axis_role(dataset: "xr.Dataset", dim: str) -> str:
     """Return a dimension's role: "lon", "lat", "time", "level", or "" where it is unknown."""
     attributes = dataset[dim].attrs if dim in dataset.variables else {}
     standard = str(attributes.get("standard_name", ""))
@@ -63,7 +61,7 @@ def axis_role(dataset: xr.Dataset, dim: str) -> str:
     return ""
 
 
-def grid_fault(dataset: xr.Dataset, array: xr.DataArray) -> str:
+def grid_fault(dataset: "xr.Dataset", array: "xr.DataArray") -> str:
     """Say what kind of grid a variable has that is not along longitude and latitude."""
     dims = ", ".join(f"{dim} ({size})" for dim, size in array.sizes.items())
     remedy = "put it on a regular grid first, as with `cdo remapbil,r1440x720 in.nc out.nc`"
@@ -75,7 +73,7 @@ def grid_fault(dataset: xr.Dataset, array: xr.DataArray) -> str:
     return f"{array.name} is along {dims}, not along a latitude and a longitude; {remedy}"
 
 
-def surface_level(dataset: xr.Dataset, dim: str) -> tuple[int, list[Note]]:
+def surface_level(dataset: "xr.Dataset", dim: str) -> tuple[int, list[Note]]:
     """Return the index of the uppermost level, and notes; ValueError where it is too deep."""
     attributes, levels = {}, np.arange(dataset.sizes[dim], dtype=float)
     if dim in dataset.variables:
@@ -96,7 +94,7 @@ def surface_level(dataset: xr.Dataset, dim: str) -> tuple[int, list[Note]]:
     return index, [Note.of("current-at-depth", depth_m=float(levels[index]))] if is_deep else []
 
 
-def time_axis(dataset: xr.Dataset, dim: str) -> tuple[xr.DataArray | None, FloatArray | None]:
+def time_axis(dataset: "xr.Dataset", dim: str) -> "tuple[xr.DataArray | None, FloatArray | None]":
     """Return the time coordinate and its bounds (n, 2); neither for a single step without time."""
     if dim not in dataset.variables:
         if dataset.sizes[dim] == 1:
@@ -107,7 +105,7 @@ def time_axis(dataset: xr.Dataset, dim: str) -> tuple[xr.DataArray | None, Float
     return time, _bounds(dataset, dim, values.size)
 
 
-def _bounds(dataset: xr.Dataset, dim: str, size: int) -> FloatArray | None:
+def _bounds(dataset: "xr.Dataset", dim: str, size: int) -> FloatArray | None:
     """Bounds (n, 2) of a coordinate; None where it has none."""
     name = dataset[dim].attrs.get("bounds", "")
     bounds = dataset.variables.get(name)
@@ -119,7 +117,7 @@ def _bounds(dataset: xr.Dataset, dim: str, size: int) -> FloatArray | None:
     return values
 
 
-def coordinate_axis(dataset: xr.Dataset, dim: str, period: float = 0.0) -> FloatArray:
+def coordinate_axis(dataset: "xr.Dataset", dim: str, period: float = 0.0) -> FloatArray:
     """Return a monotonic axis in degrees, unwrapped where it has a period; else ValueError."""
     if dim not in dataset.variables:
         raise ValueError(f"{dim} has no values; add the coordinate")
@@ -217,7 +215,7 @@ class TimeSteps:
         return f"{len(self.labels)} time steps, {self.labels[0]} to {self.labels[-1]}"
 
 
-def read_steps(time: xr.DataArray | None, bounds: FloatArray | None) -> TimeSteps:
+def read_steps(time: "xr.DataArray | None", bounds: FloatArray | None) -> TimeSteps:
     """Read a file's time coordinate, not yet decoded, with its bounds (n, 2) where it has them.
 
     Raises
@@ -297,7 +295,7 @@ def label(moment: datetime) -> str:
     return moment.isoformat()[:10] if is_day else f"{moment.isoformat()[:16]}Z"
 
 
-def _months(time: xr.DataArray, values: FloatArray, units: str) -> tuple[int, ...]:
+def _months(time: "xr.DataArray", values: FloatArray, units: str) -> tuple[int, ...]:
     """Months of a climatology; empty where the time has real years."""
     if " since " not in units:
         numbers = tuple(round(value) for value in values)
@@ -309,7 +307,7 @@ def _months(time: xr.DataArray, values: FloatArray, units: str) -> tuple[int, ..
     return ()
 
 
-def decoded_times(time: xr.DataArray, values: FloatArray, units: str) -> list[datetime]:
+def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[datetime]:
     """Moments in UTC, rounded to the second: days in float32 are not more exact."""
     import netCDF4
 
@@ -349,14 +347,14 @@ def _month_start(moment: datetime) -> datetime:
     return moment.replace(day=1, hour=0, minute=0, second=0, microsecond=0)
 
 
-def reference_time(datasets: Iterable[xr.Dataset]) -> datetime | None:
+def reference_time(datasets: "Iterable[xr.Dataset]") -> datetime | None:
     """Return the newest reference time (aware, UTC) of open files; None where one says none."""
     times = [_from_variable(dataset) or _from_attributes(dataset) for dataset in datasets]
     known = [time for time in times if time is not None]
     return max(known) if known and len(known) == len(times) else None
 
 
-def _from_variable(dataset: xr.Dataset) -> datetime | None:
+def _from_variable(dataset: "xr.Dataset") -> datetime | None:
     """Read the variable of CF; None where there is none that can be read."""
     for name, variable in dataset.variables.items():
         if variable.attrs.get("standard_name") == _STANDARD_NAME:
@@ -369,7 +367,7 @@ def _from_variable(dataset: xr.Dataset) -> datetime | None:
     return None
 
 
-def _from_attributes(dataset: xr.Dataset) -> datetime | None:
+def _from_attributes(dataset: "xr.Dataset") -> datetime | None:
     """Read a global attribute; None where none holds a time."""
     for name in _ATTRIBUTES:
         found = _DIGITS.search(str(dataset.attrs.get(name, "")))

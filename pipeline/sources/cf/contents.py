@@ -4,8 +4,6 @@ No values of the currents are read here. Faults are collected and reported toget
 thing that was found and the thing that is needed.
 """
 
-from __future__ import annotations
-
 import contextlib
 import glob
 import os
@@ -76,7 +74,7 @@ class Component:
     steps: TimeSteps
     notes: tuple[Note, ...]
 
-    def lazy(self, dataset: xr.Dataset) -> xr.Variable:
+    def lazy(self, dataset: "xr.Dataset") -> "xr.Variable":
         """Return the variable of its open file, not yet read."""
         return dataset.variables[self.name].isel(self.fixed)
 
@@ -156,7 +154,7 @@ def read_contents(files: tuple[Path, ...]) -> Contents:
         return _contents(files, datasets)
 
 
-def _contents(files: tuple[Path, ...], datasets: dict[Path, xr.Dataset]) -> Contents:
+def _contents(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> Contents:
     """Return the contents of open files; RequestError as in `read_contents`."""
     pair = _component_pair(list(datasets.values()))
     if isinstance(pair, str):
@@ -186,7 +184,7 @@ def name_of(files: Sequence[Path]) -> str:
 
 
 def _component_pair(
-    datasets: Sequence[xr.Dataset],
+    datasets: "Sequence[xr.Dataset]",
 ) -> tuple[tuple[str, str], tuple[str, str]] | str:
     """Find the two components, (standard name, name) each; or name the variables there are."""
     variables = {
@@ -242,7 +240,7 @@ def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[Note, ..
     return (Note.of("current-without-tide"),) if "no_tide" in standard else ()
 
 
-def _component(file: Path, dataset: xr.Dataset, name: str) -> Component:
+def _component(file: Path, dataset: "xr.Dataset", name: str) -> Component:
     """Return a component of a file; ValueError where something is wrong with it."""
     array = dataset[name]
     check_values(array)
@@ -282,7 +280,7 @@ def _component(file: Path, dataset: xr.Dataset, name: str) -> Component:
     )
 
 
-def _unit_m_s(array: xr.DataArray) -> tuple[float, list[Note]]:
+def _unit_m_s(array: "xr.DataArray") -> tuple[float, list[Note]]:
     """Return a variable's unit in m/s, and notes; ValueError where it is no unit of speed."""
     units = str(array.attrs.get("units", "")).strip()
     if not units:
@@ -298,7 +296,7 @@ def _unit_m_s(array: xr.DataArray) -> tuple[float, list[Note]]:
 
 
 def _combined(
-    datasets: dict[Path, xr.Dataset],
+    datasets: "dict[Path, xr.Dataset]",
     u: Sequence[Component],
     v: Sequence[Component],
     notes: tuple[Note, ...],

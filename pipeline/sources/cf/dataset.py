@@ -14,8 +14,6 @@ one a line, and says on its error stream which one it has begun, so that its end
 tells which one is damaged.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import struct
@@ -77,7 +75,7 @@ def reading() -> Iterator[None]:
             raise ValueError(f"it can't be read: {reason}; fetch it again") from None
 
 
-def open_dataset(path: Path) -> xr.Dataset:
+def open_dataset(path: Path) -> "xr.Dataset":
     """Open a file without reading values or decoding times; ValueError where that fails.
 
     Attributes of variables become text, as damaged ones may be anything.
@@ -135,7 +133,7 @@ def groups_of(path: Path) -> tuple[str, ...]:
         return tuple(dataset.groups)
 
 
-def coordinate_values(dataset: xr.Dataset, name: str) -> FloatArray:
+def coordinate_values(dataset: "xr.Dataset", name: str) -> FloatArray:
     """Read a coordinate, or its bounds, as numbers; ValueError where it is something else."""
     variable = dataset.variables[name]
     _check_axis_size(name, variable.size)
@@ -144,7 +142,7 @@ def coordinate_values(dataset: xr.Dataset, name: str) -> FloatArray:
         return np.asarray(variable.values, dtype=float)
 
 
-def check_values(array: xr.DataArray) -> None:
+def check_values(array: "xr.DataArray") -> None:
     """Refuse a variable whose values are no numbers, or whose chunks do not fit in memory."""
     _check_is_number(str(array.name), array)
     chunks = array.encoding.get("chunksizes") or array.encoding.get("chunks") or ()
@@ -156,7 +154,7 @@ def check_values(array: xr.DataArray) -> None:
         )
 
 
-def _check_is_number(name: str, variable: xr.Variable | xr.DataArray) -> None:
+def _check_is_number(name: str, variable: "xr.Variable | xr.DataArray") -> None:
     """Refuse a variable that holds text or anything else that is no number."""
     if variable.dtype.kind not in _NUMBERS:
         kind = "text" if variable.dtype.kind in _TEXT else "another type"

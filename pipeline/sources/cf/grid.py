@@ -3,8 +3,6 @@
 The window is cut out of each step before the steps are summed, some megabytes at a time.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -76,7 +74,7 @@ def _runs(indices: IndexArray, step: int) -> tuple[slice, ...]:
     ) or (slice(0, 0),)
 
 
-def read_window(variable: xr.Variable, dims: tuple[str, str], window: Window) -> FloatArray:
+def read_window(variable: "xr.Variable", dims: tuple[str, str], window: Window) -> FloatArray:
     """Read a variable in a window (..., ny, nx); `dims` are its dimensions along lat and lon."""
     lat, lon = dims
     runs = [
@@ -178,7 +176,7 @@ class FieldReader:
         return total
 
     def _blocks(
-        self, component: Component, variable: xr.Variable, steps: Sequence[int]
+        self, component: Component, variable: "xr.Variable", steps: Sequence[int]
     ) -> Iterator[tuple[Sequence[int], FloatArray]]:
         """Read ascending steps some megabytes at a time: their numbers, values (nt, ny, nx)."""
         window, lat, lon = self._window, component.lat, component.lon
@@ -193,7 +191,7 @@ class FieldReader:
             values = read_window(variable.isel(part), (lat, lon), window)
             yield times, values.reshape(-1, *shape)
 
-    def _dataset(self, file: Path) -> xr.Dataset:
+    def _dataset(self, file: Path) -> "xr.Dataset":
         """Return an open file."""
         if file not in self._open:
             self._close_all_but(_MAX_OPEN - 1)

@@ -5,8 +5,6 @@ a field shifted by half a degree looks like any other. So the axes are compared 
 the speeds with the sea's, and the gaps with the land and between time steps.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -123,7 +121,7 @@ def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
     return fields
 
 
-def _read(dataset: xr.Dataset, expected: Expected) -> tuple[list[str], AcceptedFields | None]:
+def _read(dataset: "xr.Dataset", expected: Expected) -> tuple[list[str], AcceptedFields | None]:
     """Read axes and fields, with the faults of both; no fields where the axes are wrong."""
     wanted = {"eastward": expected.spec.eastward, "northward": expected.spec.northward}
     needed = (*wanted.values(), "longitude", "latitude", "time")
@@ -154,7 +152,7 @@ def _read(dataset: xr.Dataset, expected: Expected) -> tuple[list[str], AcceptedF
 
 
 def _read_fields(
-    dataset: xr.Dataset, expected: Expected, window: Window
+    dataset: "xr.Dataset", expected: Expected, window: Window
 ) -> tuple[list[str], FloatArray, FloatArray]:
     """Both components of the fields (nt, ny, nx), and the first faulty step's faults.
 
@@ -223,7 +221,7 @@ def largest_spike(values: FloatArray, limit_m_s: float) -> float:
     return float(np.max(spike, initial=0.0, where=is_spike))
 
 
-def _variable_faults(variable: xr.DataArray, direction: str) -> Iterator[str]:
+def _variable_faults(variable: "xr.DataArray", direction: str) -> Iterator[str]:
     """Find a component's wrong unit and standard name."""
     units = variable.attrs.get("units", "")
     if units.strip() not in _UNITS:
@@ -240,7 +238,7 @@ def _step_faults(name: str, axis: FloatArray, cell_deg: float) -> Iterator[str]:
         yield f"{name} steps by {steps.min():.5g} to {steps.max():.5g} degrees, not {cell_deg:.5g}"
 
 
-def _time_faults(dataset: xr.Dataset, expected: Expected) -> list[str]:
+def _time_faults(dataset: "xr.Dataset", expected: Expected) -> list[str]:
     """Whether the file has exactly the requested time steps."""
     time, values = dataset["time"], coordinate_values(dataset, "time").reshape(-1)
     stamps = decoded_times(time, values, time.attrs.get("units", ""))
@@ -261,7 +259,7 @@ def _shortened(labels: tuple[str, ...]) -> str:
     return f"[{labels[0]!r} … {labels[-1]!r}] ({len(labels)})"
 
 
-def _depth_faults(dataset: xr.Dataset) -> list[str]:
+def _depth_faults(dataset: "xr.Dataset") -> list[str]:
     """Whether there is no more than one level, at the surface."""
     for name in {"depth", "elevation"} & dataset.variables.keys():
         levels = np.abs(coordinate_values(dataset, name).reshape(-1))

@@ -8,8 +8,6 @@ first or its middle, and an instantaneous field with its own time. So a step is 
 label as coarse as the step itself: "2024-07", "2024-07-15", "2024-07-15T18".
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
@@ -80,7 +78,7 @@ class SelectedSteps:
         """Whether each step is a field of its own."""
         return not self.weights
 
-    def until(self, last: datetime) -> SelectedSteps:
+    def until(self, last: datetime) -> "SelectedSteps":
         """Keep the steps that start at a moment or before it, where each is a field of its own."""
         if not self.are_fields:
             return self

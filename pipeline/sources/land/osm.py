@@ -30,11 +30,9 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry import Polygon
 
-from pipeline._types import BoolArray, FloatArray, Geometries
+from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.machine.files import UNFINISHED, whole_file
 from pipeline.model import Credit, Land, Note
 from pipeline.sources.land import shapes
@@ -69,11 +67,11 @@ class NearPolygons(NamedTuple):
     """Geometries (n,) of a shoreline near a box, as they are, and whether each is valid (n,)."""
 
     polygons: Geometries
-    is_valid: npt.NDArray[np.bool_]
+    is_valid: BoolArray
 
 
 def polygons_near(
-    shoreline: Shoreline, box: Polygon, least_deg: float = 0.0
+    shoreline: Shoreline, box: shapely.Polygon, least_deg: float = 0.0
 ) -> tuple[NearPolygons, tuple[Note, ...]]:
     """Return a shoreline's polygons whose bounds meet a box (degrees), unchanged, and notes.
 
@@ -126,7 +124,7 @@ def unpacked(shoreline: Shoreline) -> bytes:
     return wkb
 
 
-def read_near(wkb: bytes, box: Polygon, least_deg: float = 0.0) -> NearPolygons:
+def read_near(wkb: bytes, box: shapely.Polygon, least_deg: float = 0.0) -> NearPolygons:
     """Return what `polygons_near` does from a WKB MultiPolygon, without a file."""
     near = [
         polygons[_is_near(shapely.bounds(polygons), box, least_deg)]
@@ -136,7 +134,7 @@ def read_near(wkb: bytes, box: Polygon, least_deg: float = 0.0) -> NearPolygons:
     return NearPolygons(polygons, shapely.is_valid(polygons))
 
 
-def _is_near(bounds: FloatArray, box: Polygon, least_deg: float) -> BoolArray:
+def _is_near(bounds: FloatArray, box: shapely.Polygon, least_deg: float) -> BoolArray:
     """Say which bounds (n, 4) meet a box, and are not smaller than `least_deg`."""
     longer = (bounds[:, 2:] - bounds[:, :2]).max(axis=1, initial=0.0)
     return np.asarray(shapes.meets_box(bounds, box) & (longer >= least_deg))
@@ -171,7 +169,7 @@ def write_cached(path: Path, wkb: bytes) -> None:
         file.write(_HEAD.pack(_MAGIC, len(table), zlib.crc32(content)) + content)
 
 
-def read_cached(path: Path, box: Polygon, least_deg: float = 0.0) -> NearPolygons | None:
+def read_cached(path: Path, box: shapely.Polygon, least_deg: float = 0.0) -> NearPolygons | None:
     """Return what `polygons_near` does from a file; None where it is absent or damaged."""
     try:
         with path.open("rb") as file:
@@ -207,7 +205,7 @@ def _remove_abandoned(folder: Path) -> None:
                 path.unlink()
 
 
-def _chunks(wkb: bytes) -> Iterator[tuple[Geometries, npt.NDArray[np.int64], int]]:
+def _chunks(wkb: bytes) -> Iterator[tuple[Geometries, IntArray, int]]:
     """Yield a MultiPolygon's polygons, a few at a time to save memory.
 
     With them come the bytes at which they begin, and at which the last one ends.
@@ -239,14 +237,14 @@ class LandPolygons:
     `seam_pieces` the pieces cut at 180 degrees that were joined. `notes` are about reading.
     """
 
-    polygons: tuple[Polygon, ...]
+    polygons: tuple[shapely.Polygon, ...]
     repaired: int
     duplicates: int
     seam_pieces: int
     notes: tuple[Note, ...] = ()
 
 
-def land(region: Polygon, beyond_m: float = shapes.BEYOND_M) -> Land:
+def land(region: shapely.Polygon, beyond_m: float = shapes.BEYOND_M) -> Land:
     """Return the land near a region with its credit, as the fetch stage passes it on."""
     found, second = (land_polygons(region, beyond_m, shoreline) for shoreline in ("Osm", "Gshhg"))
     return Land(
@@ -271,7 +269,7 @@ def credit() -> Credit:
 
 
 def land_polygons(
-    region: Polygon, beyond_m: float = shapes.BEYOND_M, shoreline: Shoreline = "Osm"
+    region: shapely.Polygon, beyond_m: float = shapes.BEYOND_M, shoreline: Shoreline = "Osm"
 ) -> LandPolygons:
     """Return OpenStreetMap's land near a region, or that of another shoreline.
 
@@ -294,7 +292,7 @@ def land_polygons(
     return replace(clean(near, box), notes=notes)
 
 
-def clean(near: NearPolygons, box: Polygon) -> LandPolygons:
+def clean(near: NearPolygons, box: shapely.Polygon) -> LandPolygons:
     """Repair polygons, clip them to the box, drop duplicates and join pieces at 180 degrees."""
     valid, repairs = shapes.repaired(*near)
     parts = shapes.clipped(valid, box)
@@ -332,6 +330,6 @@ class OsmLand:
         """Release of the package: its data change with it."""
         return ("osm-land", version("roaring-landmask"))
 
-    def land(self, region: Polygon) -> Land:
+    def land(self, region: shapely.Polygon) -> Land:
         """Return the land near a region (lon/lat degrees)."""
         return land(region)

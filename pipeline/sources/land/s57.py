@@ -18,8 +18,6 @@ from typing import Literal
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import Geometries
 from pipeline.errors import RequestError
@@ -98,10 +96,12 @@ class _Part:
     """A cell, and the part of its area that no cell of a larger scale covers."""
 
     cell: Cell
-    area: BaseGeometry
+    area: shapely.Geometry
 
 
-def land(cells: Iterable[Cell], box: Polygon, region: Polygon, safety_depth_m: float) -> Land:
+def land(
+    cells: Iterable[Cell], box: shapely.Polygon, region: shapely.Polygon, safety_depth_m: float
+) -> Land:
     """Make everything no-go that is not known to be water deep enough.
 
     Parameters
@@ -165,7 +165,7 @@ def _places(part: _Part) -> Iterator[PlaceName]:
         yield from shapes.named_places(objects.texts("OBJNAM"), inside)
 
 
-def _parts(cells: Iterable[Cell], box: Polygon) -> tuple[_Part, ...]:
+def _parts(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[_Part, ...]:
     """Divide the box among the cells: the larger scale first, then the later issue."""
     parts, taken = [], shapely.Polygon()
     newest = sorted(cells, key=lambda cell: (cell.issued, cell.name), reverse=True)
@@ -191,7 +191,7 @@ def _depth_areas(part: _Part) -> Iterator[DepthArea]:
                 yield DepthArea(kind, least, greatest, area)
 
 
-def _cut_to(geometries: Geometries, area: BaseGeometry) -> Geometries:
+def _cut_to(geometries: Geometries, area: shapely.Geometry) -> Geometries:
     """Cut geometries along an area; those inside stay exactly as they are."""
     shapely.prepare(area)
     inside = shapely.covers(area, geometries)
@@ -200,7 +200,7 @@ def _cut_to(geometries: Geometries, area: BaseGeometry) -> Geometries:
     return cut
 
 
-def _hazards(part: _Part, sea: BaseGeometry, safety_depth_m: float) -> Iterator[Zone]:
+def _hazards(part: _Part, sea: shapely.Geometry, safety_depth_m: float) -> Iterator[Zone]:
     """Yield the objects of a part that are dangers in the safe water, as areas."""
     drawn_m = _DRAWING_ACCURACY_M * part.cell.scale
     kinds = (
@@ -221,7 +221,7 @@ def _hazards(part: _Part, sea: BaseGeometry, safety_depth_m: float) -> Iterator[
                 yield Zone("hazard", _HAZARDS.get(name, group), "", area)
 
 
-def _areas_in(sea: BaseGeometry, geometry: Geometries, radius_m: float) -> Geometries:
+def _areas_in(sea: shapely.Geometry, geometry: Geometries, radius_m: float) -> Geometries:
     """Return the objects that overlap the sea as areas: points and lines buffered by a radius."""
     dimension = shapely.get_dimensions(geometry)
     # Coasts and quays run along the edge of the sea: only lines inside it are dangers.
@@ -253,7 +253,9 @@ def _zones(part: _Part) -> Iterator[Zone]:
                 yield Zone("traffic", title or _TRAFFIC[name], rule, area)
 
 
-def _notes(parts: Sequence[_Part], sea: BaseGeometry, region: Polygon) -> Iterator[Note]:
+def _notes(
+    parts: Sequence[_Part], sea: shapely.Geometry, region: shapely.Polygon
+) -> Iterator[Note]:
     """Yield notes on parts of the region without chart, poorly surveyed, or with entry rules."""
     covered = shapes.merged([part.area for part in parts])
     blank = shapely.area(shapely.difference(region, covered))
@@ -338,7 +340,7 @@ class S57Chart:
         """Base files of the cells, each cell once."""
         return find_cells(self.path)
 
-    def land(self, region: Polygon) -> Land:
+    def land(self, region: shapely.Polygon) -> Land:
         """Return the no-go areas near a region (lon/lat degrees), and the chart's zones."""
         box = shapes.box_around(region)
         read = (read_cell(base, box, CLASSES) for base in self._bases)

@@ -13,12 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import Geometries
+from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
 from pipeline.sources.land.shapes import MAX_LONLAT, near_box, reading, repaired, vector_library
 
@@ -51,9 +48,9 @@ class Objects:
     """
 
     geometry: Geometries
-    columns: Mapping[str, npt.NDArray[np.object_]]
+    columns: Mapping[str, Geometries]
 
-    def numbers(self, name: str) -> npt.NDArray[np.float64]:
+    def numbers(self, name: str) -> FloatArray:
         """Return a numeric attribute (n,), NaN where unknown."""
         if name not in self.columns:
             return np.full(len(self.geometry), math.nan)
@@ -80,7 +77,7 @@ class Cell:
     update: str
     issued: str
     scale: int
-    covered: BaseGeometry
+    covered: shapely.Geometry
     objects: Mapping[str, Objects]
     repaired: int = 0
     warnings: tuple[str, ...] = ()
@@ -118,7 +115,7 @@ def cell_files(base: Path) -> tuple[Path, ...]:
     return tuple(sorted(base.parent.glob(f"{glob.escape(base.stem)}.[0-9][0-9][0-9]")))
 
 
-def read_cell(base: Path, box: Polygon, classes: Iterable[str]) -> Cell | None:
+def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell | None:
     """Read a cell's objects of some classes near a box (lon/lat degrees).
 
     None where the cell has no data near it.
@@ -188,7 +185,7 @@ def _check(base: Path, identification: Mapping[str, object]) -> None:
         raise RequestError(faults)
 
 
-def _objects(base: Path, layer: str, box: Polygon) -> tuple[Objects, int]:
+def _objects(base: Path, layer: str, box: shapely.Polygon) -> tuple[Objects, int]:
     """Read a class's objects that meet a box, valid and in its longitudes; count the repairs."""
     pyogrio = vector_library()
 

@@ -17,10 +17,8 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 from shapely import affinity
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import FloatArray, Geometries
+from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.errors import PipelineError, RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
@@ -43,7 +41,7 @@ NAME_COLUMNS = ("name", "objnam")
 """Columns that hold names of land, in lower case: the usual one, and the one of S-57 charts."""
 
 
-def box_around(region: Polygon, beyond_m: float = BEYOND_M) -> Polygon:
+def box_around(region: shapely.Polygon, beyond_m: float = BEYOND_M) -> shapely.Polygon:
     """Return the region's bounds widened by metres; at most 360 degrees wide, poles included."""
     west, south, east, north = region.bounds
     lat_deg = beyond_m / METRES_PER_DEGREE
@@ -54,29 +52,29 @@ def box_around(region: Polygon, beyond_m: float = BEYOND_M) -> Polygon:
     return shapely.box(west - lon_deg, south, east + lon_deg, north)
 
 
-def meets_box(bounds: FloatArray, box: Polygon) -> npt.NDArray[np.bool_]:
+def meets_box(bounds: FloatArray, box: shapely.Polygon) -> BoolArray:
     """Say which bounds (n, 4), degrees, meet a box in any whole turn."""
     return np.asarray(np.any([_meets(bounds, box, turn) for turn in _TURNS], axis=0))
 
 
-def _meets(bounds: FloatArray, box: Polygon, turn: float) -> npt.NDArray[np.bool_]:
+def _meets(bounds: FloatArray, box: shapely.Polygon, turn: float) -> BoolArray:
     """Say which bounds (n, 4), moved east by some degrees, meet a box."""
     west, south, east, north = box.bounds
     xmin, ymin, xmax, ymax = bounds.T
-    meets: npt.NDArray[np.bool_] = (
+    meets: BoolArray = (
         (xmin + turn <= east) & (xmax + turn >= west) & (ymin <= north) & (ymax >= south)
     )
     return meets
 
 
-def near_box(geometries: Geometries, box: Polygon) -> tuple[Geometries, npt.NDArray[np.int64]]:
+def near_box(geometries: Geometries, box: shapely.Polygon) -> tuple[Geometries, IntArray]:
     """Return the geometries whose bounds meet a box, in its longitudes, and their indices.
 
     They are moved by whole turns; one that meets the box both ways round comes twice.
     """
     bounds = shapely.bounds(geometries)
     found: list[Geometries] = [np.empty(0, dtype=object)]
-    index: list[npt.NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]
+    index: list[IntArray] = [np.empty(0, dtype=np.int64)]
     for turn in _TURNS:
         meets = _meets(bounds, box, turn)
         chosen = geometries[meets]
@@ -92,9 +90,7 @@ def _moved_east(geometries: Geometries, degrees: float) -> Geometries:
     return moved
 
 
-def repaired(
-    geometries: Geometries, is_valid: npt.NDArray[np.bool_] | None = None
-) -> tuple[Geometries, int]:
+def repaired(geometries: Geometries, is_valid: BoolArray | None = None) -> tuple[Geometries, int]:
     """Make invalid areas valid, covering all that their rings enclose; count the invalid ones.
 
     A line of no length becomes a point. `is_valid` (n,) is computed if it isn't given.
@@ -116,7 +112,7 @@ def repair_note(name: str, count: int) -> tuple[Note, ...]:
     return (Note.of("areas-repaired", source=name, count=count),) if count else ()
 
 
-def clipped(polygons: Geometries, box: Polygon) -> Geometries:
+def clipped(polygons: Geometries, box: shapely.Polygon) -> Geometries:
     """Cut valid areas along a box; those inside stay as they are."""
     shapely.prepare(box)
     crosses = ~shapely.covers(box, polygons)
@@ -124,7 +120,7 @@ def clipped(polygons: Geometries, box: Polygon) -> Geometries:
     return extract_polygons(np.concatenate([polygons[~crosses], cut]))
 
 
-def flattened(geometries: Geometries | BaseGeometry) -> Geometries:
+def flattened(geometries: Geometries | shapely.Geometry) -> Geometries:
     """Take the points, lines and polygons out of collections, however deeply they are nested."""
     geometries = np.atleast_1d(geometries)
     while (shapely.get_type_id(geometries) >= shapely.GeometryType.MULTIPOINT).any():
@@ -132,7 +128,7 @@ def flattened(geometries: Geometries | BaseGeometry) -> Geometries:
     return geometries
 
 
-def extract_polygons(geometries: Geometries | BaseGeometry) -> Geometries:
+def extract_polygons(geometries: Geometries | shapely.Geometry) -> Geometries:
     """Take the polygons out of any geometries, dropping points and lines that clipping left."""
     parts = flattened(geometries)
     is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
@@ -140,17 +136,17 @@ def extract_polygons(geometries: Geometries | BaseGeometry) -> Geometries:
     return polygons
 
 
-def merged(geometries: Geometries | Sequence[BaseGeometry]) -> BaseGeometry:
+def merged(geometries: Geometries | Sequence[shapely.Geometry]) -> shapely.Geometry:
     """Merge areas, closing the gaps that rounding leaves between neighbours."""
     return shapely.union_all(geometries, grid_size=_GRID_DEG)
 
 
-def subtract(area: BaseGeometry, taken: BaseGeometry) -> BaseGeometry:
+def subtract(area: shapely.Geometry, taken: shapely.Geometry) -> shapely.Geometry:
     """Take one area from another, leaving no slivers where they touch."""
     return shapely.difference(area, taken, grid_size=_GRID_DEG)
 
 
-def inner_lines(lines: Geometries, area: BaseGeometry) -> Geometries:
+def inner_lines(lines: Geometries, area: shapely.Geometry) -> Geometries:
     """Return the parts of lines that lie inside an area and not on its boundary."""
     inside = shapely.intersection(lines, area, grid_size=_GRID_DEG)
     inner = shapely.difference(inside, shapely.boundary(area), grid_size=_GRID_DEG)

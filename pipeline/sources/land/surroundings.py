@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
 
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.sources.land.osm import polygons_near
@@ -20,7 +19,7 @@ _REACH = 0.75
 _DETAIL = 1e-3
 
 
-def surroundings(region: Polygon) -> tuple[Polygon, ...]:
+def surroundings(region: shapely.Polygon) -> tuple[shapely.Polygon, ...]:
     """Return the land outside a region's bounds (lon/lat degrees), coarse.
 
     It reaches over the land that the sources fetch around the region, so that the two can be joined

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
 
 from pipeline._types import Geometries
 from pipeline.errors import RequestError
@@ -84,7 +83,7 @@ class VectorFile:
             return self.source.accuracy_m
         return self.entry.accuracy_m if self.entry else _ASSUMED_ACCURACY_M
 
-    def land(self, region: Polygon) -> Land:
+    def land(self, region: shapely.Polygon) -> Land:
         """Return the land near a region (lon/lat degrees)."""
         box = shapes.box_around(region)
         require_readable(self._files, "chart.source")

@@ -8,12 +8,10 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pyproj
 import shapely
-from shapely.geometry import Polygon
 
-from pipeline._types import FloatArray, Geometries, IndexArray
+from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.errors import RequestError
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.model import Note, PlaceName
@@ -62,7 +60,7 @@ class VectorLayer:
     extents: FloatArray
     warnings: tuple[str, ...]
 
-    def near(self, box: Polygon) -> NearbyFeatures:
+    def near(self, box: shapely.Polygon) -> NearbyFeatures:
         """Return the geometries near a box; RequestError for damaged ones."""
         found: list[Geometries] = [np.empty(0, dtype=object)]
         total = 0
@@ -78,7 +76,7 @@ class VectorLayer:
                 found.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
         return NearbyFeatures(np.concatenate(found), total, tuple(self._notes(issued)))
 
-    def places(self, box: Polygon) -> tuple[PlaceName, ...]:
+    def places(self, box: shapely.Polygon) -> tuple[PlaceName, ...]:
         """Return the names of areas near a box, where the layer has a column of names."""
         pyogrio = shapes.vector_library()
 
@@ -128,12 +126,12 @@ class VectorLayer:
             )
 
     @cached_property
-    def _is_blank(self) -> npt.NDArray[np.bool_]:
+    def _is_blank(self) -> BoolArray:
         """Which features (n,) have no geometry."""
         return np.asarray(np.isnan(self.extents).any(axis=0))
 
     @cached_property
-    def _is_suspect(self) -> npt.NDArray[np.bool_]:
+    def _is_suspect(self) -> BoolArray:
         """Which features (n,) have no geometry or an empty one; unreadable ones look so, too."""
         return np.asarray(self._is_blank | (self.extents == 0).all(axis=0))
 
@@ -163,7 +161,7 @@ class VectorLayer:
             and (meridian is None or meridian.longitude == 0)
         )
 
-    def _meets(self, window: Polygon) -> bool:
+    def _meets(self, window: shapely.Polygon) -> bool:
         """Whether any feature's bounds meet a window."""
         west, south, east, north = window.bounds
         left, bottom, right, top = self.extents
@@ -177,7 +175,7 @@ class VectorLayer:
         if count := int(self._is_blank.sum()):
             yield Note.of("features-without-geometry", source=self.path.name, count=count)
 
-    def _windows(self, box: Polygon) -> Iterator[Polygon]:
+    def _windows(self, box: shapely.Polygon) -> Iterator[shapely.Polygon]:
         """Yield the box in the file's CRS.
 
         A file's longitudes may go from -180 to 180 or from 0 to 360; a region's continue past 180.
@@ -195,7 +193,7 @@ class VectorLayer:
         self._check_covered(np.array(bounds))
         yield shapely.box(*bounds)
 
-    def _read(self, window: Polygon) -> Geometries:
+    def _read(self, window: shapely.Polygon) -> Geometries:
         """Read the geometries whose bounds meet a window, unchanged but without collections."""
         pyogrio = shapes.vector_library()
 
@@ -234,7 +232,7 @@ class VectorLayer:
                 'with crs = "EPSG:…"',
             )
 
-    def _to_lonlat(self, geometry: Geometries, box: Polygon) -> Geometries:
+    def _to_lonlat(self, geometry: Geometries, box: shapely.Polygon) -> Geometries:
         """Transform geometries to lon/lat degrees, within 180 degrees of the middle of a box."""
         import pyproj
 

@@ -7,14 +7,11 @@ So a field counts as shifted where cells that are entirely land have data, and l
 offset where the gaps match the land better.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.geo.earth import METRES_PER_DEGREE
@@ -59,8 +56,10 @@ class LandMask:
 
     @classmethod
     def of(
-        cls, polygons: Geometries | Sequence[Polygon], bounds: tuple[float, float, float, float]
-    ) -> LandMask:
+        cls,
+        polygons: Geometries | Sequence[shapely.Polygon],
+        bounds: tuple[float, float, float, float],
+    ) -> "LandMask":
         """Make a mask of land polygons (n,), known in the bounds that they were read for."""
         land = np.asarray(polygons, dtype=object)
 
@@ -74,7 +73,7 @@ class LandMask:
         return cls(is_land, bounds)
 
     @classmethod
-    def world(cls) -> LandMask:
+    def world(cls) -> "LandMask":
         """Make a mask of OpenStreetMap's land of the whole world, a raster of about 500 m."""
         from roaring_landmask import LandmaskProvider, RoaringMask
 
@@ -118,7 +117,9 @@ class WaterWithoutData:
         return Note.of("current-lacking", share=self.share, distance_m=self.distance_m)
 
 
-def water_without_data(field: Field, mask: LandMask, region: Polygon) -> WaterWithoutData | None:
+def water_without_data(
+    field: Field, mask: LandMask, region: shapely.Polygon
+) -> WaterWithoutData | None:
     """Find the water of a region (lon/lat degrees) without data; None where the land has the gaps.
 
     A gap at a node on land is right: it counts only next to a gap at a node in water.
@@ -266,7 +267,7 @@ class _LandShares:
         cell: tuple[float, float],
         mask: LandMask,
         reach: tuple[int, int],
-    ) -> _LandShares:
+    ) -> "_LandShares":
         """Sample the land in a grid's cells and `reach` raster points beyond them."""
         fine = [
             axis[0]

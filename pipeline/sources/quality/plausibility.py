@@ -14,15 +14,12 @@ detected, as they leave the size of the divergence unchanged. A quarter turn is 
 either, as waves and tides diverge more than they rotate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from pipeline._types import BoolArray, FloatArray
+from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.earth import EARTH_RADIUS_M
 from pipeline.sources.quality.field import Field, LandMask, find_shift
 
@@ -57,7 +54,7 @@ class Assessment:
     faults: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
-    def __add__(self, other: Assessment) -> Assessment:
+    def __add__(self, other: "Assessment") -> "Assessment":
         """Both together."""
         return Assessment(self.faults + other.faults, self.warnings + other.warnings)
 
@@ -317,7 +314,7 @@ def _divergence(field: Field, u: FloatArray, v: FloatArray) -> FloatArray:
     return np.asarray((east / dx + north / dy) / (EARTH_RADIUS_M * middle))
 
 
-def _block_sums(block: npt.NDArray[np.intp], values: FloatArray) -> FloatArray:
+def _block_sums(block: IndexArray, values: FloatArray) -> FloatArray:
     """Sum of the values in each block (n,)."""
     return np.asarray(np.bincount(block, values, _BLOCKS_PER_SIDE**2), dtype=float)
 
@@ -331,7 +328,7 @@ def _variation(field: Field) -> FloatArray:
     return total
 
 
-def _block_numbers(shape: tuple[int, int]) -> npt.NDArray[np.intp]:
+def _block_numbers(shape: tuple[int, int]) -> IndexArray:
     """Number of the block that each corner lies in: (ny, nx)."""
     row, column = (np.arange(size) * _BLOCKS_PER_SIDE // size for size in shape)
     return np.asarray(row[:, None] * _BLOCKS_PER_SIDE + column[None, :])

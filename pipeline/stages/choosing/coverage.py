@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
 import renew
+from pipeline._types import Geometries
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import MORE_CURRENTS
 from pipeline.geo.projection import Projection
@@ -199,7 +199,7 @@ def are_water_swapped(scenario: Scenario, places: Iterable[Point]) -> bool:
     )
 
 
-def _land_near(source: LandSource, lon: float, lat: float) -> npt.NDArray[np.object_]:
+def _land_near(source: LandSource, lon: float, lat: float) -> Geometries:
     """Return the chart's land around a position; empty if the chart has nothing near it.
 
     The run itself checks with its whole region whether the chart covers it.

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import BoolArray, FloatArray
@@ -26,7 +25,7 @@ _ON_COAST = 1e-6
 
 
 def overpowering_notes(
-    grid: CurrentGrid, region: Polygon, speed_m_s: float, departure: datetime | None = None
+    grid: CurrentGrid, region: shapely.Polygon, speed_m_s: float, departure: datetime | None = None
 ) -> Iterator[Note]:
     """Yield notes on the share of a region's water with an overpowering current, and its maximum.
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely import LineString
 
 import renew
-from pipeline._types import FloatArray
+from pipeline._types import FloatArray, Geometries
 from pipeline.geo.narrow_gaps import narrow_gaps
 from pipeline.machine.interpreters import cores
 from pipeline.model import (
@@ -197,7 +196,7 @@ class _StraitFinder:
     padding: float
 
     @cached_property
-    def _no_go(self) -> npt.NDArray[np.object_]:
+    def _no_go(self) -> Geometries:
         """The hard no-go zone: disjoint polygons."""
         return np.array(self.scene.chart.no_go, dtype=object)
 

@@ -17,7 +17,6 @@ from itertools import combinations
 
 import numpy as np
 import shapely
-from shapely.geometry import LineString, Polygon
 
 from pipeline._types import FloatArray
 from pipeline.model import Evaluation, Passage, PlaceName, RouteKey, Scene, SeasonPlan
@@ -89,7 +88,7 @@ class _WayNamer:
         self._used: set[int] = set()
         # Caches, because many routes need the same islands.
         self._directions: dict[tuple[RouteKey, int], FloatArray] = {}
-        self._gaps: dict[tuple[int, int], LineString] = {}
+        self._gaps: dict[tuple[int, int], shapely.LineString] = {}
 
     def passages(self, key: RouteKey) -> tuple[Passage, ...]:
         """Return a route's passages: the main island first, the others in order of passing."""
@@ -223,7 +222,7 @@ class _WayNamer:
             self._directions[key, island] = found
         return self._directions[key, island]
 
-    def _gap(self, one: int, other: int) -> LineString:
+    def _gap(self, one: int, other: int) -> shapely.LineString:
         """Return the shortest line between two islands."""
         if (one, other) not in self._gaps:
             outlines = self._outline(one), self._outline(other)
@@ -281,7 +280,7 @@ class _WayNamer:
         named = self._on(self._catalogued, parts[shapely.area(parts).argmax()])
         return named[0].name if named else ""
 
-    def _on(self, places: tuple[PlaceName, ...], area: Polygon) -> list[PlaceName]:
+    def _on(self, places: tuple[PlaceName, ...], area: shapely.Polygon) -> list[PlaceName]:
         """Return the places that lie in an area, planar metres."""
         lonlat = [(place.lon, place.lat) for place in places]
         points = self._scene.projection.to_plane(np.array(lonlat).reshape(-1, 2))
@@ -309,10 +308,10 @@ class _WayNamer:
             else self._point(island)
         )
 
-    def _outline(self, island: int) -> Polygon:
+    def _outline(self, island: int) -> shapely.Polygon:
         """Return an island's polygon in the planner's chart."""
         found = self._land.query(shapely.Point(self._point(island)), predicate="intersects")
-        polygon: Polygon = self._land.geometries[found[0]]
+        polygon: shapely.Polygon = self._land.geometries[found[0]]
         return polygon
 
     @cached_property
@@ -324,7 +323,7 @@ class _WayNamer:
         return shapely.STRtree(self._scene.land)
 
 
-def _crosses(path: FloatArray, gap: LineString) -> bool:
+def _crosses(path: FloatArray, gap: shapely.LineString) -> bool:
     """Whether a path (n, 2) crosses the line of a gap an odd number of times."""
     places = shapely.intersection(shapely.LineString(path), gap)
     return not places.is_empty and shapely.get_num_geometries(places) % 2 == 1

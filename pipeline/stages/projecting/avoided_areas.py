@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
 
 import renew
 from pipeline.errors import RequestError
@@ -25,7 +24,7 @@ def area_identities(scenario: Scenario) -> tuple[object, ...]:
     return tuple((area.model_dump(mode="json"), _file(area).identity) for area in scenario.avoid)
 
 
-def avoided_zones(scenario: Scenario, region: Polygon) -> tuple[Zone, ...]:
+def avoided_zones(scenario: Scenario, region: shapely.Polygon) -> tuple[Zone, ...]:
     """Return the avoided areas near a region (lon/lat degrees), in the scenario's order.
 
     Raises

@@ -6,7 +6,6 @@ works.
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
 
 import renew
 from pipeline.errors import RequestError
@@ -71,7 +70,7 @@ def _plane(scenario: Scenario) -> Plane:
     return scenario.plane
 
 
-def _obstacles(scenario: Scenario) -> tuple[Polygon, ...]:
+def _obstacles(scenario: Scenario) -> tuple[shapely.Polygon, ...]:
     """Return the obstacles as polygons in metres."""
     return tuple(shapely.Polygon(corners) for corners in _plane(scenario).obstacles)
 
@@ -81,7 +80,7 @@ def _projection(scenario: Scenario) -> Projection:
     return Projection.at(0.0, 0.0, scenario.scale)
 
 
-def _current(season: Season, extent: Polygon) -> Current:
+def _current(season: Season, extent: shapely.Polygon) -> Current:
     """Return the gyre or uniform current of a season."""
     if season.gyre is not None:
         _, _, width, height = extent.bounds

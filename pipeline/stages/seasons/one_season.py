@@ -6,11 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import shapely
-from shapely.geometry import Polygon
 
 import renew
+from pipeline._types import Geometries
 from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.geo.known_cells import share_without
 from pipeline.geo.projection import densified
@@ -300,7 +299,7 @@ def _thinned(turns: renew.Contingency) -> renew.Contingency:
     return replace(turns, points=turns.points[chosen], collided=turns.collided[chosen])
 
 
-def _polygons(geometries: npt.NDArray[np.object_]) -> list[Polygon]:
+def _polygons(geometries: Geometries) -> list[shapely.Polygon]:
     """Return the non-empty polygons among geometries and their parts."""
     return [
         part

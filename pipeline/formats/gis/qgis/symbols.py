@@ -1,7 +1,5 @@
 """QGIS's symbols, rules and labels, sizes in millimetres on paper; and its XML, by templates."""
 
-from __future__ import annotations
-
 import base64
 import re
 import uuid
@@ -49,7 +47,7 @@ class Rule:
     label: str
     condition: str = ""
     symbol: Sequence[SymbolLayer] = ()
-    children: Sequence[Rule] = ()
+    children: "Sequence[Rule]" = ()
     on: bool = True
     finer_than: float = 0.0
 
