@@ -9,6 +9,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +20,13 @@ _SAFE_PATH = "PYTHONSAFEPATH"
 # Time to read a killed process's last output, s: with its whole session killed the pipes close at
 # once.
 _DRAIN_S = 5.0
+# Time between two checks whether a process has to end, s.
+_PAUSE_S = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessResult:
-    """How a process ended: `exit_code` is None where it was killed at its deadline."""
+    """How a process ended: `exit_code` is None where it was killed."""
 
     exit_code: int | None
     stdout: str
@@ -61,8 +65,11 @@ def ignoring_working_directory() -> Iterator[None]:
             os.environ[_SAFE_PATH] = before
 
 
-def run_python(arguments: Sequence[str], stdin: str, deadline_s: float) -> ProcessResult:
-    """Run an interpreter with some input; kill it and its child processes at the deadline."""
+def run_python(
+    arguments: Sequence[str], stdin: str, limit_s: float, stop: threading.Event | None = None
+) -> ProcessResult:
+    """Run an interpreter with some input; kill it and its children after the limit or at `stop`."""
+    deadline, text = time.monotonic() + limit_s, stdin or None
     with subprocess.Popen(  # noqa: S603 - the arguments are this package's own
         python_command(*arguments),
         stdin=subprocess.PIPE,
@@ -74,17 +81,19 @@ def run_python(arguments: Sequence[str], stdin: str, deadline_s: float) -> Proce
         start_new_session=True,
     ) as process:
         try:
-            stdout, stderr = process.communicate(stdin, timeout=deadline_s)
-        except subprocess.TimeoutExpired:
-            _kill_session(process)
-            stderr = ""
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                _, stderr = process.communicate(timeout=_DRAIN_S)
-            return ProcessResult(None, "", stderr)
+            while time.monotonic() < deadline and not (stop and stop.is_set()):
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    stdout, stderr = process.communicate(text, timeout=_PAUSE_S)
+                    return ProcessResult(process.returncode, stdout, stderr)
+                text = None  # it is taken at the first call
         except BaseException:
             _kill_session(process)
             raise
-        return ProcessResult(process.returncode, stdout, stderr)
+        _kill_session(process)
+        stderr = ""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            _, stderr = process.communicate(timeout=_DRAIN_S)
+        return ProcessResult(None, "", stderr)
 
 
 def _kill_session(process: subprocess.Popen[str]) -> None:

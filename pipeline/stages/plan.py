@@ -15,7 +15,14 @@ from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.project import scene_inputs
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.one_season import combine_seasons
-from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate, status_of
+from pipeline.stages.seasons.task import (
+    SeasonTask,
+    Status,
+    plan_and_evaluate,
+    run_on_scheduler,
+    status_in_process,
+    status_of,
+)
 from pipeline.stages.simplify import SimplifiedLand
 
 
@@ -154,13 +161,7 @@ def run_tasks(
 
     address = scheduler or dask.config.get("scheduler-address", None)
     if address is not None:
-        from pipeline.stages.seasons.task import run_on_scheduler
-
         run_on_scheduler(tasks, address, on_status)
-    elif any(task.limit_s is not None for task in tasks):
-        from pipeline.stages.seasons.task import run_in_processes
-
-        run_in_processes(tasks, cores(), on_status)
     else:
         # Even a single task: a signal handler may raise in the main thread, and compiled code,
         # called from C, can't handle an exception.
@@ -169,12 +170,16 @@ def run_tasks(
 
 def _run_in_threads(tasks: Sequence[SeasonTask], on_status: Callable[[Status], None]) -> None:
     """Run tasks in threads of this process; a failure is returned as a status, not raised."""
-    pool = ThreadPoolExecutor(min(len(tasks), cores()))
+    pool, stop = ThreadPoolExecutor(min(len(tasks), cores())), threading.Event()
     try:
         runs = [
-            pool.submit(status_of, one.season, partial(plan_and_evaluate, one)) for one in tasks
+            pool.submit(status_of, one.season, partial(plan_and_evaluate, one))
+            if one.limit_s is None
+            else pool.submit(status_in_process, one, stop)
+            for one in tasks
         ]
         for run in as_completed(runs):
             on_status(run.result())
     finally:
+        stop.set()
         pool.shutdown(wait=False, cancel_futures=True)  # an interrupted run ends at once

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -24,130 +24,38 @@ from pipeline.formats.report.season import SeasonPart, season_part
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import MAX_STRAITS, RunResult
-from pipeline.formats.shared.text import capitalised
 from pipeline.formats.shared.writing import environment
 from pipeline.geo.earth import position_text
-from pipeline.model import Credit, CurrentGrid
+from pipeline.model import Credit, CurrentGrid, RouteMetrics, ShutStrait
 from pipeline.scenario.published import PublishedRow
 
-_FILTERS = ("number", "fuel", "hours", "days", "percent", "share", "plain", "gap_figure")
-
-
-@dataclass(frozen=True)
-class Notice:
-    """What a reader must know before the answer; each item is about one season."""
-
-    title: str
-    items: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True)
-class Source:
-    """A source and its use: land, or the currents of some seasons."""
-
-    purpose: str
-    credit: Credit
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A season's best route, or a published route; unknown figures are None.
-
-    `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
-    `clearance_m` true metres.
-    """
-
-    season: str
-    planner: str
-    is_ours: bool
-    scale: float
-    way: str
-    fuel_per_distance: float | None
-    fuel: float | None
-    length: float | None
-    length_m: float | None
-    clearance_m: float | None
-
-
-@dataclass(frozen=True)
-class RouteShares:
-    """Shares of a route that lack data of the current, and charted depths."""
-
-    season: str
-    rank: int
-    filled: float
-    uncharted: float
-
-
-@dataclass(frozen=True)
-class Strait:
-    """A shut strait: its place as text and for the map, widths in true metres, and the reason."""
-
-    place: str
-    on_map: str
-    width_m: float
-    needed_m: float
-    by: str
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """What is not known about a run; `more_straits` counts the straits that are not listed."""
-
-    sentences: tuple[str, ...]
-    routes: tuple[RouteShares, ...]
-    straits: tuple[Strait, ...]
-    more_straits: int
-
-    @classmethod
-    def of(cls, result: RunResult) -> Self:
-        """Gather what is not known about a run, and its routes that lack data."""
-        rows = [
-            RouteShares(
-                result.season_title(row.season), row.rank, row.filled_share, row.uncharted_share
-            )
-            for row in result.evaluation.routes
-            if not result.scenario.is_planar
-        ]
-        return cls(
-            sentences=tuple(f"{capitalised(text)}." for text in note_texts(result.unknowns)),
-            routes=tuple(row for row in rows if row.filled > 0 or row.uncharted > 0),
-            straits=tuple(
-                Strait(
-                    position_text(one.lon, one.lat),
-                    place_on_map(
-                        result, result.scene.projection.to_plane(np.array([one.lon, one.lat]))
-                    ),
-                    one.width_m,
-                    one.needed_m,
-                    ", ".join((one.by, *map(result.season_title, one.seasons))),
-                )
-                for one in result.straits[:MAX_STRAITS]
-            ),
-            more_straits=max(0, len(result.straits) - MAX_STRAITS),
-        )
-
-    @property
-    def has_depths(self) -> bool:
-        """Whether the chart has depths."""
-        return any(not math.isnan(row.uncharted) for row in self.routes)
+Notice = tuple[str, tuple[tuple[str, str], ...]]
+"""What a reader must know before the answer: a title, and items that are each about a season."""
+_FILTERS = (
+    *("number", "fuel", "hours", "days", "percent", "share", "plain", "gap_figure"),
+    "capitalised",
+)
 
 
 @dataclass(frozen=True)
 class Report:
-    """What the template shows of a run, beside the run's own figures."""
+    """What the template shows of a run, beside the run's own figures.
+
+    On the routes in `lacking`, current or depths are not known everywhere. Each source has its use:
+    land, or the currents of some seasons.
+    """
 
     result: RunResult
     notices: tuple[Notice, ...]
     notes: tuple[str, ...]
-    unknown: Unknown
+    lacking: tuple[RouteMetrics, ...]
     seasons: tuple[SeasonPart, ...]
     speed_labels: tuple[str, ...]
     map_json: Markup
     map_ratio: float
-    comparison: tuple[Comparison, ...]
+    comparison: tuple[dict[str, Any], ...]
     zones: tuple[str, ...]
-    sources: tuple[Source, ...]
+    sources: tuple[tuple[str, Credit], ...]
 
 
 def write_report(result: RunResult, path: Path) -> None:
@@ -160,12 +68,16 @@ def render(report: Report) -> str:
     loaded = environment("pipeline.formats.report")
     loaded.filters.update({name: getattr(text, name) for name in _FILTERS})
     loaded.filters.update({kind: partial(_quantity, kind) for kind in ("distance", "clearance")})
+    loaded.filters.update(note_texts=note_texts, season_title=report.result.season_title)
     result = report.result
     return loaded.get_template("report.html.jinja").render(
         report=report,
         result=result,
         scenario=result.scenario,
         land=result.fetched.land,
+        straits=result.straits[:MAX_STRAITS],
+        position_text=position_text,
+        place_on_map=partial(_place_on_map, result),
         versions=versions(),
         **style_colours(),
         # Files of this package, without text from elsewhere.
@@ -183,6 +95,12 @@ def _quantity(kind: str, value: float | None) -> Markup:
     return Markup('<span data-{}="{}">{}</span>').format(kind, f"{value:.9g}", written)
 
 
+def _place_on_map(result: RunResult, strait: ShutStrait) -> str:
+    """Return a strait's place for a button."""
+    place = np.array([strait.lon, strait.lat])
+    return place_on_map(result, result.scene.projection.to_plane(place))
+
+
 def gather(result: RunResult) -> Report:
     """Gather the page's content."""
     speeds = speed_scale(result)
@@ -191,9 +109,13 @@ def gather(result: RunResult) -> Report:
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     return Report(
         result,
-        notices=tuple(notice for notice in _notices(result) if notice.items),
+        notices=tuple((title, items) for title, items in _notices(result) if items),
         notes=tuple(note_texts(note for note in result.fetched.notes if note not in shown)),
-        unknown=Unknown.of(result),
+        lacking=tuple(
+            row
+            for row in result.evaluation.routes
+            if not result.scenario.is_planar and (row.filled_share > 0 or row.uncharted_share > 0)
+        ),
         seasons=tuple(
             season_part(result, entry, i) for i, entry in enumerate(result.plans, start=1)
         ),
@@ -208,14 +130,14 @@ def gather(result: RunResult) -> Report:
     )
 
 
-def _sources(result: RunResult) -> tuple[Source, ...]:
+def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
     """Every source with its use, land first."""
     seasons: dict[Credit, list[str]] = {}
     for grid in result.fetched.currents:
         seasons.setdefault(grid.credit, []).append(result.season_title(grid.season))
     return (
-        *(Source("Land", credit) for credit in result.fetched.land.credits),
-        *(Source(f"Currents, {', '.join(of)}", credit) for credit, of in seasons.items()),
+        *(("Land", credit) for credit in result.fetched.land.credits),
+        *((f"Currents, {', '.join(of)}", credit) for credit, of in seasons.items()),
     )
 
 
@@ -224,7 +146,7 @@ def _notices(result: RunResult) -> Iterator[Notice]:
     requested = {spec.name: spec.title or spec.valid for spec in result.scenario.seasons}
     grids = result.fetched.currents
     titles = {grid.season: result.season_title(grid.season) for grid in grids}
-    yield Notice(
+    yield (
         "Planned with stand-in currents",
         tuple(
             (titles[grid.season], _stand_in(result, grid, requested.get(grid.season, "")))
@@ -232,7 +154,7 @@ def _notices(result: RunResult) -> Iterator[Notice]:
             if result.is_stand_in(grid.season)
         ),
     )
-    yield Notice(
+    yield (
         "The current is not known",
         tuple(
             (titles[grid.season], f": {_lacking(grid)}")
@@ -241,7 +163,7 @@ def _notices(result: RunResult) -> Iterator[Notice]:
         ),
     )
     crossings = result.evaluation.shore_crossings
-    yield Notice(
+    yield (
         "Land of another shoreline on the route",
         tuple(
             (titles.get(season, season), f": {_crossed(result, season)}")
@@ -279,8 +201,12 @@ def _crossed(result: RunResult, season: str) -> str:
     return f"none of the best route, but parts of {routes}. {check}"
 
 
-def comparison(result: RunResult) -> tuple[Comparison, ...]:
-    """Each season's best route, followed by the season's published routes."""
+def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
+    """Each season's best route, followed by the season's published routes.
+
+    `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
+    `clearance_m` true metres; unknown figures are None.
+    """
     published = result.scenario.published
     if published is None:
         return ()
@@ -290,32 +216,32 @@ def comparison(result: RunResult) -> tuple[Comparison, ...]:
         for ranked in result.season_routes(entry.season)[:1]:
             metrics = ranked.metrics
             rows.append(
-                Comparison(
-                    season=result.season_title(entry.season),
-                    planner="This run",
-                    is_ours=True,
-                    scale=result.scenario.scale,
-                    way=metrics.main_passage,
-                    fuel_per_distance=metrics.fuel_per_distance,
-                    fuel=metrics.fuel,
-                    length=metrics.length,
-                    length_m=metrics.length_m,
-                    clearance_m=metrics.clearance_m,
-                )
+                {
+                    "season": result.season_title(entry.season),
+                    "planner": "This run",
+                    "is_ours": True,
+                    "scale": result.scenario.scale,
+                    "way": metrics.main_passage,
+                    "fuel_per_distance": metrics.fuel_per_distance,
+                    "fuel": metrics.fuel,
+                    "length": metrics.length,
+                    "length_m": metrics.length_m,
+                    "clearance_m": metrics.clearance_m,
+                }
             )
         rows += [
-            Comparison(
-                season=result.season_title(row.season) if row.season in seasons else row.season,
-                planner=row.label,
-                is_ours=False,
-                scale=published.scale,
-                way=row.side,
-                fuel_per_distance=_published_ratio(row),
-                fuel=row.fuel,
-                length=row.length,
-                length_m=None if row.length is None else row.length * published.scale,
-                clearance_m=None if row.clearance is None else row.clearance * published.scale,
-            )
+            {
+                "season": result.season_title(row.season) if row.season in seasons else row.season,
+                "planner": row.label,
+                "is_ours": False,
+                "scale": published.scale,
+                "way": row.side,
+                "fuel_per_distance": _published_ratio(row),
+                "fuel": row.fuel,
+                "length": row.length,
+                "length_m": None if row.length is None else row.length * published.scale,
+                "clearance_m": None if row.clearance is None else row.clearance * published.scale,
+            }
             for row in published.rows
             if row.season == entry.season or (not row.season and entry is result.plans[0])
         ]

@@ -4,14 +4,11 @@ A task has paths instead of arrays, because Dask can't transfer large arguments 
 are stored as soon as they are complete; the next run after a killed one loads them.
 """
 
-import contextlib
 import json
+import math
 import os
 import pickle
-import signal
-import subprocess
 import sys
-import tempfile
 import threading
 import time
 import traceback
@@ -20,10 +17,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import IO
 
 from pipeline.errors import PipelineError, StageError
-from pipeline.machine.interpreters import python_command, python_environment
+from pipeline.machine.interpreters import run_python
 from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.model import PlannerOptions
@@ -32,8 +28,6 @@ from pipeline.stages.seasons.fleet import fleet
 from pipeline.stages.seasons.one_season import SeasonEvaluation, evaluate_season, plan_season
 from pipeline.stages.seasons.other_plans import clock_worth, gap_shares
 
-# Time between two checks whether processes have ended, s.
-_PAUSE_S = 0.05
 # Time between two checks of a process whether its parent still runs, s.
 _PARENT_S = 0.5
 _PLAN = "from pipeline.stages.seasons.task import plan_from_stdin; plan_from_stdin()"
@@ -116,83 +110,24 @@ def status_of(season: str, result: Callable[[], str]) -> Status:
         return Status(season, f"{type(error).__name__}: {reason}{where}", crashed=True)
 
 
-class SeasonProcess:
-    """A separate process that runs a season's task; it has a deadline if the task has a limit."""
-
-    def __init__(self, task: SeasonTask) -> None:
-        self._task = task
-        self._deadline = time.monotonic() + (task.limit_s or float("inf"))
-        # Files, because a pipe would have to be read while the process runs.
-        self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `status`
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as above
-        self._process = subprocess.Popen(  # noqa: S603 - this interpreter
-            python_command("-c", _PLAN, str(os.getpid())),
-            stdin=subprocess.PIPE,
-            stdout=self._output,
-            stderr=self._errors,
-            env=python_environment(),
-            start_new_session=True,
-        )
-        with contextlib.suppress(BrokenPipeError), self._stdin() as stdin:
-            stdin.write(pickle.dumps(task))
-
-    def _stdin(self) -> IO[bytes]:
-        """Return the pipe to the process's standard input."""
-        if self._process.stdin is None:
-            raise ValueError("started without a pipe")
-        return self._process.stdin
-
-    def status(self) -> Status | None:
-        """Return how the task ended, or None while it runs; after its deadline, kill it."""
-        if self._process.poll() is None:
-            if time.monotonic() < self._deadline:
-                return None
-            self.kill()
-            reason = f"took longer than the limit of {self._task.limit_s:g} s"
-            return Status(self._task.season, reason, crashed=True)
-        with self._output as output, self._errors as errors:
-            output.seek(0)
-            errors.seek(0)
-            words = errors.read().decode(errors="replace").split("\n")
-            try:
-                failure, crashed = json.loads(output.read())
-                return Status(self._task.season, str(failure), bool(crashed))
-            except ValueError:
-                last = next((line.strip() for line in reversed(words) if line.strip()), "")
-                reason = f"its process ended with code {self._process.returncode}"
-                return Status(
-                    self._task.season,
-                    f"{reason}: {last[:_MAX_SHOWN]}" if last else f"{reason} (out of memory?)",
-                    crashed=True,
-                )
-
-    def kill(self) -> None:
-        """Kill the process and all processes that it started."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
-        self._output.close()
-        self._errors.close()
-
-
-def run_in_processes(
-    tasks: Sequence[SeasonTask], count: int, on_status: Callable[[Status], None]
-) -> None:
-    """Run tasks, at most `count` at a time; an exception or interruption kills all processes."""
-    waiting, working = deque(tasks), list[SeasonProcess]()
+def status_in_process(task: SeasonTask, stop: threading.Event | None = None) -> Status:
+    """Plan and evaluate a season in a process that is killed after its limit, or at `stop`."""
+    result = run_python(
+        ["-c", _PLAN, str(os.getpid())],
+        pickle.dumps(task).hex(),
+        math.inf if task.limit_s is None else task.limit_s,
+        stop,
+    )
+    if result.exit_code is None:
+        reason = f"took longer than the limit of {task.limit_s:g} s"
+        return Status(task.season, reason, crashed=True)
     try:
-        while waiting or working:
-            while waiting and len(working) < count:
-                working.append(SeasonProcess(waiting.popleft()))
-            for process in tuple(working):
-                status = process.status()
-                if status is not None:
-                    working.remove(process)
-                    on_status(status)
-            time.sleep(_PAUSE_S)
-    finally:
-        for process in working:
-            process.kill()
+        failure, crashed = json.loads(result.stdout)
+    except ValueError:
+        last = next(filter(None, map(str.strip, reversed(result.stderr.split("\n")))), "")
+        words = f": {last[:_MAX_SHOWN]}" if last else " (out of memory?)"
+        failure, crashed = f"its process ended with code {result.exit_code}{words}", True
+    return Status(task.season, str(failure), bool(crashed))
 
 
 def _end_with(parent: int) -> None:
@@ -205,7 +140,8 @@ def _end_with(parent: int) -> None:
 def plan_from_stdin() -> None:
     """Plan the pickled task of standard input; print its failure, and whether it crashed."""
     threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()
-    task = pickle.load(sys.stdin.buffer)  # noqa: S301 - written by the process that started this
+    given = bytes.fromhex(sys.stdin.read())
+    task = pickle.loads(given)  # noqa: S301 - written by the process that started this
     answer, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answer
     status = status_of(task.season, partial(plan_and_evaluate, task))
     answer.write(json.dumps([status.failure, status.crashed]))
@@ -243,9 +179,7 @@ class _OnWorker:
         task = self.season
         if task.limit_s is None:
             return Status(task.season, plan_and_evaluate(task), crashed=False)
-        ended: list[Status] = []
-        run_in_processes([task], 1, ended.append)
-        return ended[0]
+        return status_in_process(task)
 
 
 class _Seasons:
