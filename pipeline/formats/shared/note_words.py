@@ -6,6 +6,7 @@ depends on them. Beside the usual formats there are `{x:distance}` and `{x:hours
 `{list:, /3/ and # more}` for a list of which only three entries are named.
 """
 
+import math
 import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -164,6 +165,22 @@ def _region_chosen(bounds: Sequence[float], ends: Sequence[Note]) -> str:
     return f"region {text.box(bounds)}, chosen to hold the ways round what lies between{rest}"
 
 
+def _island(island: str, place: Place, **_: object) -> str:
+    return island or f"the island at {place.text}"
+
+
+def _side_left_out(island: str, place: Place, ratio: float, of: str) -> str:
+    times = f"{math.floor(10 * ratio) / 10:.1f} times as"
+    need = {
+        "fuel": f"needs at least {times} much fuel as the best route",
+        "length": f"is at least {times} long as the shortest way",
+    }
+    return (
+        f"the far side of {_island(island, place)} is not planned: by a bound on a coarse grid, a "
+        f"way there {need[of]}"
+    )
+
+
 WORDS: Mapping[str, str | Callable[..., str]] = {
     # The chart.
     "accuracy-assumed": "{source}: its coast is assumed to be accurate to {accuracy_m:g} m, as no "
@@ -231,12 +248,15 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "offing-yields": "the best route keeps less than the offing of {offing_m:.0f} m for "
     "{length_m:distance} in narrows, at least {least_m:.0f} m at {place}",
     "region-chosen": _region_chosen,
-    "side-left-out": "the far side of the island at {place} is not planned: on a coarse grid the "
-    "way round it is at least {ratio:.1f} times as long as the shortest way",
+    "side-left-out": _side_left_out,
     "region-opened": "region widened to {bounds:box}, because no way joins start and goal in a "
     "smaller region",
     "region-widened": "region widened to {bounds:box}, because the best route came near its "
     "{near: and } edge",
+    "region-widened-for-sides": lambda bounds, sides: (
+        f"region widened to {text.box(bounds)}, because ways round the far side of "
+        f"{' and '.join(_island(**dict(side.values)) for side in sides)} may need little more fuel"
+    ),
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
     # The routes.

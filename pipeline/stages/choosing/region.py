@@ -12,7 +12,7 @@ from pipeline.errors import NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
-from pipeline.model import Note, Place
+from pipeline.model import Note
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.sources.land import osm
@@ -20,7 +20,17 @@ from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
-from pipeline.stages.choosing.region_choice import RegionChoice, Voyage, choose_region
+from pipeline.stages.choosing.far_sides import BoundedSide, bounded_sides
+from pipeline.stages.choosing.region_choice import (
+    FAR_WAY,
+    FarSide,
+    RegionChoice,
+    Voyage,
+    choose_region,
+    hull,
+    rounded_outward,
+    widened_by,
+)
 
 # Least extent of the world's land that matters to the choice, as a share of the direct line's.
 _LEAST_LAND = 1 / 600
@@ -42,11 +52,15 @@ _MAX_WIDENINGS = 3
 
 @dataclass(frozen=True, slots=True)
 class ChosenRegion:
-    """Bounds of a region in degrees, the coverage that limits them, and notes for the report."""
+    """Bounds of a region in degrees, the coverage that limits them, and notes for the report.
+
+    `far_sides` are sides of islands that the bounds leave out.
+    """
 
     bounds: Bounds
     coverage: Coverage
     voyage: Voyage
+    far_sides: tuple[FarSide, ...]
     notes: tuple[Note, ...] = ()
 
     def complete(self, scenario: Scenario) -> Scenario:
@@ -84,20 +98,13 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
 
     def choose() -> RegionChoice:
         choices = [choose_region(part, mask_of, coverage.bounds) for part in parts]
-        boxes = np.array([choice.bounds for choice in choices])
-        west, south = boxes[:, :2].min(axis=0).tolist()
-        east, north = boxes[:, 2:].max(axis=0).tolist()
         far_sides = (side for choice in choices for side in choice.far_sides)
-        return RegionChoice((west, south, east, north), tuple(far_sides))
+        return RegionChoice(hull([choice.bounds for choice in choices]), tuple(far_sides))
 
     bounds, far_sides = store.load_or_make("region", key, RegionChoice, choose)
-    chosen = ChosenRegion(bounds, coverage, voyage)
+    chosen = ChosenRegion(bounds, coverage, voyage, far_sides)
     ends = _ends_of_currents(chosen, range(len(SIDES)))
-    notes = [
-        Note.of("side-left-out", place=Place(side.lon, side.lat), ratio=side.ratio)
-        for side in far_sides
-    ]
-    return replace(chosen, notes=(*notes, Note.of("region-chosen", bounds=bounds, ends=ends)))
+    return replace(chosen, notes=(Note.of("region-chosen", bounds=bounds, ends=ends),))
 
 
 def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenRegion | None:
@@ -213,7 +220,9 @@ def search_region(
         chosen_region(asked, store, offline=offline), asked, run_in_region
     )
     for _ in range(_MAX_WIDENINGS):
-        wider = wider_region(region, _best_paths(made.value))
+        wider = wider_region(region, _best_paths(made.value)) or _with_cheap_sides(
+            region, bounded_sides(region.far_sides, made, store)
+        )
         if wider is None:
             break
         try:
@@ -221,10 +230,28 @@ def search_region(
         except PipelineError:
             break
         region = wider
-    limits = edge_notes(region, _best_paths(made.value))
+    left_out = (side.note for side in bounded_sides(region.far_sides, made, store))
+    limits = (*edge_notes(region, _best_paths(made.value)), *left_out)
     result = made.value
     fetched = replace(result.fetched, notes=(*result.fetched.notes, *limits))
     return replace(made, value=replace(result, fetched=fetched, choices=(*result.choices, *limits)))
+
+
+def _with_cheap_sides(region: ChosenRegion, sides: Sequence[BoundedSide]) -> ChosenRegion | None:
+    """Widen a region to hold far sides that may need little fuel; None if there are none."""
+    cheap = [one for one in sides if one.fuel_ratio <= FAR_WAY]
+    around = [widened_by(one.side.around, region.voyage.margin_m) for one in cheap]
+    bounds = common_bounds(hull([region.bounds, *around]), region.coverage.bounds)
+    if not cheap or bounds is None:
+        return None
+    held = {one.side for one in cheap}
+    note = Note.of("region-widened-for-sides", bounds=bounds, sides=tuple(s.note for s in cheap))
+    return replace(
+        region,
+        bounds=rounded_outward(bounds),
+        far_sides=tuple(side for side in region.far_sides if side not in held),
+        notes=(*region.notes, note),
+    )
 
 
 def _first_with_a_way(

@@ -29,9 +29,9 @@ _REACH_SHARE, _MIN_REACH_M = 1.0, 10_000.0
 _SEARCHES, _FURTHER = 4, 2.5
 # Longest way round an island that is considered, in lengths of the shortest way.
 _LONGEST_WAY = 2.5
-# Longest way on the far side of an island that the region would cut, in lengths of the shortest
-# way; longer ones are left out.
-_FAR_WAY = 1.5
+FAR_WAY = 1.5
+"""Longest way on the far side of an island that the region would cut: its length or least fuel, as
+a multiple of the best way's. Longer ones are left out."""
 # Largest ratio of a way in steps to eight neighbours to the shortest way.
 _DETOUR = 1 / math.cos(math.pi / 8)
 # Number of the largest islands on the direct line for which ways on both sides are searched, at
@@ -76,13 +76,16 @@ class Voyage:
 class FarSide(NamedTuple):
     """A side of an island that a region leaves out, because the way round it is too long.
 
-    `lon`, `lat` are a place on the island, degrees. On a coarse grid of land, each way on that side
-    is at least `ratio` times as long as the shortest way.
+    `lon`, `lat` are a place on the island, degrees. On a coarse grid of the land in the bounds
+    `searched`, each way on that side is at least `ratio` times as long as the shortest way, and
+    `around` has the shortest of them and the island.
     """
 
     lon: float
     lat: float
     ratio: float
+    around: Bounds
+    searched: Bounds
 
 
 class RegionChoice(NamedTuple):
@@ -112,14 +115,19 @@ def choose_region(
         grid = WaterGrid.of(mask_of(searched), searched)
         start, goal = grid.water_near(*voyage.start), grid.water_near(*voyage.goal)
         if start is not None and goal is not None and (ways := grid.ways(start, goal)):
-            return _around_ways(voyage, grid, (start, goal), ways[0], limits)
+            return _around_ways(voyage, grid, (start, goal), ways[0], searched, limits)
         reach_m *= _FURTHER
     # The coarse grid has no way, as through a canal; the planner may find one on the real coast.
     return RegionChoice(_region(voyage, [bounds_of(voyage.direct)], limits))
 
 
 def _around_ways(
-    voyage: Voyage, grid: WaterGrid, ends: tuple[Cell, Cell], shortest: Way, limits: Bounds
+    voyage: Voyage,
+    grid: WaterGrid,
+    ends: tuple[Cell, Cell],
+    shortest: Way,
+    searched: Bounds,
+    limits: Bounds,
 ) -> RegionChoice:
     """Choose a region that holds the shortest way, and the ways round the islands beside it."""
     places = [bounds_of(np.array([voyage.start, voyage.goal])), grid.bounds_of(shortest.cells)]
@@ -137,20 +145,26 @@ def _around_ways(
         ways = grid.ways(*ends, island)
         if len(ways) == 1:
             continue
-        way, bounds = ways[-1], grid.bounds_of_island(island)
-        ratio = way.length_m / _DETOUR / shortest.length_m
-        if ratio <= _FAR_WAY:
-            places += [grid.bounds_of(way.cells), bounds]
+        ratio = ways[-1].length_m / _DETOUR / shortest.length_m
+        around = [grid.bounds_of(ways[-1].cells), grid.bounds_of_island(island)]
+        if ratio <= FAR_WAY:
+            places += around
         else:
-            far_sides.append(FarSide(*grid.place_on(island), ratio))
+            place, box = grid.place_on(island), hull(around)
+            far_sides.append(FarSide(*place, ratio, box, searched))
     return RegionChoice(_region(voyage, places, limits), tuple(far_sides))
 
 
 def _region(voyage: Voyage, places: Sequence[Bounds], limits: Bounds) -> Bounds:
     """Return the bounds of all places with the voyage's margin, within limits."""
-    boxes = np.array(places)
-    hull = (*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist())
-    return _within(rounded_outward(widened_by(hull, voyage.margin_m)), limits)
+    return _within(rounded_outward(widened_by(hull(places), voyage.margin_m)), limits)
+
+
+def hull(boxes: Sequence[Bounds]) -> Bounds:
+    """Return the bounds of several bounds."""
+    west, south = np.min(boxes, axis=0)[:2].tolist()
+    east, north = np.max(boxes, axis=0)[2:].tolist()
+    return west, south, east, north
 
 
 def _islands_between(voyage: Voyage, grid: WaterGrid) -> list[int]:

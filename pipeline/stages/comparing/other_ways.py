@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from shapely import LineString
+from shapely import LineString, Point
+from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray, Geometries
@@ -87,11 +88,32 @@ def _bound(
         for row, path in zip(rows, paths, strict=True)
         if row.main_passage != rows[0].main_passage
     ]
-    strip = _strip(scene, paths[0], others, evaluation) if others else None
+    main = next(iter(evaluation.islands), None)
+    if main is None or not others:
+        return math.inf
+    strip = strip_across(shapely.Point(main.x, main.y), paths[0], others, scene, _WIDTH)
     if strip is None:
         return math.inf
+    # With chosen speeds in a changing current the bound is loose on any grid.
+    is_loose = _choice(scene, plan) != NO_CHOICE and plan.season in scene.departures
+    cells = _CELLS[:1] if is_loose else _CELLS
+    return fuel_elsewhere(strip, scene, plan, options, cells, plan.ranked_routes[0].fuel)
+
+
+def fuel_elsewhere(
+    strip: BaseGeometry,
+    scene: Scene,
+    plan: SeasonPlan,
+    options: PlannerOptions,
+    cells: Sequence[int],
+    enough: float,
+) -> float:
+    """Return a lower bound on the fuel of ways that avoid a strip; inf if there is none.
+
+    Grids with these numbers of cells are tried in turn until the bound is above `enough`. Like the
+    optimality gap's bound, this one uses the land without margin or padding.
+    """
     extent = scene.chart.extent
-    # Like the optimality gap's bound, this one uses the land without margin or padding.
     water = shapely.difference(scene.chart.open_water, strip)
     try:
         voyage = Voyage(
@@ -106,11 +128,9 @@ def _bound(
             via=scene.via,
             choice=_choice(scene, plan),
         )
-        enough, proven = plan.ranked_routes[0].fuel, 0.0
-        # With chosen speeds in a changing current the bound is loose on any grid.
-        is_loose = voyage.has_price and not voyage.current.is_steady
-        for cells in _CELLS[: 1 if is_loose else None]:
-            proven = max(proven, fuel_lower_bound(voyage, cells, enough))
+        proven = 0.0
+        for count in cells:
+            proven = max(proven, fuel_lower_bound(voyage, count, enough))
             if proven > enough:
                 break
     except PlanningError:
@@ -134,22 +154,20 @@ def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:
     return SpeedChoice(speeds.least, max(0.0, -float(slope)), plan.arrive_by_s)
 
 
-def _strip(
-    scene: Scene, best: LineString, others: Sequence[LineString], evaluation: Evaluation
-) -> shapely.geometry.base.BaseGeometry | None:
-    """Return the smallest strip from the main island to the chart's edge that `best` crosses.
+def strip_across(
+    island: Point, best: LineString, others: Sequence[LineString], scene: Scene, width: float
+) -> BaseGeometry | None:
+    """Return the smallest strip from an island to the chart's edge that `best` crosses.
 
-    No other route meets the strip, and all stops lie outside. None if there is no such strip.
+    Its width is a share of the square root of the chart's area. No other route meets the strip, and
+    all stops lie outside. None if there is no such strip.
     """
-    main = next(iter(evaluation.islands), None)
-    if main is None:
-        return None
-    extent, island = scene.chart.extent, shapely.Point(main.x, main.y)
-    reach, half = extent.length, _WIDTH * math.sqrt(extent.area) / 2
+    extent = scene.chart.extent
+    reach, half = extent.length, width * math.sqrt(extent.area) / 2
     ends = shapely.points(scene.stops)
     strips = []
     for angle in 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
-        far = (main.x + reach * math.cos(angle), main.y + reach * math.sin(angle))
+        far = (island.x + reach * math.cos(angle), island.y + reach * math.sin(angle))
         line = shapely.intersection(shapely.LineString([island, far]), extent)
         crossings = shapely.get_num_geometries(shapely.intersection(line, best))
         strip = line.buffer(half, cap_style="flat")

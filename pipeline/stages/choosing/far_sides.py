@@ -1,0 +1,134 @@
+"""Far sides of islands that a chosen region leaves out: their names, and what a way there needs.
+
+A best route passes such an island on its near side. In a wider region with all of the island, the
+near side is shut by a strip of land. The lower bound on fuel then holds for ways on the far side
+(see :mod:`pipeline.stages.comparing.other_ways`). Islets are left out of the wider region's land:
+that makes the bound no higher.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+import renew
+from pipeline.errors import PipelineError
+from pipeline.formats.shared.result import RunResult
+from pipeline.geo.projection import Projection
+from pipeline.machine.store import Made, Store
+from pipeline.model import Note, Place, Scene, SeasonPlan
+from pipeline.scenario.region import Region
+from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.stages.choosing.region_choice import FarSide
+from pipeline.stages.comparing.island_names import island_places
+from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across
+from pipeline.stages.fetch import fetch
+from pipeline.stages.project import extent_polygon, planar_current
+
+# Number of cells of the bound's grid, and width of the strip as a share of the square root of the
+# region's area: three cells.
+_CELLS = 16_000
+_WIDTH = 3 / math.sqrt(_CELLS)
+
+
+@dataclass(frozen=True, slots=True)
+class BoundedSide:
+    """A far side, the island's name or "", and a lower bound on fuel there.
+
+    `fuel_ratio` is the bound in terms of the best route's fuel: the least of all seasons, NaN if
+    there is no bound.
+    """
+
+    side: FarSide
+    name: str
+    fuel_ratio: float
+
+    @property
+    def note(self) -> Note:
+        """The note on it for a reader."""
+        has_bound = not math.isnan(self.fuel_ratio)
+        return Note.of(
+            "side-left-out",
+            island=self.name,
+            place=Place(self.side.lon, self.side.lat),
+            ratio=self.fuel_ratio if has_bound else self.side.ratio,
+            of="fuel" if has_bound else "length",
+        )
+
+
+def bounded_sides(
+    sides: Sequence[FarSide], made: Made[RunResult], store: Store
+) -> tuple[BoundedSide, ...]:
+    """Find names and lower bounds of far sides, in the currents that are on this machine."""
+    if not sides:
+        return ()
+    found = store.made(
+        "far-sides",
+        tuple,
+        (made.key, list(sides)),
+        lambda: tuple(_bounded(side, made.value, store) for side in sides),
+    )
+    return found.value
+
+
+def _bounded(side: FarSide, result: RunResult, store: Store) -> BoundedSide:
+    scene = _wide_scene(side, result, store)
+    if scene is None:
+        return BoundedSide(side, "", math.nan)
+    island = shapely.Point(scene.projection.to_plane(np.array([side.lon, side.lat])))
+    ratios = [ratio for plan in result.plans for ratio in _fuel_ratio(island, plan, scene, result)]
+    return BoundedSide(side, _name(island, scene), min(ratios, default=math.nan))
+
+
+def _wide_scene(side: FarSide, result: RunResult, store: Store) -> Scene | None:
+    """Build a scene of the bounds in which a far side was found; None without their currents."""
+    region = Region(bbox=side.searched)
+    wide = result.scenario.model_copy(update={"region": region})
+    try:
+        # A bound is no reason for a download.
+        fetched = fetch(wide, store, offline=True).fetched
+    except PipelineError:
+        return None
+    grids, used = fetched.currents, result.fetched.currents
+    if {(one.season, one.credit) for one in grids} != {(one.season, one.credit) for one in used}:
+        return None
+    projection = Projection.for_region(region.shape, wide.scale)
+    polygons = np.array(fetched.land.polygons, dtype=object)
+    large = polygons[shapely.area(polygons) >= region.shape.area / _CELLS]
+    land = extract_polygons(repaired(projection.geometry_to_plane(large))[0])
+    chart = renew.Chart(extent_polygon(region.shape, projection), land)
+    return replace(
+        result.scene,
+        chart=chart,
+        land=tuple(land),
+        currents={one.season: planar_current(one, projection, chart.bounds) for one in grids},
+        start=projection.to_plane(wide.start),
+        goal=projection.to_plane(wide.goal),
+        projection=projection,
+    )
+
+
+def _name(island: shapely.Point, scene: Scene) -> str:
+    """Return the catalogue's name of the island that holds a point, or ""."""
+    outlines = [outline for outline in scene.land if outline.intersects(island)]
+    for place in island_places(scene):
+        point = shapely.Point(scene.projection.to_plane(np.array([place.lon, place.lat])))
+        if shapely.intersects(outlines, point).any():
+            return place.name
+    return ""
+
+
+def _fuel_ratio(
+    island: shapely.Point, plan: SeasonPlan, scene: Scene, result: RunResult
+) -> Iterator[float]:
+    """Yield a bound on fuel on an island's far side, in fuel of a season's best route."""
+    if not plan.ranked_routes or len(scene.via):
+        return
+    best = plan.ranked_routes[0]
+    path = scene.projection.to_plane(result.scene.projection.to_lonlat(best.path))
+    strip = strip_across(island, shapely.LineString(path), [], scene, _WIDTH)
+    if strip is not None:
+        fuel = fuel_elsewhere(strip, scene, plan, result.scenario.planner, (_CELLS,), math.inf)
+        yield fuel / best.fuel

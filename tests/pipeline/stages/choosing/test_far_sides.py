@@ -1,0 +1,91 @@
+"""Far sides of islands that a region leaves out: named with a bound on fuel, or planned."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyproj
+import shapely
+
+from pipeline.formats.shared.note_words import note_text
+from pipeline.model import Note
+from pipeline.run import planned_scenario
+from pipeline.scenario.loading import load_scenario
+from pipeline.sources.quality.field import Field
+from tests.pipeline.synthetic_currents import dataset
+
+GEOD = pyproj.Geod(ellps="WGS84")
+START, GOAL = (-30.0, 0.0), (-28.0, 0.0)
+# The direct line passes close to the island's southern end; its northern end is far off it.
+ISLAND = shapely.box(-29.2, 0.05, -28.8, 1.6)
+# Waypoints round the northern end.
+NORTH_ABOUT = [START, (-29.2, 1.6), (-28.8, 1.6), GOAL]
+SPEED_M_S = 2.0
+
+
+def notes_of(folder: Path, help_m_s: float) -> tuple[tuple[Note, ...], set[str]]:
+    """Plan with a current along the way round the north; return notes and the routes' sides."""
+    (folder / "island.geojson").write_text(json.dumps(shapely.geometry.mapping(ISLAND)))
+    lon, lat = np.linspace(-33, -25, 81), np.linspace(-3, 4, 71)
+    x, y = np.meshgrid(lon, lat)
+    # Up on the island's west, eastward on its north, down on its east; none south of the line.
+    u = np.where((y > 0.1) & (y > 1.5), help_m_s, 0.0)
+    v = np.where(y > 0.1, np.where(x < -29, help_m_s, -help_m_s) * (y < 1.8), 0.0)
+    dataset(Field(lon, lat, u, v)).to_netcdf(folder / "current.nc")
+    (folder / "far.toml").write_text(
+        f"""
+schema_version = 1
+name = "far"
+start = {list(START)}
+goal = {list(GOAL)}
+[vessel]
+speed_m_s = {SPEED_M_S}
+length_m = 20
+turn_rate_deg_s = 2
+[chart]
+source = {{ path = "island.geojson", accuracy_m = 50 }}
+[[seasons]]
+name = "july"
+valid = "2024-07"
+currents = ["{"current.nc" if help_m_s else "still"}"]
+[planner]
+classes = 2
+padding = "none"
+"""
+    )
+    scenario = load_scenario(str(folder / "far.toml"))
+    with planned_scenario(scenario, folder / "outputs", offline=True) as result:
+        assert max(row.fuel for row in result.evaluation.routes) < 1.5 * min(
+            row.fuel for row in result.evaluation.routes
+        )
+        return result.choices, {row.main_side for row in result.evaluation.routes}
+
+
+def test_a_side_left_out_is_named_with_a_bound_below_the_way_there(
+    tmp_path: Path,
+) -> None:
+    choices, sides = notes_of(tmp_path, 0.0)
+    assert sides == {""}  # one route
+    [note] = [note for note in choices if note.kind == "side-left-out"]
+    values: dict[str, Any] = dict(note.values)
+    assert values["of"] == "fuel"
+    # In still water, fuel is in proportion to length.
+    longer = GEOD.line_length(*np.array(NORTH_ABOUT).T) / GEOD.inv(*START, *GOAL)[2]
+    assert 1.5 < values["ratio"] < longer
+    assert values["ratio"] > 0.93 * longer
+    assert "needs at least" in note_text(note)
+
+
+def test_a_side_that_a_current_makes_cheap_is_planned(tmp_path: Path) -> None:
+    choices, sides = notes_of(tmp_path, 1.2)
+    assert sides == {"north", "south"}
+    kinds = [note.kind for note in choices]
+    assert "region-widened-for-sides" in kinds
+    assert "side-left-out" not in kinds
+    [widened] = [note for note in choices if note.kind == "region-widened-for-sides"]
+    values: dict[str, Any] = dict(widened.values)
+    assert shapely.box(*values["bounds"]).contains(ISLAND)
+    assert "because ways round the far side of the island at" in note_text(widened)
