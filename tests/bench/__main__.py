@@ -17,6 +17,7 @@ from rich.table import Table
 from tests.bench import (
     archipelago_figures,
     bitstar_figures,
+    bound_figures,
     chart_figures,
     class_figures,
     clock_figures,
@@ -52,6 +53,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "startup": startup_figures.figures,
     "eddies": eddy_figures.eddies,
     "padded-eddies": eddy_figures.padded_eddies,
+    "bounds": bound_figures.figures,
     "walls": eddy_figures.thin_walls,
     "order": eddy_figures.order,
     "classes": class_figures.each_class,

@@ -1,0 +1,172 @@
+"""Scenes that try to break the lower bound on fuel, and an oracle that shares no code with it.
+
+Half of them have walls thinner than a cell of the bound's grid, with gaps, and islets. Currents are
+of every kind that the bound distinguishes and up to 0.97 of the vessel's speed; both drift models
+occur. The oracle's fuel is that of a real path in the water (Dijkstra on a dense grid, then string
+pulling), so a bound above it is false.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely import Polygon, affinity, box
+
+import renew
+from renew._types import FloatArray
+from renew.inputs.options import Drift
+from renew.voyage.voyage import Voyage, Waters
+from tests.eddies import PEAK_M_S, eddies
+from tests.oracles import Field, grid_dijkstra, leg_times, tighten
+from tests.strategies import PAPER_VESSEL
+
+SEEDS = range(400)
+"""The scenes of the whole suite."""
+
+STRONGEST = 0.97
+"""Strongest current, as a share of the vessel's speed: every fourth scene has it."""
+
+SIDE_M = 200.0
+"""Side of the square of water."""
+
+FUELS = Path(__file__).with_name("bounded_scenes.csv")
+"""The oracle's fuels, by seed: `python -m tests.bench bounds` works them out again."""
+
+_KINDS = ("still", "uniform", "gyre", "grid", "function")
+# Spacing of the oracle's grid, m, and its stencil: 80 neighbours.
+_SPACING, _RADIUS = 2.0, 5
+# Largest length on which the oracle's final fuel is integrated by four nodes, m.
+_PIECE = 0.5
+# Least distance from start to goal, m, and of either from land.
+_APART, _CLEAR = 70.0, 0.5
+
+
+@dataclass(frozen=True)
+class BoundedScene:
+    """A voyage of the paper's vessel, m."""
+
+    chart: renew.Chart
+    current: renew.CurrentField
+    start: FloatArray
+    goal: FloatArray
+    drift: Drift
+
+    @property
+    def voyage(self) -> Voyage:
+        """The voyage as the bound takes it."""
+        waters = Waters(self.chart, self.current)
+        return Voyage(waters, PAPER_VESSEL, self.start, self.goal, self.drift)
+
+    def oracle(self) -> float:
+        """Fuel of the cheapest path that a grid and string pulling find; inf if there is none."""
+        scene = (self.chart, self.current, PAPER_VESSEL)
+        _, path = grid_dijkstra(
+            *scene, self.start, self.goal, _SPACING, drift=self.drift, radius=_RADIUS
+        )
+        if not len(path):
+            return math.inf
+        _, path = tighten(path, *scene, drift=self.drift, spacing=_SPACING, width=2 * _SPACING)
+        times, _ = leg_times(path[:-1], path[1:], self.current, PAPER_VESSEL, self.drift, _PIECE)
+        return float(PAPER_VESSEL.fuel_rate * times.sum())
+
+
+class _Function(renew.CurrentField):
+    """A current that is known by its values alone."""
+
+    def __init__(self, velocity: Field) -> None:
+        self._velocity = velocity
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Velocity (..., 2), m/s, at points (..., 2), m."""
+        return self._velocity(points)
+
+
+def bounded_scene(seed: int) -> BoundedScene:
+    """Scene of a seed: drift, current, land and ends change at different paces."""
+    rng = np.random.default_rng([seed, 36])
+    drift: Drift = "crab" if seed % 2 else "projected"
+    land = _thin_land(rng) if seed // 2 % 2 else _islands(rng)
+    peak = STRONGEST if seed % 4 in (0, 3) and seed // 4 % 2 else rng.uniform(0.1, STRONGEST)
+    current = _current(_KINDS[seed // 4 % len(_KINDS)], float(peak), rng)
+    water = shapely.difference(box(0, 0, SIDE_M, SIDE_M), shapely.union_all(land).buffer(_CLEAR))
+    while True:
+        start, goal = rng.uniform(5, SIDE_M - 5, (2, 2))
+        if math.dist(start, goal) > _APART and shapely.covers(
+            water, shapely.multipoints([start, goal])
+        ):
+            break
+    chart = renew.Chart(box(0, 0, SIDE_M, SIDE_M), land)
+    return BoundedScene(chart, current, start, goal, drift)
+
+
+def stored_fuels() -> dict[int, float]:
+    """The oracle's fuels by seed, as they were worked out last."""
+    with FUELS.open(encoding="utf-8", newline="") as file:
+        return {int(row["seed"]): float(row["fuel"]) for row in csv.DictReader(file)}
+
+
+def _current(kind: str, peak: float, rng: np.random.Generator) -> renew.CurrentField:
+    """Current of a kind whose strongest is `peak` (m/s)."""
+    angle = rng.uniform(0, 2 * np.pi)
+    if kind == "still":
+        return renew.UniformCurrent(0.0, 0.0)
+    if kind == "uniform":
+        return renew.UniformCurrent(peak * math.cos(angle), peak * math.sin(angle))
+    if kind == "gyre":
+        columns, rows = rng.integers(1, 4, 2).tolist()
+        return renew.GyreCurrent(peak, SIDE_M, SIDE_M, columns, rows)
+    swirls = eddies(rng, int(rng.integers(2, 7)), SIDE_M)
+
+    def velocity(points: FloatArray) -> FloatArray:
+        return peak / PEAK_M_S * swirls(points)
+
+    if kind == "function":
+        return _Function(velocity)
+    axis = np.linspace(-1, SIDE_M + 1, int(rng.integers(9, 60)))
+    return renew.GriddedCurrent(
+        axis, axis, *np.moveaxis(velocity(np.stack(np.meshgrid(axis, axis), axis=-1)), -1, 0)
+    )
+
+
+def _islands(rng: np.random.Generator) -> list[Polygon]:
+    """Up to eight convex islands, apart from each other."""
+    land: list[Polygon] = []
+    for _ in range(int(rng.integers(0, 9))):
+        centre, radius = rng.uniform(20, SIDE_M - 20, 2), rng.uniform(3, 25)
+        angle = np.sort(rng.uniform(0, 2 * np.pi, int(rng.integers(3, 9))))
+        corners = centre + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        island = shapely.convex_hull(shapely.multipoints(corners))
+        if island.area > 2.0 and all(island.distance(other) > 1.0 for other in land):
+            land.append(island)
+    return land
+
+
+def _thin_land(rng: np.random.Generator) -> list[Polygon]:
+    """Walls 0.1 to 2 m thick, some with a gap of 1 to 20 m, and islets of 0.2 to 3 m."""
+    land: list[Polygon] = []
+    for _ in range(int(rng.integers(2, 6))):
+        centre, long = rng.uniform(40, SIDE_M - 40, 2), rng.uniform(30, 80)
+        half, gap = rng.uniform(0.05, 1.0), rng.uniform(1, 20)
+        angle, gap_at = rng.uniform(0, 180), rng.uniform(-0.5, 0.5) * long
+        parts = [(-long, gap_at - gap / 2), (gap_at + gap / 2, long)]
+        whole = [(-long, long)]
+        for low, high in parts if rng.random() < 0.6 else whole:
+            wall = box(centre[0] + low, centre[1] - half, centre[0] + high, centre[1] + half)
+            turned = affinity.rotate(wall, angle, origin=tuple(centre))
+            inside = shapely.intersection(turned, box(2, 2, SIDE_M - 2, SIDE_M - 2))
+            if inside.geom_type == "Polygon" and inside.area > 0:
+                land.append(inside)
+    for _ in range(int(rng.integers(5, 25))):
+        x, y = rng.uniform(5, SIDE_M - 5, 2)
+        size = rng.uniform(0.1, 1.5)
+        land.append(affinity.rotate(box(x - size, y - size, x + size, y + size), x))
+    apart: list[Polygon] = []
+    for one in land:
+        if all(one.distance(other) > 0.2 for other in apart):
+            apart.append(one)
+    return apart
