@@ -179,7 +179,7 @@ class Fetcher:
         """Land outside the region, for maps only; none where all charts are the user's own."""
         if not has_world_land(chart):
             return ()
-        from pipeline.sources.land.surroundings import surroundings
+        from pipeline.sources.land.osm import surroundings
 
         key = artefact_key("surroundings", OsmLand().identity, self._outline)
         return self.store.load_or_make(

@@ -7,8 +7,7 @@ import shapely
 
 from pipeline._types import Geometries
 from pipeline.formats.gis.frames import ZONE_STEP_M, GeoDataFrame, frame, multi
-from pipeline.formats.shared.drawn_land import continued
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult, continued
 from pipeline.model import Zone
 
 

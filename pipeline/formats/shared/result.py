@@ -1,6 +1,7 @@
 """The finished run, as all formats read it."""
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -11,7 +12,7 @@ import shapely
 import renew
 from pipeline import model
 from pipeline._types import FloatArray, Geometries
-from pipeline.formats.shared.drawn_land import planar_land
+from pipeline.errors import RequestError
 from pipeline.formats.shared.text import capitalised, planner_text, season_name
 from pipeline.formats.shared.unknowns import lacks_current, unknowns
 from pipeline.scenario.model import Scenario
@@ -115,7 +116,8 @@ class RunResult:
     @cached_property
     def drawn_land(self) -> Geometries:
         """Land in the plane as maps draw it: beyond the region, too, where it is known there."""
-        return planar_land(self.scene, self.fetched.surroundings)
+        around = np.array([*_projected(self.scene, self.fetched.surroundings)], dtype=object)
+        return continued(np.array(self.scene.land, dtype=object), shapely.make_valid(around))
 
     @property
     def hazards(self) -> tuple[shapely.Geometry, ...]:
@@ -217,3 +219,21 @@ class RunResult:
         lonlat = self.scene.projection.to_lonlat(points)
         velocity = np.asarray(self.scene.currents[season](points), dtype=float)
         return lonlat, self.scene.projection.rotate_to_lonlat(lonlat, velocity)
+
+
+def continued(land: Geometries, surroundings: Geometries) -> Geometries:
+    """Join land with the land around it, so that no edge shows where one ends in the other."""
+    if not len(surroundings):
+        return land
+    touched = np.unique(shapely.STRtree(land).query(surroundings, predicate="intersects")[1])
+    joined = shapely.disjoint_subset_union_all(np.concatenate([land[touched], surroundings]))
+    return np.concatenate([np.delete(land, touched), shapely.get_parts(joined)])
+
+
+def _projected(
+    scene: model.Scene, polygons: Sequence[shapely.Polygon]
+) -> Iterator[shapely.Polygon]:
+    """Yield polygons in the plane, but for those that reach too far for it, as across a pole."""
+    for polygon in polygons:
+        with contextlib.suppress(RequestError):
+            yield scene.projection.geometry_to_plane(polygon)

@@ -19,6 +19,7 @@ can't be written, the package is read each time, and a note says so.
 """
 
 import contextlib
+import math
 import os
 import struct
 import time
@@ -33,9 +34,11 @@ import numpy as np
 import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
+from pipeline.geo.earth import METRES_PER_DEGREE
 from pipeline.machine.files import UNFINISHED, whole_file
 from pipeline.model import Credit, Land, Note
 from pipeline.sources.land import shapes
+from pipeline.sources.land.shapes import box_around, clipped, extract_polygons, repaired
 from renew._compiled import user_cache
 
 Shoreline = Literal["Osm", "Gshhg"]
@@ -333,3 +336,32 @@ class OsmLand:
     def land(self, region: shapely.Polygon) -> Land:
         """Return the land near a region (lon/lat degrees)."""
         return land(region)
+
+
+# Distance outside the region's bounds up to which maps show land, as a share of the longer side: a
+# sheet of paper is at most that much wider than a tall region.
+_REACH = 0.75
+# Detail, as a share of the longer side: a quarter of a millimetre on a sheet with the region on it.
+_DETAIL = 1e-3
+
+
+def surroundings(region: shapely.Polygon) -> tuple[shapely.Polygon, ...]:
+    """Return the land outside a region's bounds (lon/lat degrees), coarse.
+
+    It reaches over the land that the sources fetch around the region, so that the two can be joined
+    on maps without a gap.
+    """
+    west, south, east, north = region.bounds
+    across = (east - west) * math.cos(math.radians((south + north) / 2))
+    side_deg = max(across, north - south)
+    wide = box_around(region, _REACH * side_deg * METRES_PER_DEGREE)
+    detail = _DETAIL * side_deg
+    near, _ = polygons_near("Osm", wide, least_deg=detail)
+    # Clipped first: a continent has millions of vertices.
+    cut = shapely.clip_by_rect(repaired(*near)[0], *wide.bounds)
+    coarse = shapely.simplify(cut, detail, preserve_topology=False)
+    valid = clipped(extract_polygons(repaired(coarse)[0]), wide)
+    box = shapely.box(*region.bounds)
+    reaches_in = shapely.intersects(box, valid)
+    beyond = extract_polygons(shapely.difference(valid[reaches_in], box))
+    return tuple(np.concatenate([valid[~reaches_in], beyond]).tolist())

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.drawn_land import continued
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult, continued
 
 
 def test_land_and_what_continues_it_become_one() -> None:

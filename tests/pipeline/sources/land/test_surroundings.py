@@ -5,8 +5,8 @@ import pytest
 import shapely
 
 from pipeline.sources.land import osm
+from pipeline.sources.land.osm import surroundings
 from pipeline.sources.land.shapes import box_around
-from pipeline.sources.land.surroundings import surroundings
 
 CREEK = shapely.box(119.0, 9.0, 120.2, 10.6)  # Palawan's middle, cut on two sides
 FIJI = shapely.box(177.5, -18.5, 181.5, -16.0)
