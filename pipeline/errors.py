@@ -1,7 +1,9 @@
 """The errors that end a run, and limits on the length of their messages."""
 
 import re
+import traceback
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 # Largest number of faults in a message, of characters in a fault, and of characters in a word.
@@ -112,3 +114,13 @@ class NoWayError(RequestError):
 
 class StageError(PipelineError):
     """A stage failed though the request is valid: exit code 1, finished stages are kept."""
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's text in one line; an unexpected error's has its type and place, too."""
+    text = " ".join(str(error).split())
+    if isinstance(error, PipelineError):
+        return text
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}: {text}{where}"

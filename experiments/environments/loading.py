@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.errors import RequestError
 from pipeline.formats.shared.result import RunResult
@@ -18,7 +16,7 @@ from pipeline.model import Evaluation, Fetched, SeasonPlan, Simplified, planner_
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.strict import model_faults, near_miss
+from pipeline.scenario.strict import near_miss, validated
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import project
 from pipeline.stages.projecting import planar
@@ -79,11 +77,7 @@ def load_spec(name: str) -> EnvironmentSpec:
     if name not in names():
         raise RequestError([f"no environment {name!r}: {near_miss(name, names())}"])
     data = catalogue.read_toml(FOLDER / f"{name}.toml")
-    try:
-        spec = EnvironmentSpec.model_validate(data)
-    except ValidationError as error:
-        lines = model_faults(error, EnvironmentSpec, data)
-        raise RequestError([f"environment {name!r}: {line}" for line in lines]) from None
+    spec = validated(EnvironmentSpec, data, lambda line: f"environment {name!r}: {line}")
     cases = [case.name for case in spec.cases]
     faults = [
         f"environment {name!r}: published case {row.case!r} is none: {near_miss(row.case, cases)}"

@@ -11,7 +11,6 @@ import typer
 from pipeline.cli.progress import progress
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_json, note_texts, rejections
-from pipeline.formats.shared.unknowns import lacks_current, unknowns
 from pipeline.formats.shared.writing import json_value
 from pipeline.machine.paths import short_path
 from pipeline.model import ClockWorth, RouteMetrics
@@ -77,7 +76,7 @@ def season_table(outcome: Outcome) -> str:
     lines = [*_passages(outcome), *_unused_currents(outcome), *_unknown_currents(outcome)]
     lines += [f"{text.capitalised(choice)}." for choice in outcome.choices]
     lines += [""] * bool(outcome.choices)
-    found = unknowns(outcome.result)
+    found = outcome.result.unknowns
     lines += ["Not known:", *(f"- {line}" for line in note_texts(found)), ""] * bool(found)
     lines += [
         "  ".join(
@@ -131,7 +130,7 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
 def _unknown_currents(outcome: Outcome) -> Iterator[str]:
     """Yield one line on the seasons of which no current is known, if there are any."""
     seasons = [grid.season for grid in outcome.fetched.currents]
-    lacking = [one for one in seasons if lacks_current(outcome.result, one)]
+    lacking = [one for one in seasons if outcome.result.lacks_current(one)]
     if lacking:
         names = ", ".join(map(text.season_name, lacking))
         yield f"Current NOT known: {names}; nothing is proven of the real one\n"

@@ -19,9 +19,8 @@ from pipeline.formats.legs_table import headings
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS, season_colour
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns
 from pipeline.formats.shared.text import gap_figure, moment_text, speed_over_ground, to_minute
-from pipeline.formats.shared.unknowns import has_all_depths, route_unknowns
 
 # A4, landscape, in points; margins, and the height of a line of text.
 _WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0

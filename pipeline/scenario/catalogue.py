@@ -255,11 +255,7 @@ def vessel(name: str) -> VesselSpec:
         raise RequestError(f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}")
     data = entry("vessels", name)
     data.pop("schema_version", None)
-    try:
-        return VesselSpec.model_validate(data)
-    except ValidationError as error:
-        lines = model_faults(error, VesselSpec, data)
-        raise RequestError([f"vessel {name!r}: {line}" for line in lines]) from None
+    return strict.validated(VesselSpec, data, lambda line: f"vessel {name!r}: {line}")
 
 
 def scenario_path(asked: str) -> Path:

@@ -22,7 +22,7 @@ from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Plane, Region
 from pipeline.scenario.season import Season
-from pipeline.scenario.strict import looks_like_path, model_faults, near_miss
+from pipeline.scenario.strict import looks_like_path, near_miss, validated
 
 _AS_PATH = "; write a folder or file as a path: './charts', './field.nc'"
 
@@ -81,11 +81,7 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
     RequestError
         One line for each faulty key; or, where all keys are valid, for each fault between them.
     """
-    context = {"folder": folder or working_directory()}
-    try:
-        scenario = Scenario.model_validate(data, context=context)
-    except ValidationError as error:
-        raise RequestError(model_faults(error, Scenario, data)) from None
+    scenario = validated(Scenario, data, folder=folder or working_directory())
     faults = [
         *_unknown_sources(scenario),
         *_missing_paths(scenario.chart),

@@ -7,19 +7,28 @@ Each of pydantic's errors becomes a line that states the value, the limit and th
 import difflib
 import itertools
 import json
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    ValidationInfo,
+)
 
+from pipeline.errors import RequestError
 from pipeline.machine.paths import resolved, unusable_reason
 from pipeline.machine.paths import shown as shown_path
 
 if TYPE_CHECKING:
-    from pydantic import ValidationError
     from pydantic.fields import FieldInfo
     from pydantic_core import ErrorDetails
 
+ModelT = TypeVar("ModelT", bound=BaseModel)
 # Separates the faults of one validator in the text of its ValueError.
 FAULT_SEPARATOR = "\n"
 
@@ -140,7 +149,17 @@ def shown(value: object) -> str:
     return text if len(text) <= _MAX_VALUE else text[: _MAX_VALUE - 1] + "…"
 
 
-def model_faults(error: "ValidationError", model: type[BaseModel], data: object) -> list[str]:
+def validated(
+    model: type[ModelT], data: object, located: Callable[[str], str] = str, **context: object
+) -> ModelT:
+    """Return a table as a model; RequestError with a line for each fault, made by `located`."""
+    try:
+        return model.model_validate(data, context=context)
+    except ValidationError as error:
+        raise RequestError([*map(located, model_faults(error, model, data))]) from None
+
+
+def model_faults(error: ValidationError, model: type[BaseModel], data: object) -> list[str]:
     """Return one line per fault, in the order found; of the faults of a union, only the first."""
     lines: dict[str, str] = {}
     found = error.errors(include_url=False)

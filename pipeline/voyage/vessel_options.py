@@ -5,13 +5,11 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import ValidationError
-
 from pipeline.errors import Faults, RequestError
 from pipeline.machine.paths import expanded, unreadable_reason
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.scenario.strict import looks_like_path, model_faults, near_miss
+from pipeline.scenario.strict import looks_like_path, near_miss, validated
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+))\s*([^\d\s].*?)?\s*")
 # A knot, m/s: a nautical mile of 1852 m per hour.
@@ -131,7 +129,7 @@ def _from_file(path: str) -> VesselSpec:
         raise RequestError(f"--vessel {path} {reason}; `renew show usv-7m` prints one")
     data = catalogue.read_toml(file)
     data.pop("schema_version", None)
-    return _validated(data, f"--vessel {path}: ")
+    return validated(VesselSpec, data, lambda line: f"--vessel {path}: {line}")
 
 
 def _from_figures(figures: VesselFigures) -> VesselSpec:
@@ -150,7 +148,7 @@ def _from_figures(figures: VesselFigures) -> VesselSpec:
     data["turn_rate_deg_s"] = math.degrees(data["speed_m_s"] / radius_m)
     data["fuel_exponent"] = _FUEL_EXPONENT
     data["origin"] = f"Figures of the request; turning circle {circle_m:g} m; propeller law"
-    return _validated(data, "")
+    return validated(VesselSpec, data)
 
 
 def _figures(figures: VesselFigures, faults: list[str]) -> dict[str, Any]:
@@ -173,12 +171,3 @@ def _figures(figures: VesselFigures, faults: list[str]) -> dict[str, Any]:
             if given[key] <= 0:
                 faults.append(f"{option} {text} is not above 0; give a larger figure")
     return given
-
-
-def _validated(data: dict[str, Any], prefix: str) -> VesselSpec:
-    """Return the validated vessel of a table, or raise RequestError with a line for each fault."""
-    try:
-        return VesselSpec.model_validate(data)
-    except ValidationError as error:
-        lines = model_faults(error, VesselSpec, data)
-        raise RequestError([f"{prefix}{line}" for line in lines]) from None

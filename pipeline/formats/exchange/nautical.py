@@ -10,9 +10,8 @@ from pipeline._types import FloatArray, IntArray
 from pipeline.formats.passage.tracks import DECIMALS
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.result import RankedRoute, RunResult, route_unknowns
 from pipeline.formats.shared.text import capitalised
-from pipeline.formats.shared.unknowns import route_unknowns
 from pipeline.model import RouteMetrics
 
 KNOTS_PER_M_S = 3600 / NAUTICAL_MILE_M

@@ -14,9 +14,8 @@ from typing import TypeAlias
 from pipeline.formats.exchange import nautical
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult, route_unknowns
 from pipeline.formats.shared.text import shortened
-from pipeline.formats.shared.unknowns import route_unknowns
 from pipeline.formats.shared.writing import xml_environment
 
 _Attributes: TypeAlias = dict[str, str]

@@ -1,7 +1,7 @@
-"""The finished run, as all formats read it."""
+"""The finished run, as all formats read it, and what is not known about it."""
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -14,7 +14,8 @@ from pipeline import model
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import capitalised, planner_text, season_name
-from pipeline.formats.shared.unknowns import lacks_current, unknowns
+from pipeline.model import ShoreCrossing
+from pipeline.model.inputs import Note, Place, of_seasons
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 
@@ -74,8 +75,24 @@ class RunResult:
 
     @cached_property
     def unknowns(self) -> tuple[model.Note, ...]:
-        """Notes of what is not known about the routes; they are among all notes, too."""
-        return unknowns(self)
+        """Notes of what is not known about the routes, which are among all notes, too.
+
+        There are none in a planar scenario.
+        """
+        if self.scenario.is_planar:
+            return ()
+        rows = self.evaluation.routes
+        seasons = dict.fromkeys(row.season for row in rows)
+        by_season = {
+            season: _of_routes([row for row in rows if row.season == season]) for season in seasons
+        }
+        return (
+            *_of_currents(self, seasons),
+            *crossing_notes(self.evaluation.shore_crossings),
+            *_of_chart(self),
+            *of_seasons(by_season),
+            *_of_straits(self.straits),
+        )
 
     def departure_choice(self, season: str) -> model.DepartureChoice | None:
         """When to leave in a season, and the alternatives; None if the departure was given."""
@@ -151,8 +168,15 @@ class RunResult:
         return grid is not None and grid.is_stand_in
 
     def lacks_current(self, season: str) -> bool:
-        """Whether the current on a season's best route is not known at all."""
-        return lacks_current(self, season)
+        """Whether the current on a season's best route is not known at all.
+
+        It was left out, or its source has no figure on the whole route.
+        """
+        grid = self.grid_of(season)
+        best = next((row for row in self.evaluation.routes if row.season == season), None)
+        if grid is None or best is None:
+            return False
+        return grid.is_left_out or best.filled_share >= 1 - _NONE
 
     def crossings(self, season: str, rank: int) -> FloatArray:
         """Middles (n, 2), lon/lat degrees, of a route's parts over the second shoreline's land."""
@@ -237,3 +261,102 @@ def _projected(
     for polygon in polygons:
         with contextlib.suppress(RequestError):
             yield scene.projection.geometry_to_plane(polygon)
+
+
+# Shares of a route below this count as none: a thousandth, as percentages have one decimal.
+_NONE = 5e-4
+# Crossings whose positions agree to this many decimals of a degree (100 m) are one place.
+_SAME_PLACE = 3
+
+
+def route_unknowns(result: RunResult, metrics: model.RouteMetrics) -> tuple[Note, ...]:
+    """Note what is not known about one route."""
+    if result.scenario.is_planar:
+        return ()
+    crossings = [
+        one
+        for one in result.evaluation.shore_crossings
+        if (one.season, one.rank) == (metrics.season, metrics.rank)
+    ]
+    return (
+        *_of_currents(result, [metrics.season]),
+        *crossing_notes(crossings),
+        *_of_chart(result),
+        *_of_routes([metrics]),
+    )
+
+
+def _of_currents(result: RunResult, seasons: Collection[str]) -> Iterator[Note]:
+    """Yield a note on each season of which the current is not known at all."""
+    for grid in result.fetched.currents:
+        if grid.season in seasons and result.lacks_current(grid.season):
+            yield Note.of("current-unknown", left_out=grid.is_left_out).about(grid.season)
+
+
+def has_all_depths(metrics: model.RouteMetrics) -> bool:
+    """Whether depths are charted all along a route."""
+    return metrics.uncharted_share <= _NONE
+
+
+def _of_chart(result: RunResult) -> Iterator[Note]:
+    """Yield a note if the chart has no depths."""
+    if result.fetched.land.depths is None:
+        yield Note.of("no-depths")
+
+
+def _of_routes(rows: Sequence[model.RouteMetrics]) -> list[Note]:
+    """Note how much of a season's routes lacks depths, and how much lacks data of the current."""
+    found = []
+    for kind, name in (("current-filled", "filled_share"), ("depth-uncharted", "uncharted_share")):
+        shares = tuple((row.rank, share) for row in rows if (share := getattr(row, name)) > _NONE)
+        if shares:
+            found.append(Note.of(kind, first=rows[0].rank, shares=shares))
+    return found
+
+
+def _of_straits(straits: Sequence[model.ShutStrait]) -> Iterator[Note]:
+    """Yield a note on the shut straits, with the place of the widest."""
+    if straits:
+        widest = straits[0]
+        yield Note.of(
+            "straits-shut",
+            count=len(straits),
+            widest=Place(widest.lon, widest.lat),
+            width_m=widest.width_m,
+            needed_m=widest.needed_m,
+        )
+
+
+def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
+    """Return a note for each season on the places where its routes cross the second shoreline.
+
+    Crossings of the best route come first; the longest come first within both groups.
+    """
+    return of_seasons(
+        {
+            season: [Note.of("second-shoreline", crossings=_crossing_places(crossings, season))]
+            for season in dict.fromkeys(one.season for one in crossings)
+        }
+    )
+
+
+def _crossing_places(crossings: Sequence[ShoreCrossing], season: str) -> tuple[Note, ...]:
+    """Return the places of a season, each with its longest crossing and all routes that cross."""
+    there: dict[tuple[float, float], list[ShoreCrossing]] = {}
+    for one in crossings:
+        if one.season == season:
+            place = round(one.lon, _SAME_PLACE), round(one.lat, _SAME_PLACE)
+            there.setdefault(place, []).append(one)
+    found = [
+        (min(one.rank for one in group) > 1, max(group, key=lambda one: one.length_m), group)
+        for group in there.values()
+    ]
+    return tuple(
+        Note.of(
+            "crossing",
+            length_m=longest.length_m,
+            place=Place(longest.lon, longest.lat),
+            routes=tuple(sorted({one.rank for one in group})),
+        )
+        for _, longest, group in sorted(found, key=lambda one: (one[0], -one[1].length_m))
+    )

@@ -9,6 +9,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -196,6 +197,10 @@ class EarlierRoutes:
     cycle: str
     path: Path
 
+    def row(self, case: str) -> int:
+        """Return the row number of a case; -1 for a new one."""
+        return _row_numbers(self.path).get(case, -1)
+
     def read(self, rows: Sequence[int]) -> dict[int, EarlierRoute]:
         """Read the routes of rows; rows without a route, and row -1, are left out."""
         wanted = sorted({row for row in rows if row >= 0})
@@ -227,16 +232,11 @@ class EarlierRoutes:
         )
 
 
-class EarlierIndex:
-    """The row numbers of yesterday's cases by name."""
-
-    def __init__(self, path: Path) -> None:
-        names = pq.read_table(path, columns=["case"])["case"].to_pylist()
-        self._row = {name: row for row, name in enumerate(names)}
-
-    def rows(self, names: Sequence[str]) -> list[int]:
-        """Return the row number of each name; -1 for a new case."""
-        return [self._row.get(name, -1) for name in names]
+@lru_cache(maxsize=1)
+def _row_numbers(path: Path) -> dict[str, int]:
+    """Return the row number of each case of a table by its name."""
+    names = pq.read_table(path, columns=["case"])["case"].to_pylist()
+    return {name: row for row, name in enumerate(names)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,15 +3,14 @@
 import secrets
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
-from functools import cached_property
 from pathlib import Path
 
 from pipeline.errors import PipelineError
 from pipeline.machine.store import Store, artefact_key, read_checked
 from pipeline.nightly.cycle.part import Partial, gaps, part_path, write_part
-from pipeline.nightly.cycle.results import EarlierIndex, EarlierRoutes
+from pipeline.nightly.cycle.results import EarlierRoutes
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.planning import worker
 from pipeline.nightly.planning.chart import STAGE, ChartTask, CurrentTask, chart_key
@@ -233,20 +232,11 @@ class Planning:
                 found.setdefault(self.current_path(self.cases[index]), self.cases[index])
         return list(found.values())
 
-    @cached_property
-    def _earlier_index(self) -> EarlierIndex | None:
-        """Index of yesterday's cases by name, or None."""
-        return None if self.earlier is None else EarlierIndex(self.earlier.path)
-
     def _batch(self, first: int, end: int) -> worker.PlanBatch:
         """Return the batch of a range of cases."""
         cases = [self.cases[index] for index in range(first, end)]
-        tasks = [self._case_task(case) for case in cases]
-        if self._earlier_index is not None:
-            rows = self._earlier_index.rows([task.name for task in tasks])
-            tasks = [replace(t, earlier_row=row) for t, row in zip(tasks, rows, strict=True)]
         return worker.PlanBatch(
-            tuple(tasks),
+            tuple(map(self._case_task, cases)),
             self.chart_path(cases[0]),
             part_path(self.partial.parts_folder, first, end),
             self.partial.marks_folder / f"{first}-{end}-{secrets.token_hex(4)}",
@@ -266,6 +256,7 @@ class Planning:
             None if pair is None else pair.start,
             None if pair is None else pair.goal,
             self.leaves(case),
+            -1 if self.earlier is None else self.earlier.row(case.name),
             failure=self.failures.get(chart) or self.failures.get(current) or "",
         )
 

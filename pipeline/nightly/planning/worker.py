@@ -10,7 +10,6 @@ import contextlib
 import math
 import os
 import time
-import traceback
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -19,7 +18,7 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline.errors import PipelineError, StageError
+from pipeline.errors import StageError, one_line
 from pipeline.machine.store import read_checked
 from pipeline.model import RouteMetrics, Scene, SeasonPlan
 from pipeline.nightly.cycle.part import Row, write_part
@@ -163,13 +162,8 @@ def plan_case(
         planned = plan_season(scene, case.parts[1], options)
         measured = evaluate_season(scene, planned, chart.scenario.scale, options.seed)
         figures = with_way_names(combine_seasons([measured]), scene, [planned], ()).routes
-    except PipelineError as error:
-        return [failed_row(case, " ".join(str(error).split()), rules, earlier)]
     except Exception as error:  # noqa: BLE001 - the other cases continue
-        frames = traceback.extract_tb(error.__traceback__)
-        where = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-        reason = f"{type(error).__name__}: {' '.join(str(error).split())}{where}"
-        return [failed_row(case, reason, rules, earlier)]
+        return [failed_row(case, one_line(error), rules, earlier)]
     if planned.plan is None:
         row = failed_row(case, planned.failure, rules, earlier)
         return [row | _described(current)]

@@ -236,15 +236,8 @@ class Publishing:
         """Cache of the loaded charts, by path."""
         return {}
 
-    @cached_property
-    def _earlier_index(self) -> results.EarlierIndex | None:
-        """Index of yesterday's cases by name, or None."""
-        earlier = self.planning.earlier
-        return None if earlier is None else results.EarlierIndex(earlier.path)
-
     def _earlier(self, row: Row) -> results.EarlierRoute | None:
         """Return yesterday's route of a case, or None."""
-        if self.planning.earlier is None or self._earlier_index is None:
-            return None
-        place = self._earlier_index.rows([row["case"]])[0]
-        return self.planning.earlier.read([place]).get(place)
+        earlier = self.planning.earlier
+        place = -1 if earlier is None else earlier.row(row["case"])
+        return None if earlier is None else earlier.read([place]).get(place)

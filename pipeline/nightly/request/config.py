@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from pipeline.errors import RequestError
 from pipeline.machine.paths import expanded, folder_to_write, shown, unreadable_reason
@@ -17,7 +17,7 @@ from pipeline.scenario.strict import (
     Number,
     Positive,
     StrictModel,
-    model_faults,
+    validated,
 )
 from pipeline.scenario.times import Count, Every, interval
 
@@ -246,11 +246,7 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
         raise RequestError(f"--config: {shown(path)} is a folder; name the TOML file in it")
     data = catalogue.read_toml(path)
     lines = TomlLines(path.read_text(encoding="utf-8"))
-    try:
-        table = NightTable.model_validate(data)
-    except ValidationError as error:
-        faults = model_faults(error, NightTable, data)
-        raise RequestError([lines.located(fault, path.name) for fault in faults]) from None
+    table = validated(NightTable, data, lambda fault: lines.located(fault, path.name))
     if output is not None:
         folder = folder_to_write(output, "--output")
     elif table.output is not None:

@@ -11,14 +11,13 @@ import pickle
 import sys
 import threading
 import time
-import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from pipeline.errors import PipelineError, StageError
+from pipeline.errors import StageError, one_line
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import Scene, SeasonPlan
@@ -101,13 +100,8 @@ def status_of(season: str, result: Callable[[], str]) -> Status:
     """Call `result` and return how the task ended; an exception becomes a failure."""
     try:
         return Status(season, result(), crashed=False)
-    except PipelineError as error:
-        return Status(season, " ".join(str(error).split()), crashed=True)
     except Exception as error:  # noqa: BLE001 - whatever it is, the other seasons continue
-        reason = " ".join(str(error).split())
-        frames = traceback.extract_tb(error.__traceback__)
-        where = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-        return Status(season, f"{type(error).__name__}: {reason}{where}", crashed=True)
+        return Status(season, one_line(error), crashed=True)
 
 
 def status_in_process(task: SeasonTask, stop: threading.Event | None = None) -> Status:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.unknowns import (
+from pipeline.formats.shared.result import (
+    RunResult,
     has_all_depths,
-    lacks_current,
     route_unknowns,
-    unknowns,
 )
 from pipeline.geo.known_cells import DepthCover
 from pipeline.model import ShoreCrossing, ShutStrait
@@ -41,12 +39,12 @@ def with_shares(
 
 
 def test_a_chart_without_depths_says_so_and_nothing_else() -> None:
-    assert note_texts(unknowns(with_shares(small_run.parts(), {}))) == [NO_DEPTHS]
+    assert note_texts(with_shares(small_run.parts(), {}).unknowns) == [NO_DEPTHS]
 
 
 def test_shares_of_the_current_are_told_for_the_best_and_the_worst() -> None:
     result = with_shares(small_run.parts(), {1: 0.123, 2: 0.2, 3: 0.95})
-    _, text = note_texts(unknowns(result))
+    _, text = note_texts(result.unknowns)
     assert text == (
         "summer: the source of the current has no figure for 12.3 % of route 1 and 95.0 % of route "
         "3, the largest share of the 2 other routes: it was filled from the water around"
@@ -69,17 +67,17 @@ def without_current(result: RunResult, season: str) -> RunResult:
 
 def test_a_current_that_is_not_known_at_all_is_told_first() -> None:
     result = with_shares(small_run.parts(), {1: 1.0, 2: 0.2})
-    assert [lacks_current(result, season) for season in ("summer", "winter")] == [True, False]
-    first = note_texts(unknowns(result))[0]
+    assert [result.lacks_current(season) for season in ("summer", "winter")] == [True, False]
+    first = note_texts(result.unknowns)[0]
     assert first.startswith(
         "summer: the source of the current has no figure on the whole of the best"
     )
     still = without_current(with_shares(small_run.parts(), {}), "winter")
-    assert [lacks_current(still, season) for season in ("summer", "winter")] == [False, True]
+    assert [still.lacks_current(season) for season in ("summer", "winter")] == [False, True]
     winter = still.season_routes("winter")[0].metrics
     assert note_texts(route_unknowns(still, winter))[0].startswith("winter: no current was used")
     partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
-    assert not lacks_current(partly, "summer")
+    assert not partly.lacks_current("summer")
 
 
 def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
@@ -89,7 +87,7 @@ def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
         for rank, length_m in ((1, 2461.0), (2, 33_000.0))
     )
     result = replace(result, evaluation=replace(result.evaluation, shore_crossings=crossings))
-    first = note_texts(unknowns(result))[0]
+    first = note_texts(result.unknowns)[0]
     assert first.startswith("summer: a second, independent shoreline")
     assert "2461 m at 120.0000 E 9.0000 N on route 1; 33000 m" in first
     best, second = result.season_routes("summer")[:2]
@@ -100,10 +98,10 @@ def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
 
 
 def test_missing_depths_are_told_and_complete_ones_are_nothing_unknown() -> None:
-    (text,) = note_texts(unknowns(with_shares(small_run.parts(), {}, 0.04)))
+    (text,) = note_texts(with_shares(small_run.parts(), {}, 0.04).unknowns)
     assert "no depth is charted for 4.0 % of route 1 and 4.0 % of route" in text
     complete = with_shares(small_run.parts(), {}, 0.0)
-    assert note_texts(unknowns(complete)) == []
+    assert note_texts(complete.unknowns) == []
     assert all(has_all_depths(row) for row in complete.evaluation.routes)
     without_depths = small_run.parts().evaluation.routes
     assert not any(has_all_depths(row) for row in without_depths)
@@ -113,12 +111,12 @@ def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
     widest = ShutStrait(119.871, 11.5244, 1579.4, 1714.0, "padding")
     straits = (widest, replace(widest, width_m=300.0))
     result = replace(with_shares(small_run.parts(), {}), straits=straits)
-    assert note_texts(unknowns(result))[1] == (
+    assert note_texts(result.unknowns)[1] == (
         "2 straits are shut by margin or padding; the widest, at 119.8710 E 11.5244 N, is 1.58 km "
         "wide, and 1.71 km are needed"
     )
-    (one,) = note_texts(unknowns(replace(result, straits=(widest,))))[1:]
+    (one,) = note_texts(replace(result, straits=(widest,)).unknowns)[1:]
     assert one.startswith("1 strait is shut")
     planar = small_run.parts(planar=True)
-    assert note_texts(unknowns(planar)) == []
+    assert note_texts(planar.unknowns) == []
     assert note_texts(route_unknowns(planar, planar.routes[0].metrics)) == []
