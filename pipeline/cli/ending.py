@@ -9,6 +9,7 @@ from typing import NoReturn
 import typer
 
 from pipeline.cli.progress import progress
+from pipeline.cli.terminal import say, table, terminal_width
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_json, note_texts, rejections
 from pipeline.formats.shared.writing import json_value
@@ -42,18 +43,19 @@ def run_to_end(
     if as_json:
         typer.echo(outcome_json(outcome))
     elif not quiet:
-        typer.echo(season_table(outcome))
+        say(season_table(outcome, terminal_width()))
         verb = "Written to" if outcome.fresh else "Unchanged in"
         typer.echo(f"\n{verb} {short_path(outcome.directory)} ({outcome.seconds:.1f} s)")
     for failure in outcome.failures:
-        typer.echo(f"error: {failure}", err=True)
+        say(f"error: {failure}", err=True)
     raise typer.Exit(outcome.exit_code)
 
 
-def season_table(outcome: Outcome) -> str:
+def season_table(outcome: Outcome, width: int | None = None) -> str:
     """Return the run's table, with notes before and after it.
 
-    For each season it has the best route on each side of the main island.
+    For each season it has the best route on each side of the main island. Ways are wrapped where
+    the table is wider than `width`, in characters.
     """
     lengths = [row.length_m for row in outcome.evaluation.routes]
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
@@ -72,19 +74,12 @@ def season_table(outcome: Outcome) -> str:
                 passed.update(name for passage in row.passages for name in passage.islands)
                 best = next(one for one in outcome.evaluation.routes if one.season == row.season)
                 rows.append(_row(row, best.fuel, 1.0 if unit == "m" else 1000.0))
-    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
     lines = [*_passages(outcome), *_unused_currents(outcome), *_unknown_currents(outcome)]
     lines += [f"{text.capitalised(choice)}." for choice in outcome.choices]
     lines += [""] * bool(outcome.choices)
     found = outcome.result.unknowns
     lines += ["Not known:", *(f"- {line}" for line in note_texts(found)), ""] * bool(found)
-    lines += [
-        "  ".join(
-            cell.ljust(width) if i < _LEFT_ALIGNED else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    lines += table(rows, _LEFT_ALIGNED, width)
     if places := [
         f"{'island ' * (not island.name)}{island.label} at {island.place}"
         for island in outcome.evaluation.islands

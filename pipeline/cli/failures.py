@@ -16,6 +16,7 @@ from types import FrameType
 
 import typer
 
+from pipeline.cli.terminal import say
 from pipeline.errors import PipelineError, RequestError
 
 MESSAGE = "stopped; finished stages are kept, run again to continue"
@@ -171,9 +172,9 @@ def reported_errors() -> Iterator[None]:
         raise
     except PipelineError as error:
         for line in str(error).splitlines():
-            typer.echo(f"error: {line}", err=True)
+            say(f"error: {line}", err=True)
         for note in getattr(error, "__notes__", ()):
-            typer.echo(f"note: {note}", err=True)
+            say(f"note: {note}", err=True)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt as error:
         typer.echo(MESSAGE, err=True)

@@ -29,6 +29,7 @@ from pipeline.cli.failures import reported_errors
 from pipeline.cli.go import go
 from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.nightly import app as nightly_app
+from pipeline.cli.terminal import say
 from pipeline.cli.usage import BriefRefusals, Command, GroupedCommand
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory
@@ -178,9 +179,9 @@ def plot(
         for file in drawn.files:
             typer.echo(short_path(file))
         for reason in drawn.skipped:
-            typer.echo(reason, err=True)
+            say(reason, err=True)
         for failure in drawn.failures:
-            typer.echo(f"error: {failure}", err=True)
+            say(f"error: {failure}", err=True)
         raise typer.Exit(1 if drawn.failures else 0)
 
 
@@ -240,7 +241,7 @@ def clean(
     with reported_errors(), still_at_work():
         from pipeline.cli.listing import freed
 
-        typer.echo(freed(output, older=older, everything=everything))
+        say(freed(output, older=older, everything=everything))
 
 
 @app.command(cls=Command)
@@ -261,7 +262,7 @@ def doctor(
         for finding in examine(output, offline=offline, scheduler=scheduler):
             findings.append(finding)
             if not as_json:
-                typer.echo(str(finding))
+                say(str(finding))
         if as_json:
             typer.echo(spelled_as_json(findings))
         raise typer.Exit(exit_code(findings))
