@@ -20,7 +20,13 @@ from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, seaso
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns
-from pipeline.formats.shared.text import gap_figure, moment_text, speed_over_ground, to_minute
+from pipeline.formats.shared.text import (
+    gap_figure,
+    moment_text,
+    speed_over_ground,
+    speed_range,
+    to_minute,
+)
 
 # A4, landscape, in points; margins, and the height of a line of text.
 _WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0
@@ -95,7 +101,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     speeds = points.through_water_m_s[:-1] * nautical.KNOTS_PER_M_S
     through = f"{speeds.min():.2f} kn"
     if legs_table.has_speeds(points):
-        through = f"{speeds.min():.2f} to {speeds.max():.2f} kn, leg by leg,"
+        through = f"{' to '.join(speed_range(speeds.min(), speeds.max()))} kn, leg by leg,"
     length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
     ship = f"{nautical.vessel_name(result)}; {through} through the water"
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"

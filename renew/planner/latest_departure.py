@@ -52,7 +52,7 @@ def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> S
 
 
 def too_late_error(
-    first: Sailing, arrive_by: float, faster: str = "take a vessel that makes {:.3g} m/s"
+    first: Sailing, arrive_by: float, faster: str = "take a vessel that makes {} m/s"
 ) -> ArrivalError:
     """Return the error for an arrival that is too early, with a sufficient speed and departure.
 
@@ -93,7 +93,13 @@ def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> li
 
     speed = voyage.vessel.speed
     found = _least(is_in_time, speed, _FASTEST * speed)
-    return [] if found is None else [Text(text.format(found))]
+    return [] if found is None else [Text(text.format(_rounded_up(found)))]
+
+
+def _rounded_up(speed: float) -> str:
+    """Write a speed to three digits, rounded up, so that it is still sufficient."""
+    step = 10.0 ** (math.floor(math.log10(speed)) - 2)
+    return f"{math.ceil(speed / step) * step:.3g}"
 
 
 def _least(is_enough: Callable[[float], bool], low: float, high: float) -> float | None:

@@ -80,7 +80,7 @@ class PriceSearch:
         if sailing.found is None:
             raise sailing.error
         if sailing.arrival > self.voyage.deadline:
-            raise too_late_error(sailing, self.voyage.deadline, "let speed reach {:.3g} m/s")
+            raise too_late_error(sailing, self.voyage.deadline, "let speed reach {} m/s")
         return sailing.found
 
     def first_paths(self, fastest: ClassPath) -> tuple[ClassSearch, dict[Word, ClassPath]]:

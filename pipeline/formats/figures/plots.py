@@ -21,7 +21,7 @@ from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import RouteProfile, route_profile
 from pipeline.formats.shared.text import clearance as kept
-from pipeline.formats.shared.text import number, plain
+from pipeline.formats.shared.text import number, plain, speed_range
 
 _WIDTH_PT = 374.0
 _LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0
@@ -111,7 +111,7 @@ class _ProfilePlot:
         draw_line(axes, self.run, self.profile.speed_m_s)
         mean = self.ranked.metrics.speed_m_s
         _set_range(axes, [*self.profile.speed_m_s, *speeds], min_range=0.1 * mean)
-        low, high = f"{speeds.min():.2f}", f"{speeds.max():.2f}"
+        low, high = speed_range(float(speeds.min()), float(speeds.max()))
         through = plain(round(mean, 2)) if low == high else f"{low}–{high}"
         plot_title(axes, "Speed over ground, m/s", f"dashed: through water, {through}")
 

@@ -93,7 +93,7 @@ class Season:
         if self.lacks_current:
             return "The side is not proven: the current on the way is not known."
         if self.sides is not None and self.sides.fuel > self.best.fuel:
-            least = text.percent(self.sides.fuel / self.best.fuel - 1)
+            least = text.at_least_percent(self.sides.fuel / self.best.fuel - 1)
             return (
                 "The side is proven, within the chart and in this current: any way on the other "
                 f"needs at least {least} more fuel."
@@ -101,7 +101,7 @@ class Season:
         if self.sides is not None:
             return (
                 "The side is not proven: it is only known that no way on the other saves more "
-                f"than {text.percent(1 - self.sides.fuel / self.best.fuel)}."
+                f"than {text.at_most_percent(1 - self.sides.fuel / self.best.fuel)}."
             )
         if not self.best.optimality_gap <= text.USEFUL_GAP:
             return "The side is not proven: the fuel of the other has no useful lower bound."

@@ -83,8 +83,8 @@ def _proof(choice: DepartureChoice) -> str:
         )
     return (
         "Apart from the error of the paths, no other departure in this window saves more than "
-        f"{text.hours(choice.unproven_s)}, because a later departure on the same water never "
-        "arrives earlier. Smaller savings were searched for, but are not ruled out."
+        f"{text.at_most_hours(choice.unproven_s)}, because a later departure on the same water "
+        "never arrives earlier. Smaller savings were searched for, but are not ruled out."
     )
 
 
@@ -161,12 +161,10 @@ def trade_offs(result: RunResult) -> tuple[TradeOff, ...]:
 def trade_off_text(found: TradeOff) -> tuple[str, ...]:
     """Say in sentences how fast the vessel sails, and what more or less time is worth."""
     allowed = f"{found.choice.least:g}–{found.choice.most:g} m/s"
-    sailed = f"{found.slowest:.2f}–{found.fastest:.2f} m/s"
-    how = f"Speeds through water of {sailed}, chosen from leg to leg among {allowed}, bring"
-    if f"{found.slowest:.2f}" == f"{found.fastest:.2f}":
-        how = (
-            f"A speed of {found.slowest:.2f} m/s through water all the way, among {allowed}, brings"
-        )
+    low, high = text.speed_range(found.slowest, found.fastest)
+    how = f"Speeds through water of {low}–{high} m/s, chosen from leg to leg among {allowed}, bring"
+    if low == high:
+        how = f"A speed of {low} m/s through water all the way, among {allowed}, brings"
     there = f"by {text.moment_text(found.arrive_by)}"
     if found.duration_s < (1 - _IN_TIME) * found.choice.within_s:
         there = (

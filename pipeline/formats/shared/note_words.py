@@ -6,7 +6,6 @@ depends on them. Beside the usual formats there are `{x:distance}` and `{x:hours
 `{list:, /3/ and # more}` for a list of which only three entries are named.
 """
 
-import math
 import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -90,6 +89,8 @@ _FORMATTER = _Formatter()
 _FORMATS: Mapping[str, Callable[[Any], str]] = {
     "box": text.box,
     "distance": text.distance,
+    "at most hours": text.at_most_hours,
+    "clearance": text.clearance,
     "hours": text.hours,
 }
 
@@ -170,7 +171,7 @@ def _island(island: str, place: Place, **_: object) -> str:
 
 
 def _side_left_out(island: str, place: Place, ratio: float, of: str) -> str:
-    times = f"{math.floor(10 * ratio) / 10:.1f} times as"
+    times = f"{text.rounded_down(ratio, 1):.1f} times as"
     need = {
         "fuel": f"needs at least {times} much fuel as the best route",
         "length": f"is at least {times} long as the shortest way",
@@ -204,7 +205,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "unpacked again for each region, which takes some seconds; set XDG_CACHE_HOME to a writable "
     "folder",
     "margin-narrowed": "the margin of {margin_m:g} m would close every passage between start and "
-    "goal: it was reduced along the way; the narrowest place, at {place}, is {width_m:.0f} m wide",
+    "goal: it was reduced along the way; the narrowest place, at {place}, is "
+    "{width_m:clearance} wide",
     "margin-raised": "chart.margin_m is {margin_m:g} m, but the coast may be off by "
     "{accuracy_m:g} m: a margin of {accuracy_m:g} m was used",
     "no-cell": "no S-57 cell covers {share:.1%} of the region: it is no-go",
@@ -241,12 +243,12 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "departures-asked": "{count} departures are planned to choose from",
     "departures-planned": "{count} of {asked} departures are planned",
     "departures-refined": "{count} departures are planned; another one may still save up to "
-    "{unproven_s:hours}",
+    "{unproven_s:at most hours}",
     "offing-chosen": "routes keep an offing of {offing_m:.0f} m beyond the chart's margin, chosen "
     "for this vessel and chart, and in narrower passages {narrow_share:.0%} of the half-width; "
     "planner.clearance (--clearance) sets another, and 0 means none",
     "offing-yields": "the best route keeps less than the offing of {offing_m:.0f} m for "
-    "{length_m:distance} in narrows, at least {least_m:.0f} m at {place}",
+    "{length_m:distance} in narrows, at least {least_m:clearance} at {place}",
     "region-chosen": _region_chosen,
     "side-left-out": _side_left_out,
     "region-opened": "region widened to {bounds:box}, because no way joins start and goal in a "

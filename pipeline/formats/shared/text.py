@@ -17,6 +17,8 @@ _DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0
 # Least fuel for each name of a unit: fuel may be any number, since the vessel's rate sets its unit.
 _FUEL_UNITS = ((1e9, " billion"), (1e6, " million"), (1e5, " thousand"))
 _THOUSAND = 1e3
+# Share of the last place that is rounding of the figure itself.
+_EXACT = 1e-4
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -56,9 +58,26 @@ def clearance(metres: float | None) -> str:
     unit = 1000.0 if metres >= _KILOMETRES_FROM_M else 1.0
     magnitude = math.floor(math.log10(metres / unit)) if metres > 0 else 0
     decimals = max(0, 2 - magnitude)
-    # A ten-thousandth of the last place is rounding of the figure itself.
-    down = math.floor(metres / unit * 10**decimals + 1e-4) / 10**decimals
-    return f"{down:,.{decimals}f} {'km' if unit > 1 else 'm'}"
+    return f"{rounded_down(metres / unit, decimals):,.{decimals}f} {'km' if unit > 1 else 'm'}"
+
+
+def rounded_down(value: float, decimals: int) -> float:
+    """Round down, so that the result is not above a value of which it is the least."""
+    return math.floor(value * 10.0**decimals + _EXACT) / 10.0**decimals
+
+
+def rounded_up(value: float, decimals: int) -> float:
+    """Round up, so that the result is not below a value of which it is the most."""
+    return math.ceil(value * 10.0**decimals - _EXACT) / 10.0**decimals
+
+
+def speed_range(slowest: float, fastest: float) -> tuple[str, str]:
+    """Format two speeds to two decimals, the lower one rounded up and the higher one down.
+
+    If no two figures of two decimals lie between them, both texts are the lower speed, in full.
+    """
+    low, high = rounded_up(slowest, 2), rounded_down(fastest, 2)
+    return (f"{low:.2f}", f"{high:.2f}") if low < high else (plain(slowest), plain(slowest))
 
 
 def fuel(value: float) -> str:
@@ -95,6 +114,14 @@ def hours(seconds: float) -> str:
     return f"{seconds:.1f} s"
 
 
+def at_most_hours(seconds: float) -> str:
+    """Format a duration as `hours` does, rounded up: it is the longest that is possible."""
+    if not math.isfinite(seconds):
+        return ABSENT
+    unit = _HOUR_S if seconds >= _HOUR_S else _MINUTE_S if seconds >= 2 * _MINUTE_S else 1.0
+    return hours(rounded_up(seconds / unit, 1) * unit)
+
+
 def days(seconds: float) -> str:
     """Format a duration in days and hours: 8 d 6 h; empty below two days."""
     if not math.isfinite(seconds) or seconds < 2 * _DAY_S:
@@ -106,6 +133,16 @@ def days(seconds: float) -> str:
 def percent(share: float, digits: int = 1) -> str:
     """Format a share as a percentage: 2.3 %."""
     return f"{100 * share:.{digits}f} %" if math.isfinite(share) else ABSENT
+
+
+def at_least_percent(share: float) -> str:
+    """Format a share as a percentage, rounded down: at least 2.3 %."""
+    return percent(rounded_down(100 * share, 1) / 100) if math.isfinite(share) else ABSENT
+
+
+def at_most_percent(share: float) -> str:
+    """Format a share as a percentage, rounded up: at most 2.4 %."""
+    return percent(rounded_up(100 * share, 1) / 100) if math.isfinite(share) else ABSENT
 
 
 def share(value: float) -> str:
@@ -138,7 +175,7 @@ def route_summary(metrics: RouteMetrics) -> str:
     parts = [metrics.way] if metrics.way else []
     parts += [distance(metrics.length_m), hours(metrics.duration_s)]
     if metrics.has_land:
-        parts.append(f"{distance(metrics.clearance_m)} or more from {metrics.no_go_name}")
+        parts.append(f"{clearance(metrics.clearance_m)} or more from {metrics.no_go_name}")
     return f"{', '.join(parts)}."
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -169,3 +170,17 @@ def test_where_no_departure_is_in_time_the_error_says_so() -> None:
         renew.plan_departures(
             CHART, STILL, NIMBLE, START, GOAL, [0.0, 10.0], speed=(0.5, 1.0), arrive_by=100.0
         )
+
+
+@pytest.mark.parametrize("arrive_by", [61.0, 77.7, 93.3])
+def test_the_speed_that_an_error_asks_for_is_enough(arrive_by: float) -> None:
+    def plan(most: float) -> renew.Plan:
+        return renew.plan(
+            CHART, STILL, NIMBLE, START, GOAL, departure=0.0, arrive_by=arrive_by, speed=(0.5, most)
+        )
+
+    with pytest.raises(renew.ArrivalError) as caught:
+        plan(1.0)
+    asked = re.search(r"let speed reach ([\d.]+) m/s", str(caught.value))
+    assert asked is not None
+    assert plan(float(asked[1])).best.times[-1] <= arrive_by

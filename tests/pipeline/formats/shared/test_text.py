@@ -44,7 +44,16 @@ NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
         (texts.hours(722_000), "200.6 h"),
         (texts.hours(600), "10.0 min"),
         (texts.hours(97.07), "97.1 s"),
+        (texts.at_most_hours(721_900), "200.6 h"),
+        (texts.at_most_hours(97.01), "97.1 s"),
+        (texts.at_most_hours(math.inf), "–"),
         (texts.days(722_248), "8 d 9 h"),
+        (texts.at_least_percent(0.0239), "2.3 %"),
+        (texts.at_most_percent(0.0231), "2.4 %"),
+        (texts.at_least_percent(math.inf), "–"),
+        (texts.speed_range(2.57222, 4.63), ("2.58", "4.63")),
+        (texts.speed_range(2.57222, 4.636), ("2.58", "4.63")),
+        (texts.speed_range(2.57222, 2.57222), ("2.57222", "2.57222")),
         (texts.days(100_000), ""),
         (texts.percent(0.0234), "2.3 %"),
         (texts.plain(1000.0), "1,000"),
@@ -102,3 +111,10 @@ def test_a_distance_keeps_its_first_digits(metres: float) -> None:
 def test_zones_are_named_with_their_rule(zone: tuple[str, str, str], text: str) -> None:
     kind, name, rule = zone
     assert texts.zone_text(Zone(kind, name, rule, shapely.Polygon())) == text  # type: ignore[arg-type]
+
+
+@given(st.floats(1e-3, 1e4), st.integers(0, 3))
+def test_a_limit_is_never_rounded_to_the_wrong_side(value: float, decimals: int) -> None:
+    step, slack = 10.0**-decimals, 1.1e-4 * 10.0**-decimals
+    assert value - step < texts.rounded_down(value, decimals) <= value + slack
+    assert value - slack <= texts.rounded_up(value, decimals) < value + step
