@@ -94,8 +94,9 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
     rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
     routes = text.count(len(outcome.evaluation.routes), "route", "routes")
     classes = text.count(rejected, "rejected class", "rejected classes")
+    reasons = f"; {classes}, with reasons" if rejected else ""
     sides = "The best route on each side of the main island. " if passed else ""
-    lines.append(f"\n{sides}In report.html: {routes}; {classes}, with reasons.")
+    lines.append(f"\n{sides}In report.html: {routes}{reasons}.")
     return "\n".join(lines)
 
 
@@ -114,9 +115,10 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
     unused: dict[str, list[str]] = {}
     for grid in outcome.fetched.currents:
         for passed in grid.passed_over:
-            unused.setdefault(f"{passed.source} ({passed.reason})", []).append(
-                text.season_name(grid.season)
-            )
+            reason = passed.reason
+            if not reason.startswith(passed.source):
+                reason = f"{passed.source} ({reason})"
+            unused.setdefault(reason, []).append(text.season_name(grid.season))
     if unused:
         reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
         yield f"Currents NOT used: {'; '.join(reasons)}\n"
@@ -127,8 +129,9 @@ def _unknown_currents(outcome: Outcome) -> Iterator[str]:
     seasons = [grid.season for grid in outcome.fetched.currents]
     lacking = [one for one in seasons if outcome.result.lacks_current(one)]
     if lacking:
-        names = ", ".join(map(text.season_name, lacking))
-        yield f"Current NOT known: {names}; nothing is proven of the real one\n"
+        names = ", ".join(map(text.season_name, lacking)) if len(seasons) > 1 else ""
+        about = f": {names}" if names else ""
+        yield f"Current NOT known{about}; nothing is proven of the real one\n"
 
 
 def _row(row: RouteMetrics, least_fuel: float, unit_m: float) -> tuple[str, ...]:

@@ -220,9 +220,13 @@ def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its na
 
         require_sailable(found)
         seasons = ", ".join(season.name for season in found.seasons)
-        typer.echo(
-            f"{found.name}: valid ({seasons}; vessel {found.vessel.name}; 1:{found.scale:g})"
-        )
+        typer.echo(f"{found.name}: valid ({seasons}; {_vessel(found)}; 1:{found.scale:g})")
+
+
+def _vessel(scenario: "Scenario") -> str:
+    """Name a scenario's vessel: "vessel usv-7m", or by its length if it has no name."""
+    vessel = scenario.vessel
+    return f"vessel {vessel.name}" if vessel.label else f"vessel of {vessel.length_m:g} m"
 
 
 @app.command(cls=Command)

@@ -102,8 +102,9 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     through = f"{speeds.min():.2f} kn"
     if legs_table.has_speeds(points):
         through = f"{' to '.join(speed_range(speeds.min(), speeds.max()))} kn, leg by leg,"
+    turn_rate = f"{vessel.turn_rate_deg_s:.3g}°"
     length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
-    ship = f"{nautical.vessel_name(result)}; {through} through the water"
+    ship = ", ".join(filter(None, (nautical.vessel_name(result), f"{vessel.length_m:g} m long")))
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
     turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
     least = legs_table.distance_text(planned.clearance_m)
@@ -111,7 +112,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     gap = f"Optimality gap: {gap_figure(planned.optimality_gap) if is_proven else 'not proven'}."
     passage = f"{nautical.duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
     return [
-        f"Vessel: {ship}, turns at {vessel.turn_rate_deg_s:g}° a second.",
+        f"Vessel: {ship}; {through} through the water, turns at {turn_rate} a second.",
         f"Way: {way}, {passage}.",
         _times_text(points, result),
         f"Least clearance of the planned path from {no_go}: {least}; {turns}. {gap}",

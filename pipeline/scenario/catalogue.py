@@ -21,11 +21,15 @@ _Figure = Annotated[strict.Positive, Field(le=1e6)]
 _TURN_RATE_LIMIT_DEG_S = 5e7  # 1e6 radians/s is a little more
 
 
+# The name of a vessel that was given none.
+_UNNAMED = "vessel"
+
+
 class VesselSpec(StrictModel):
     """A vessel: speed, turn rate and fuel law. An entry of the catalogue has the same keys."""
 
     name: strict.Name = Field(
-        default="vessel",
+        default=_UNNAMED,
         description="Name of the vessel. Use up to 64 lower-case letters, digits, '-' and '_'.",
     )
     title: str = Field(
@@ -71,6 +75,11 @@ class VesselSpec(StrictModel):
         "Give a number above 0, at most 20: 2 is the paper's, 3 the propeller law of displacement "
         "hulls.",
     )
+
+    @property
+    def label(self) -> str:
+        """The vessel's title, else its name; "" if it was given neither."""
+        return self.title or ("" if self.name == _UNNAMED else self.name)
 
 
 Section = Literal["scenarios", "vessels", "sources"]

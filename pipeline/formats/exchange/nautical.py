@@ -26,9 +26,12 @@ def document_title(result: RunResult, season: str) -> str:
 
 
 def vessel_name(result: RunResult) -> str:
-    """Title of the scenario's vessel, its name where the title is long; at most 32 characters."""
+    """Title of the scenario's vessel, its name where the title is long; at most 32 characters.
+
+    It is "" for a vessel without a title or a name.
+    """
     vessel = result.scenario.vessel
-    short = vessel.title if 0 < len(vessel.title) <= _MAX_VESSEL_NAME else vessel.name
+    short = vessel.label if len(vessel.label) <= _MAX_VESSEL_NAME else vessel.name
     return short[:_MAX_VESSEL_NAME]
 
 

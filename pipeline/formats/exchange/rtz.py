@@ -80,7 +80,7 @@ def write_rtz(
                 "routeName": _shortened(path.stem),
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
-                "vesselName": nautical.vessel_name(result),
+                **({"vesselName": name} if (name := nautical.vessel_name(result)) else {}),
                 "optimizationMethod": _shortened("; ".join((_METHOD, *unknown))),
             },
             waypoints=list(_waypoints(points)),

@@ -195,6 +195,8 @@ class Season:
         if not (math.isfinite(ours) and math.isfinite(theirs)):
             return f"{name} {needs}, {length}."
         gains = _signed(_gain(best)), _signed(_gain(rival))
+        if self.lacks_current:
+            return f"{name} {needs}, {length}."
         if f"{ours:.2f}" == f"{theirs:.2f}":
             speeds = f"both average {ours:.2f} m/s over ground ({gains[0]} m/s from the current)"
         else:

@@ -149,6 +149,11 @@ def _shares(first: int, shares: Sequence[tuple[int, float]]) -> str:
     return " and ".join(texts)
 
 
+def _crossing(length_m: float, place: Place, routes: Sequence[int]) -> str:
+    named = f"route{'s' * (len(routes) > 1)} {', '.join(map(str, routes))}"
+    return f"{length_m:,.0f} m at {place.text} on {named}"
+
+
 def _current_lacking(share: float, distance_m: float) -> str:
     return (
         f"the current has no data for {f'{share:.0%}' if share >= 0.01 else 'less than 1%'} of the "
@@ -244,10 +249,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "departures-planned": "{count} of {asked} departures are planned",
     "departures-refined": "{count} departures are planned; another one may still save up to "
     "{unproven_s:at most hours}",
-    "offing-chosen": "routes keep an offing of {offing_m:.0f} m beyond the chart's margin, chosen "
+    "offing-chosen": "routes keep an offing of {offing_m:,.0f} m beyond the chart's margin, chosen "
     "for this vessel and chart, and in narrower passages {narrow_share:.0%} of the half-width; "
     "planner.clearance (--clearance) sets another, and 0 means none",
-    "offing-yields": "the best route keeps less than the offing of {offing_m:.0f} m for "
+    "offing-yields": "the best route keeps less than the offing of {offing_m:,.0f} m for "
     "{length_m:distance} in narrows, at least {least_m:clearance} at {place}",
     "region-chosen": _region_chosen,
     "side-left-out": _side_left_out,
@@ -265,7 +270,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "area-shut": _area_shut,
     "classes-shut-for-hours": "no route was found where the current shuts water on the way for a "
     "while: {ways:; /3/, and of # more}. At another departure the water may be open",
-    "crossing": "{length_m:.0f} m at {place} on route {routes:, }",
+    "crossing": _crossing,
     "current-filled": lambda first, shares: (
         f"the source of the current has no figure for {_shares(first, shares)}: it was filled from "
         "the water around"

@@ -41,7 +41,7 @@ def test_the_first_line_names_the_currents_that_were_not_used(
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert result.exit_code == 0
     first = result.stdout.splitlines()[0]
-    assert first.startswith("Currents NOT used: summer: copernicus-glorys-monthly (")
+    assert first.startswith("Currents NOT used: summer: copernicus-glorys-monthly needs")
     assert "needs the network" in first
     assert "Routes keep an offing of" in result.stdout
     assert "- no depths in this chart: the draught was not used" in result.stdout

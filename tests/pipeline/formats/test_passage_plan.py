@@ -99,6 +99,23 @@ def test_distances_are_never_overstated() -> None:
     assert position(179.9999999, "EW", 3) == "180° 00.000' E"
 
 
+@pytest.mark.parametrize(
+    ("name", "begins"),
+    [("vessel", "Vessel: 9.5 m long; "), ("otter", "Vessel: otter, 9.5 m long; ")],
+)
+def test_a_vessel_is_named_only_if_it_has_a_name(tmp_path: Path, name: str, begins: str) -> None:
+    result = runs.across_180()
+    vessel = result.scenario.vessel.model_copy(
+        update={"name": name, "title": "", "length_m": 9.5, "turn_rate_deg_s": 11.31768484}
+    )
+    path = tmp_path / "passage-plan.pdf"
+    scenario = result.scenario.model_copy(update={"vessel": vessel})
+    write_passage_plan(replace(result, scenario=scenario), path)
+    page = texts(path)[0]
+    assert begins in page
+    assert "turns at 11.3° a second." in page
+
+
 def test_a_page_says_what_a_navigator_asks(result: RunResult, tmp_path: Path) -> None:
     path = tmp_path / "passage-plan.pdf"
     write_passage_plan(result, path)
@@ -140,7 +157,7 @@ def test_land_of_another_shoreline_is_told(result: RunResult, tmp_path: Path) ->
     path = tmp_path / "passage-plan.pdf"
     write_passage_plan(replace(result, evaluation=evaluation), path)
     summer, winter = (" ".join(page.split()) for page in texts(path))
-    assert "2461 m at 119.4000 E 9.4000 N" in summer
+    assert "2,461 m at 119.4000 E 9.4000 N" in summer
     assert "shoreline" not in winter
 
 

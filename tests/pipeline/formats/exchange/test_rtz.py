@@ -118,6 +118,16 @@ def test_the_vessels_name_is_short(tmp_path: Path, title: str, written_name: str
     assert info.get("vesselName") == written_name
 
 
+def test_a_vessel_without_a_name_has_none_in_the_file(tmp_path: Path) -> None:
+    result = runs.across_180()
+    vessel = result.scenario.vessel.model_copy(update={"name": "vessel", "title": ""})
+    result = replace(result, scenario=result.scenario.model_copy(update={"vessel": vessel}))
+    root = written(result, tmp_path / "a.rtz")
+    assert not any(rtz_faults(root, "1.1"))
+    (info,) = all_of(root, "routeInfo")
+    assert info.get("vesselName") is None
+
+
 def test_positions_and_legs_are_those_of_the_best_route(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.plans[0].season
     points = season_waypoints(any_run, season)[0]

@@ -154,7 +154,8 @@ def test_stand_in_currents_are_announced_before_the_answer(page: Page) -> None:
     assert notice.all("h2")[0].flat_text == "Planned with stand-in currents"
     assert "Summer, requested for July 2024: Test table, valid 2020-06-17" in notice.flat_text
     assert "Winter" not in notice.flat_text
-    assert [item.flat_text for item in notice.all("li")] == [small_run.REASON]
+    reason = f"{small_run.REASON[:1].upper()}{small_run.REASON[1:]}."
+    assert [item.flat_text for item in notice.all("li")] == [reason]
     assert page.html.index('class="notice"') < page.html.index('class="cards"')
 
 
@@ -213,7 +214,7 @@ def test_other_notes_are_no_warning(result: RunResult) -> None:
     assert page_with().with_class("notice") == []
     page = page_with("islets were merged")
     [notice] = page.with_class("mild")
-    assert notice.flat_text == "Notes islets were merged"
+    assert notice.flat_text == "Notes Islets were merged."
     assert page.html.index('class="cards"') < page.html.index('class="notice mild"')
 
 
@@ -406,7 +407,7 @@ def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
     assert "2 narrower ones are not listed" in part.flat_text
     # What stands there is no note any more.
     notes = [item.flat_text for item in page.all("li") if item not in part.all("li")]
-    assert "a note" in notes
+    assert "A note." in notes
     assert not any("draught" in text for text in notes)
 
 

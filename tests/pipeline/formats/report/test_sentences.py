@@ -226,5 +226,5 @@ def test_of_a_current_that_is_not_known_nothing_is_proven() -> None:
         "is not known."
     )
     assert said.certainty() == "The side is not proven: the current on the way is not known."
-    for claim in ("is proven", "no current to speak of", "needs less than", "saves more"):
+    for claim in ("is proven", "no current to speak of", "needs less than", "saves more", "m/s"):
         assert claim not in " ".join(said.verdict())

@@ -57,7 +57,7 @@ def test_values_are_in_the_sentence_and_in_json() -> None:
     crossing = Note.of("crossing", length_m=120.4, place=Place(-70.5, 42.25), routes=(1, 3))
     note = Note.of("second-shoreline", crossings=(crossing,)).about("july", "2024-07-01t0600z")
     assert note_text(note).startswith("july, departure 2024-07-01 06:00 UTC: a second, ")
-    assert note_text(note).endswith(": 120 m at 70.5000 W 42.2500 N on route 1, 3")
+    assert note_text(note).endswith(": 120 m at 70.5000 W 42.2500 N on routes 1, 3")
     assert note_json(note) == {
         "text": note_text(note),
         "kind": "second-shoreline",
@@ -87,7 +87,7 @@ def test_moments_are_dates_or_seconds_and_braces_in_names_are_left() -> None:
     planar = Note.of(
         "margin-narrowed", margin_m=5.0, width_m=3.0, place=Place(1.5, 2, is_planar=True)
     )
-    assert "the narrowest place, at (1.5, 2) m, is 3 m wide" in note_text(planar)
+    assert "the narrowest place, at (1.5, 2) m, is 3.00 m wide" in note_text(planar)
 
 
 def test_counts_take_their_nouns() -> None:

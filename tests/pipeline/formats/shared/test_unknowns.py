@@ -89,10 +89,10 @@ def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
     result = replace(result, evaluation=replace(result.evaluation, shore_crossings=crossings))
     first = note_texts(result.unknowns)[0]
     assert first.startswith("summer: a second, independent shoreline")
-    assert "2461 m at 120.0000 E 9.0000 N on route 1; 33000 m" in first
+    assert "2,461 m at 120.0000 E 9.0000 N on route 1; 33,000 m" in first
     best, second = result.season_routes("summer")[:2]
-    assert "33000 m" not in note_texts(route_unknowns(result, best.metrics))[0]
-    assert "33000 m" in note_texts(route_unknowns(result, second.metrics))[0]
+    assert "33,000 m" not in note_texts(route_unknowns(result, best.metrics))[0]
+    assert "33,000 m" in note_texts(route_unknowns(result, second.metrics))[0]
     winter = result.season_routes("winter")[0].metrics
     assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
 
