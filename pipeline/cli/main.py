@@ -32,7 +32,7 @@ from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.terminal import say
 from pipeline.cli.usage import BriefRefusals, Command, GroupedCommand
 from pipeline.formats.figures.kinds import Form, Kind, Width
-from pipeline.machine.interpreters import ignoring_working_directory
+from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
 
 if TYPE_CHECKING:
     from pipeline.scenario.model import Scenario
@@ -51,7 +51,7 @@ app = typer.Typer(
 def main() -> None:
     """Entry point `renew`."""
     _open_missing_streams()
-    with failures.ending_promptly(), ignoring_working_directory():
+    with failures.ending_promptly(), ignoring_working_directory(), seldom_collecting():
         app()
 
 

@@ -5,20 +5,19 @@ The files are written to a temporary folder, which then replaces the earlier one
 """
 
 import errno
-import gc
 import hashlib
 import importlib
 import json
 import os
 import re
 import unicodedata
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pipeline.errors import StageError
 from pipeline.formats.shared.result import RunResult
 from pipeline.machine.files import replacing
+from pipeline.machine.interpreters import seldom_collecting
 from pipeline.model import CurrentGrid
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
@@ -30,9 +29,6 @@ MANIFEST = "manifest.json"
 _MAX_NAME = 80
 # Names that Windows reserves for devices.
 _DEVICES = r"con|prn|aux|nul|com\d|lpt\d"
-# Number of new objects after which Python collects garbage while files are written. The default of
-# 700 takes a tenth of the time, because figures have hundreds of thousands of objects in use.
-_COLLECT_AFTER = 50_000
 _ELSEWHERE = "or choose another folder with --output"
 _REMEDIES = {
     errno.ENOSPC: "the disk is full: free some space",
@@ -81,7 +77,7 @@ def write(
         formats = formats_of(result)
         _check_target(directory, [*formats, MANIFEST])
         with (
-            _seldom_collecting(),
+            seldom_collecting(),
             replacing(directory, lambda: _earlier_results(directory)) as staging,
         ):
             written = []
@@ -97,17 +93,6 @@ def write(
             f"write: cannot write the results to {directory}: {remedy}, {_ELSEWHERE}"
         ) from error
     return (*(directory / path.name for path in written), directory / MANIFEST)
-
-
-@contextmanager
-def _seldom_collecting() -> Iterator[None]:
-    """Collect garbage less often inside the `with` block."""
-    usual = gc.get_threshold()
-    gc.set_threshold(_COLLECT_AFTER, *usual[1:])
-    try:
-        yield
-    finally:
-        gc.set_threshold(*usual)
 
 
 def load_libraries() -> None:
