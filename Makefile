@@ -138,6 +138,7 @@ lock:  ## resolve requirements.lock anew (needs uv)
 clean:  ## remove .venv, caches and packages (not outputs/)
 	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache renew/__pycache__
 
-# A scenario of the catalogue by its name: `make palawan-season`.
+# A scenario of the catalogue by its name: `make palawan-season`; with the user's own chart or currents:
+# `make boston-enc CHARTS=ENC_ROOT CURRENTS=still`.
 $(SCENARIOS): $(READY)
-	$(BIN)/renew run $@
+	$(BIN)/renew run $@ $(if $(CHARTS),--charts "$(CHARTS)") $(if $(CURRENTS),--currents "$(CURRENTS)")

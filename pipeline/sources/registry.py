@@ -40,7 +40,8 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
     if not source.path:
         raise RequestError(
             f"chart.source {source.name!r} is a kind of chart and needs files: give them with "
-            f'--charts PATH, or as {{ name = "{source.name}", path = "…" }}'
+            f'--charts PATH, or as {{ name = "{source.name}", path = "…" }}; `renew show` prints '
+            "the scenario's description, which may name them"
         )
     path = Path(source.path)
     require_readable([path], "chart.source")

@@ -60,6 +60,9 @@ def test_a_scenario_on_cells_asks_for_them(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["run", "boston-enc", "--output", str(tmp_path / "outputs")])
     assert result.exit_code == 2
     assert "--charts" in result.stderr
+    assert "`renew show` prints" in result.stderr
+    assert "NOAA ENC" in load_scenario("boston-enc").description
+    assert "US5BOSCD" in load_scenario("boston-enc").description
     assert not (tmp_path / "outputs").exists()
 
 
