@@ -110,14 +110,48 @@ class Corridor:
     def legs_clear(self, path: FloatArray) -> BoolArray:
         """Whether each leg (n - 1,) of a path (n, 2) stays out of V.
 
-        The first leg may leave V from a start inside V, and the last may enter V to a goal inside.
+        From a start inside V the legs up to the first point outside its capsules may lie in them.
+        So may the last legs to a goal inside V.
         """
         clear = legs_are_clear(path[:-1], path[1:], self.hard_capsules)
-        for leg, point in ((0, self.voyage.start), (-1, self.voyage.goal)):
-            if not clear[leg] and (path[leg] == point).all():
-                others = self.hard_capsules.select(~self._holding(point))
-                clear[leg] = legs_are_clear(path[:-1][[leg]], path[1:][[leg]], others)[0]
+        for end, step in ((self.voyage.start, 1), (self.voyage.goal, -1)):
+            legs = slice(self._legs_in_soft_end(path[::step], end))
+            # A view: its legs are in order from the end.
+            from_end = clear[::step]
+            if not from_end[legs].all():
+                others = self.hard_capsules.select(~self._holding(end))
+                ahead, behind = path[::step][:-1][legs], path[::step][1:][legs]
+                from_end[legs] |= legs_are_clear(ahead, behind, others)
         return clear
+
+    def straight_in_soft_ends(self, path: FloatArray) -> FloatArray:
+        """Return a path (n, 2) with one leg instead of several in V around a start or goal.
+
+        It stays as it is where no single leg is clear of other parts of V.
+        """
+        for end in (self.voyage.start, self.voyage.goal):
+            # The second turn is from the goal, and turns the path back.
+            first = self._legs_in_soft_end(path, end)
+            if first > 1:
+                others = self.hard_capsules.select(~self._holding(end))
+                ahead = path[first:]
+                clear = legs_are_clear(np.broadcast_to(end, ahead.shape).copy(), ahead, others)
+                if clear.any():
+                    path = np.vstack([end, ahead[clear.argmax() :]])
+            path = path[::-1]
+        return np.ascontiguousarray(path)
+
+    def _legs_in_soft_end(self, path: FloatArray, end: FloatArray) -> int:
+        """Return how many legs of a path (n, 2) from an end begin in the capsules that hold it."""
+        if not (path[0] == end).all():
+            return 0
+        soft = self.search_capsules.select(self._holding(end))
+        legs = 0
+        while legs < len(path) - 1 and (
+            segment_distance(path[legs], soft.start, soft.end) < soft.radius
+        ).any():
+            legs += 1
+        return legs
 
     def holds_back(self, path: FloatArray) -> bool:
         """Whether a path (n, 2) follows the open outline, beyond which a better one may lie."""
@@ -149,7 +183,7 @@ class Corridor:
         """
         sections = sections_of(self.channel, self.voyage.start, self.voyage.goal, spacing, angle)
         free = free_parts(sections, self.search_capsules)
-        keep = _outside_soft_endpoints(sections, free)
+        keep = self._outside_soft_ends(sections, free)
         sections, free = sections.select(keep), free.select(keep)
         if free.blocked.any():
             places = sections.place[free.blocked].astype(int)
@@ -175,6 +209,26 @@ class Corridor:
         start, end, radius = self.search_capsules
         return segment_distance(point, start, end) < radius
 
+    def _outside_soft_ends(self, sections: Sections, free: FreeParts) -> BoolArray:
+        """Return which sections (s,) to keep, so that a path can leave V around a start or goal.
+
+        Of sections without a free part, three kinds are left out: in the first triangle and in the
+        last one, which a path may cross beside them; the first sections, up to a free one, that
+        only the capsules around the start block; and likewise the last ones around the goal.
+        """
+        keep = ~free.blocked
+        if keep.all():
+            return keep
+        place = sections.place
+        keep |= sections.passing | ((place > place[0]) & (place < place[-1]))
+        for holding, step in zip(self.exempt, (1, -1), strict=True):
+            near = np.arange(len(keep))[::step]
+            near = near[: _first_true(~free.blocked[near])]
+            others = self.search_capsules.select(~holding)
+            is_shut = keep[near] & free_parts(sections.select(near), others).blocked
+            keep[near[: _first_true(is_shut)]] = False
+        return keep
+
     def _narrowest(self, sections: Sections, free: FreeParts) -> Strait:
         """Return the narrowest section that V covers completely."""
         widths = np.linalg.norm(sections.right - sections.left, axis=1)
@@ -185,14 +239,6 @@ class Corridor:
         return Strait(banks, *transition, *map(float, paddings))
 
 
-def _outside_soft_endpoints(sections: Sections, free: FreeParts) -> BoolArray:
-    """Return which sections (s,) to keep, so that a path can leave V around a start or goal.
-
-    Sections without a free part are dropped before the first passing edge and after the last one.
-    The passing edges themselves stay.
-    """
-    keep = ~free.blocked
-    if len(keep):
-        keep |= (sections.place > sections.place[0]) & (sections.place <= sections.place[-1] - 1)
-        keep |= sections.passing
-    return keep
+def _first_true(flags: BoolArray) -> int:
+    """Return the index of the first True, or the number of flags (n,) if there is none."""
+    return int(flags.argmax()) if flags.any() else len(flags)

@@ -150,6 +150,7 @@ def _refined_part(corridor: Corridor, rough: FloatArray) -> FloatArray:
 
 def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> FloatArray:
     """Return a path (n, 2) after passes over transversals."""
+    path = corridor.straight_in_soft_ends(path)
     length = length_of(path)
     closest = MIN_SPACING * corridor.voyage.vessel.turning_radius
     water = Water(corridor.stream, corridor.search_capsules)
