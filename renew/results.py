@@ -95,7 +95,7 @@ class Route:
     padding_used : (e, 5) x0, y0, x1, y1, padding: every constrained edge next to the channel (m).
     harmonic_mean : harmonic mean of the fuel of the class's sampled paths (sampled method), or
         the path's own fuel.
-    starts_in_soft_no_go, ends_in_soft_no_go : the first or the last leg lies partly in V.
+    starts_in_soft_no_go, ends_in_soft_no_go : the first or the last legs lie partly in V.
     overpowered : water on the class's way that the current shuts for a while, in the order in which
         it is passed: the route is the best without waiting.
     """

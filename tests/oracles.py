@@ -221,8 +221,9 @@ class _Water:
         land = shapely.union_all(np.array(chart.no_go, dtype=object))
         if clearance > 0:
             land = shapely.buffer(land, clearance, quad_segs=_QUAD_SEGMENTS)
-        # Legs may run along the extent's edge, but not between that and land that it cuts.
-        touches = shapely.intersects(land, chart.extent.exterior)
+        # Legs may run along the extent's edge, but not between that and land that it cuts. A chart
+        # rounds its land, which then ends just inside the edge.
+        touches = shapely.dwithin(land, chart.extent.exterior, 2 * chart.precision)
         extent = shapely.buffer(
             chart.extent, -2 * shrink if touches else shrink, join_style="mitre"
         )

@@ -147,9 +147,10 @@ class Corridor:
             return 0
         soft = self.search_capsules.select(self._holding(end))
         legs = 0
-        while legs < len(path) - 1 and (
-            segment_distance(path[legs], soft.start, soft.end) < soft.radius
-        ).any():
+        while (
+            legs < len(path) - 1
+            and (segment_distance(path[legs], soft.start, soft.end) < soft.radius).any()
+        ):
             legs += 1
         return legs
 

@@ -20,6 +20,7 @@ import numpy as np
 import shapely
 from numpy.random import Generator
 from shapely.geometry.base import BaseGeometry
+from shapely.ops import substring
 
 import renew
 from pipeline._types import BoolArray, FloatArray
@@ -45,6 +46,8 @@ _BOX_DEG, _TRIES = 0.3, 40
 _CELLS, _PLACES = 120, 500
 # Round corners of a buffer are cut by this share of the width.
 _QUAD_SEGMENTS = 16
+# Distance from the soft zone around an end at which rivals begin, m.
+_OUTSIDE = 0.01
 _CUT = math.cos(math.pi / 4 / _QUAD_SEGMENTS)
 
 
@@ -308,8 +311,7 @@ def _length(
 
 def _fuel(water: DrawnWater, chart: renew.Chart, route: renew.Route) -> Iterator[Figure]:
     """Best fuel beside rivals that keep as far off land as the route had to, and the bound."""
-    path = route.path[int(route.starts_in_soft_no_go) :]
-    path = path[: len(path) - int(route.ends_in_soft_no_go)]
+    path = _beyond_soft_ends(route)
     if len(path) < 2:
         return
     zone = _forbidden(chart, route, max(water.offing, water.turns_m))
@@ -338,6 +340,24 @@ def _fuel(water: DrawnWater, chart: renew.Chart, route: renew.Route) -> Iterator
         f"{bound / least:.4f}",
         bound <= least,
     )
+
+
+def _beyond_soft_ends(route: renew.Route) -> FloatArray:
+    """A route's path (n, 2) from where it leaves the soft zone of its start to the goal's."""
+    used, path = route.padding_used, route.path
+    lines = shapely.linestrings(used[:, :4].reshape(-1, 2, 2))
+    for _ in range(2):
+        holds = shapely.distance(shapely.Point(path[0]), lines) < used[:, 4]
+        if len(path) > 1 and holds.any():
+            line = shapely.LineString(path)
+            soft = shapely.union_all(shapely.buffer(lines[holds], used[holds, 4], quad_segs=64))
+            after = shapely.get_parts(shapely.difference(line, soft))
+            # Just outside, so that rounding does not leave it inside.
+            out = [line.project(shapely.get_point(part, 0)) + _OUTSIDE for part in after]
+            rest = substring(line, min(out, default=line.length), line.length)
+            path = shapely.get_coordinates(rest)
+        path = path[::-1]
+    return np.asarray(path)
 
 
 def _forbidden(chart: renew.Chart, route: renew.Route, width: float) -> BaseGeometry:

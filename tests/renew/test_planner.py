@@ -126,6 +126,23 @@ def test_a_start_in_the_soft_no_go_zone_is_allowed_and_reported() -> None:
     assert inside.length < 6
 
 
+@pytest.mark.parametrize("goal", [(53.0, 36.0), (53.0, 39.5), (54.0, 10.0)])
+def test_a_corner_beside_a_goal_in_the_soft_no_go_zone_is_rounded_inside_the_zone(
+    goal: tuple[float, float],
+) -> None:
+    # The goal lies behind a mole, so that the vessel turns at the zone's edge.
+    mole = box(48, 0, 52, 40)
+    chart = renew.Chart(box(0, 0, 100, 100), [mole])
+    route = renew.plan(chart, STILL, PAPER_VESSEL, (10, 20), goal).best
+    assert route.ends_in_soft_no_go
+    used, line = route.padding_used, shapely.LineString(route.path)
+    edges = shapely.linestrings(used[:, :4].reshape(-1, 2, 2))
+    apart = shapely.distance(edges, shapely.Point(goal))
+    others = apart >= used[:, 4]
+    assert (shapely.distance(edges[others], line) >= used[others, 4] - 1e-6).all()
+    assert not shapely.intersects(mole, line)
+
+
 def test_start_and_goal_in_one_triangle() -> None:
     route = renew.plan(
         renew.Chart(box(0, 0, 100, 100), []), STILL, PAPER_VESSEL, (60, 20), (70, 30)

@@ -13,6 +13,7 @@ import renew
 from renew.errors import InfeasibleError
 from renew.inputs.options import Padding
 from renew.paths.corridor import SLACK
+from renew.paths.least_fuel_path import path_through_sections
 from tests.renew.paths.corridors import corridor_in_scene, corridor_of
 from tests.strategies import PAPER_VESSEL, voyage_on
 
@@ -57,6 +58,27 @@ def test_the_first_leg_may_leave_the_padding_around_the_start_and_no_other_may_e
     assert corridor.legs_clear(back_again).tolist() == [True, False, False]
     # A leg that begins elsewhere in that padding has no such leave.
     assert corridor.legs_clear(np.array([[9.0, 51.0], [90.0, 50.0]])).tolist() == [False]
+
+
+def test_several_legs_may_lie_in_the_padding_around_an_end() -> None:
+    corridor = corridor_of(voyage_on(HARBOUR, (90.0, 50.0), (9.0, 50.0)))
+    path = np.array([[90.0, 50.0], [20.0, 52.0], [10.0, 51.0], [9.5, 50.2], [9.0, 50.0]])
+    assert corridor.legs_clear(path).all()
+    assert corridor.straight_in_soft_ends(path).tolist() == path[[0, 1, 4]].tolist()
+    # Beyond the point that lies outside there is no such leave.
+    detour = np.insert(path, 1, [[40.0, 50.0], [9.0, 55.0]], axis=0)
+    assert corridor.legs_clear(detour).tolist() == [True, False, False, True, True, True]
+
+
+def test_a_passing_edge_that_only_the_capsules_around_an_end_block_shuts_no_way_out() -> None:
+    # The first passing edge joins the two heads of a cove, close to its shore.
+    cove = shapely.Polygon([(0, 20), (8, 20), (10, 45), (8, 50), (10, 55), (8, 80), (0, 80)])
+    chart = renew.Chart(box(0, 0, 100, 100), [cove])
+    corridor = corridor_of(voyage_on(chart, (8.5, 50.0), (90.0, 50.0)))
+    _, free = corridor.open_sections(np.inf, np.inf)
+    assert not free.blocked.any()
+    path = path_through_sections(corridor)
+    assert corridor.legs_clear(path).all()
 
 
 @pytest.mark.parametrize("padding", [2.0, 2.9])
