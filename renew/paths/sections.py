@@ -47,7 +47,7 @@ class Sections:
         right = self.right.reshape(len(self.right), *extra, 2)
         return np.asarray(left + share[..., None] * (right - left))
 
-    def select(self, keep: BoolArray) -> "Sections":
+    def select(self, keep: BoolArray | IntArray) -> "Sections":
         """Return only some of the sections."""
         return Sections(self.left[keep], self.right[keep], self.passing[keep], self.place[keep])
 
@@ -107,7 +107,7 @@ class FreeParts:
         """Whether each section (s,) has no free part."""
         return np.asarray(self.count == 0)
 
-    def select(self, keep: BoolArray) -> "FreeParts":
+    def select(self, keep: BoolArray | IntArray) -> "FreeParts":
         """Return only the free parts of some of the sections."""
         return FreeParts(self.intervals[keep], self.count[keep])
 
