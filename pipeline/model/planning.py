@@ -125,6 +125,21 @@ class Scene:
         """Via points and shut areas, as `renew.plan` takes them."""
         return {"via": self.via, "avoid": self.areas.get(season, ())}
 
+    def planned(
+        self, season: str, options: renew.PlanOptions, arrive_by_s: float = math.inf
+    ) -> renew.Plan:
+        """Plan a season."""
+        return renew.plan(
+            self.chart,
+            self.currents[season],
+            self.vessel_in(season),
+            self.start,
+            self.goal,
+            options=options,
+            **self.itinerary(season),
+            **self.pace(season, arrive_by_s),
+        )
+
     def place_text(self, place: FloatArray) -> str:
         """Name a place (2,), planar metres, for a message: in degrees, or metres if planar."""
         return self.place(place).text

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import Geometries
-from pipeline.formats.gis.frames import ZONE_STEP_M, GeoDataFrame, frame, multi
+from pipeline.formats.gis.frames import ZONE_STEP_M, GeoDataFrame, columns_of, frame, multi
 from pipeline.formats.shared.result import RunResult, continued
 from pipeline.model import Zone
 
@@ -46,27 +46,16 @@ def chart_areas(result: RunResult) -> GeoDataFrame:
 def depth_areas(result: RunResult) -> GeoDataFrame:
     """Areas of equal depth."""
     found = result.fetched.land.depth_areas
-    return frame(
-        multi([one.area for one in found]),
-        {
-            "kind": [one.kind for one in found],
-            "depth_min_m": [one.least_m for one in found],
-            "depth_max_m": [one.greatest_m for one in found],
-        },
-    )
+    columns = columns_of(found, "kind", depth_min_m="least_m", depth_max_m="greatest_m")
+    return frame(multi([one.area for one in found]), columns)
 
 
 def islands(result: RunResult) -> GeoDataFrame:
     """Points on the islands by which ways are told apart."""
     islands = result.evaluation.islands
     places = np.array([[island.x, island.y] for island in islands]).reshape(-1, 2)
-    return frame(
-        shapely.points(result.scene.projection.to_lonlat(places)),
-        {
-            "number": [island.number for island in islands],
-            "name": [island.name for island in islands],
-        },
-    )
+    points = shapely.points(result.scene.projection.to_lonlat(places))
+    return frame(points, columns_of(islands, "number", "name"))
 
 
 def no_go(result: RunResult) -> GeoDataFrame:
@@ -77,14 +66,7 @@ def no_go(result: RunResult) -> GeoDataFrame:
 def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
     """Areas of the chart, with their kinds, names and rules."""
     found = list(zones)
-    return frame(
-        multi([zone.area for zone in found]),
-        {
-            "kind": [zone.kind for zone in found],
-            "name": [zone.name for zone in found],
-            "rule": [zone.rule for zone in found],
-        },
-    )
+    return frame(multi([zone.area for zone in found]), columns_of(found, "kind", "name", "rule"))
 
 
 def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> GeoDataFrame:

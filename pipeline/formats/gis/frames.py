@@ -63,9 +63,15 @@ def frame(
     )
 
 
+def columns_of(records: Sequence[object], *names: str, **renamed: str) -> dict[str, list[Any]]:
+    """Columns of some attributes of records; `renamed` gives the attribute of a column."""
+    attributes = {**dict(zip(names, names, strict=True)), **renamed}
+    return {column: [getattr(one, name) for one in records] for column, name in attributes.items()}
+
+
 def route_key(ranked: Sequence[RankedRoute]) -> dict[str, list[npt.ArrayLike]]:
     """Columns that identify routes."""
-    return {"season": [one.season for one in ranked], "rank": [one.rank for one in ranked]}
+    return columns_of(ranked, "season", "rank")
 
 
 def to_lonlat(result: RunResult, geometries: Sequence[Any], step_m: float) -> Geometries:

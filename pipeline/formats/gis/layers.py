@@ -55,21 +55,21 @@ def waypoint_frame(found: Sequence[Waypoints]) -> frames.GeoDataFrame:
             "name": [[waypoint_name(at, count) for at in range(count)] for count in counts],
             **_leg_columns(found),
             "turn_radius_m": [points.radius_m for points in found],
-            "port_m": [points.port_m for points in found],
-            "starboard_m": [points.starboard_m for points in found],
+            **frames.columns_of(found, "port_m", "starboard_m"),
         },
     )
 
 
 def _leg_columns(tables: Sequence[Waypoints] | Sequence[Legs]) -> dict[str, list[FloatArray]]:
     """Columns of the legs that leave a route's points."""
-    return {
-        "course_deg": [t.course_deg for t in tables],
-        "leg_length_m": [t.length_m for t in tables],
-        "time_s": [t.time_s for t in tables],
-        "speed_over_ground_m_s": [t.speed_m_s for t in tables],
-        "speed_through_water_m_s": [t.through_water_m_s for t in tables],
-    }
+    return frames.columns_of(
+        tables,
+        "course_deg",
+        leg_length_m="length_m",
+        time_s="time_s",
+        speed_over_ground_m_s="speed_m_s",
+        speed_through_water_m_s="through_water_m_s",
+    )
 
 
 def _waypoints(result: RunResult) -> list[Waypoints]:
@@ -104,7 +104,7 @@ def _areas(points: Waypoints, result: RunResult) -> Geometries:
 def _routes(result: RunResult) -> frames.GeoDataFrame:
     """Routes, one line each."""
     ranked = result.routes
-    measured = {name: [getattr(r.metrics, name) for r in ranked] for name in _MEASURED}
+    measured = frames.columns_of([r.metrics for r in ranked], *_MEASURED)
     lines = to_lonlat(
         result, [shapely.LineString(r.route.path) for r in ranked], frames.ROUTE_STEP_M
     )

@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import shapely
@@ -58,21 +59,8 @@ _BUFFER_RESERVE = 1.1
 def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:
     """Plan one season; if that is impossible, the result's `failure` has the reason."""
     started = time.perf_counter()
-    asked = plan_options(options, min_lateness=MIN_LATENESS_S)
-
-    def planned(arrive_by_s: float) -> renew.Plan:
-        return renew.plan(
-            scene.chart,
-            scene.currents[season],
-            scene.vessel_in(season),
-            scene.start,
-            scene.goal,
-            options=asked,
-            **scene.itinerary(season),
-            **scene.pace(season, arrive_by_s),
-        )
-
-    arrive_by_s = math.inf
+    asked, arrive_by_s = plan_options(options, min_lateness=MIN_LATENESS_S), math.inf
+    planned = partial(scene.planned, season, asked)
     try:
         if season in scene.speeds:
             plan, arrive_by_s = speed_choices.planned_in_time(planned, scene, season)

@@ -70,21 +70,12 @@ def _least_fuel(
             "method": "optimal",
         }
     )
-    vessel = scene.vessel_in(season.season)
+    nimble = replace(scene.vessel, turn_rate=_ON_THE_SPOT * scene.vessel.turn_rate)
+    other = replace(scene, chart=chart, vessel=nimble)
     try:
-        plan = renew.plan(
-            chart,
-            scene.currents[season.season],
-            replace(vessel, turn_rate=_ON_THE_SPOT * vessel.turn_rate),
-            scene.start,
-            scene.goal,
-            options=plan_options(asked),
-            **scene.itinerary(season.season),
-            **scene.pace(season.season, season.arrive_by_s),
-        )
+        return other.planned(season.season, plan_options(asked), season.arrive_by_s).best.fuel
     except renew.PlanningError:
-        return float("inf")
-    return plan.best.fuel
+        return math.inf
 
 
 def _land_alone(chart: renew.Chart) -> renew.Chart:
@@ -141,22 +132,14 @@ def weighted(current: renew.VaryingCurrent, weights: FloatArray) -> renew.Gridde
 
 
 def _sailed(
-    scene: Scene, season: SeasonPlan, planned_in: renew.CurrentField, options: PlannerOptions
+    scene: Scene, season: SeasonPlan, planned_in: Current, options: PlannerOptions
 ) -> float:
     """Return the fuel, in the season's current, of the best route planned in another, or inf."""
     asked, name = options.model_copy(update={"classes": _CLASSES}), season.season
     vessel, current = scene.vessel_in(name), scene.currents[name]
+    other = replace(scene, currents={name: planned_in})
     try:
-        plan = renew.plan(
-            scene.chart,
-            planned_in,
-            vessel,
-            scene.start,
-            scene.goal,
-            options=plan_options(asked),
-            **scene.itinerary(name),
-            **scene.pace(name, season.arrive_by_s),
-        )
+        plan = other.planned(name, plan_options(asked), season.arrive_by_s)
     except renew.PlanningError:
         return math.inf
     speeds: FloatArray | None = plan.best.speeds
