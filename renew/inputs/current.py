@@ -17,7 +17,7 @@ from renew._compiled import for_kernels, kernel
 from renew._types import FloatArray
 from renew.errors import ParameterError, as_floats, is_number, shown
 from renew.inputs.tabulation import tabulated
-from renew.kernels.angles import wrapped
+from renew.kernels.capsules import wrapped
 from renew.kernels.current_table import CurrentTable, table_of, velocities
 
 # Number of rows of the lattice of barycentric coordinates over which a triangle's mean and spread

@@ -4,9 +4,10 @@ The same code runs without the compiler under NUMBA_DISABLE_JIT=1.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numba.extending import register_jitable
 
 from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
@@ -303,3 +304,12 @@ def nearest_on_segments(points: FloatArray, p: FloatArray, q: FloatArray) -> Flo
     square = (axis * axis).sum(-1)
     place = ((points - p) * axis).sum(-1) / np.where(square > 0, square, 1.0)
     return np.asarray(p + np.clip(place, 0.0, 1.0)[..., None] * axis)
+
+
+AngleT = TypeVar("AngleT", float, np.float64, FloatArray)
+
+
+@register_jitable
+def wrapped(angle: AngleT) -> AngleT:
+    """Return angles (rad), a number or an array, folded into [-π, π); for NumPy and kernels."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi

@@ -11,8 +11,7 @@ import numpy as np
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.kernels.angles import wrapped
-from renew.kernels.capsules import Capsules
+from renew.kernels.capsules import Capsules, wrapped
 from renew.kernels.viterbi import Stream, quickest_chain, shortcut
 from renew.paths.sections import free_intervals
 

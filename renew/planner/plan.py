@@ -25,10 +25,9 @@ from renew.inputs.options import (
 from renew.inputs.vessel import Vessel
 from renew.planner.areas import plan_around, with_always_shut
 from renew.planner.classes import plan_classes
-from renew.planner.departure_window import DepartureWindow, Progress
+from renew.planner.departure_window import DepartureWindow, Progress, latest_departure
 from renew.planner.departures import Sailings
 from renew.planner.diagnosis import no_class_error
-from renew.planner.latest_departure import latest_departure
 from renew.planner.one_class import ClassPlanner
 from renew.planner.speeds import departures_with_speeds, plan_with_speeds
 from renew.planner.task import Task

@@ -13,7 +13,6 @@ from renew._types import BoolArray, FloatArray
 from renew.classes.h_signature import Rays
 from renew.errors import InfeasibleError
 from renew.paths.corridor import Corridor
-from renew.paths.random_chains import random_chains
 from renew.paths.shortcuts import each_shortened, with_shortcuts
 from renew.planner.harmonic_mean import harmonic_mean
 from renew.steering.turning_radius import steerable
@@ -61,3 +60,16 @@ def _are_steerable(paths: Sequence[FloatArray], voyage: Voyage) -> BoolArray:
         times = np.stack([voyage.reading_times(paths[i])[1:-1] for i in alike.tolist()])
         result[alike] = steerable(stacked, voyage.current, voyage.vessel, times)
     return result
+
+
+def random_chains(corridor: Corridor, samples: int, rng: np.random.Generator) -> FloatArray:
+    """Return random chains (samples, n, 2) through the free part of each passing edge.
+
+    The paper samples whole passing edges and rejects points in V. Sampling the free part gives the
+    same distribution sooner. Legs between the points may cross V.
+    """
+    passing_edges, free = corridor.open_sections(math.inf, math.inf)
+    chains = np.empty((samples, len(passing_edges.left) + 2, 2))
+    chains[:, 0], chains[:, -1] = corridor.voyage.start, corridor.voyage.goal
+    chains[:, 1:-1] = passing_edges.points(free.draw(samples, rng)).swapaxes(0, 1)
+    return chains

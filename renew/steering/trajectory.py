@@ -10,7 +10,7 @@ from renew._types import FloatArray, IntArray
 from renew.errors import InfeasibleError, TooSharpError
 from renew.inputs.current import CurrentField
 from renew.inputs.vessel import Vessel
-from renew.kernels.angles import wrapped
+from renew.kernels.capsules import wrapped
 from renew.kernels.ground_speed import ground_speed, sailing_at
 from renew.steering.turning_radius import corner_radius, course_changes
 from renew.voyage.fuel import reading_times, speeds_along, times_under_way

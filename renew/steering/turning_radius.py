@@ -13,7 +13,7 @@ from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray
 from renew.inputs.current import CurrentField
 from renew.inputs.vessel import Vessel
-from renew.kernels.angles import wrapped
+from renew.kernels.capsules import wrapped
 
 
 def effective_turning_radius(

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from renew.kernels.angles import wrapped
+from renew.kernels.capsules import wrapped
 
 
 def in_kernel(angle: float) -> float:

@@ -10,8 +10,8 @@ from shapely import box
 import renew
 from renew.classes.h_signature import Rays
 from renew.errors import InfeasibleError
-from renew.paths.random_chains import random_chains
 from renew.paths.shortcuts import each_shortened, with_shortcuts
+from renew.planner.sampled_paths import random_chains
 from tests.renew.paths.corridors import corridor_in_scene, corridor_of
 from tests.strategies import voyage_on
 

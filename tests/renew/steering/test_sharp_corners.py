@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from renew.kernels.capsules import Capsules
-from renew.steering.sharp_corners import crowding, sharp_corners
+from renew.steering.corner_rounding import crowding, sharp_corners
 
 NOTHING = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
 

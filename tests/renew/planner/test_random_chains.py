@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from renew.paths.random_chains import random_chains
+from renew.planner.sampled_paths import random_chains
 from tests.renew.paths.corridors import corridor_in_scene
 
 
