@@ -202,6 +202,19 @@ def _contingency(result: RunResult) -> frames.GeoDataFrame:
     )
 
 
+def _shore_crossings(result: RunResult) -> frames.GeoDataFrame:
+    """Middles of the routes' parts over land of the second shoreline."""
+    found = result.evaluation.shore_crossings
+    return frame(
+        shapely.points(np.array([[one.lon, one.lat] for one in found]).reshape(-1, 2)),
+        {
+            "season": [one.season for one in found],
+            "rank": [one.rank for one in found],
+            "length_m": [one.length_m for one in found],
+        },
+    )
+
+
 def _shown(collided: BoolArray) -> IndexArray:
     """Indices of the turns to show: each turn that met land, and some of the others, evenly."""
     harmless = np.flatnonzero(~collided)
@@ -332,5 +345,14 @@ LAYERS = (
         "land or another no-go area: all points where one did, and at most 2000 others per route.",
         "Point",
         _contingency,
+    ),
+    frames.Layer(
+        "shore_crossings",
+        "Land of another shoreline",
+        "Places where a route crosses water of this chart that is land in a second, independent "
+        "shoreline (GSHHG): check them on an official chart. length_m is the length of the route's "
+        "part over that land, true metres.",
+        "Point",
+        _shore_crossings,
     ),
 )

@@ -22,7 +22,7 @@ from pipeline.formats.shared.result import RunResult
 
 # Drawing order, from the top down.
 _DRAWING_ORDER = (
-    *("islands", "passage", "routes", "path_points", "contingency", "legs"),
+    *("islands", "shore_crossings", "passage", "routes", "path_points", "contingency", "legs"),
     *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
     "depth_areas",
 )
@@ -33,6 +33,7 @@ _SEASON_LAYERS = {
     "legs": True,
     "path_points": False,
     "contingency": False,
+    "shore_crossings": True,
     "channels": False,
     "soft_no_go": True,
     "currents": True,

@@ -262,6 +262,14 @@ def _contingency(view: View) -> Style:
     return Style("marker", _by_season(view, rules))
 
 
+def _shore_crossings(view: View) -> Style:
+    """Ring the places where routes cross land of the second shoreline, as in the report."""
+    none = colour(COLOURS["halo"], 0.0)
+    ring = marker("circle", none, colour(COLOURS["shut"]), 3.6, 0.6)
+    faint = marker("circle", none, colour(COLOURS["shut"], 0.6), 3.0, 0.3)
+    return Style("marker", _best_and_others(view, lambda _: ring, lambda _: faint))
+
+
 def _by_season(
     view: View, rules: Callable[[SeasonView], list[Rule]], *, all_on: bool = False
 ) -> list[Rule]:
@@ -298,4 +306,5 @@ _STYLES: dict[str, Callable[[View], Style]] = {
     "soft_no_go": _soft_no_go,
     "currents": _currents,
     "contingency": _contingency,
+    "shore_crossings": _shore_crossings,
 }

@@ -21,7 +21,7 @@ from pipeline.formats.manifest import manifest
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.model import Evaluation, SeasonPlan, Zone
+from pipeline.model import Evaluation, SeasonPlan, ShoreCrossing, Zone
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named, moved_east
 from tests.validators import geopackage_faults
@@ -43,6 +43,7 @@ LAYERS = {
     "soft_no_go": "MultiPolygon",
     "currents": "Point",
     "contingency": "Point",
+    "shore_crossings": "Point",
 }
 ROUTE_COLUMNS = {
     *("season", "rank", "homotopy", "way", "fuel", "fuel_per_distance", "length_m"),
@@ -265,6 +266,26 @@ def test_contingency_points_are_the_trials(package: Path, result: RunResult) -> 
         assert back == pytest.approx(found.points, abs=1e-6)
 
 
+def test_land_of_another_shoreline_is_a_layer_with_its_lengths(
+    result: RunResult, tmp_path: Path
+) -> None:
+    crossings = (
+        ShoreCrossing("summer", 1, 119.4, 9.4, 2461.0),
+        ShoreCrossing("winter", 2, 119.5, 9.5, 30.0),
+    )
+    path = tmp_path / "routes.gpkg"
+    evaluation = replace(result.evaluation, shore_crossings=crossings)
+    write_geopackage(replace(result, evaluation=evaluation), path)
+    found = layer(path, "shore_crossings")
+    assert list(found[["season", "rank", "length_m"]].itertuples(index=False, name=None)) == [
+        ("summer", 1, 2461.0),
+        ("winter", 2, 30.0),
+    ]
+    assert shapely.get_coordinates(found.geometry) == pytest.approx(
+        np.array([[119.4, 9.4], [119.5, 9.5]])
+    )
+
+
 def test_of_very_many_turns_those_that_matter_are_shown(result: RunResult, tmp_path: Path) -> None:
     found = result.evaluation.contingency["summer", 1]
     points = np.linspace(found.points[0], found.points[-1], 9_001)
@@ -352,7 +373,8 @@ def test_across_180_degrees_layers_are_continuous(result: RunResult, tmp_path: P
         here, there = layer(ours, name), layer(theirs, name)
         assert len(here) == len(there)
         if here.empty:
-            assert name in {"hazards", "chart_areas", "depth_areas"}, "a chart without depths"
+            none_here = {"hazards", "chart_areas", "depth_areas", "shore_crossings"}
+            assert name in none_here, "a chart without depths, and land that another one confirms"
             continue
         shift = np.array([60.4, 0.0, 60.4, 0.0])
         assert there.total_bounds - here.total_bounds == pytest.approx(shift, abs=1e-6)

@@ -24,7 +24,7 @@ from tests.pipeline.formats.gis.cases import badly_named, moved_east
 pytestmark = pytest.mark.slow
 
 LAYERS = (
-    *("islands", "passage", "routes", "path_points", "contingency", "legs"),
+    *("islands", "shore_crossings", "passage", "routes", "path_points", "contingency", "legs"),
     *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
     "depth_areas",
 )

