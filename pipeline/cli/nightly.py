@@ -11,6 +11,8 @@ from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.usage import Command
+from pipeline.errors import RequestError
+from pipeline.machine.paths import shown
 
 app = typer.Typer(
     help="Plan all cases of a night on the newest currents, and publish what changed.",
@@ -46,7 +48,6 @@ def check(
 ) -> None:
     """List all faults of a night's file with their lines; write nothing."""
     with reported_errors(), still_at_work():
-        from pipeline.errors import RequestError
         from pipeline.nightly.request.config import load_config
         from pipeline.nightly.request.expansion import expand, pairs_on_land
 
@@ -140,9 +141,6 @@ def show(
 
 def _refuse_no_file(metrics: Path | None) -> None:
     """Raise RequestError if the path is a pipe or device, which could block when it is read."""
-    from pipeline.errors import RequestError
-    from pipeline.machine.paths import shown
-
     # Not Path.exists, which raises an error if a name is too long. A folder gives a note later.
     if metrics is None or not os.path.exists(metrics) or metrics.is_file() or metrics.is_dir():  # noqa: PTH110
         return
@@ -151,8 +149,6 @@ def _refuse_no_file(metrics: Path | None) -> None:
 
 def _share(text: str | None) -> tuple[int, int]:
     """Read `--part` I/N as (i, n)."""
-    from pipeline.errors import RequestError
-
     if text is None:
         return 1, 1
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)

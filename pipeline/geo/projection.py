@@ -23,11 +23,10 @@ from functools import lru_cache
 from typing import TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
 import pyproj
 import shapely
 
-from pipeline._types import FloatArray, Geometries, IntArray
+from pipeline._types import ArrayLike, FloatArray, Geometries, IntArray
 from pipeline.errors import RequestError
 
 # A geometry or an array of geometries: functions return the type that they are given.
@@ -145,7 +144,7 @@ class Projection:
         proj4 = _proj4(name, longitude, latitude) + f" +k_0={factor!r} +y_0={northing * factor!r}"
         return cls(proj4, scale, longitude)
 
-    def to_plane(self, lonlat: npt.ArrayLike) -> FloatArray:
+    def to_plane(self, lonlat: ArrayLike) -> FloatArray:
         """Project lon/lat (..., 2) in degrees to scaled planar metres (..., 2)."""
         points = np.asarray(lonlat, dtype=np.float64)
         x, y = _transformer(self.crs).transform(points[..., 0], points[..., 1])
@@ -158,7 +157,7 @@ class Projection:
             )
         return planar
 
-    def to_lonlat(self, xy: npt.ArrayLike) -> FloatArray:
+    def to_lonlat(self, xy: ArrayLike) -> FloatArray:
         """Convert scaled planar metres (..., 2) to lon/lat degrees (..., 2)."""
         points = np.asarray(xy, dtype=np.float64) * (self.scale / _unit_m(self.crs))
         lon, lat = _transformer(self.crs).transform(
@@ -185,21 +184,21 @@ class Projection:
             geometry = cast("GeometryT", shapely.segmentize(geometry, densify_m / self.scale))
         return cast("GeometryT", shapely.transform(geometry, self.to_lonlat))
 
-    def rotate_to_lonlat(self, lonlat: npt.ArrayLike, xy: npt.ArrayLike) -> FloatArray:
+    def rotate_to_lonlat(self, lonlat: ArrayLike, xy: ArrayLike) -> FloatArray:
         """Rotate vectors (..., 2) along the plane's axes at lon/lat to (east, north)."""
         return rotated(np.asarray(xy, dtype=np.float64), -self.turn_rad(lonlat))
 
-    def convergence(self, lonlat: npt.ArrayLike) -> FloatArray:
+    def convergence(self, lonlat: ArrayLike) -> FloatArray:
         """Return the meridian convergence (...), degrees: y axis clockwise from true north."""
         return np.degrees(self.turn_rad(lonlat))
 
-    def point_scale(self, lonlat: npt.ArrayLike) -> FloatArray:
+    def point_scale(self, lonlat: ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre at lon/lat (...)."""
         jacobian = self._jacobian(lonlat)
         scale: FloatArray = np.sqrt(np.abs(np.linalg.det(jacobian)))
         return scale
 
-    def geodesic_length_m(self, xy: npt.ArrayLike) -> float:
+    def geodesic_length_m(self, xy: ArrayLike) -> float:
         """Return the length of a planar path (n, 2) in true metres.
 
         Legs are straight in the plane; long ones are not the shortest way on earth.
@@ -208,7 +207,7 @@ class Projection:
         lonlat = self.to_lonlat(densified(path, _MAX_LEG_M / self.scale))
         return float(_GEOD.line_length(lonlat[:, 0], lonlat[:, 1]))
 
-    def angular_distortion(self, lonlat: npt.ArrayLike) -> FloatArray:
+    def angular_distortion(self, lonlat: ArrayLike) -> FloatArray:
         """Return the largest change (...) of any angle, degrees; 0 where conformal."""
         singular = np.linalg.svd(self._jacobian(lonlat), compute_uv=False)
         large, small = singular[..., 0], singular[..., 1]
@@ -219,7 +218,7 @@ class Projection:
         """Return the values that identify a projection in the keys of the store."""
         return type(self).__name__, self.crs, self.scale, self.central_longitude
 
-    def turn_rad(self, lonlat: npt.ArrayLike) -> FloatArray:
+    def turn_rad(self, lonlat: ArrayLike) -> FloatArray:
         """Return the angle (...) by which directions turn in the plane, anticlockwise, radians."""
         jacobian = self._jacobian(lonlat)
         # The mean angle of east and of north, which are equal where the plane is conformal.
@@ -228,7 +227,7 @@ class Projection:
         turn: FloatArray = np.arctan2(across, along)
         return turn
 
-    def _jacobian(self, lonlat: npt.ArrayLike) -> FloatArray:
+    def _jacobian(self, lonlat: ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre: (..., 2, 2), of east and north."""
         points = np.asarray(lonlat, dtype=np.float64)
         # At a pole, where east is undefined, use a point beside it on the same meridian.

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from pipeline.errors import RequestError
-from pipeline.machine.paths import NOT_THERE, expanded, unreadable_reason
-from pipeline.machine.paths import shown as shown_path
+from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
 from pipeline.scenario import strict
 from pipeline.scenario.region import ChartSpec
 from pipeline.scenario.season import Season

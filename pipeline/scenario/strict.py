@@ -21,8 +21,7 @@ from pydantic import (
 )
 
 from pipeline.errors import RequestError
-from pipeline.machine.paths import resolved, unusable_reason
-from pipeline.machine.paths import shown as shown_path
+from pipeline.machine.paths import resolved, shown as shown_path, unusable_reason
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo

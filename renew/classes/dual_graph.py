@@ -6,24 +6,20 @@ triangles from start to goal, in which paths of one class are planned.
 
 import itertools
 import math
-from collections.abc import Container, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
 from renew._compiled import kernel
-from renew._types import BoolArray, IntArray
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.classes import h_signature
+from renew.classes.h_signature import VIA, Word
 from renew.classes.triangulation import Triangulation
 
 if TYPE_CHECKING:
     import networkx as nx
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
-
-from renew._types import FloatArray
-from renew.classes import h_signature
-from renew.classes.h_signature import VIA, Word
 
 
 def dual_graph(triangulation: Triangulation) -> "nx.Graph[int]":

@@ -21,8 +21,7 @@ from renew.errors import ParameterError, as_floats, check_kind, is_finite, shown
 from renew.inputs.current import CurrentField, CurrentLike, as_field
 from renew.inputs.options import Drift, choice_faults
 from renew.inputs.vessel import Vessel
-from renew.kernels.ground_speed import ground_speed as made_along
-from renew.kernels.ground_speed import ground_speeds, sailing_at
+from renew.kernels.ground_speed import ground_speed as made_along, ground_speeds, sailing_at
 
 # Composite Gauss-Legendre: four nodes on pieces of at most 1/256 of the path. On the published
 # single gyre the error is below 1e-9 of the fuel.

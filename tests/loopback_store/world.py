@@ -23,8 +23,10 @@ from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
-from pipeline.sources.copernicus.account import PASSWORD as PASSWORD_VARIABLE
-from pipeline.sources.copernicus.account import USERNAME as USERNAME_VARIABLE
+from pipeline.sources.copernicus.account import (
+    PASSWORD as PASSWORD_VARIABLE,
+    USERNAME as USERNAME_VARIABLE,
+)
 from tests.loopback_store.datasets import Dataset, step_times
 from tests.loopback_store.ocean import Ocean
 from tests.loopback_store.server import PASSWORD, USERNAME, LoopbackStore

@@ -9,7 +9,6 @@ from functools import cache
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 import shapely
 from markupsafe import Markup, escape
 from matplotlib import font_manager
@@ -27,7 +26,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
-from pipeline._types import FloatArray, Geometries
+from pipeline._types import ArrayLike, FloatArray, Geometries
 from pipeline.formats.figures.graticule import scale_bar_m
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
@@ -66,7 +65,7 @@ def axes_at(figure: Figure, box_pt: tuple[float, float, float, float]) -> Axes:
     return axes
 
 
-def stroke(path: npt.ArrayLike, colour: str, width_pt: float, zorder: float) -> Line2D:
+def stroke(path: ArrayLike, colour: str, width_pt: float, zorder: float) -> Line2D:
     """A path (n, 2) as a line with round corners."""
     x, y = np.asarray(path, dtype=float).T
     return Line2D(

@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -19,6 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.patheffects import withStroke
 
+from pipeline._types import ArrayLike
 from pipeline.formats.figures.artists import (
     PLAIN_PT,
     POINTS_PER_INCH,
@@ -189,7 +189,7 @@ def draw_map(
     sea: PathPatch,
     result: RunResult,
     layers: Sequence[Artist],
-    paths: Sequence[npt.ArrayLike] = (),
+    paths: Sequence[ArrayLike] = (),
 ) -> None:
     """Draw layers, start and goal (their labels off the paths, if possible), and the frame."""
     add_layers(axes, layers, sea)
@@ -197,7 +197,7 @@ def draw_map(
     _draw_frame(axes, result, sea)
 
 
-def _draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[npt.ArrayLike]) -> None:
+def _draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[ArrayLike]) -> None:
     """Mark start (circle) and goal (diamond), with labels that keep off the paths if possible."""
     drawn = shapely.MultiLineString([shapely.LineString(path) for path in paths])
     scene = result.scene

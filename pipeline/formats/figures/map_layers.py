@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pipeline._types import Geometries
+from pipeline._types import ArrayLike, Geometries
 from pipeline.formats.figures.artists import patch, point, stroke
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
@@ -75,7 +74,7 @@ def route_layers(routes: Sequence[RankedRoute]) -> list[Artist]:
 
 
 def haloed(
-    path: npt.ArrayLike, colour: str, widths_pt: tuple[float, float] = (4.0, 2.2), zorder: float = 7
+    path: ArrayLike, colour: str, widths_pt: tuple[float, float] = (4.0, 2.2), zorder: float = 7
 ) -> list[Artist]:
     """A route as a line on a wider halo."""
     halo, width = widths_pt

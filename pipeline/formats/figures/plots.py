@@ -20,8 +20,7 @@ from pipeline.formats.shared.departures_and_speeds import still_fuel_per_metre
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import RouteProfile, route_profile
-from pipeline.formats.shared.text import clearance as kept
-from pipeline.formats.shared.text import number, plain, speed_range
+from pipeline.formats.shared.text import clearance as kept, number, plain, speed_range
 
 _WIDTH_PT = 374.0
 _LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0

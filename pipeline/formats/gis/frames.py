@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from pipeline._types import Geometries
+from pipeline._types import ArrayLike, Geometries
 from pipeline.formats.gis.fields import TYPES
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.writing import os_error
@@ -42,7 +42,7 @@ class Layer:
 
 
 def frame(
-    geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[npt.ArrayLike]]
+    geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[ArrayLike]]
 ) -> GeoDataFrame:
     """Make the frame of a layer.
 
@@ -69,7 +69,7 @@ def columns_of(records: Sequence[object], *names: str, **renamed: str) -> dict[s
     return {column: [getattr(one, name) for one in records] for column, name in attributes.items()}
 
 
-def route_key(ranked: Sequence[RankedRoute]) -> dict[str, list[npt.ArrayLike]]:
+def route_key(ranked: Sequence[RankedRoute]) -> dict[str, list[ArrayLike]]:
     """Columns that identify routes."""
     return columns_of(ranked, "season", "rank")
 

@@ -13,8 +13,7 @@ from pipeline.formats.gis import chart_layers, frames
 from pipeline.formats.gis.frames import frame, to_lonlat
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
-from pipeline.formats.shared.legs import Legs
-from pipeline.formats.shared.legs import legs as planned_legs
+from pipeline.formats.shared.legs import Legs, legs as planned_legs
 from pipeline.formats.shared.result import RunResult
 
 # Maximum distance, true metres, between a leg and the line drawn for it.

@@ -10,8 +10,7 @@ import pyproj
 import pytest
 import shapely
 from dask.base import tokenize
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection, cut, densified, rotated

@@ -5,8 +5,7 @@ from __future__ import annotations
 import tomllib
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import inline, load_scenario, parse_scenario, scenario_text

@@ -6,8 +6,7 @@ import calendar
 from datetime import date
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.errors import RequestError
 from pipeline.scenario.times import period

@@ -16,8 +16,7 @@ from typing import TypeAlias
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from shapely import Polygon, box
 from shapely.affinity import affine_transform
 

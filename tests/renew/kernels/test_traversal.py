@@ -6,8 +6,7 @@ import itertools
 
 import numpy as np
 import shapely
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from renew.classes.triangulation import triangulate
 from renew.kernels.traversal import visits

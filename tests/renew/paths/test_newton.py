@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 import scipy.optimize
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from renew.kernels.capsules import legs_are_clear
 from renew.kernels.current_table import table_of

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from renew.kernels.capsules import Capsules
 from renew.paths.sections import FreeParts, Sections, free_parts, sections_of

@@ -9,8 +9,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import renew
 from renew.planner.harmonic_mean import chosen_class, harmonic_mean

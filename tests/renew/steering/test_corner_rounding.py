@@ -8,8 +8,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from renew.errors import InfeasibleError
 from renew.steering.corner_rounding import round_corners

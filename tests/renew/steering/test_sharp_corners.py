@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from renew.kernels.capsules import Capsules
 from renew.steering.corner_rounding import crowding, sharp_corners

@@ -6,8 +6,7 @@ import numpy as np
 import pyproj
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.formats.figures.graticule import graticule, nice_step, scale_bar_m
 from pipeline.geo.projection import Projection

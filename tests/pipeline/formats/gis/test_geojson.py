@@ -12,8 +12,7 @@ import geopandas
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.formats.exchange.nautical import split_at_antimeridian
 from pipeline.formats.gis.geojson import bounding_box, write_geojson

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.formats.passage.tracks import curve_for, initial_course_deg, tracks
 from pipeline.geo.projection import Projection

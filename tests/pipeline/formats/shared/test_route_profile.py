@@ -7,8 +7,7 @@ import numpy as np
 import pyproj
 import pytest
 import shapely
-from hypothesis import assume, example, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, example, given, settings, strategies as st
 from shapely.geometry import Polygon
 
 import renew

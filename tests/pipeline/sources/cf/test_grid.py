@@ -10,8 +10,7 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.contents import Contents, read_contents

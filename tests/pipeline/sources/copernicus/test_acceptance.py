@@ -11,8 +11,7 @@ import netCDF4
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.errors import StageError
 from pipeline.model import Credit, Land

@@ -6,8 +6,7 @@ import calendar
 from datetime import UTC, date, datetime, timedelta
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.scenario.catalogue import StepKind, StepLength
 from pipeline.scenario.season import TimeMethod

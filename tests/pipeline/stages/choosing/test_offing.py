@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.formats.shared.note_words import note_text
 from pipeline.geo.projection import Projection

@@ -8,8 +8,7 @@ import numpy as np
 import pyproj
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pipeline.sources.quality.field import LandMask
 from pipeline.stages.choosing.region_choice import (

@@ -7,8 +7,7 @@ import contextlib
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pipeline.geo.earth import METRES_PER_DEGREE
