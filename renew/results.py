@@ -262,7 +262,8 @@ class Plan:
         """Return the figures of the first routes, in ten lines at most."""
         shown = self.routes[:_MAX_ROUTES]
         rows = [f"  {one.homotopy}: fuel {one.fuel:.1f}, {one.length:.1f} m" for one in shown]
-        head = f"{len(self.routes)} routes, {len(self.rejected)} classes rejected"
+        routes, gone = len(self.routes), len(self.rejected)
+        head = f"{routes} route{'s' * (routes != 1)}, {gone} class{'es' * (gone != 1)} rejected"
         return "\n".join([head, *rows, *["  ..."] * (len(self.routes) > len(shown))])
 
     def _repr_html_(self) -> str:

@@ -99,6 +99,8 @@ def test_a_plan_is_printed_in_at_most_ten_lines() -> None:
     plan = gyre_plan()
     many = replace(plan, routes=plan.routes * 20)
     assert len(str(plan).splitlines()) == 1 + len(plan.routes)
+    one = replace(plan, routes=plan.routes[:1], rejected=())
+    assert str(one).splitlines()[0] == "1 route, 0 classes rejected"
     assert len(str(many).splitlines()) == 8
     assert all(len(line) < 80 for line in str(many).splitlines())
 

@@ -24,6 +24,7 @@ from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.one_season import plan_season
+from renew.planner.departures import Sailing, Sailings
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 
 COUNT = 5
@@ -85,8 +86,20 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     assert same.scene.key == departed.scene.key
 
 
-def test_each_minute_of_a_window_is_planned_once_at_most(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_each_minute_of_a_window_is_planned_once_at_most(
+    result: Any,  # noqa: ANN401
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Halving steps around the best departure must not end at three times within a minute."""
+    planned: list[float] = []
+    sailing = Sailings.sailing
+
+    def counted(sailings: Sailings, departure: float) -> Sailing:
+        planned.append(departure)
+        return sailing(sailings, departure)
+
+    monkeypatch.setattr(Sailings, "sailing", counted)
     last = DEPARTURE + timedelta(minutes=50)
     window = {"first": DEPARTURE.isoformat(), "every": "30min", "count": 2}
     asked = {"departures": {**window, "last": last.isoformat()}, "to_within": "2min"}
@@ -94,6 +107,7 @@ def test_each_minute_of_a_window_is_planned_once_at_most(result: Any, tmp_path: 
     minutes = choice.departures_s / 60
     assert minutes == pytest.approx(minutes.round())
     assert len(set(minutes.round())) == len(minutes)
+    assert sorted(planned) == list(choice.departures_s)
     assert minutes[-1] == 50
 
 
