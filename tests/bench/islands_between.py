@@ -1,7 +1,7 @@
 """The largest island between two places, and on which sides paths pass it; no planner's code.
 
-An island lies between two places where both ways round it are at most a quarter longer than the
-best way, on a raster of the water. Land that no raster cell parts counts as one island: whether a
+An island lies between two places where both ways round it are at most a given multiple of the best
+way, on a raster of the water. Land that no raster cell parts counts as one island: whether a
 narrower strait can be sailed is a matter of margin and padding.
 """
 
@@ -17,23 +17,28 @@ from pipeline._types import FloatArray
 from pipeline.sources.quality.coverage import Bounds
 from pipeline.stages.choosing.water_grid import WaterGrid
 
-# Cells along each side, and the longest way round an island in best ways.
-_CELLS, _LONGEST = 400, 1.25
+# Cells along each side, and those that the smallest island has: rocks are no choice of sides.
+_CELLS, _LEAST_CELLS = 400, 20
 # Number of islands that are tried, the largest first.
 _TRIED = 12
 
 
 def largest_between(
-    land: Sequence[Polygon], bounds: Bounds, start: FloatArray, goal: FloatArray
+    land: Sequence[Polygon],
+    bounds: Bounds,
+    start: FloatArray,
+    goal: FloatArray,
+    longest_way: float = 1.25,
 ) -> FloatArray | None:
-    """Point (lon, lat) in the largest island that both ways round can be sailed, or None."""
+    """Point (lon, lat) in the largest island with both ways at most so long, in best ways."""
     grid = _grid(land, bounds)
     first, last = grid.water_near(*start), grid.water_near(*goal)
     if first is None or last is None or not (ways := grid.ways(first, last)):
         return None
-    longest = _LONGEST * ways[0].length_m
-    numbers, size = np.unique(grid.islands[grid.islands > 0], return_counts=True)
-    largest_first = numbers[np.argsort(-size, kind="stable")].tolist()
+    longest = longest_way * ways[0].length_m
+    size = np.bincount(grid.islands.ravel())
+    size[0] = 0
+    largest_first = [int(one) for one in np.argsort(-size) if size[one] >= _LEAST_CELLS]
     inner = [island for island in largest_first if not grid.leaves(island)]
     for island in inner[:_TRIED]:
         ways = grid.ways(first, last, island)

@@ -29,9 +29,17 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.land import osm
 from pipeline.sources.quality.field import LandMask
 from pipeline.stages.choosing.offing import offing_m
-from pipeline.stages.choosing.region_choice import Voyage, choose_region
+from pipeline.stages.choosing.region_choice import (
+    FAR_WAY,
+    FarSide,
+    Voyage,
+    bounds_of,
+    choose_region,
+    widened_by,
+)
 from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most
+from tests.bench.islands_between import largest_between, sides
 from tests.bench.sea_figures import PEAK_M_S, Water
 from tests.oracles import grid_dijkstra, leg_times, tighten
 
@@ -56,6 +64,7 @@ class DrawnWater(Water):
     """A water drawn by a seed, with the vessel that sails there."""
 
     spec: VesselSpec
+    left_out: tuple[FarSide, ...]
 
     @cached_property
     def vessel(self) -> renew.Vessel:
@@ -125,8 +134,8 @@ def drawn(seed: int) -> DrawnWater:
         def mask_of(bounds: tuple[float, float, float, float]) -> LandMask:
             return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)
 
-        bounds = choose_region(voyage, mask_of, _WORLD).bounds
-        water = DrawnWater(f"water {seed}", bounds, *ends, spec)
+        choice = choose_region(voyage, mask_of, _WORLD)
+        water = DrawnWater(f"water {seed}", choice.bounds, *ends, spec, choice.far_sides)
         parts = shapely.get_parts(water.raw.water)
         both = [shapely.covers(parts, shapely.Point(end)) for end in water.ends]
         if (both[0] & both[1]).any():
@@ -222,6 +231,25 @@ def water_figures(water: DrawnWater) -> Iterator[Figure]:
     yield from _safety(water, plan)
     yield from _apart(water, chart, plan.best)
     yield from _fuel(water, chart, plan.best)
+    yield _far_side(water, plan)
+
+
+def _far_side(water: DrawnWater, plan: renew.Plan) -> Figure:
+    """Whether the far side of the largest island within 1.5 best ways is planned, or named."""
+    voyage = Voyage.between(water.start, water.goal)
+    around = widened_by(bounds_of(voyage.direct), voyage.distance_m)
+    land = osm.land_polygons(shapely.box(*around), 0.0).polygons
+    ends = np.array(water.start), np.array(water.goal)
+    island = largest_between(land, around, *ends, FAR_WAY)
+    name = f"{water.name}: far side of the largest island, planned or named"
+    if island is None:
+        return Figure(name, "", "no island")
+    found = sides((np.asarray(route.path) for route in plan.routes), water.plane(island))
+    # The point is in a cell of the raster, up to a cell off the island.
+    outline = min(land, key=shapely.Point(island).distance)
+    named = any(outline.intersects(shapely.Point(side.lon, side.lat)) for side in water.left_out)
+    text = f"{len(found)} sides of the one at {island[0]:.2f} {island[1]:.2f}, named {named}"
+    return Figure(name, "True", text, len(found) > 1 or named)
 
 
 def _drift(water: DrawnWater) -> float:

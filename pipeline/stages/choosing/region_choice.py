@@ -1,8 +1,8 @@
 """Choose the region of a voyage: it contains start, goal and the ways between, with a margin.
 
 The ways are found on a coarse grid: the shortest, and the shortest on either side of each larger
-island that lies on the direct line, or that the region would cut. Currents are not known yet: if a
-best route comes near the region's edge, :mod:`pipeline.stages.choosing.region` widens the region.
+island that lies on the direct line, or that the region would not hold. Currents are not known yet:
+if a best route comes near the region's edge, :mod:`pipeline.stages.choosing.region` widens it.
 """
 
 import math
@@ -30,13 +30,13 @@ _SEARCHES, _FURTHER = 4, 2.5
 # Longest way round an island that is considered, in lengths of the shortest way.
 _LONGEST_WAY = 2.5
 FAR_WAY = 1.5
-"""Longest way on the far side of an island that the region would cut: its length or least fuel, as
-a multiple of the best way's. Longer ones are left out."""
+"""Longest way on the far side of an island that the region would not hold: its length or least
+fuel, as a multiple of the best way's. Longer ones are left out."""
 # Largest ratio of a way in steps to eight neighbours to the shortest way.
 _DETOUR = 1 / math.cos(math.pi / 8)
 # Number of the largest islands on the direct line for which ways on both sides are searched, at
 # 0.1 s each; smaller islands lie almost completely inside the region anyway. Also the number of
-# islands that are considered of those that the region would cut.
+# islands that are considered of those that the region would not hold.
 _MAX_ISLANDS = 5
 # Number of points on the direct line.
 _DIRECT_POINTS = 1000
@@ -137,8 +137,8 @@ def _around_ways(
             places += [*(grid.bounds_of(way.cells) for way in ways), grid.bounds_of_island(island)]
     far_sides, tried = list[FarSide](), set[int]()
     for _ in range(_MAX_ISLANDS):
-        cut = grid.islands_cut_by(_region(voyage, places, limits))
-        island = next((one for one in cut if one not in tried), 0)
+        beyond = grid.islands_beyond(_region(voyage, places, limits))
+        island = next((one for one in beyond if one not in tried), 0)
         if not island:
             break
         tried.add(island)

@@ -20,7 +20,7 @@ ScalarT = TypeVar("ScalarT", bound=np.generic)
 _CELLS = 300
 # Distance in cells from an endpoint within which water is searched: harbours are finer than cells.
 _NEAR_CELLS = 5
-# Number of cells below which an island may be cut by the region.
+# Number of cells below which an island may be cut or left out by the region.
 _MIN_CELLS = 10
 
 
@@ -99,8 +99,8 @@ class WaterGrid:
         row, column = cells[np.abs(cells - cells.mean(axis=0)).sum(axis=1).argmin()]
         return float(self.lon[column]), float(self.lat[row])
 
-    def islands_cut_by(self, bounds: Bounds) -> list[int]:
-        """Return the islands that lie partly inside bounds, the largest first.
+    def islands_beyond(self, bounds: Bounds) -> list[int]:
+        """Return the islands that lie outside bounds, in whole or in part, the largest first.
 
         Land that leaves the grid, and islands of a few cells, are left out.
         """
@@ -113,8 +113,8 @@ class WaterGrid:
         inside[np.ix_(rows, columns)] = True
         size = np.bincount(self.islands.ravel())
         within = np.bincount(self.islands[inside].ravel(), minlength=len(size))
-        cut = np.flatnonzero((within > 0) & (within < size) & (size >= _MIN_CELLS))
-        largest = sorted((int(one) for one in cut if one), key=lambda one: -size[one])
+        beyond = np.flatnonzero((within < size) & (size >= _MIN_CELLS))
+        largest = sorted((int(one) for one in beyond if one), key=lambda one: -size[one])
         return [one for one in largest if not self.leaves(one)]
 
     def ways(self, start: Cell, goal: Cell, island: int = 0) -> list[Way]:
