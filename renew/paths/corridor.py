@@ -14,7 +14,7 @@ from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.kernels.ground_speed import Polar
 from renew.kernels.traversal import visits
 from renew.kernels.viterbi import Stream
-from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
+from renew.paths.sections import FreeParts, Sections, free_intervals, free_parts, sections_of
 from renew.turns.padding_model import PaddedEdges
 from renew.voyage.voyage import Voyage
 
@@ -125,21 +125,37 @@ class Corridor:
         return clear
 
     def straight_in_soft_ends(self, path: FloatArray) -> FloatArray:
-        """Return a path (n, 2) with one leg instead of several in V around a start or goal.
+        """Return a path (n, 2) with one leg in V around a start or goal, which ends just outside.
 
-        It stays as it is where no single leg is clear of other parts of V.
+        Several legs stay where no single one is clear of other parts of V.
         """
         for end in (self.voyage.start, self.voyage.goal):
             # The second turn is from the goal, and turns the path back.
-            first = self._legs_in_soft_end(path, end)
-            if first > 1:
-                others = self.hard_capsules.select(~self._holding(end))
-                ahead = path[first:]
-                clear = legs_are_clear(np.broadcast_to(end, ahead.shape).copy(), ahead, others)
-                if clear.any():
-                    path = np.vstack([end, ahead[clear.argmax() :]])
-            path = path[::-1]
+            path = self._straight_from(end, path)[::-1]
         return np.ascontiguousarray(path)
+
+    def _straight_from(self, end: FloatArray, path: FloatArray) -> FloatArray:
+        """Return a path (n, 2) from an end with one leg in the capsules that hold it, if any."""
+        first = self._legs_in_soft_end(path, end)
+        if not first:
+            return path
+        holding = self._holding(end)
+        if first > 1:
+            others = self.hard_capsules.select(~holding)
+            ahead = path[first:]
+            clear = legs_are_clear(np.broadcast_to(end, ahead.shape).copy(), ahead, others)
+            if not clear.any():
+                return path
+            path = np.vstack([end, ahead[clear.argmax() :]])
+        soft = self.search_capsules.select(holding)
+        (free,), (count,) = free_intervals(path[:1].copy(), path[1:2].copy(), soft)
+        radius, leg = self.voyage.vessel.turning_radius, path[1] - path[0]
+        length = np.linalg.norm(leg)
+        # A leg that goes on beyond can bend there.
+        if count and length * (1.0 - free[count - 1, 0]) > radius:
+            outside = free[count - 1, 0] + SLACK * radius / length
+            path = np.insert(path, 1, path[0] + outside * leg, axis=0)
+        return path
 
     def _legs_in_soft_end(self, path: FloatArray, end: FloatArray) -> int:
         """Return how many legs of a path (n, 2) from an end begin in the capsules that hold it."""

@@ -231,9 +231,11 @@ class PaddingModel:
         for crossing in crossings:
             edges, needed = self._known[crossing]
             wanted[edges] = np.maximum(wanted[edges], needed)
-        short = wanted[padded.edge] - padded.padding
+        # Of each edge, the first row is padded for turns; others may keep a clearance off it.
+        edges, first = np.unique(padded.edge, return_index=True)
+        short = wanted[edges] - padded.padding[first]
         found = np.flatnonzero(short > 0)
-        return (padded.edge[found], short[found]) if len(found) else None
+        return (edges[found], short[found]) if len(found) else None
 
     def _steps(self, windows: FloatArray) -> list[tuple[int, int]]:
         """First and last step of the clock of windows (n, 2), s: each lies in its steps."""
