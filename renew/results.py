@@ -12,6 +12,7 @@ import shapely
 
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.classes.dual_graph import Channel
 from renew.errors import (
     MomentSpelling,
     PlaceSpelling,
@@ -180,6 +181,7 @@ class Rejected:
     strait : where padding fills a whole gap, if that is the reason.
     cause : the error behind the reason; its places are in metres.
     overpowered : water on its way that the current shuts for a while.
+    ways : its channels in which no path was found; unpickled, none.
     fuel_source : `unpadded_fuel`, or a function that computes it.
     """
 
@@ -189,14 +191,14 @@ class Rejected:
     strait: Strait | None = None
     cause: PlanningError | None = None
     overpowered: tuple[OverpoweredHours, ...] = ()
+    ways: tuple[Channel, ...] = field(default=(), repr=False)
     fuel_source: float | Callable[[], float] = field(default=math.inf, repr=False)
 
     @cached_property
     def unpadded_fuel(self) -> float:
         """Fuel that the class would need without any padding; inf if it has no path even then.
 
-        Computed when first asked for. Compared with the fuel of the routes, it shows what the
-        padding of the class's strait costs.
+        Computed when first asked for. Beside the routes' fuel, it shows what the padding costs.
         """
         return self.fuel_source() if callable(self.fuel_source) else self.fuel_source
 
@@ -211,8 +213,8 @@ class Rejected:
 
     def __reduce__(self) -> "tuple[type[Rejected], tuple[object, ...]]":
         """Pickle the fuel, not its source: the current may be a function that can't be pickled."""
-        *others, _ = (getattr(self, one.name) for one in fields(self))
-        return Rejected, (*others, self.unpadded_fuel)
+        *others, _, _ = (getattr(self, one.name) for one in fields(self))
+        return Rejected, (*others, (), self.unpadded_fuel)
 
 
 @dataclass(frozen=True, eq=False)

@@ -206,7 +206,12 @@ class ClassSearch:
         try:
             found = self._find(asked)
         except InfeasibleError as error:
-            self.rejected.setdefault(word, self.rejected_for(asked, error))
+            known = self.rejected.get(word)
+            self.rejected[word] = (
+                replace(known, ways=(*known.ways, asked))
+                if known
+                else self.rejected_for(asked, error)
+            )
             if error.strait is None:
                 self._done.add(channel.word)
             return error.blocked
@@ -239,6 +244,7 @@ class ClassSearch:
             strait=error.strait,
             cause=error,
             overpowered=hours,
+            ways=(channel,),
             fuel_source=partial(self._planner.unpadded_fuel, channel),
         )
 

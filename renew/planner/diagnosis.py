@@ -1,14 +1,17 @@
 """Explain why no class can be sailed, and find remedies: less padding, or more risk."""
 
+import contextlib
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from renew.classes.dual_graph import widest_gap
+import numpy as np
+
+from renew.classes.dual_graph import Channel, widest_gap
 from renew.classes.h_signature import shortened
-from renew.errors import Length, Text, TooLateError, UnreachableError
-from renew.planner.classes import plan_classes
+from renew.errors import InfeasibleError, Length, Text, TooLateError, UnreachableError
 from renew.planner.one_class import ClassPlanner
 from renew.results import Rejected, Route
 
@@ -18,6 +21,8 @@ _TRIES, _NEARLY = 6, 0.98
 _MAX_RISK, _RISK_STEP = 0.5, 0.01
 # Number of quoted reasons, and of classes named with each.
 _MAX_REASONS = 3
+# Number of ways that are planned with other padding.
+_MAX_WAYS = 4
 
 
 def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> UnreachableError:
@@ -40,7 +45,7 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
         # Neither padding nor risk makes the vessel arrive much earlier.
         remedy = Text("take currents that reach further, or depart earlier")
     else:
-        tried = Text.joined("; ", suggest_relaxations(planner))
+        tried = Text.joined("; ", suggest_relaxations(planner, rejected))
         remedy = Text("{0}; or allow a smaller padding or clearance, or more classes", (tried,))
     count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"
     error = UnreachableError(
@@ -62,9 +67,9 @@ def _named(group: list[Rejected]) -> str:
     return f"class{'es' * (len(group) > 1)} {names}{more}"
 
 
-def suggest_relaxations(planner: ClassPlanner) -> list[Text]:
+def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> list[Text]:
     """Return tried remedies that leave a route; the widest way through comes first."""
-    options, search = planner.options, _RelaxationSearch(planner)
+    options, search = planner.options, _RelaxationSearch(planner, rejected)
     triangulation = planner.problem.triangulation
     stops = [triangulation.locate(stop) for stop in planner.problem.voyage.stops]
     gap = min(widest_gap(triangulation, *both) for both in itertools.pairwise(stops))
@@ -75,22 +80,31 @@ def suggest_relaxations(planner: ClassPlanner) -> list[Text]:
             found.append(Text('padding = "adaptive" would leave one, {0}', (_description(route),)))
     if options.is_adaptive:
         found.append(Text(search.least_risk()))
-    return found + search.largest_padding(min(options.min_width or math.inf, gap / 2))
+    return found + search.largest_padding(options.min_width or math.inf)
 
 
 class _RelaxationSearch:
-    """Plans with other padding, to find how much less padding leaves a route."""
+    """Plans with other padding, to find how much less padding leaves a route.
 
-    def __init__(self, planner: ClassPlanner) -> None:
+    The ways of rejected classes are planned again, the widest first: a search for other classes
+    would take a roadmap for each padding.
+    """
+
+    def __init__(self, planner: ClassPlanner, rejected: Sequence[Rejected]) -> None:
         self._problem, self._options = planner.problem, planner.options
+        ways = [way for one in rejected for way in one.ways]
+        self._ways = sorted(ways, key=_narrowest_gap, reverse=True)[:_MAX_WAYS]
 
     def route(self, **changes: Any) -> Route | None:  # noqa: ANN401 - as of PlanOptions
-        """Return the best route of the first class that has one with changed options, or None."""
+        """Return the route of the widest way that has one with changed options, or None."""
         options = replace(self._options, **changes)
         # Making room to turn takes long, and less padding leaves more room.
         planner = ClassPlanner(self._problem, options, thorough=False)
-        routes = plan_classes(planner, classes=1).routes
-        return routes[0] if routes else None
+        least = 2 * options.likely_width(self._problem.voyage.vessel.turning_radius)
+        for way in (way for way in self._ways if _narrowest_gap(way) >= least):
+            with contextlib.suppress(InfeasibleError):
+                return planner.route(planner.find(way))
+        return None
 
     def least_risk(self) -> str:
         """Return as text the least risk, to 1 %, that leaves a route."""
@@ -109,6 +123,7 @@ class _RelaxationSearch:
 
     def largest_padding(self, most: float) -> list[Text]:
         """Return as text the largest fixed padding up to `most` m, to 2 %, that leaves a route."""
+        most = min(most, max(map(_narrowest_gap, self._ways), default=0.0) / 2)
         if not 0 < most < math.inf:
             return []
         low, high, best = 0.0, most, None
@@ -129,6 +144,13 @@ class _RelaxationSearch:
         return [
             Text(f"padding = {low:.4g} (planar m) would leave one, {{0}}", (_description(best),))
         ]
+
+
+def _narrowest_gap(way: Channel) -> float:
+    """Return the width (m) of the narrowest passing edge of a channel."""
+    widths = np.linalg.norm(way.left - way.right, axis=1)
+    # At a via point the row has a passing edge of no length.
+    return float(widths[widths > 0].min(initial=math.inf))
 
 
 def _description(route: Route) -> Text:

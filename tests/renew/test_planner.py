@@ -143,16 +143,6 @@ def test_a_corner_beside_a_goal_in_the_soft_no_go_zone_is_rounded_inside_the_zon
     assert not shapely.intersects(mole, line)
 
 
-def test_a_route_that_leaves_the_soft_no_go_zone_bends_in_open_water() -> None:
-    _, gyre = single_gyre()
-    islet, start, goal = box(8.5, 9, 9.5, 10), (10.0, 10.0), (90.0, 90.0)
-    extent = box(0, 0, 100, 100)
-    route = renew.plan(renew.Chart(extent, [islet]), gyre, PAPER_VESSEL, start, goal).best
-    open_water = renew.plan(renew.Chart(extent, []), gyre, PAPER_VESSEL, start, goal).best
-    assert route.starts_in_soft_no_go
-    assert route.fuel <= 1.001 * open_water.fuel
-
-
 def test_start_and_goal_in_one_triangle() -> None:
     route = renew.plan(
         renew.Chart(box(0, 0, 100, 100), []), STILL, PAPER_VESSEL, (60, 20), (70, 30)

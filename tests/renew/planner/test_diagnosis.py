@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from shapely import Polygon, box
 
 import renew
+from renew.classes import class_enumerator, roadmap
 from tests.strategies import PAPER_VESSEL
 
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -84,3 +86,13 @@ def test_names_of_classes_among_hundreds_of_islands_are_shortened() -> None:
     with pytest.raises(renew.UnreachableError) as caught:
         renew.plan(chart_of(islands), STILL, PAPER_VESSEL, (18, 50), (82, 50), classes=2)
     assert len(str(caught.value)) < 2000
+
+
+def test_remedies_are_tried_in_the_ways_that_were_refused_without_another_roadmap(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    built = Mock(wraps=roadmap.roadmap)
+    monkeypatch.setattr(class_enumerator, "roadmap", built)
+    with pytest.raises(renew.UnreachableError, match="would leave one"):
+        renew.plan(chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL)
+    assert built.call_count <= 2

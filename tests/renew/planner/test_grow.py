@@ -10,7 +10,7 @@ from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.planner.grow import PaddingGrowth, grown
 from renew.planner.problem import Problem
-from renew.turns.padding_model import PaddingModel
+from renew.turns.padding_model import PaddedEdges, PaddingModel
 from tests.renew.paths.corridors import corridor_in_scene
 
 
@@ -48,6 +48,18 @@ def test_padding_grown_by_what_it_lacks_for_a_path_lacks_nothing_more(seed: int)
     assert (wider.padded.padding >= corridor.padded.padding).all()
     # Everything else stays as it was.
     assert wider.channel is corridor.channel
+
+
+def test_pieces_of_edges_that_keep_a_clearance_never_lack_padding() -> None:
+    corridor, path = corridor_and_bulging_path(0)
+    padded = corridor.padded
+    pieces = padded.cut(5.0)
+    # As in narrows: the whole edges are padded for turns, and pieces keep a clearance beside them.
+    corridor = corridor.with_padding([PaddedEdges.stacked([padded, pieces])])
+    growth = growth_of(corridor)
+    shortfall = growth.crossed_shortfall(corridor, path)
+    assert shortfall is not None
+    assert growth.crossed_shortfall(grown(corridor, shortfall), path) is None
 
 
 def test_a_path_in_its_channel_lacks_nothing() -> None:
