@@ -22,6 +22,8 @@ from renew.voyage.voyage import Voyage
 # With this slack, points near a straight line can be dropped and corners rounded without touching
 # V.
 SLACK = 0.01
+# Number of directions in which a way out of V is looked for.
+_DIRECTIONS = 72
 # Share of the largest coordinate below which a capsule's radius is lost to rounding.
 _ROUNDING = 1e-12
 
@@ -127,7 +129,7 @@ class Corridor:
     def straight_in_soft_ends(self, path: FloatArray) -> FloatArray:
         """Return a path (n, 2) with one leg in V around a start or goal, which ends just outside.
 
-        Several legs stay where no single one is clear of other parts of V.
+        It leads to a point of the path, or else the shortest way out from which the path goes on.
         """
         for end in (self.voyage.start, self.voyage.goal):
             # The second turn is from the goal, and turns the path back.
@@ -140,13 +142,18 @@ class Corridor:
         if not first:
             return path
         holding = self._holding(end)
-        if first > 1:
-            others = self.hard_capsules.select(~holding)
-            ahead = path[first:]
-            clear = legs_are_clear(np.broadcast_to(end, ahead.shape).copy(), ahead, others)
-            if not clear.any():
-                return path
+        blocking = self._beyond(end, holding)
+        ahead = path[first:]
+        clear = _clear_from(end, ahead, blocking)
+        if clear.any():
             path = np.vstack([end, ahead[clear.argmax() :]])
+        else:
+            exits = self._exits(end, holding)
+            exits = exits[_clear_from(end, exits, blocking)]
+            if not len(exits):
+                return path
+            length = np.linalg.norm(exits - end, axis=1) + np.linalg.norm(exits - ahead[0], axis=1)
+            return np.vstack([end, exits[length.argmin()], ahead])
         soft = self.search_capsules.select(holding)
         (free,), (count,) = free_intervals(path[:1].copy(), path[1:2].copy(), soft)
         radius, leg = self.voyage.vessel.turning_radius, path[1] - path[0]
@@ -156,6 +163,29 @@ class Corridor:
             outside = free[count - 1, 0] + SLACK * radius / length
             path = np.insert(path, 1, path[0] + outside * leg, axis=0)
         return path
+
+    def _beyond(self, end: FloatArray, holding: BoolArray) -> Capsules:
+        """Return other parts of V than those that hold an end, and the land within these."""
+        capsules, slack = self.hard_capsules, SLACK * self.voyage.vessel.turning_radius
+        # A leg from an end on an edge itself always touches it.
+        on_edge = segment_distance(end, capsules.start, capsules.end) <= slack
+        radius = np.where(holding, -1.0, capsules.radius)
+        return capsules._replace(radius=radius).select(~(holding & on_edge))
+
+    def _exits(self, end: FloatArray, holding: BoolArray) -> FloatArray:
+        """Return the points (n, 2) just outside the capsules that hold an end, in all directions.
+
+        None is further off than twice the widest of them.
+        """
+        soft = self.search_capsules.select(holding)
+        furthest, radius = 2 * soft.radius.max(), self.voyage.vessel.turning_radius
+        angle = np.linspace(0.0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+        rays = np.column_stack([np.cos(angle), np.sin(angle)])
+        starts = np.broadcast_to(end, rays.shape).copy()
+        free, count = free_intervals(starts, end + furthest * rays, soft)
+        last = free[np.arange(len(rays)), np.maximum(count - 1, 0)]
+        out = (count > 0) & (last[:, 1] == 1.0)
+        return np.asarray(end + (furthest * last[out, :1] + SLACK * radius) * rays[out])
 
     def _legs_in_soft_end(self, path: FloatArray, end: FloatArray) -> int:
         """Return how many legs of a path (n, 2) from an end begin in the capsules that hold it."""
@@ -254,6 +284,11 @@ class Corridor:
         paddings = (self.padded.around(bank).padding.max(initial=0.0) for bank in banks)
         transition = self.channel.transitions[int(sections.place[narrowest])]
         return Strait(banks, *transition, *map(float, paddings))
+
+
+def _clear_from(end: FloatArray, points: FloatArray, capsules: Capsules) -> BoolArray:
+    """Whether the leg from an end to each point (n, 2) is clear of capsules."""
+    return legs_are_clear(np.broadcast_to(end, points.shape).copy(), for_kernels(points), capsules)
 
 
 def _first_true(flags: BoolArray) -> int:

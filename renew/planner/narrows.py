@@ -55,6 +55,8 @@ def with_clearance(
     pieces = padded.select(yields).cut(_SPACING * clearance)
     apart = np.minimum(_apart(pieces, tree, reach), reach)
     kept = pieces.at_least(share * apart)
+    # Others lie in the padding of their whole edge, and would shut the way out of it at an end.
+    kept = kept.select(kept.padding > pieces.padding)
     # Each edge's first row has its padding for turns, which may grow.
     first = padded.at_least(np.where(yields, 0.0, clearance))
     return PaddedEdges.stacked([first, kept])

@@ -74,6 +74,22 @@ def test_several_legs_may_lie_in_the_padding_around_an_end() -> None:
     assert corridor.legs_clear(detour).tolist() == [True, False, False, True, True, True]
 
 
+def test_a_path_through_other_padding_takes_the_shortest_way_out_of_the_padding_at_its_end() -> (
+    None
+):
+    # North of the goal another pier's padding follows on the shore's.
+    piers = [box(0, 20, 8, 44), box(0, 44, 2, 56), box(0, 56, 8, 80)]
+    chart = renew.Chart(box(0, 0, 100, 100), piers)
+    corridor = corridor_of(voyage_on(chart, (9.5, 98.0), (9.0, 43.0)))
+    assert corridor.exempt[1].any()
+    path = np.array([[9.5, 98.0], [9.5, 58.0], [9.0, 43.0]])
+    straight = corridor.straight_in_soft_ends(path)
+    assert straight[[0, 1, -1]].tolist() == path.tolist()
+    assert corridor.legs_clear(straight)[-1]
+    edges = shapely.linestrings(np.stack([corridor.padded.start, corridor.padded.end], axis=1))
+    assert (shapely.distance(edges, shapely.Point(straight[-2])) > corridor.padded.padding).all()
+
+
 def test_a_passing_edge_that_only_the_capsules_around_an_end_block_shuts_no_way_out() -> None:
     # The first passing edge joins the two heads of a cove, close to its shore.
     cove = shapely.Polygon([(0, 20), (8, 20), (10, 45), (8, 50), (10, 55), (8, 80), (0, 80)])

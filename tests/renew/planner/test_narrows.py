@@ -71,6 +71,15 @@ def test_a_harbour_may_be_left_at_less_than_the_clearance() -> None:
     assert route.clearance >= SHARE * 40 * 0.99
 
 
+def test_pieces_of_shores_stand_out_of_the_padding_for_turns() -> None:
+    chart = renew.Chart(EXTENT, [*wall(2000, 60), *wall(4000, 700)])
+    used = planned(chart, clearance=CLEARANCE, narrow_share=SHARE).padding_used
+    length = np.linalg.norm(used[:, 2:4] - used[:, :2], axis=1)
+    pieces = used[length <= CLEARANCE / 4 * 1.001]
+    assert len(pieces)
+    assert (pieces[:, 4] > used[:, 4].min()).all()
+
+
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=5, deadline=None)
 def test_among_skerries_a_way_is_found_where_one_is_without_clearance(seed: int) -> None:
