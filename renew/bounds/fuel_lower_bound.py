@@ -347,6 +347,8 @@ def _cell_rate(
                 px, py, nodes, first, last, grid.deviation[r, c], grid, corner_currents
             )
             worst = max(worst, rate)
+            if worst >= best:
+                break
         best = min(best, worst)
         if best <= 1.0:
             break

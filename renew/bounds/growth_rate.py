@@ -41,13 +41,15 @@ def growth_rate(
         elif polar.crab:
             rate = polar.speed * p + px * cx + py * cy
         else:
-            rate = projected_rate(px, py, cx, cy, polar.speed)
+            rate = projected_rate(px, py, cx, cy, polar.speed, largest)
         largest = max(largest, rate)
     return largest if polar.least < polar.speed else largest + deviation * p
 
 
 @kernel
-def projected_rate(px: float, py: float, cx: float, cy: float, speed: float) -> float:
+def projected_rate(
+    px: float, py: float, cx: float, cy: float, speed: float, enough: float = -math.inf
+) -> float:
     """Upper bound, nearly attained, on (p·T)(v + c·T) over unit T; p in s/m.
 
     The Lagrange dual of a quadratic on the unit circle: with w = (v |p|/2)² and the quadratic
@@ -76,7 +78,7 @@ def projected_rate(px: float, py: float, cx: float, cy: float, speed: float) -> 
         if mu - top <= _ROUNDING * (mu + abs(bottom)):
             break
         bound = mu + root * root * mu / ((mu - top) * (mu - bottom))
-        if bound >= least * (1 - 1e-7):
+        if bound >= least * (1 - 1e-7) or bound * (1 + _ROUNDING) <= enough:
             return min(bound, least) * (1 + _ROUNDING)
         least = bound
     return least * (1 + _ROUNDING)
