@@ -1,9 +1,9 @@
 """Compute schedules and speeds of least fuel on a path cut into rows, in a changing current.
 
 Least fuel is first searched over places and times together (:mod:`renew.kernels.cheapest_chain`),
-which finds the right tide. SciPy's truncated Newton method then improves the speeds, and an
-augmented Lagrangian keeps the deadline (Nocedal & Wright, Numerical Optimization, 2006, 17.3); its
-multiplier is the price of time at the end. Everything uses the current's table.
+which finds the right tide. Then the speeds are improved (:mod:`renew.kernels.cheapest_speeds`), and
+an augmented Lagrangian keeps the deadline (Nocedal & Wright, Numerical Optimization, 2006, 17.3);
+its multiplier is the price of time at the end. Everything uses the current's table.
 """
 
 import math
@@ -14,7 +14,8 @@ import numpy as np
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.cheapest_chain import Chain, Errand, cheapest_chain
-from renew.kernels.fuel_by_speed import Sailed, sailed, slopes
+from renew.kernels.cheapest_speeds import Purpose, cheapest_speeds
+from renew.kernels.fuel_by_speed import Sailed, sailed
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import Stream, arrivals
 from renew.voyage.voyage import Voyage
@@ -30,8 +31,6 @@ _LATE = 3.0
 # Rounds to find the multiplier; lateness that the first and the last change of it allow, as shares
 # of the duration.
 _ROUNDS, _FIRST_LATE, _LATE_AT_LAST = 12, 0.02, 1e-7
-# Cost of speeds that make no way, as a multiple of a path's usual cost.
-_NO_WAY = 1e3
 # Number of constant speeds tried, and of halvings between two of them.
 _CONSTANT, _HALVINGS = 24, 30
 
@@ -199,35 +198,24 @@ class TimedPath:
         unit = mean**exponent * total
         usual = max(exponent - 1, 0.1) * mean**exponent
         price = usual if math.isnan(price) else price
-        from scipy.optimize import minimize
-
         stiffness = usual / (_FIRST_LATE * total)
-
-        def cost(scaled: FloatArray) -> tuple[float, FloatArray]:
-            """Return the augmented Lagrangian and its slopes."""
-            through = (scaled / scale)[legs]
-            made = self.sailed(through)
-            if not math.isfinite(made.times[-1]):
-                return _NO_WAY, np.zeros(len(scaled))
-            at = max(0.0, price + stiffness * (float(made.times[-1]) - deadline))
-            fuel = float((through**exponent * np.diff(made.times)).sum())
-            slope = np.add.reduceat(slopes(through, made, at, exponent), first)
-            return (fuel + (at**2 - price**2) / (2 * stiffness)) / unit, slope / scale / unit
-
-        limits = np.stack([least * scale, most * scale], axis=1)
+        low, high = least * scale, most * scale
         for _ in range(rounds):
-            begun = np.clip(speeds * scale, limits[:, 0], limits[:, 1])
-            found = minimize(
-                cost,
-                begun,
-                jac=True,
-                # L-BFGS-B needs fewer steps, but takes ten times as long if BLAS has several
-                # threads.
-                method="TNC",
-                bounds=limits,
-                options={"maxfun": 300, "maxCGit": 3, "ftol": 1e-8},
+            purpose = Purpose(
+                self.rows,
+                legs,
+                scale,
+                low,
+                high,
+                self._voyage.departure,
+                self._voyage.table,
+                self.errand(),
+                deadline,
+                price,
+                stiffness,
+                unit,
             )
-            speeds = found.x / scale
+            speeds = cheapest_speeds(purpose, np.clip(speeds * scale, low, high)) / scale
             late = float(self.sailed(speeds[legs]).times[-1]) - deadline
             before, price = price, max(0.0, price + stiffness * late)
             if abs(late) <= _LATE_AT_LAST * total or before == price == 0:

@@ -1,0 +1,135 @@
+"""Improve the speeds of a path's legs in a changing current, for least cost of fuel and lateness.
+
+The method is a projected quasi-Newton descent with limited memory: a step follows the inverse
+Hessian that the last changes of the slopes suggest (L-BFGS; Nocedal & Wright, Numerical
+Optimization, 2006, 7.2), among the speeds that no limit holds, and ends at the limits (Bertsekas,
+Projected Newton methods, 1982). All in one kernel: a cost takes some 20 µs, and hundreds are asked
+for.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.kernels.cheapest_chain import Errand
+from renew.kernels.current_table import CurrentTable
+from renew.kernels.fuel_by_speed import sailed, slopes
+
+# Number of changes that are remembered, and largest number of costs that are asked for.
+_MEMORY, _MAX_COSTS = 12, 300
+# Share of the decrease along the slope that a step has to make, and least share of a step.
+_ENOUGH, _SHORTEST = 1e-4, 1e-8
+# Decrease of the cost, as a share, below which a step counts as the last one; so many in a row end
+# the descent.
+_LITTLE, _LAST_ONES = 1e-9, 2
+# Cost of speeds that make no way, as a multiple of a path's usual cost.
+_NO_WAY = 1e3
+
+
+class Purpose(NamedTuple):
+    """What the speeds of a path (n, 2), m, are chosen for; fuel is divided by α.
+
+    Row k of the path is sailed at the speed of leg `legs[k]`. Leg speeds are multiplied by `scale`
+    (l,), so that a change of any of them costs about the same; they lie between `low` and `high`
+    (l,). The cost is an augmented Lagrangian of the deadline (s), with a `price` of time and its
+    `stiffness`, divided by `unit`.
+    """
+
+    path: FloatArray
+    legs: IntArray
+    scale: FloatArray
+    low: FloatArray
+    high: FloatArray
+    departure: float
+    table: CurrentTable
+    errand: Errand
+    deadline: float
+    price: float
+    stiffness: float
+    unit: float
+
+
+@kernel
+def cheapest_speeds(purpose: Purpose, scaled: FloatArray) -> FloatArray:
+    """Return scaled speeds (l,) of least cost near given ones, between their limits."""
+    x, slope = scaled.copy(), np.zeros(len(scaled))
+    new, new_slope = np.empty(len(x)), np.empty(len(x))
+    steps, changes = np.zeros((_MEMORY, len(x))), np.zeros((_MEMORY, len(x)))
+    cost, known, last_ones = _cost(purpose, x, slope), 0, 0
+    costs = 1
+    while costs < _MAX_COSTS and last_ones < _LAST_ONES:
+        free = ~((x <= purpose.low) & (slope > 0.0) | (x >= purpose.high) & (slope < 0.0))
+        ahead = _direction(slope, free, steps, changes, known)
+        if not (ahead * slope).sum() < 0.0:
+            if known == 0:
+                break
+            known = 0
+            continue
+        share, new_cost = 1.0, np.inf
+        while costs < _MAX_COSTS and share > _SHORTEST:
+            for k in range(len(x)):
+                new[k] = min(max(x[k] + share * ahead[k], purpose.low[k]), purpose.high[k])
+            new_cost = _cost(purpose, new, new_slope)
+            costs += 1
+            if new_cost <= cost + _ENOUGH * (slope * (new - x)).sum():
+                break
+            share /= 2
+        if not new_cost < cost:
+            if known == 0:
+                break
+            known = 0
+            continue
+        steps[known % _MEMORY], changes[known % _MEMORY] = new - x, new_slope - slope
+        known += 1
+        last_ones = last_ones + 1 if cost - new_cost <= _LITTLE * abs(cost) else 0
+        x[:], slope[:], cost = new, new_slope, new_cost
+    return x
+
+
+@kernel
+def _direction(
+    slope: FloatArray, free: BoolArray, steps: FloatArray, changes: FloatArray, known: int
+) -> FloatArray:
+    """Return a direction (l,) of descent among the free speeds, by the changes that are known."""
+    ahead = np.where(free, -slope, 0.0)
+    shares = np.zeros(_MEMORY)
+    oldest, size = max(0, known - _MEMORY), 0.5
+    for at in range(known - 1, oldest - 1, -1):
+        step, change = steps[at % _MEMORY] * free, changes[at % _MEMORY] * free
+        bend = (step * change).sum()
+        if bend > 0.0:
+            shares[at % _MEMORY] = (step * ahead).sum() / bend
+            ahead -= shares[at % _MEMORY] * change
+            if size == 0.5:
+                size = bend / (change * change).sum()
+    ahead *= size
+    for at in range(oldest, known):
+        step, change = steps[at % _MEMORY] * free, changes[at % _MEMORY] * free
+        bend = (step * change).sum()
+        if bend > 0.0:
+            ahead += (shares[at % _MEMORY] - (change * ahead).sum() / bend) * step
+    return ahead
+
+
+@kernel
+def _cost(purpose: Purpose, scaled: FloatArray, slope: FloatArray) -> float:
+    """Return the cost at scaled speeds (l,), and fill in its slopes (l,)."""
+    legs, scale, exponent = purpose.legs, purpose.scale, purpose.errand.exponent
+    slope[:] = 0.0
+    speeds = np.empty(len(legs))
+    for k in range(len(legs)):
+        speeds[k] = scaled[legs[k]] / scale[legs[k]]
+    made = sailed(purpose.path, speeds, purpose.departure, purpose.table, purpose.errand)
+    if not math.isfinite(made.times[-1]):
+        return _NO_WAY
+    late = made.times[-1] - purpose.deadline
+    at = max(0.0, purpose.price + purpose.stiffness * late)
+    by_speed, fuel = slopes(speeds, made, at, exponent), 0.0
+    for k in range(len(legs)):
+        fuel += speeds[k] ** exponent * (made.times[k + 1] - made.times[k])
+        slope[legs[k]] += by_speed[k] / scale[legs[k]] / purpose.unit
+    whole = fuel + (at**2 - purpose.price**2) / (2 * purpose.stiffness)
+    return float(whole / purpose.unit)
