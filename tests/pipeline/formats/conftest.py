@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.formats.gis.geopackage import write_geopackage
+from pipeline.formats.netcdf import write_currents
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared.result import RunResult
 from tests.pipeline import chosen_speeds
@@ -54,3 +55,10 @@ def package(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path
 @pytest.fixture(scope="session")
 def page(result: RunResult) -> Page:
     return Page(render(gather(result)))
+
+
+@pytest.fixture(scope="module")
+def currents(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("currents") / "currents.nc"
+    write_currents(result, "summer", path)
+    return path

@@ -240,3 +240,9 @@ def with_a_failed_season(result: RunResult) -> RunResult:
         plans=tuple(failed if entry.season == "winter" else entry for entry in result.plans),
         evaluation=Evaluation(rows, remaining),
     )
+
+
+def without_stand_ins(result: RunResult) -> RunResult:
+    """The same run, as if every current were the requested one."""
+    grids = tuple(replace(grid, passed_over=()) for grid in result.fetched.currents)
+    return replace(result, fetched=replace(result.fetched, currents=grids))

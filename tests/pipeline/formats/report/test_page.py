@@ -13,8 +13,7 @@ import shapely
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared import text as texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.model import Credit, ShoreCrossing, ShutStrait
-from pipeline.model.inputs import Note
+from pipeline.model import Credit
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 
@@ -31,12 +30,6 @@ def rows_of(page: Page, caption: str) -> list[list[str]]:
         if e.attributes.get("aria-labelledby") == caption and e.tag == "div"
     )
     return [[cell.flat_text for cell in row.children] for row in region.all("tr")]
-
-
-def without_stand_ins(result: RunResult) -> RunResult:
-    """The same run, as if every current were the requested one."""
-    grids = tuple(replace(grid, passed_over=()) for grid in result.fetched.currents)
-    return replace(result, fetched=replace(result.fetched, currents=grids))
 
 
 def test_the_page_is_well_formed(page: Page) -> None:
@@ -157,65 +150,6 @@ def test_stand_in_currents_are_announced_before_the_answer(page: Page) -> None:
     reason = f"{small_run.REASON[:1].upper()}{small_run.REASON[1:]}."
     assert [item.flat_text for item in notice.all("li")] == [reason]
     assert page.html.index('class="notice"') < page.html.index('class="cards"')
-
-
-def test_an_unknown_current_and_land_of_another_shoreline_stand_above_the_answer(
-    result: RunResult,
-) -> None:
-    known = without_stand_ins(result)
-    summer, winter = known.fetched.currents
-    summer = replace(summer, notes=(Note.of("still-water"),))
-    rows = tuple(
-        replace(row, filled_share=1.0) if row.season == "winter" else row
-        for row in known.evaluation.routes
-    )
-    crossings = (
-        ShoreCrossing("summer", 1, 119.4, 9.4, 2000.0),
-        ShoreCrossing("summer", 1, 119.6, 9.5, 461.0),
-        ShoreCrossing("winter", 2, 119.5, 9.4, 33_000.0),
-    )
-    changed = replace(
-        known,
-        fetched=replace(known.fetched, currents=(summer, winter)),
-        evaluation=replace(known.evaluation, routes=rows, shore_crossings=crossings),
-    )
-    page = Page(render(gather(changed)))
-    (notice,) = page.with_class("notice")
-    assert [title.flat_text for title in notice.all("h2")] == [
-        "The current is not known", "Land of another shoreline on the route",
-    ]  # fmt: skip
-    text = notice.flat_text
-    assert "Summer (July 2024): planned without a current." in text
-    lacking = (
-        f"Winter (December): {winter.credit.name} has no figure on the whole of the best route."
-    )
-    assert lacking in text
-    assert "Summer (July 2024): 2.46 km of the best route, at 2 places." in text
-    assert "Winter (December): none of the best route, but parts of 1 other route." in text
-    assert page.html.index('class="notice"') < page.html.index('class="cards"')
-    said = " ".join(card.flat_text for card in page.with_class("card"))
-    assert "is proven" not in said
-    assert said.count("Optimality gapnot proven") == 2
-    assert "no current to speak of" not in page.root.text
-    (part,) = [
-        e for e in page.all("section") if e.attributes.get("aria-labelledby") == "unknown-title"
-    ]
-    assert "second, independent shoreline" in part.flat_text
-    assert len(page.with_class("crossing")) == 2, "in both legends"
-
-
-def test_other_notes_are_no_warning(result: RunResult) -> None:
-    def page_with(*notes: str) -> Page:
-        fetched = replace(
-            without_stand_ins(result).fetched, notes=tuple(map(small_run.note, notes))
-        )
-        return Page(render(gather(replace(result, fetched=fetched))))
-
-    assert page_with().with_class("notice") == []
-    page = page_with("islets were merged")
-    [notice] = page.with_class("mild")
-    assert notice.flat_text == "Notes Islets were merged."
-    assert page.html.index('class="cards"') < page.html.index('class="notice mild"')
 
 
 def test_sources_are_credited(page: Page) -> None:
@@ -345,7 +279,7 @@ def test_hostile_names_stay_text(result: RunResult) -> None:
     credit = Credit(HOSTILE, "land", HOSTILE, HOSTILE, "javascript:alert(1)")
     land = replace(result.fetched.land, credits=(credit,))
     fetched = replace(
-        without_stand_ins(result).fetched, land=land, notes=(small_run.note(HOSTILE),)
+        small_run.without_stand_ins(result).fetched, land=land, notes=(small_run.note(HOSTILE),)
     )
     page = Page(render(gather(replace(result, scenario=scenario, fetched=fetched))))
     assert [e.flat_text for e in page.all("h1")] == [" ".join(HOSTILE.split())]
@@ -365,52 +299,3 @@ def test_the_page_is_small_and_has_styles_for_dark_print_and_phone(page: Page) -
     used = set(re.findall(r"var\((--[a-z0-9-]+)[),]", page.html))
     # The map's own element has its ratio; the script sets the vessel's colour to its season's.
     assert used <= set(re.findall(r"(--[a-z0-9-]+):", style)) | {"--ratio", "--vessel"}
-
-
-def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
-    rows = tuple(
-        replace(row, filled_share=0.25 if row.rank == 2 else 0.0)
-        for row in result.evaluation.routes
-    )
-    straits = tuple(
-        ShutStrait(119.6, 9.5, 900.0 - i, 1000.0, "padding", ("winter",) if i == 0 else ())
-        for i in range(12)
-    )
-    changed = replace(
-        without_stand_ins(result),
-        evaluation=replace(result.evaluation, routes=rows),
-        straits=straits,
-    )
-    changed = replace(
-        changed,
-        fetched=replace(changed.fetched, notes=(small_run.note("a note"), *changed.unknowns)),
-    )
-    page = Page(render(gather(changed)))
-    (part,) = [
-        e for e in page.all("section") if e.attributes.get("aria-labelledby") == "unknown-title"
-    ]
-    sentences = [item.flat_text for item in part.all("li")]
-    assert sentences[0].startswith("No depths in this chart: the draught was not used")
-    assert any("25.0 % of route 2" in text for text in sentences)
-    routes, shut = part.all("table")
-    cells = [[cell.flat_text for cell in row.children] for row in routes.all("tr")]
-    assert cells[1:] == [
-        ["Summer (July 2024)", "2", "25.0 %"],
-        ["Winter (December)", "2", "25.0 %"],
-    ]
-    cells = [[cell.flat_text for cell in row.children] for row in shut.all("tr")]
-    assert len(cells) == 11
-    assert cells[1] == [
-        *("119.6000 E 9.5000 N", "Show", "900.0 m", "1.00 km"),
-        "padding, Winter (December)",
-    ]
-    assert "2 narrower ones are not listed" in part.flat_text
-    # What stands there is no note any more.
-    notes = [item.flat_text for item in page.all("li") if item not in part.all("li")]
-    assert "A note." in notes
-    assert not any("draught" in text for text in notes)
-
-
-def test_a_plane_has_nothing_unknown() -> None:
-    page = Page(render(gather(small_run.parts(planar=True))))
-    assert "unknown-title" not in {e.attributes.get("id") for e in page.elements}

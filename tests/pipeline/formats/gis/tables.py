@@ -1,0 +1,59 @@
+"""What the tests read from a GeoPackage."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import pyproj
+
+from pipeline.formats.shared.result import RunResult
+from pipeline.model import Evaluation, SeasonPlan
+
+GEOD = pyproj.Geod(ellps="WGS84")
+
+
+LAYERS = {
+    "routes": "LineString",
+    "passage": "Point",
+    "legs": "MultiPolygon",
+    "path_points": "Point",
+    "channels": "MultiPolygon",
+    "islands": "Point",
+    "coast": "MultiPolygon",
+    "region": "LineString",
+    "hazards": "MultiPolygon",
+    "chart_areas": "MultiPolygon",
+    "depth_areas": "MultiPolygon",
+    "no_go": "MultiPolygon",
+    "soft_no_go": "MultiPolygon",
+    "currents": "Point",
+    "contingency": "Point",
+    "shore_crossings": "Point",
+}
+
+
+ROUTE_COLUMNS = {
+    *("season", "rank", "homotopy", "way", "fuel", "fuel_per_distance", "length_m"),
+    *("clearance_m", "duration_s", "optimality_gap", "trials", "collisions"),
+    *("filled_share", "uncharted_share"),
+}
+
+
+def query(path: Path, sql: str) -> list[tuple[Any, ...]]:
+    with closing(sqlite3.connect(path)) as database:
+        return database.execute(sql).fetchall()
+
+
+def layer(path: Path, name: str) -> geopandas.GeoDataFrame:
+    """A layer without its CRS: areas and lengths are compared in degrees here."""
+    return geopandas.read_file(path, layer=name).set_crs(None, allow_override=True)
+
+
+def without_routes(result: RunResult) -> RunResult:
+    plans = tuple(SeasonPlan(entry.season, None, "no way", 0.0) for entry in result.plans)
+    return replace(result, plans=plans, evaluation=Evaluation((), {}))

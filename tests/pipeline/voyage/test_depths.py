@@ -1,0 +1,111 @@
+"""Voyages in one line on a grid of depths."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import xarray as xr
+
+import pipeline
+from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_texts
+from pipeline.run import run
+from pipeline.scenario.loading import load_scenario
+from pipeline.voyage.vessel_options import VesselFigures
+from tests.pipeline.sources.depth_grids import emodnet
+from tests.pipeline.voyage.waters import GOAL, ISLAND, START, metrics
+
+SHOAL = shapely.box(-40.03, 35.0, -39.98, 35.05)
+
+
+def depth_grid(file: Path) -> Path:
+    """Write depths of 50 m with a shoal of 1 m beside the island, and no figures in the east.
+
+    The grid has longitudes of 0 to 360 degrees, and is a third of a mile fine.
+    """
+    lon, lat = np.arange(-40.4, -39.799, 0.005), np.arange(34.8, 35.2, 0.005)
+    x, y = np.meshgrid(lon, lat)
+    height = np.full(x.shape, -50.0)
+    height[shapely.contains_xy(SHOAL, x, y)] = -1.0
+    height[:, lon > -39.97] = np.nan
+    return emodnet(file, lon, lat, height)
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_shallow_cells_are_kept_off_and_uncharted_depth_is_told(
+    tmp_path: Path, chart: Path
+) -> None:
+    file = depth_grid(tmp_path / "depths.nc")
+    outcome = pipeline.go(
+        START, GOAL, vessel=VesselFigures("8kn", "12m", "40m", "2m"), currents=("still",),
+        charts=chart, depths=file, clearance_m=0.0, output=tmp_path, name="deep",
+    )  # fmt: skip
+    assert outcome.exit_code == 0
+    rows = metrics(outcome.directory)
+    assert {row["way"].partition(" of ")[0] for row in rows} == {"north", "south"}
+    routes = json.loads((outcome.directory / "deep-still.geojson").read_text())["features"]
+    with xr.open_dataset(file) as grid:
+        # Point by point in the file itself, by its own nearest node.
+        for route in (one for one in routes if one["properties"]["feature"] == "route"):
+            line = shapely.segmentize(shapely.LineString(route["geometry"]["coordinates"]), 2e-4)
+            lon, lat = shapely.get_coordinates(line).T
+            places = {"lon": xr.DataArray(lon % 360), "lat": xr.DataArray(lat)}
+            depth = grid["depth"].sel(places, method="nearest").to_numpy()
+            assert np.nanmin(depth) >= 3.0  # draught, and 1 m under the keel
+            (row,) = [one for one in rows if int(one["rank"]) == route["properties"]["rank"]]
+            assert float(row["uncharted_share"]) == pytest.approx(np.isnan(depth).mean(), abs=0.02)
+            assert 0.2 < float(row["uncharted_share"]) < 0.5
+            assert float(row["filled_share"]) == 0.0
+            assert not shapely.intersects(line, SHOAL)
+    manifest = json.loads((outcome.directory / "manifest.json").read_text())
+    (sentence,) = [text for text in manifest["unknown"] if "depth" in text]
+    assert sentence.startswith("still: no depth is charted for ")
+    assert sentence in note_texts(outcome.fetched.notes)
+    assert manifest["inputs"]["land"]["has_depths"] is True
+    rtz = (outcome.directory / "deep-still.rtz").read_text()
+    assert "no depth is charted for" in rtz
+    assert any("less than 3 m deep" in note for note in note_texts(outcome.fetched.notes))
+    again = run(load_scenario(str(outcome.directory / "scenario.toml")), tmp_path / "again")
+    assert metrics(again.directory) == rows
+
+
+def test_depths_need_a_draught_and_a_file_that_has_them(tmp_path: Path, chart: Path) -> None:
+    (tmp_path / "text.nc").write_text("no depths")
+    for draught, name, reason in (
+        ("", "text.nc", "vessel.draught_m is missing, and chart.depths needs it"),
+        ("2m", "absent.nc", "absent.nc' does not exist; give a GEBCO or EMODnet grid"),
+        ("2m", "text.nc", "chart.depths: text.nc: it is neither NetCDF nor Zarr"),
+    ):
+        with pytest.raises(RequestError) as caught:
+            pipeline.go(
+                START, GOAL, vessel=VesselFigures("8kn", "12m", "40m", draught),
+                currents=("still",), charts=chart, depths=tmp_path / name,
+                output=tmp_path / "outputs",
+            )  # fmt: skip
+        (fault,) = caught.value.faults
+        assert reason in fault
+    assert not (tmp_path / "outputs").exists()
+
+
+def test_a_start_in_shallow_water_is_refused_with_the_nearest_deep_water(
+    tmp_path: Path, chart: Path
+) -> None:
+    with pytest.raises(RequestError) as caught:
+        pipeline.go(
+            (-40.005, 35.03), GOAL, vessel=VesselFigures("8kn", "12m", "40m", "2m"),
+            currents=("still",), charts=chart, depths=depth_grid(tmp_path / "depths.nc"),
+            output=tmp_path / "outputs",
+        )  # fmt: skip
+    (fault,) = caught.value.faults
+    assert fault.startswith("start = [-40.005, 35.03] lies on land or water too shallow")
+    place = re.search(r"nearest water at \[(.*), (.*)\]; move it there", fault)
+    assert place is not None
+    here = shapely.Point(*map(float, place.groups()))
+    assert not SHOAL.union(ISLAND).buffer(0.002).contains(here)
+    assert SHOAL.distance(here) < 0.01
+    assert not (tmp_path / "outputs").exists()
