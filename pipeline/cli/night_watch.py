@@ -1,13 +1,12 @@
 """Report a night: its progress as JSON, its end to a monitoring service and a metrics file."""
 
-import contextlib
 import http.client
 import sys
 import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -48,9 +47,8 @@ _HELP = {
 }
 
 
-@contextlib.contextmanager
-def night_progress() -> Iterator[NightEventHandler]:
-    """Yield an event handler that logs to standard error."""
+def night_progress() -> NightEventHandler:
+    """Event handler that logs to standard error."""
     log = json_lines(sys.stderr)
     said = 0.0
 
@@ -68,7 +66,7 @@ def night_progress() -> Iterator[NightEventHandler]:
             fields["seconds"] = round(event.seconds, 3)
         log_event(log, event.status, fields)
 
-    yield on_event
+    return on_event
 
 
 def watched(

@@ -93,21 +93,21 @@ def run(
         from pipeline.nightly.request.config import load_config
 
         _refuse_no_file(metrics)
-        with night_progress() as on_event:
-            # The night's file is loaded inside, so that its faults are reported as a failed night.
-            outcome = watched(
-                lambda: run_night(
-                    load_config(config, output),
-                    only=only,
-                    share=_share(part),
-                    scheduler=scheduler,
-                    yes=yes,
-                    on_event=on_event,
-                ),
-                metrics=metrics,
-                url=ping,
+        on_event = night_progress()
+        # The night's file is loaded inside, so that its faults are reported as a failed night.
+        outcome = watched(
+            lambda: run_night(
+                load_config(config, output),
+                only=only,
+                share=_share(part),
+                scheduler=scheduler,
+                yes=yes,
                 on_event=on_event,
-            )
+            ),
+            metrics=metrics,
+            url=ping,
+            on_event=on_event,
+        )
         typer.echo(outcome.message)
         raise typer.Exit(outcome.exit_code)
 

@@ -83,7 +83,7 @@ def trade_off_figure(found: TradeOff) -> Figure:
     figure, (axes,) = plots.plot_panels(1, _HEIGHT_PT, 0.0)
     longest = float(found.durations_s[-1])
     unit_s, unit = next((size, name) for least, size, name in _UNITS if longest >= least)
-    scale, scale_name = plots.fuel_unit(float(found.fuels.max()))
+    scale, scale_name = plots.titled_fuel_unit(float(found.fuels.max()))
     x, y = found.durations_s / unit_s, found.fuels / scale
     plots.draw_line(axes, x, y)
     low, high = float(y.min()), float(y.max())

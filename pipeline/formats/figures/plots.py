@@ -20,7 +20,13 @@ from pipeline.formats.shared.departures_and_speeds import still_fuel_per_metre
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import RouteProfile, route_profile
-from pipeline.formats.shared.text import clearance as kept, number, plain, speed_range
+from pipeline.formats.shared.text import (
+    clearance as kept,
+    fuel_unit,
+    number,
+    plain,
+    speed_range,
+)
 
 _WIDTH_PT = 374.0
 _LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0
@@ -32,14 +38,6 @@ _LOG_AXIS_RATIO = 6.0
 _MIN_PADDING_SHARE = 0.02
 _KILOMETRES_FROM_M = 2_000.0
 DASHES = (0, (4, 3))
-# Minimum fuel, unit, and name of the unit: fuel may be any number, since the vessel's rate sets its
-# unit.
-_FUEL_UNITS = (
-    (1e9, 1e9, " in billions"),
-    (1e6, 1e6, " in millions"),
-    (1e5, 1e3, " in thousands"),
-    (0.0, 1.0, ""),
-)
 
 
 def profile_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> Markup:
@@ -84,7 +82,7 @@ class _ProfilePlot:
         a_metre = still_fuel_per_metre(self.result, self.ranked.metrics)
         still = a_metre * self.profile.distance_m / scale
         used, maximum = self.profile.fuel, float(max(still[-1], self.profile.fuel[-1]))
-        unit, name = fuel_unit(maximum)
+        unit, name = titled_fuel_unit(maximum)
         ink = COLOURS["ink"]
         axes.plot(self.run, still / unit, color=ink, linewidth=1.0, linestyle=DASHES, zorder=2)
         draw_line(axes, self.run, used / unit)
@@ -162,9 +160,10 @@ class _ProfilePlot:
         return np.asarray(padded[nearest, 4] * projection.scale)
 
 
-def fuel_unit(maximum: float) -> tuple[float, str]:
+def titled_fuel_unit(maximum: float) -> tuple[float, str]:
     """Unit for fuel up to a maximum, and its name in a title."""
-    return next((unit, name) for least, unit, name in _FUEL_UNITS if maximum >= least)
+    unit, name = fuel_unit(maximum)
+    return unit, f" in {name}s" if name else ""
 
 
 def distance_unit(longest_m: float) -> tuple[str, float]:

@@ -15,8 +15,9 @@ USEFUL_GAP = 1.0
 _ONE_DECIMAL_FROM_M, _KILOMETRES_FROM_M = 100_000.0, 1_000.0
 _DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0
 # Least fuel for each name of a unit: fuel may be any number, since the vessel's rate sets its unit.
-_FUEL_UNITS = ((1e9, " billion"), (1e6, " million"), (1e5, " thousand"))
-_THOUSAND = 1e3
+# Minimum fuel, unit, and name of the unit: fuel may be any number, since the vessel's rate sets its
+# unit.
+_FUEL_UNITS = ((1e9, 1e9, "billion"), (1e6, 1e6, "million"), (1e5, 1e3, "thousand"))
 # Share of the last place that is rounding of the figure itself.
 _EXACT = 1e-4
 
@@ -82,11 +83,13 @@ def speed_range(slowest: float, fastest: float) -> tuple[str, str]:
 
 def fuel(value: float) -> str:
     """Format fuel to four digits: 695.6, 16.82 million."""
-    for least, name in _FUEL_UNITS:
-        if math.isfinite(value) and value >= least:
-            unit = _THOUSAND if name == " thousand" else least
-            return f"{number(value / unit)}{name}"
-    return number(value)
+    unit, name = fuel_unit(value)
+    return f"{number(value / unit)} {name}".rstrip()
+
+
+def fuel_unit(value: float) -> tuple[float, str]:
+    """Unit for a fuel figure, and its name: million; 1 and no name for a small one."""
+    return next((unit[1:] for unit in _FUEL_UNITS if unit[0] <= value < math.inf), (1.0, ""))
 
 
 def box(bounds: Sequence[float]) -> str:
