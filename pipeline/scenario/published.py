@@ -35,7 +35,7 @@ class PublishedRow(StrictModel):
     )
     fuel_per_distance: Positive | None = Field(
         default=None,
-        description="Published F/D; left out, fuel divided by length. Give a number above 0.",
+        description="Published F/D; if left out, fuel divided by length. Give a number above 0.",
         examples=[0.976],
     )
     side: str = Field(

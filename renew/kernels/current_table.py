@@ -14,7 +14,7 @@ from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
 
 # Largest error of a fine table in the middle of any cell, as a share of its strongest current. A
-# path found with such a table needs more fuel than the least by a second-order term.
+# path found with such a table needs little more than the least fuel: the excess is of second order.
 _TOLERANCE = 1e-3
 # Number of nodes per side above which a current has small eddies: about eight along the side.
 _SMALL_EDDIES = 300
@@ -270,7 +270,7 @@ def _slice(table: CurrentTable, time: float) -> tuple[int, float]:
         return 0, 0.0
     if table.period < math.inf:
         time = times[0] + (time - times[0]) % table.period
-    # If no way can be made, times are infinite or NaN, which give no valid index.
+    # Where the vessel makes no headway, times are infinite or NaN and give no valid index.
     if not time < times[last]:
         return last, 0.0
     return _cell(times, table.per_second, time)

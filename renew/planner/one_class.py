@@ -31,7 +31,7 @@ from renew.turns.padding_model import PaddedEdges, PaddingModel, region_of
 from renew.turns.passage_windows import passage_windows
 from renew.voyage.voyage import Voyage
 
-# Ratio of a steered path's fuel to the unsteered path's from which other attempts are made.
+# Other attempts are made if a path needs this many times as much fuel after steering as before.
 _DEAR = 1.01
 # Number of rounds of growing padding before a class is rejected.
 _MAX_ROUNDS = 8
@@ -209,7 +209,10 @@ class ClassPlanner:
         return self._best_path(corridor, near)
 
     def _best_path(self, corridor: Corridor, near: FloatArray | None) -> ClassPath:
-        """Return the best path of several attempts; it is of another class if all attempts are."""
+        """Return the best path of several attempts.
+
+        The path is of another class only if all attempts slip into another class.
+        """
         first: InfeasibleError | None = None
         best: ClassPath | None = None
         slipped: list[tuple[Corridor, FloatArray]] = []
@@ -225,7 +228,7 @@ class ClassPlanner:
             if found is None:
                 slipped.append((used, path))
                 if near is not None and not self._is_of(corridor, near):
-                    # Each attempt also slipped into another class with less padding.
+                    # With less padding, too, each attempt slipped into another class.
                     break
                 continue
             if best is None or found.fuel < best.fuel:
@@ -272,7 +275,7 @@ class ClassPlanner:
         fuel = self.problem.voyage.fuel(path)
         if not math.isfinite(fuel):
             # The steered path may arrive just in time while by the drift model it is late.
-            raise InfeasibleError("the current leaves no way to be made along its path")
+            raise InfeasibleError("the vessel makes no headway against the current on its path")
         if self.problem.voyage.has_price:
             # Across a current, a path may be steerable at the highest speed but not at a lower one.
             profile = speed_profile(path, self.problem.voyage)

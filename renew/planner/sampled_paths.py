@@ -36,7 +36,7 @@ def sampled_paths(
     if not paths:
         raise InfeasibleError(
             f"each of {samples} sampled chains crosses the soft no-go zone, or water whose current "
-            "is as strong as the vessel"
+            "is as fast as the vessel"
         )
     chosen = np.flatnonzero(_are_steerable(paths, voyage))
     if not len(chosen):

@@ -100,8 +100,9 @@ def _taut(
 
     At a disc of side 1 the string turns to port, at a disc of side -1 to starboard. Returns the
     kept discs (m,), the courses (m - 1,), rad, between them, and -1. If two neighbouring discs on
-    opposite sides of the string overlap too far, the first of them is returned in place of the -1;
-    so it is if one of two neighbours lies inside the other, and is the first or the last point.
+    opposite sides of the string overlap too far, the first of them is returned in place of the -1.
+    The first of two neighbours is also returned if one of them is the first or the last point and
+    lies inside the other.
     """
     kept = np.arange(len(radii))
     courses = np.empty(len(radii) - 1)
@@ -125,7 +126,7 @@ def _taut(
             courses[k] = math.atan2(dy, dx) - math.asin(offset / apart)
         if nested:
             continue
-        # One at a time, the slackest first: without it the string may touch its neighbours again.
+        # Drop one disc at a time, the slackest: the string may then touch its neighbours again.
         worst, slackest = -1, 0.0
         for k in range(1, len(kept) - 1):
             turn = _turn(courses[k - 1], courses[k], sides[kept[k]])
@@ -177,7 +178,8 @@ _CROWDING = 1.5
 def sharp_corners(path: FloatArray, radius: FloatArray, no_go: Capsules) -> BoolArray:
     """Return whether each inner corner (n - 2,) of a path (n, 2) can't be rounded inwards.
 
-    With radii (n - 2,), m, its arc would enter the no-go capsules, or a leg is too short.
+    A corner can't be rounded inwards if an arc of its radius (n - 2,), m, would enter the no-go
+    capsules, or if a leg is too short for the arc.
     """
     corners = len(radius)
     turns, bisectors = course_changes(path)
@@ -199,8 +201,8 @@ def sharp_corners(path: FloatArray, radius: FloatArray, no_go: Capsules) -> Bool
     for leg in range(corners + 1):
         dx, dy = path[leg + 1, 0] - path[leg, 0], path[leg + 1, 1] - path[leg, 1]
         if tangent[leg] + tangent[leg + 1] > math.hypot(dx, dy):
-            # Of the leg's two corners, the one that needs more of it is sharp; the start is no
-            # corner.
+            # The corner at that end of the leg whose arc needs more of the leg is sharp; the start
+            # is no corner.
             asks_more = leg > 0 and tangent[leg] >= tangent[leg + 1]
             sharp[leg - 1 if asks_more else leg] = True
     return sharp

@@ -36,6 +36,7 @@ from tests.bench import (
     startup_figures,
     tide_figures,
     waters_figures,
+    window_figures,
     writing,
 )
 from tests.bench.figure import Figure
@@ -72,6 +73,7 @@ SUITES: dict[str, Callable[[], Iterator[Figure]]] = {
     "waters": waters_figures.figures,
     "clock": clock_figures.figures,
     "tide": tide_figures.figures,
+    "windows": window_figures.figures,
     "speeds": speed_figures.figures,
     "nightly": nightly_figures.figures,
     "nightly-faults": night_fault_figures.figures,

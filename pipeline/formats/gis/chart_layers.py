@@ -28,7 +28,7 @@ def coast(result: RunResult) -> GeoDataFrame:
 
 
 def region_edge(result: RunResult) -> GeoDataFrame:
-    """Edge of the region; of a plane, of its extent."""
+    """Edge of the region, or of a plane's extent."""
     edge = shapely.boundary(np.array([result.scene.chart.extent], dtype=object))
     return frame([result.scene.projection.geometry_to_lonlat(edge, ZONE_STEP_M)], {})
 

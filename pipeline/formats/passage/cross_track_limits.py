@@ -19,7 +19,7 @@ from pipeline.formats.shared.route_profile import edges_of
 # Maximum length of a turn's tangent, as a share of the leg: the turn at its other end needs the
 # other half.
 _MAX_LEG_SHARE = 0.5
-# Number of edges of an area whose parts inside it are found at once.
+# Number of edges of each area that are clipped to the area in one call.
 _AT_ONCE = 4
 # Maximum number of times that a turning radius is halved before the turn is given up.
 _MAX_HALVINGS = 12
@@ -174,7 +174,7 @@ def _side_areas(
 
 
 def _lower_to(limits: FloatArray, sides: _Sides, edges: IndexedEdges) -> None:
-    """Lower the limit of a side to its leg's distance from the parts of edges inside it.
+    """Lower each side's limit to the distance of the leg from the edges inside the side's area.
 
     Clipping an edge to an area takes long, so the edges that may be nearest come first, a few of
     each area at once, until no other edge can be nearer.

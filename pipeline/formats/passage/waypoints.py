@@ -31,23 +31,24 @@ NAUTICAL_MILE_M = 1852.0
 # 700 km.
 TOLERANCE = 1e-3
 # The tolerance of short routes, true metres: no course can be kept more closely, as GNSS alone may
-# be 10 m off (IMO A.1046). It is limited to the maximum share of the route's length.
+# be 10 m off (IMO A.1046). It is at most `_MAX_TOLERANCE` of the route's length.
 MIN_TOLERANCE_M = 30.0
 _MAX_TOLERANCE = 1e-2
 # Shares of the tolerance, tried in turn until the legs need little enough fuel.
 _TOLERANCE_SHARES = (1.0, 0.5, 0.25, 0.1)
-# Maximum fuel of the legs above the planned line's, as a share.
+# Maximum share by which the legs may need more fuel than the planned line.
 MAX_EXTRA_FUEL = 3e-3
 # Maximum cross-track limit, true metres: an alarm beyond a mile would be of no use.
 MAX_CROSS_TRACK_M = NAUTICAL_MILE_M
 # Maximum turning radius, true metres, that the schemas of RTZ 1.1 and 1.2 allow.
 _MAX_RADIUS_M = 5 * NAUTICAL_MILE_M
-# Drawing error of the chosen legs, as a share of the corridor's: their limits are then exact.
+# Drawing error of the chosen legs, as a share of the drawing error in the corridor: it is small, so
+# that the limits are exact.
 _FINAL_ERROR_SHARE = 0.01
 _CACHE = "_exchange_waypoints"
 
-# Largest ratio of the highest to the lowest speed of a leg: to sail it at their mean instead
-# changes fuel by a few thousandths, by the propeller law.
+# Largest ratio of the highest to the lowest speed of a leg: a vessel that sails the leg at its mean
+# speed needs a few thousandths more fuel, by the propeller law.
 _SAME_SPEED = 1.1
 # Number of places along a leg at which its speed is looked up, and the least number of them in its
 # first and its last part.
@@ -56,19 +57,21 @@ _PLACES, _MIN_PART = 200, 10
 
 @dataclass(frozen=True)
 class Waypoints:
-    """A route's n waypoints, each with the leg that leaves it; NaN for the goal's, which has none.
+    """A route's n waypoints, each with the leg that leaves it.
+
+    No leg leaves the goal: its figures of a leg are NaN.
 
     Attributes
     ----------
-    lonlat : (n, 2) degrees, continuous across 180; as written, to a millimetre.
+    lonlat : (n, 2) degrees, continuous across 180; rounded to a millimetre, as in files.
     curve : geometry of the legs: loxodromes, or in high latitudes orthodromes.
     course_deg : (n,) true course at the leg's start.
     length_m : (n,) true metres along the leg.
     time_s : (n,) seconds since departure, on these legs: a little more than on the planned line.
-    speed_m_s : (n,) mean speed over ground on the leg, which the vessel can make there.
+    speed_m_s : (n,) mean speed over ground on the leg, in the current there.
     through_water_m_s : (n,) mean speed through water on the leg, over time.
     port_m, starboard_m : (n,) cross-track limits of the leg, true metres.
-    radius_m : (n,) of the turn at the waypoint, true metres; 0 at start and goal.
+    radius_m : (n,) radius of the turn at the waypoint, true metres; 0 at start and goal.
     """
 
     ranked: RankedRoute
@@ -119,7 +122,7 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
 
     The legs stay within 0.1 % of the route's length (30 m on a short route) of the planned line,
     pass every island on the route's side, and need at most 0.3 % more fuel. The plan runs along V's
-    edge; where there is room, the legs keep half that distance from the edge. They enter V only
+    edge; where there is room, the legs keep half of this tolerance from the edge. They enter V only
     where the path itself does, at a start or goal. Each via point is a waypoint, and so is each
     place where the speed through water changes by a tenth or more.
     """
@@ -132,7 +135,7 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     pieces = [replace(ranked.route, path=piece) for piece in scene.pieces(ranked.route.path)]
     curve = curve_for(scene.projection.to_lonlat(ranked.route.path))
     length = ranked.route.length
-    # Of the legs from the path, planar metres.
+    # Least tolerance and largest tolerance, as distances of the legs from the path, planar metres.
     least = min(MIN_TOLERANCE_M / scene.projection.scale, _MAX_TOLERANCE * length)
     max_tolerance = max(TOLERANCE * length, least)
     for share in _TOLERANCE_SHARES:
@@ -168,7 +171,8 @@ def _described(
     scene = result.scene
     factor = np.zeros(len(lonlat) - 1)
     np.maximum.at(factor, legs.leg, scene.projection.point_scale(legs.lonlat))
-    # True metres to a metre of the plane, where the plane stretches most: limits stay safe.
+    # True metres per metre of the plane where the plane stretches the leg most, so that no limit is
+    # too wide.
     true = scene.projection.scale / factor
     error = corridor.max_error * _FINAL_ERROR_SHARE
     cap = MAX_CROSS_TRACK_M / float(true.min()) + error

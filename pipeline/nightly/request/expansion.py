@@ -66,8 +66,8 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
     if len(cases) > MAX_UNASKED and not yes:
         sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in cases.blocks)
         fault = (
-            f"cases: {len(cases):,} of them ({sizes}), more than {MAX_UNASKED:,}; give --yes if "
-            "all are meant"
+            f"cases: there are {len(cases):,} ({sizes}), more than {MAX_UNASKED:,}; give --yes to "
+            "plan all of them"
         )
         raise RequestError(config.located(fault))
     return cases
@@ -253,7 +253,10 @@ def _outside(scenario: Scenario, pairs: Sequence[Pair], file: str) -> list[str]:
 
 
 def _with_times(data: dict[str, Any]) -> dict[str, Any]:
-    """Add a time to seasons with files but without one; each case then uses its departure."""
+    """Add a time to seasons that have files of currents but no time.
+
+    It is replaced by each case's departure.
+    """
     given = data.get("seasons")
     seasons = [
         {"valid": "1970-01", **season}
@@ -291,7 +294,7 @@ def _only(cases: Cases, asked: str) -> Cases:
     blocks = [kept for block in cases.blocks if (kept := block.named(asked)) is not None]
     if not blocks:
         example = cases[0].name
-        raise RequestError(f"--only: no case is called {asked!r}; a name is such as {example!r}")
+        raise RequestError(f"--only: no case is called {asked!r}; a name looks like {example!r}")
     return Cases(tuple(blocks))
 
 

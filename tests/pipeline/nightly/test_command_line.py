@@ -177,7 +177,7 @@ def test_too_many_cases_need_yes(tmp_path: Path) -> None:
     file = write_night(tmp_path, f'{cases}\npairs = "pairs.csv"\n')
     result = renew("check", "--config", file)
     assert result.exit_code == 2
-    assert "108,000 of them (single-gyre 108,000), more than 100,000; give --yes" in result.stderr
+    assert "there are 108,000 (single-gyre 108,000), more than 100,000; give --yes" in result.stderr
     assert renew("check", "--config", file, "--yes").exit_code == 0
 
 
