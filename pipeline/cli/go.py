@@ -38,6 +38,7 @@ def go(
     The scenario is written beside the results, for `renew run`.
     """
     with reported_errors():
+        from pipeline.cli.ending import run_to_end
         from pipeline.errors import Faults, RequestError
         from pipeline.machine.paths import folder_to_write
         from pipeline.voyage.one_line import VoyageRequest, run_voyage, voyage_scenario
@@ -68,7 +69,5 @@ def go(
             raise RequestError(faults.lines)
         scenario, notes = made
         scenario = scenario.explaining_gap() if explain_gap else scenario
-        from pipeline.cli.ending import run_to_end
-
         run = partial(run_voyage, scenario, output, offline=offline, strict=strict)
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)

@@ -80,7 +80,7 @@ def _middles_of_narrows(
     if 0.0 < finer < spacing:
         middles, _ = _narrow_sections(clearance, channel, voyage, triangulation, finer)
     ends = np.stack([voyage.start, voyage.goal])
-    return np.concatenate([middles, ends[_room(ends, triangulation) < clearance]])
+    return np.concatenate([middles, ends[_room(ends, triangulation, clearance) < clearance]])
 
 
 def _narrow_sections(
@@ -98,7 +98,7 @@ def _narrow_sections(
     # Most sections have room at one of few places.
     for places in (_FEW_PLACES, _PLACES):
         points = sections.points(np.broadcast_to(places, (len(sections.left), len(places))))
-        room = _room(points, triangulation)
+        room = _room(points, triangulation, clearance)
         narrow = room.max(axis=1, initial=0.0) < clearance
         sections, points, room = sections.select(narrow), points[narrow], room[narrow]
     row = np.arange(len(room))
@@ -106,12 +106,15 @@ def _narrow_sections(
     return points[row, best], room[row, best]
 
 
-def _room(points: FloatArray, triangulation: Triangulation) -> FloatArray:
-    """Return the distances (...,), m, of points (..., 2) from the nearest constrained edge."""
+def _room(points: FloatArray, triangulation: Triangulation, reach: float) -> FloatArray:
+    """Return the distances (...,), m, of points (..., 2) from land; inf beyond the reach, m."""
     room = np.full(points.shape[:-1], np.inf)
     if room.size:
         found, distance = triangulation.constrained_edge_tree.query_nearest(
-            shapely.points(points.reshape(-1, 2)), return_distance=True, all_matches=False
+            shapely.points(points.reshape(-1, 2)),
+            max_distance=reach,
+            return_distance=True,
+            all_matches=False,
         )
         room.flat[found[0]] = distance
     return room
