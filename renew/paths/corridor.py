@@ -173,9 +173,9 @@ class Corridor:
         return capsules._replace(radius=radius).select(~(holding & on_edge))
 
     def _exits(self, end: FloatArray, holding: BoolArray) -> FloatArray:
-        """Return the points (n, 2) just outside the capsules that hold an end, in all directions.
+        """Return the corridor's points (n, 2) just outside the capsules that hold an end.
 
-        None is further off than twice the widest of them.
+        They lie in all directions. None is further off than twice the widest of the capsules.
         """
         soft = self.search_capsules.select(holding)
         furthest, radius = 2 * soft.radius.max(), self.voyage.vessel.turning_radius
@@ -185,7 +185,17 @@ class Corridor:
         free, count = free_intervals(starts, end + furthest * rays, soft)
         last = free[np.arange(len(rays)), np.maximum(count - 1, 0)]
         out = (count > 0) & (last[:, 1] == 1.0)
-        return np.asarray(end + (furthest * last[out, :1] + SLACK * radius) * rays[out])
+        exits = end + (furthest * last[out, :1] + SLACK * radius) * rays[out]
+        # The outline around an end on the chart's edge does not hold an exit back.
+        return np.asarray(exits[self._contains(exits)])
+
+    def _contains(self, points: FloatArray) -> BoolArray:
+        """Whether each point (n, 2) lies in a triangle of the corridor."""
+        ahead = np.roll(self.corners, -1, axis=1) - self.corners
+        to_point = points[:, None, None] - self.corners
+        turns = ahead[..., 0] * to_point[..., 1] - ahead[..., 1] * to_point[..., 0]
+        inside = np.abs(np.sign(turns).sum(axis=2)) == ahead.shape[1]
+        return np.asarray(inside.any(axis=1))
 
     def _legs_in_soft_end(self, path: FloatArray, end: FloatArray) -> int:
         """Return how many legs of a path (n, 2) from an end begin in the capsules that hold it."""

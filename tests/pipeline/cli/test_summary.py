@@ -86,6 +86,6 @@ def test_quiet_and_json_take_the_tables_place(file: str, across_outputs: Path) -
 def test_a_single_class_is_not_plural(file: str, across_outputs: Path) -> None:
     arguments = ["run", file, "--offline", "--output", str(across_outputs)]
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
-    assert "In report.html: 1 route; " in result.stdout
+    assert "In report.html: 1 route." in result.stdout
     assert "1 classes" not in result.stdout
     assert "1 routes" not in result.stdout

@@ -90,6 +90,15 @@ def test_a_path_through_other_padding_takes_the_shortest_way_out_of_the_padding_
     assert (shapely.distance(edges, shapely.Point(straight[-2])) > corridor.padded.padding).all()
 
 
+def test_no_way_out_of_the_padding_leads_over_the_edge_of_the_chart() -> None:
+    # The goal lies on the edge of the chart, behind a pier. Beyond the edge there is no padding.
+    chart = renew.Chart(box(0, 0, 100, 100), [box(40, 90, 60, 99)])
+    corridor = corridor_of(voyage_on(chart, (90.0, 50.0), (50.0, 100.0)))
+    path = np.array([[90.0, 50.0], [50.0, 85.0], [50.0, 100.0]])
+    straight = corridor.straight_in_soft_ends(path)
+    assert shapely.covers(chart.extent, shapely.points(straight)).all()
+
+
 def test_a_passing_edge_that_only_the_capsules_around_an_end_block_shuts_no_way_out() -> None:
     # The first passing edge joins the two heads of a cove, close to its shore.
     cove = shapely.Polygon([(0, 20), (8, 20), (10, 45), (8, 50), (10, 55), (8, 80), (0, 80)])
