@@ -26,6 +26,7 @@ from pipeline.stages.comparing.island_names import island_places
 from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import extent_polygon, planar_current
+from renew.inputs.current import as_field
 
 # Number of cells of the bound's grid, and width of the strip as a share of the square root of the
 # region's area: three cells.
@@ -78,7 +79,9 @@ def _bounded(side: FarSide, result: RunResult, store: Store) -> BoundedSide:
     if scene is None:
         return BoundedSide(side, "", math.nan)
     island = shapely.Point(scene.projection.to_plane(np.array([side.lon, side.lat])))
-    ratios = [ratio for plan in result.plans for ratio in _fuel_ratio(island, plan, scene, result)]
+    ratios = [
+        ratio for plan in result.plans for ratio in _fuel_ratio(side, island, plan, scene, result)
+    ]
     return BoundedSide(side, _name(island, scene), min(ratios, default=math.nan))
 
 
@@ -121,9 +124,12 @@ def _name(island: shapely.Point, scene: Scene) -> str:
 
 
 def _fuel_ratio(
-    island: shapely.Point, plan: SeasonPlan, scene: Scene, result: RunResult
+    side: FarSide, island: shapely.Point, plan: SeasonPlan, scene: Scene, result: RunResult
 ) -> Iterator[float]:
-    """Yield a bound on fuel on an island's far side, in fuel of a season's best route."""
+    """Yield a bound on fuel on an island's far side, in fuel of a season's best route.
+
+    At one speed, no way takes less time than its length with the strongest current behind.
+    """
     if not plan.ranked_routes or len(scene.via):
         return
     best = plan.ranked_routes[0]
@@ -131,4 +137,8 @@ def _fuel_ratio(
     strip = strip_across(island, shapely.LineString(path), [], scene, _WIDTH)
     if strip is not None:
         fuel = fuel_elsewhere(strip, scene, plan, result.scenario.planner, (_CELLS,), math.inf)
-        yield fuel / best.fuel
+        table = as_field(scene.currents[plan.season]).table(scene.chart.bounds)
+        fastest = scene.vessel.speed + table.strongest
+        seconds = side.length_m / scene.projection.scale / fastest
+        is_at_one_speed = plan.season not in scene.speeds
+        yield max(fuel / best.fuel, is_at_one_speed * seconds / best.duration)

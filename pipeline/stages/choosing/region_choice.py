@@ -77,12 +77,13 @@ class FarSide(NamedTuple):
     """A side of an island that a region leaves out, because the way round it is too long.
 
     `lon`, `lat` are a place on the island, degrees. On a coarse grid of the land in the bounds
-    `searched`, each way on that side is at least `ratio` times as long as the shortest way, and
-    `around` has the shortest of them and the island.
+    `searched`, each way on that side is at least `length_m` long, `ratio` times as long as the
+    shortest way, and `around` has the shortest of them and the island.
     """
 
     lon: float
     lat: float
+    length_m: float
     ratio: float
     around: Bounds
     searched: Bounds
@@ -145,13 +146,14 @@ def _around_ways(
         ways = grid.ways(*ends, island)
         if len(ways) == 1:
             continue
-        ratio = ways[-1].length_m / _DETOUR / shortest.length_m
+        length_m = ways[-1].length_m / _DETOUR
+        ratio = length_m / shortest.length_m
         around = [grid.bounds_of(ways[-1].cells), grid.bounds_of_island(island)]
         if ratio <= FAR_WAY:
             places += around
         else:
             place, box = grid.place_on(island), hull(around)
-            far_sides.append(FarSide(*place, ratio, box, searched))
+            far_sides.append(FarSide(*place, length_m, ratio, box, searched))
     return RegionChoice(_region(voyage, places, limits), tuple(far_sides))
 
 

@@ -74,7 +74,8 @@ def test_a_side_left_out_is_named_with_a_bound_below_the_way_there(
     assert values["of"] == "fuel"
     # In still water, fuel is in proportion to length.
     longer = GEOD.line_length(*np.array(NORTH_ABOUT).T) / GEOD.inv(*START, *GOAL)[2]
-    assert 1.5 < values["ratio"] < longer
+    # The grid's coast is up to a cell off the true one.
+    assert 1.5 < values["ratio"] < 1.01 * longer
     assert values["ratio"] > 0.93 * longer
     assert "needs at least" in note_text(note)
 
