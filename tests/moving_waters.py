@@ -46,6 +46,19 @@ class MovingScene:
             **options,  # type: ignore[arg-type]
         )
 
+    def plan_departures(self, departures: FloatArray, **options: object) -> renew.Departures:
+        """Plan departures (n,), s, in the paper's vessel."""
+        options = {"drift": self.drift, **options}
+        return renew.plan_departures(
+            self.chart,
+            self.current,
+            PAPER_VESSEL,
+            self.start,
+            self.goal,
+            departures,
+            **options,  # type: ignore[arg-type]
+        )
+
     def oracle(self, spacing: float = 2.0) -> float:
         """Least fuel by a grid (m) and string pulling, with the clock running."""
         arguments = self.current, PAPER_VESSEL

@@ -39,9 +39,9 @@ def swept() -> Iterator[Figure]:
     """CPU time of departures planned at once beside that of as many plans, and the fuel of both."""
     scene = moving_scene(_SEED)
     given = np.linspace(0.0, _WINDOW_S, SWEPT)
-    _departures(scene, given[:2])
+    scene.plan_departures(given[:2])
     begin = time.process_time()
-    found = _departures(scene, given)
+    found = scene.plan_departures(given)
     at_once = time.process_time() - begin
     scene.plan(departure=0.0)
     begin = time.process_time()
@@ -97,15 +97,9 @@ def _plans(scene: MovingScene, tolerance: float) -> int:
         if unproven > tolerance * (1 + 1e-5):
             proven = plans
 
-    renew.plan_departures(
-        scene.chart,
-        scene.current,
-        PAPER_VESSEL,
-        scene.start,
-        scene.goal,
+    scene.plan_departures(
         np.linspace(0.0, _WINDOW_S, 5),
         to_within=tolerance,
-        drift=scene.drift,
         padding="none",
         classes=4,
         progress=count,
@@ -116,18 +110,6 @@ def _plans(scene: MovingScene, tolerance: float) -> int:
 def ordered() -> Iterator[Figure]:
     """Largest time by which a later departure arrives earlier."""
     scene = moving_scene(_SEED)
-    found = _departures(scene, np.linspace(0.0, _PAIRS_S, PAIRS + 1))
+    found = scene.plan_departures(np.linspace(0.0, _PAIRS_S, PAIRS + 1))
     back = float(-np.diff(found.arrivals).min())
     yield at_most(f"{PAIRS} pairs of departures: largest step back, s", max(back, 0.0), 1e-6)
-
-
-def _departures(scene: MovingScene, given: np.ndarray) -> renew.Departures:
-    return renew.plan_departures(
-        scene.chart,
-        scene.current,
-        PAPER_VESSEL,
-        scene.start,
-        scene.goal,
-        given,
-        drift=scene.drift,
-    )

@@ -15,7 +15,6 @@ import numpy as np
 import renew
 from tests.bench.figure import Figure, at_most, quoted
 from tests.moving_waters import moving_scene
-from tests.strategies import PAPER_VESSEL
 
 WINDOWS = 20
 """Number of windows; each has a scene and a length by its own seed."""
@@ -62,14 +61,8 @@ def _chosen(seed: int, length: int) -> renew.Departures:
     scene = moving_scene(seed)
     minutes = [*range(0, length, _STEP), length]
     within = math.ceil(length * _PROVEN_SHARE)
-    return renew.plan_departures(
-        scene.chart,
-        scene.current,
-        PAPER_VESSEL,
-        scene.start,
-        scene.goal,
+    return scene.plan_departures(
         MINUTE_S * np.array(minutes),
-        drift=scene.drift,
         to_within=within * MINUTE_S,
         spacing=MINUTE_S,
     )

@@ -21,6 +21,7 @@ from pipeline.machine.store import Made, Store
 from pipeline.model import Note, Place, Scene, SeasonPlan
 from pipeline.scenario.region import Region
 from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.sources.quality.coverage import Bounds
 from pipeline.stages.choosing.region_choice import FarSide
 from pipeline.stages.comparing.island_names import island_places
 from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across
@@ -65,17 +66,20 @@ def bounded_sides(
     """Find names and lower bounds of far sides, in the currents that are on this machine."""
     if not sides:
         return ()
-    found = store.made(
-        "far-sides",
-        tuple,
-        (made.key, list(sides)),
-        lambda: tuple(_bounded(side, made.value, store) for side in sides),
-    )
-    return found.value
+
+    def make() -> tuple[BoundedSide, ...]:
+        # As a rule all sides were found in one search.
+        scenes = {
+            bounds: _wide_scene(bounds, made.value, store)
+            for bounds in {side.searched for side in sides}
+        }
+        return tuple(_bounded(side, scenes[side.searched], made.value) for side in sides)
+
+    return store.made("far-sides", tuple, (made.key, list(sides)), make).value
 
 
-def _bounded(side: FarSide, result: RunResult, store: Store) -> BoundedSide:
-    scene = _wide_scene(side, result, store)
+def _bounded(side: FarSide, scene: Scene | None, result: RunResult) -> BoundedSide:
+    """Find a far side's name and bound in a wide scene; neither without a scene."""
     if scene is None:
         return BoundedSide(side, "", math.nan)
     island = shapely.Point(scene.projection.to_plane(np.array([side.lon, side.lat])))
@@ -85,9 +89,9 @@ def _bounded(side: FarSide, result: RunResult, store: Store) -> BoundedSide:
     return BoundedSide(side, _name(island, scene), min(ratios, default=math.nan))
 
 
-def _wide_scene(side: FarSide, result: RunResult, store: Store) -> Scene | None:
-    """Build a scene of the bounds in which a far side was found; None without their currents."""
-    region = Region(bbox=side.searched)
+def _wide_scene(bounds: Bounds, result: RunResult, store: Store) -> Scene | None:
+    """Build a scene of the bounds in which far sides were found; None without their currents."""
+    region = Region(bbox=bounds)
     wide = result.scenario.model_copy(update={"region": region})
     try:
         # A bound is no reason for a download.

@@ -1,0 +1,168 @@
+"""Waters drawn by a seed from the whole world's land of OpenStreetMap, and vessels that sail there.
+
+Each voyage has the region, chart and offing that the pipeline chooses.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.random import Generator
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.scenario.catalogue import VesselSpec
+from pipeline.sources.land import osm
+from pipeline.sources.quality.field import LandMask
+from pipeline.stages.choosing.offing import offing_m
+from pipeline.stages.choosing.region_choice import FarSide, Voyage, choose_region
+from pipeline.stages.simplify import simplify_land
+from tests.bench.sea_figures import PEAK_M_S, Water
+from tests.oracles import leg_times
+
+KNOT = 1852 / 3600
+PLACES = 500
+"""Number of transversals along a path of the rival."""
+
+_WORLD = (-360.0, -89.0, 360.0, 89.0)
+# Half the side of the box in which a coast is drawn, degrees of latitude; tries at each end.
+_BOX_DEG, _TRIES = 0.3, 40
+# Round corners of a buffer are cut by this share of the width.
+_QUAD_SEGMENTS = 16
+_CUT = math.cos(math.pi / 4 / _QUAD_SEGMENTS)
+
+
+@dataclass(frozen=True)
+class DrawnWater(Water):
+    """A water drawn by a seed, with the vessel that sails there."""
+
+    spec: VesselSpec
+    left_out: tuple[FarSide, ...]
+
+    @cached_property
+    def vessel(self) -> renew.Vessel:
+        """The vessel as the planner takes it."""
+        spec = self.spec
+        rate = math.radians(spec.turn_rate_deg_s)
+        return renew.Vessel(speed=spec.speed_m_s, turn_rate=rate, length=spec.length_m)
+
+    @cached_property
+    def turns_m(self) -> float:
+        """Room for any hard-over turn: the turning circle, and the drift meanwhile at most."""
+        return 2 * self.vessel.turning_radius + PEAK_M_S * self.vessel.turn_period
+
+    @cached_property
+    def offing(self) -> float:
+        """The offing that a run chooses, m."""
+        distance = Voyage.between(self.start, self.goal).distance_m
+        return float(math.floor(offing_m(self.spec, osm.ACCURACY_M, distance)))
+
+    def simplified(self) -> renew.Chart:
+        """The chart as a run simplifies it for this vessel."""
+        land = simplify_land(
+            self.land.polygons,
+            shapely.box(*self.bounds),
+            accuracy_m=osm.ACCURACY_M,
+            turning_radius_m=self.vessel.turning_radius,
+            endpoints=(self.start, self.goal),
+        ).simplified
+        no_go, inner = (
+            self.projection.geometry_to_plane(np.array(polygons, dtype=object)).tolist()
+            for polygons in (land.polygons, land.inner_polygons)
+        )
+        return renew.Chart(self.extent, no_go, land=inner)
+
+    def has_way(self, width: float) -> bool:
+        """Whether some water at least `width` m off the raw land joins both ends' own water."""
+        grown = shapely.buffer(self.raw.hard_no_go, width / _CUT, quad_segs=_QUAD_SEGMENTS)
+        parts, reached = shapely.get_parts(shapely.difference(self.extent, grown)), []
+        for end in self.ends:
+            here = shapely.Point(end)
+            ways = shapely.shortest_line(here, parts)
+            near = shapely.length(ways) < width
+            near &= ~shapely.intersects(self.raw.hard_no_go, ways)
+            reached.append(set(np.flatnonzero(near).tolist()))
+        return bool(reached[0] & reached[1])
+
+    def fuel(self, path: FloatArray) -> float:
+        """Fuel along a path by the oracle's quadrature."""
+        piece = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / PLACES
+        there, _ = leg_times(path[:-1], path[1:], self.current, self.vessel, "projected", piece)
+        return self.vessel.fuel_rate * float(there.sum())
+
+
+def drawn(seed: int) -> DrawnWater:
+    """Draw ends until both lie in one body of water in the region that a run chooses."""
+    rng = np.random.default_rng([35, seed])
+    length = float(np.exp(rng.uniform(math.log(7), math.log(60))))
+    speed, circle = rng.uniform(5, 15) * KNOT, rng.uniform(2, 6) * length
+    rate = math.degrees(2 * speed / circle)
+    spec = VesselSpec(length_m=length, speed_m_s=speed, turn_rate_deg_s=rate)
+    while True:
+        ends = _ends(rng)
+        if ends is None:
+            continue
+        voyage = Voyage.between(*ends)
+
+        def mask_of(bounds: tuple[float, float, float, float]) -> LandMask:
+            return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)
+
+        choice = choose_region(voyage, mask_of, _WORLD)
+        water = DrawnWater(f"water {seed}", choice.bounds, *ends, spec, choice.far_sides)
+        parts = shapely.get_parts(water.raw.water)
+        both = [shapely.covers(parts, shapely.Point(end)) for end in water.ends]
+        if (both[0] & both[1]).any():
+            return water
+
+
+def _ends(rng: Generator) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Draw a coast, a start beside it, and a goal 5 to 120 km off, half of them by a coast."""
+    place = np.array([rng.uniform(-179, 179), math.degrees(math.asin(rng.uniform(-0.9, 0.96)))])
+    coast = _coast(place, _BOX_DEG)
+    if not len(coast):
+        return None
+    furthest = 300.0 if rng.random() < 1 / 3 else 8_000.0
+    start = _wet(rng, coast[rng.integers(len(coast))], 0.0, furthest)
+    if start is None:
+        return None
+    distance = float(np.exp(rng.uniform(math.log(5_000), math.log(120_000))))
+    goal = _wet(rng, start, distance, distance)
+    if goal is not None and rng.random() < 1 / 2:
+        coast = _coast(goal, _BOX_DEG)
+        apart = np.hypot(*((coast - goal) * _degree(goal)).T) if len(coast) else np.empty(0)
+        if len(coast) and apart.min() < 0.5 * distance:
+            goal = _wet(rng, coast[apart.argmin()], 0.0, 1_000.0)
+    if goal is None or not 5_000 <= np.hypot(*((goal - start) * _degree(start))) <= 120_000:
+        return None
+    return (float(start[0]), float(start[1])), (float(goal[0]), float(goal[1]))
+
+
+def _degree(place: FloatArray) -> FloatArray:
+    """Metres of a degree of longitude and of latitude."""
+    return METRES_PER_DEGREE * np.array([math.cos(math.radians(place[1])), 1.0])
+
+
+def _coast(place: FloatArray, half: float) -> FloatArray:
+    """Vertices (n, 2) of the coast in a box."""
+    low, high = (place + sign * half * METRES_PER_DEGREE / _degree(place) for sign in (-1, 1))
+    land = osm.land_polygons(shapely.box(*low, *high), 0.0).polygons
+    coast = shapely.get_coordinates(np.array(land, dtype=object))
+    inside = ((coast > low + 1e-3) & (coast < high - 1e-3)).all(axis=1)
+    return np.asarray(coast[inside])
+
+
+def _wet(rng: Generator, near: FloatArray, least: float, most: float) -> FloatArray | None:
+    """Draw a place in water at some distance from another, m; None where land takes all tries."""
+    for _ in range(_TRIES):
+        angle, metres = rng.uniform(0, 2 * math.pi), rng.uniform(least, most)
+        place = near + metres * np.array([math.cos(angle), math.sin(angle)]) / _degree(near)
+        box = shapely.Point(place).buffer(1e-4)
+        land = np.array(osm.land_polygons(box, 10.0).polygons, dtype=object)
+        if abs(place[1]) < 80 and not shapely.intersects_xy(land, *place).any():
+            return np.round(place, 5)
+    return None
