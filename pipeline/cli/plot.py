@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width, figure
+from pipeline.formats.figures.method import Variant
 from pipeline.formats.figures.turning import NothingToDrawError
-from pipeline.formats.figures.variants import Variant
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import distance, season_text
 from pipeline.machine.files import whole_file

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from pipeline.formats import legs_table
 from pipeline.formats.exchange import nautical
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
-from pipeline.formats.figures.map_layers import DETAIL_PT, visible
+from pipeline.formats.figures.season_map import DETAIL_PT, visible
 from pipeline.formats.legs_table import headings
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
 from pipeline.formats.shared.note_words import note_texts

@@ -27,7 +27,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
 from pipeline._types import ArrayLike, FloatArray, Geometries
-from pipeline.formats.figures.graticule import scale_bar_m
+from pipeline.formats.figures.map_marks import scale_bar_m
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import shortened

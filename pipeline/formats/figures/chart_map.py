@@ -31,7 +31,7 @@ from pipeline.formats.figures.artists import (
     point,
     text_width,
 )
-from pipeline.formats.figures.graticule import GridLine, graticule
+from pipeline.formats.figures.map_marks import GridLine, graticule
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pipeline.formats.figures.variants import Variant
+    from pipeline.formats.figures.method import Variant
     from pipeline.formats.shared.result import RunResult
 
 
@@ -66,11 +66,15 @@ def figure(
     `variants` are the runs with other options that `classes` and `paddings` compare.
     """
     from pipeline.formats.figures.artists import in_season_colour
-    from pipeline.formats.figures.method import channels_figure, mesh_figure, padding_map_figure
+    from pipeline.formats.figures.method import (
+        channels_figure,
+        mesh_figure,
+        padding_map_figure,
+        variants_figure,
+    )
     from pipeline.formats.figures.plots import profile_figure
     from pipeline.formats.figures.season_map import overview_figure
     from pipeline.formats.figures.turning import reach_figure, turns_figure
-    from pipeline.formats.figures.variants import variants_figure
     from pipeline.formats.shared.palette import season_colour
 
     size = width.points

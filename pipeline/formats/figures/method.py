@@ -1,8 +1,11 @@
-"""Figures of the method, as in the paper: triangles, channels of classes, and the padding.
+"""Figures of the method, as in the paper: triangles, channels, padding; and plans beside plans.
 
 RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways (AAAI 2026).
 """
 
+import re
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +15,12 @@ from matplotlib.figure import Figure
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.figures import artists, chart_map, map_layers
+from pipeline.formats.figures import artists, chart_map, season_map
+from pipeline.formats.figures.artists import POINTS_PER_INCH, SMALL_PT, drawable
+from pipeline.formats.figures.chart_map import draw_map, map_figure
 from pipeline.formats.shared.palette import CLASS_COLOURS, COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.text import distance, fuel
+from pipeline.formats.shared.text import clearance, distance, fuel
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.turns.contingency import fly_turns
 
@@ -42,13 +47,13 @@ def mesh_figure(result: RunResult, season: str, width_pt: float | None = None) -
     mesh = _triangulation(result, season)
     passing, constrained = _passing_edges(mesh), mesh.constrained_edges
     handles = [
-        *map_layers.land_handles(result),
-        map_layers.line_handle("other", 0.8, f"{len(passing):,} passing edges"),
-        map_layers.line_handle("ink", 1.4, f"{len(constrained):,} constrained edges"),
+        *season_map.land_handles(result),
+        season_map.line_handle("other", 0.8, f"{len(passing):,} passing edges"),
+        season_map.line_handle("ink", 1.4, f"{len(constrained):,} constrained edges"),
     ]
     figure, [(axes, sea)] = chart_map.map_figure(result, handles, width_pt=width_pt)
     layers = [
-        *map_layers.chart_layers(axes, result),
+        *season_map.chart_layers(axes, result),
         artists.lines(passing, COLOURS["other"], 0.5, 5),
         artists.lines(constrained, COLOURS["ink"], 1.1, 6),
     ]
@@ -73,7 +78,7 @@ def channels_figure(result: RunResult, season: str, width_pt: float | None = Non
         channel = ranked.route.channel
         edges = np.stack([channel, np.roll(channel, -1, axis=1)], axis=2)
         layers = [
-            *map_layers.chart_layers(axes, result),
+            *season_map.chart_layers(axes, result),
             artists.lines(passing, COLOURS["grid"], 0.5, 2),
             artists.patch(
                 shapely.polygons(channel),
@@ -83,7 +88,7 @@ def channels_figure(result: RunResult, season: str, width_pt: float | None = Non
                 zorder=3,
             ),
             artists.lines(edges.reshape(-1, 2, 2), colour, 0.7, 3.2),
-            *map_layers.haloed(ranked.route.path, colour),
+            *season_map.haloed(ranked.route.path, colour),
         ]
         artists.draw_island_labels(axes, result)
         chart_map.draw_map(axes, sea, result, layers, [ranked.route.path])
@@ -124,10 +129,10 @@ def padding_map_figure(result: RunResult, season: str, width_pt: float | None = 
     best = result.season_routes(season)[0]
     places = _tightest(best.route)
     handles = [
-        *map_layers.land_handles(result),
-        map_layers.soft_handle(),
-        map_layers.line_handle("best", 2.2, "best route"),
-        map_layers.line_handle("ink", 1.0, "hard-over turns in the current"),
+        *season_map.land_handles(result),
+        season_map.soft_handle(),
+        season_map.line_handle("best", 2.2, "best route"),
+        season_map.line_handle("ink", 1.0, "hard-over turns in the current"),
     ]
     margins = chart_map.Margins.of(result)
     width = (width_pt or chart_map.WIDTH_PT) - margins.left - margins.right
@@ -136,9 +141,9 @@ def padding_map_figure(result: RunResult, season: str, width_pt: float | None = 
     below = side + _BAR_PT if places else 0.0
     figure, [(axes, sea)] = chart_map.map_figure(result, handles, below_pt=below, width_pt=width_pt)
     layers = [
-        *map_layers.chart_layers(axes, result),
-        map_layers.soft_layer(axes, best.route.soft_no_go),
-        *map_layers.haloed(best.route.path, COLOURS["best"], _ROUTE_PT),
+        *season_map.chart_layers(axes, result),
+        season_map.soft_layer(axes, best.route.soft_no_go),
+        *season_map.haloed(best.route.path, COLOURS["best"], _ROUTE_PT),
     ]
     chart_map.draw_map(axes, sea, result, layers, [best.route.path])
     map_bottom = axes.get_window_extent().y0 * artists.POINTS_PER_INCH / figure.dpi
@@ -213,9 +218,9 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     stations = place.along + reach * np.arange(-count, count + 1, dtype=float)
     turns = _turns(result, ranked, stations[(stations > 0) & (stations < route.length)])
     layers = [
-        *map_layers.chart_layers(axes, result, box),
-        map_layers.soft_layer(axes, shapely.intersection(route.soft_no_go, box)),
-        *map_layers.haloed(route.path, COLOURS["best"], _ROUTE_PT, zorder=6.1),
+        *season_map.chart_layers(axes, result, box),
+        season_map.soft_layer(axes, shapely.intersection(route.soft_no_go, box)),
+        *season_map.haloed(route.path, COLOURS["best"], _ROUTE_PT, zorder=6.1),
         artists.lines(turns.reshape(-1, *turns.shape[2:]), COLOURS["ink"], 0.8, 7),
     ]
     chart_map.add_layers(axes, layers, sea)
@@ -273,4 +278,104 @@ def _draw_number(axes: Axes, position: FloatArray, number: int) -> None:
             "linewidth": 0.8,
         },
         zorder=9.5,
+    )
+
+
+# Characters of a reason, and least number in a line; mean width of a letter as a share of its size,
+# with an allowance for the box's edges.
+_MAX_REASON, _MIN_LETTERS, _LETTER_SHARE = 300, 20, 0.65
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A run with other options, or why it has no route."""
+
+    title: str
+    result: RunResult | None
+    failure: str = ""
+
+
+def variants_figure(
+    result: RunResult,
+    season: str,
+    variants: Sequence[Variant],
+    *,
+    with_padding: bool,
+    width_pt: float | None = None,
+) -> Figure:
+    """Draw a season's routes in each variant on a map of its own, with the soft no-go zone.
+
+    A variant without a route says what rejected it: in short in its title, and on its map.
+    """
+    handles = season_map.land_handles(result)
+    if any(_ranked(one, season) for one in variants):
+        handles += [season_map.soft_handle()] if with_padding else []
+        handles += [
+            season_map.line_handle("best", 2.2, "best route"),
+            season_map.line_handle("other", 0.8, "other classes"),
+        ]
+    figure, maps = map_figure(
+        result,
+        handles,
+        titles=[(one.title, _figures(one, season)) for one in variants],
+        columns=len(variants),
+        width_pt=width_pt,
+    )
+    for one, (axes, sea) in zip(variants, maps, strict=True):
+        ranked = _ranked(one, season)
+        layers = [
+            *season_map.chart_layers(axes, one.result or result),
+            *season_map.route_layers(ranked),
+        ]
+        if with_padding and ranked:
+            layers.append(season_map.soft_layer(axes, ranked[0].route.soft_no_go))
+        draw_map(axes, sea, result, layers, [r.route.path for r in ranked])
+        if not ranked:
+            _write_reason(axes, _reason(one, season))
+    return figure
+
+
+def _ranked(variant: Variant, season: str) -> tuple[RankedRoute, ...]:
+    """A variant's routes, best first."""
+    return variant.result.season_routes(season) if variant.result else ()
+
+
+def _reason(variant: Variant, season: str) -> str:
+    """Why a variant has no route, without the remedy."""
+    reason = variant.failure
+    if variant.result is not None:
+        failures = (one.failure for one in variant.result.plans if one.season == season)
+        reason = next(failures, "") or "no route was found"
+    # The figure shows one season only.
+    return re.sub(r"^seasons? '[^:]*': ", "", reason).partition(". ")[0].rstrip(" :")
+
+
+def _write_reason(axes: Axes, reason: str) -> None:
+    """Write why there is no route into the middle of a map."""
+    width_in = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi
+    letters = max(_MIN_LETTERS, int(width_in * POINTS_PER_INCH / (_LETTER_SHARE * SMALL_PT)))
+    lines = textwrap.wrap(drawable(reason, _MAX_REASON), letters)
+    axes.text(
+        0.5,
+        0.5,
+        "\n".join(lines),
+        transform=axes.transAxes,
+        ha="center",
+        va="center",
+        fontsize=SMALL_PT,
+        color=COLOURS["ink"],
+        parse_math=False,
+        zorder=10,
+        bbox={"facecolor": COLOURS["halo"], "edgecolor": COLOURS["frame"], "boxstyle": "round"},
+    )
+
+
+def _figures(variant: Variant, season: str) -> str:
+    """A variant's fuel, length and clearance, or why it has no route."""
+    ranked = _ranked(variant, season)
+    if not ranked:
+        return drawable(f"no route: {_reason(variant, season).partition(': ')[0]}")
+    best = ranked[0].metrics
+    return (
+        f"fuel {fuel(best.fuel)}, {distance(best.length_m)}, clear by {clearance(best.clearance_m)}"
     )

@@ -1,24 +1,174 @@
-"""Maps of seasons: currents, land, the best route's soft no-go zone, and all routes.
+"""Maps of seasons, and their layers: land, no-go zones, hazards, currents and routes.
 
 `season_svg` is for a page, which sets the colours, light or dark; `overview_figure` is for files.
 """
 
 from collections.abc import Sequence
 
+import numpy as np
+import shapely
 from markupsafe import Markup
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import PathPatch
+from matplotlib.patches import Patch, PathPatch
 
-from pipeline.formats.figures import map_layers
-from pipeline.formats.figures.arrows import arrows, speed_scale
-from pipeline.formats.figures.artists import draw_island_labels, in_season_colour, page_svg, patch
+from pipeline._types import ArrayLike, Geometries
+from pipeline.formats.figures.artists import (
+    draw_island_labels,
+    in_season_colour,
+    page_svg,
+    patch,
+    point,
+    stroke,
+)
 from pipeline.formats.figures.chart_map import draw_map, map_figure
+from pipeline.formats.figures.map_marks import arrows, speed_scale
 from pipeline.formats.shared.palette import COLOURS, season_colour
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance, fuel
+
+# Size, points, below which details of the coast are dropped: they can't be seen, and would make up
+# most of a file.
+DETAIL_PT = 0.25
+SOFT_ALPHA = 0.38
+ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
+
+
+def chart_layers(
+    axes: Axes, result: RunResult, within: shapely.Geometry | None = None
+) -> list[Artist]:
+    """Hard no-go zone, over it the original land, shoals and hazards; in detail that can be seen.
+
+    Clipped to an area if one is given. A planar scenario has no no-go zone beside its land.
+    """
+    detail = DETAIL_PT * point(axes)
+    no_go = () if result.scenario.is_planar else result.scene.chart.no_go
+    zones = visible(_clipped(no_go, within), detail)
+    land = visible(_clipped(result.scene.land, within), detail)
+    to_plane = result.scene.projection.geometry_to_plane
+    shoals = to_plane(np.array(result.shoals, dtype=object))
+    hazards = to_plane(np.array(result.hazards, dtype=object))
+    return [
+        *([patch(zones, facecolor=COLOURS["nogo"], edgecolor="none", zorder=3.5)] if no_go else []),
+        patch(
+            land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
+        ),
+        patch(
+            visible(_clipped(shoals, within), detail),
+            facecolor=COLOURS["shoal"],
+            edgecolor="none",
+            zorder=4,
+        ),
+        # The smallest are seen by their edges.
+        patch(
+            _clipped(hazards, within),
+            facecolor=COLOURS["hazard"],
+            edgecolor=COLOURS["hazard"],
+            linewidth=0.8,
+            zorder=4.2,
+        ),
+    ]
+
+
+def soft_layer(axes: Axes, area: shapely.Geometry) -> Artist:
+    """A soft no-go zone, translucent."""
+    visible = shapely.simplify(area, DETAIL_PT * point(axes))
+    return patch(visible, facecolor=COLOURS["soft"], edgecolor="none", alpha=SOFT_ALPHA, zorder=3)
+
+
+def route_layers(routes: Sequence[RankedRoute]) -> list[Artist]:
+    """A season's routes: the best thick on a halo, over all others, which are thin."""
+    best = [one.route.path for one in routes if one.rank == 1]
+    others = [one.route.path for one in reversed(routes) if one.rank > 1]
+    return [
+        *(stroke(path, COLOURS["other"], 0.7, 5) for path in others),
+        *(layer for path in best for layer in haloed(path, COLOURS["best"])),
+    ]
+
+
+def haloed(
+    path: ArrayLike, colour: str, widths_pt: tuple[float, float] = (4.0, 2.2), zorder: float = 7
+) -> list[Artist]:
+    """A route as a line on a wider halo."""
+    halo, width = widths_pt
+    return [stroke(path, COLOURS["halo"], halo, 6), stroke(path, colour, width, zorder)]
+
+
+def zone_layers(result: RunResult) -> list[Artist]:
+    """Restricted areas and traffic schemes, outlined, over the land."""
+    return [
+        patch(
+            area,
+            facecolor=(COLOURS[zone.kind], ZONE_ALPHA),
+            edgecolor=COLOURS[zone.kind],
+            linewidth=0.9,
+            linestyle=ZONE_DASHES,
+            zorder=4.5,
+        )
+        for zone, area in result.open_zones
+    ]
+
+
+def zone_handles(result: RunResult) -> list[Artist]:
+    """Legend of the areas that `zone_layers` draws; empty if there are none."""
+    kinds = {zone.kind for zone, _ in result.open_zones}
+    return [
+        Patch(
+            facecolor=(COLOURS[kind], ZONE_ALPHA),
+            edgecolor=COLOURS[kind],
+            linestyle=ZONE_DASHES,
+            label=text,
+        )
+        for kind, text in (
+            ("restricted", "restricted"),
+            ("traffic", "traffic scheme"),
+            ("shut", "shut area"),
+        )
+        if kind in kinds
+    ]
+
+
+def land_handles(result: RunResult) -> list[Artist]:
+    """Legend of land, of the hard no-go zone, and of shoals and hazards where there are any."""
+    added = [Patch(facecolor=COLOURS["nogo"], label="hard no-go zone")]
+    hazards = [Patch(facecolor=COLOURS["hazard"], label="hazards")]
+    return [
+        Patch(facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], label=result.land_label),
+        *([] if result.scenario.is_planar else added),
+        *([Patch(facecolor=COLOURS["shoal"], label="too shallow")] if result.shoals else []),
+        *(hazards if result.hazards else []),
+    ]
+
+
+def soft_handle(text: str = "soft no-go: the padding") -> Artist:
+    """Legend of a soft no-go zone."""
+    return Patch(facecolor=COLOURS["soft"], alpha=SOFT_ALPHA, label=text)
+
+
+def line_handle(role: str, width_pt: float, text: str) -> Artist:
+    """Legend of a line."""
+    return Line2D([], [], color=COLOURS[role], linewidth=width_pt, label=text)
+
+
+def visible(areas: Geometries, detail: float) -> Geometries:
+    """Simplify areas (n,) by a detail, and drop those smaller than it."""
+    west, south, east, north = shapely.bounds(areas).T
+    return np.asarray(
+        shapely.simplify(areas[np.maximum(east - west, north - south) >= detail], detail)
+    )
+
+
+def _clipped(
+    areas: Sequence[shapely.Geometry] | Geometries, within: shapely.Geometry | None
+) -> Geometries:
+    """Clip areas to another area, if one is given."""
+    areas = np.array(areas, dtype=object)
+    if within is None:
+        return areas
+    near = areas[shapely.intersects(areas, within)]
+    return np.asarray(shapely.intersection(near, within))
 
 
 def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> Markup:
@@ -65,7 +215,7 @@ def _titles(result: RunResult, season: str) -> tuple[str, str]:
 def draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> None:
     """Draw currents, zones, land, routes (if it has any) and frame on a map of `map_figure`."""
     routes = result.season_routes(season)
-    layers = [*_area_layers(axes, result, season), *map_layers.route_layers(routes)]
+    layers = [*_area_layers(axes, result, season), *route_layers(routes)]
     draw_island_labels(axes, result)
     axes.plot(
         *result.scene.projection.to_plane(result.crossings(season, 1)).T,
@@ -83,12 +233,9 @@ def _area_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
             for i, outline in enumerate(outlines)
             if not outline.is_empty
         ),
-        *(
-            map_layers.soft_layer(axes, best.route.soft_no_go)
-            for best in result.season_routes(season)[:1]
-        ),
-        *map_layers.chart_layers(axes, result),
-        *map_layers.zone_layers(result),
+        *(soft_layer(axes, best.route.soft_no_go) for best in result.season_routes(season)[:1]),
+        *chart_layers(axes, result),
+        *zone_layers(result),
     ]
 
 
@@ -106,10 +253,10 @@ def _handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
     ]
     handles: list[Artist] = [
         *bests,
-        map_layers.line_handle("other", 0.8, "other classes"),
-        *map_layers.land_handles(result),
-        map_layers.soft_handle("soft no-go"),
-        *map_layers.zone_handles(result),
+        line_handle("other", 0.8, "other classes"),
+        *land_handles(result),
+        soft_handle("soft no-go"),
+        *zone_handles(result),
     ]
     labels = speed_scale(result).labels
     handles += [

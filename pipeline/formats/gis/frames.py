@@ -1,10 +1,12 @@
-"""Layers as tables, and how they are written into a GeoPackage."""
+"""Layers as tables: their columns with names and meanings, and how a GeoPackage gets them."""
 
 import sqlite3
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from datetime import datetime
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -13,9 +15,20 @@ import numpy.typing as npt
 import shapely
 
 from pipeline._types import ArrayLike, Geometries
-from pipeline.formats.gis.fields import TYPES
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.writing import os_error
+
+_TEXTS: dict[str, dict[str, dict[str, str]]] = tomllib.loads(
+    files("pipeline.formats.gis").joinpath("layers.toml").read_text(encoding="utf-8")
+)
+LAYER_TEXTS = _TEXTS["layers"]
+"""Layer -> its title, description and type of geometry."""
+
+FIELDS = _TEXTS["columns"]
+"""Column -> its name for readers, its meaning, and its type if that is not a float."""
+
+_TYPES = {"text": object, "whole": int, "flag": bool}
+
 
 GeoDataFrame: TypeAlias = Any  # of geopandas, which has no types and takes long to import
 
@@ -53,14 +66,17 @@ def frame(
     import geopandas
 
     counts = [np.size(part) for part in geometry]
-    joined = {
-        name: _joined(values, counts, TYPES.get(name, float)) for name, values in columns.items()
-    }
+    joined = {name: _joined(values, counts, _type_of(name)) for name, values in columns.items()}
     return geopandas.GeoDataFrame(
         joined,
         geometry=_joined(geometry, counts, object),
         crs="EPSG:4326",
     )
+
+
+def _type_of(column: str) -> type:
+    """Type of a column's values."""
+    return _TYPES.get(FIELDS.get(column, {}).get("type", ""), float)
 
 
 def columns_of(records: Sequence[object], *names: str, **renamed: str) -> dict[str, list[Any]]:

@@ -1,27 +1,224 @@
-"""`routes.gpkg`: layers in lon/lat (EPSG:4326), GeoPackage 1.3.
+"""`routes.gpkg`: layers in lon/lat (EPSG:4326), GeoPackage 1.3, with a QGIS project inside.
 
 GDAL writes 1.4 by default, which GDAL 3.6, common on desktops, reads only in part. Lines that
 are straight in the planner's plane are split into short pieces first: a GIS, which draws straight
 lines in degrees, then shows and measures the planned line.
 
-The QGIS project inside refers to the file by its name: the file may be moved, but not renamed.
+The project opens as a finished map. Its layers are listed in a group per season, with land below;
+land is drawn over the soft no-go zones, as in the paper. It refers to the file by its name: the
+file may be moved, but not renamed.
 """
 
+import io
 import json
 import sqlite3
+import textwrap
+import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib.resources import files
 from pathlib import Path
 
-from pipeline.formats.gis.fields import FIELDS
-from pipeline.formats.gis.frames import check_count, dated, opened, system_errors, write_layer
+from pipeline.formats.figures.map_marks import nice_step
+from pipeline.formats.gis.frames import (
+    FIELDS,
+    Layer,
+    check_count,
+    dated,
+    opened,
+    system_errors,
+    write_layer,
+)
 from pipeline.formats.gis.layers import LAYERS
-from pipeline.formats.gis.qgis import project
-from pipeline.formats.gis.qgis.styles import qml
-from pipeline.formats.gis.qgis.view import view
+from pipeline.formats.gis.styles import qml, style
+from pipeline.formats.gis.symbols import Style, clean, one_line, rendered
+from pipeline.formats.gis.view import Bounds, MapCrs, SeasonView, View, lonlat_system, map_crs, view
 from pipeline.formats.manifest import manifest
+from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
+
+# Drawing order, from the top down.
+_DRAWING_ORDER = (
+    *("islands", "shore_crossings", "passage", "routes", "path_points", "contingency", "legs"),
+    *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
+    "depth_areas",
+)
+# Layers of a season's group -> whether the leading season shows them at first.
+_SEASON_LAYERS = {
+    "passage": True,
+    "routes": True,
+    "legs": True,
+    "path_points": False,
+    "contingency": False,
+    "shore_crossings": True,
+    "channels": False,
+    "soft_no_go": True,
+    "currents": True,
+}
+# Geometry type of a layer -> QGIS's name for it.
+_GEOMETRIES = {"LineString": "Line", "Point": "Point", "MultiPolygon": "Polygon"}
+_LAYERS = {layer.name: layer for layer in LAYERS}
+# Maximum number of characters of a line of credits on the map.
+_WRAP = 100
+
+_PAGES_MM = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
+# Margin of a page, and on an A4 page the height of the title and the credits and the width of the
+# legend; on A3 they are larger by the ratio of the pages.
+_MARGIN_MM, _TITLE_MM, _CREDITS_MM, _LEGEND_MM = 10.0, 12.0, 16.0, 62.0
+_NAUTICAL_MILE_M, _METRES_PER_DEGREE = 1852.0, 111_195.0
+# Length of half a scale bar, as a share of the map's width.
+_BAR_SHARE = 1 / 10
+
+
+@dataclass(frozen=True)
+class _ProjectLayer:
+    """A layer of the project: one season's part of a layer of the file, or all of it."""
+
+    layer: Layer
+    view: View
+    season: SeasonView | None
+
+    @property
+    def identity(self) -> str:
+        """The layer's identifier inside the project; QGIS wants more than ten characters."""
+        part = "all_seasons" if self.season is None else f"season_{self.season.number}"
+        return f"{self.layer.name}_{part}"
+
+    @property
+    def is_on(self) -> bool:
+        """Whether it is drawn at first: land, all best routes, and one season in full."""
+        if self.season is None or self.layer.name == "routes":
+            return True
+        return self.season.leads and _SEASON_LAYERS[self.layer.name]
+
+    @property
+    def geometry(self) -> str:
+        """QGIS's name for its type of geometry."""
+        return _GEOMETRIES[self.layer.geometry_type]
+
+    @property
+    def style(self) -> Style:
+        """How it is drawn."""
+        return style(self.layer.name, self.view)
+
+    @property
+    def routes_identity(self) -> str:
+        """Identifier of its season's routes."""
+        return replace(self, layer=_LAYERS["routes"]).identity
+
+    def source(self, file_name: str) -> str:
+        """Data source of its features, relative to the project."""
+        source = f"./{file_name}|layername={self.layer.name}"
+        if self.season is None:
+            return source
+        return f'{source}|subset="season" = {_sql(self.season.name)}'
+
+
+def qgz(
+    result: RunResult, view: View, columns: Mapping[str, Sequence[str]], file_name: str
+) -> bytes:
+    """Write the project as a .qgz; `columns` are those of each layer of the file `file_name`."""
+    crs = map_crs(result)
+    texts = dict.fromkeys(credit.text for credit in result.credits)
+    document = rendered(
+        "project.qgs.jinja",
+        title=one_line(result.scenario.title or result.scenario.name),
+        crs=crs,
+        lonlat=lonlat_system(),
+        layers=_project_layers(replace(view, convergence=crs.convergence)),
+        seasons=view.seasons,
+        season_layers=_SEASON_LAYERS,
+        columns=columns,
+        fields=FIELDS,
+        file_name=file_name,
+        pages=[_page(name, *size_mm, crs) for name, size_mm in _PAGES_MM.items()],
+        water=bytes.fromhex(COLOURS["water"].removeprefix("#")),
+        result=result,
+        credits=clean("\n".join(line for text in texts for line in textwrap.wrap(text, _WRAP))),
+        licences=dict.fromkeys(credit.licence for credit in result.credits if credit.licence),
+    )
+    stamp = result.created.timetuple()[:6]
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        entry = zipfile.ZipInfo("routes.qgs", stamp)
+        entry.compress_type = zipfile.ZIP_DEFLATED
+        archive.writestr(entry, document)
+    return packed.getvalue()
+
+
+def _project_layers(view: View) -> list[_ProjectLayer]:
+    """All layers of the project in their drawing order, the top one first.
+
+    The leading season is below the others, since its best route is wider.
+    """
+    layers = []
+    for name in _DRAWING_ORDER:
+        if name not in _SEASON_LAYERS:
+            layers.append(_ProjectLayer(_LAYERS[name], view, None))
+            continue
+        layers += [
+            _ProjectLayer(_LAYERS[name], replace(view, seasons=(season,)), season)
+            for season in sorted(view.seasons, key=lambda season: season.leads)
+            if season.planned or name == "currents"
+        ]
+    return layers
+
+
+def _sql(text: str) -> str:
+    """Write text for SQL, odd characters in hexadecimal: QGIS parses the text of a source."""
+    if text.replace("-", "").replace("_", "").isalnum():
+        return f"'{text}'"
+    return f"CAST(X'{text.encode('utf-8', 'replace').hex()}' AS TEXT)"
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of a print layout.
+
+    Attributes
+    ----------
+    scale : ratio of its width to an A4 page's; fonts grow by it, too.
+    boxes : item -> its left, top, width and height, mm.
+    bounds : bounds of its map.
+    bar_miles : length of each half of the scale bar, nautical miles.
+    """
+
+    name: str
+    scale: float
+    boxes: dict[str, tuple[float, float, float, float]]
+    bounds: Bounds
+    bar_miles: float
+
+
+def _page(name: str, width: float, height: float, crs: MapCrs) -> Page:
+    """Lay out a page of a width and height in millimetres."""
+    scale = width / _PAGES_MM["A4"][0]
+    title_mm, credits_mm, legend_mm = (s * scale for s in (_TITLE_MM, _CREDITS_MM, _LEGEND_MM))
+    inner = width - 2 * _MARGIN_MM
+    top, low = _MARGIN_MM + title_mm, height - _MARGIN_MM - credits_mm
+    map_mm = inner - legend_mm
+    bounds = _with_ratio(crs.bounds, map_mm / (low - top))
+    unit_m = _METRES_PER_DEGREE if crs.is_lonlat else 1.0
+    boxes = {
+        "page": (0.0, 0.0, width, height),
+        "map": (_MARGIN_MM, top, map_mm, low - top),
+        "title": (_MARGIN_MM, _MARGIN_MM, inner, title_mm),
+        "credits": (_MARGIN_MM, low + 2, inner, credits_mm),
+        "legend": (_MARGIN_MM + map_mm + 2, top, 0.0, 0.0),
+        "map scale": (_MARGIN_MM + 3, low - 16, 60.0, 13.0),
+    }
+    miles = nice_step((bounds[2] - bounds[0]) * unit_m * _BAR_SHARE / _NAUTICAL_MILE_M)
+    return Page(name, scale, boxes, bounds, miles)
+
+
+def _with_ratio(bounds: Bounds, ratio: float) -> Bounds:
+    """Bounds grown about their middle to a ratio of width to height."""
+    xmin, ymin, xmax, ymax = bounds
+    width, height = max(xmax - xmin, ratio * (ymax - ymin)), max(ymax - ymin, (xmax - xmin) / ratio)
+    x, y = (xmin + xmax) / 2, (ymin + ymax) / 2
+    return x - width / 2, y - height / 2, x + width / 2, y + height / 2
+
 
 # Name of the project inside the file, as QGIS lists it.
 PROJECT = "RENEW"
@@ -70,7 +267,7 @@ def _add_records(
     database.execute("UPDATE gpkg_contents SET last_change = ?", stamp)
     database.execute("UPDATE layer_styles SET update_time = ?", stamp)
     database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", stamp)
-    packed = project.qgz(result, map_view, columns, file_name)
+    packed = qgz(result, map_view, columns, file_name)
     _put_project(database, PROJECT, packed, result.created)
 
 
@@ -94,7 +291,7 @@ def _put_meanings(database: sqlite3.Connection, columns: Mapping[str, Sequence[s
         "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description)"
         " VALUES (?, ?, ?, ?, ?)",
         [
-            (layer, name, FIELDS[name].alias, FIELDS[name].alias, FIELDS[name].meaning)
+            (layer, name, FIELDS[name]["alias"], FIELDS[name]["alias"], FIELDS[name]["meaning"])
             for layer, names in columns.items()
             for name in names
         ],

@@ -1,7 +1,7 @@
-"""The layers of a run in lon/lat: names, descriptions and columns."""
+"""The layers of a run in lon/lat; `layers.toml` has their titles and descriptions."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import pyproj
@@ -9,12 +9,85 @@ import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.formats.exchange.nautical import waypoint_name
-from pipeline.formats.gis import chart_layers, frames
-from pipeline.formats.gis.frames import frame, to_lonlat
+from pipeline.formats.gis import frames
+from pipeline.formats.gis.frames import (
+    ZONE_STEP_M,
+    GeoDataFrame,
+    columns_of,
+    frame,
+    multi,
+    to_lonlat,
+)
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
 from pipeline.formats.shared.legs import Legs, legs as planned_legs
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult, continued
+from pipeline.model import Zone
+
+
+def coast(result: RunResult) -> GeoDataFrame:
+    """Land before simplification: the no-go areas without shallow, uncharted or hazardous water.
+
+    Beyond the region it goes on in less detail, so that the map does not show water there.
+    """
+    land = result.fetched.land
+    water = [zone.area for zone in land.zones if zone.kind in {"shoal", "uncharted", "hazard"}]
+    polygons = np.array(land.polygons, dtype=object)
+    if water:
+        # One overlay of everything: a shoal has thousands of vertices, a chart hundreds of islets.
+        left = shapely.difference(shapely.union_all(polygons), shapely.union_all(water))
+        polygons = shapely.get_parts(left)
+        polygons = polygons[shapely.area(polygons) > 0]
+    return _counted(continued(polygons, np.array(result.fetched.surroundings, dtype=object)))
+
+
+def region_edge(result: RunResult) -> GeoDataFrame:
+    """Edge of the region, or of a plane's extent."""
+    edge = shapely.boundary(np.array([result.scene.chart.extent], dtype=object))
+    return frame([result.scene.projection.geometry_to_lonlat(edge, ZONE_STEP_M)], {})
+
+
+def hazards(result: RunResult) -> GeoDataFrame:
+    """Rocks, wrecks and the like, with the room around them."""
+    return _zones(zone for zone in result.fetched.land.zones if zone.kind == "hazard")
+
+
+def chart_areas(result: RunResult) -> GeoDataFrame:
+    """Shallow, uncharted and restricted areas, and traffic schemes."""
+    return _zones(zone for zone in result.fetched.land.zones if zone.kind != "hazard")
+
+
+def depth_areas(result: RunResult) -> GeoDataFrame:
+    """Areas of equal depth."""
+    found = result.fetched.land.depth_areas
+    columns = columns_of(found, "kind", depth_min_m="least_m", depth_max_m="greatest_m")
+    return frame(multi([one.area for one in found]), columns)
+
+
+def islands(result: RunResult) -> GeoDataFrame:
+    """Points on the islands by which ways are told apart."""
+    islands = result.evaluation.islands
+    places = np.array([[island.x, island.y] for island in islands]).reshape(-1, 2)
+    points = shapely.points(result.scene.projection.to_lonlat(places))
+    return frame(points, columns_of(islands, "number", "name"))
+
+
+def no_go(result: RunResult) -> GeoDataFrame:
+    """Hard no-go zone, the same in every season."""
+    return _counted(result.simplified.polygons)
+
+
+def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
+    """Areas of the chart, with their kinds, names and rules."""
+    found = list(zones)
+    return frame(multi([zone.area for zone in found]), columns_of(found, "kind", "name", "rule"))
+
+
+def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> GeoDataFrame:
+    """Areas with their numbers of vertices."""
+    vertices = shapely.get_num_coordinates(np.array(polygons, dtype=object))
+    return frame(multi(polygons), {"vertices": vertices})
+
 
 # Maximum distance, true metres, between a leg and the line drawn for it.
 _ERROR_M = 1.0
@@ -221,137 +294,24 @@ def _shown(collided: BoolArray) -> IndexArray:
     return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))
 
 
-LAYERS = (
-    frames.Layer(
-        "routes",
-        "Routes",
-        "Least-fuel route of each homotopy class; rank 1 is the season's best. length_m and "
-        "clearance_m are in true metres. fuel and fuel_per_distance are in the planner's scaled "
-        "units. optimality_gap is a share of the fuel. trials is the number of hard-over turns "
-        "that were simulated; collisions is the number of these turns that met land or another "
-        "no-go area.",
-        "LineString",
-        _routes,
-    ),
-    frames.Layer(
-        "passage",
-        "Waypoints",
-        "Waypoints of the routes, as in RTZ and GPX: few, and clear of the soft no-go zones; each "
-        "with the leg that leaves it: course in degrees true, length in metres, time since "
-        "departure in seconds, mean speed over ground in m/s.",
-        "Point",
-        passage,
-    ),
-    frames.Layer(
-        "legs",
-        "Cross-track limits",
-        "The water beside each leg of a route within its cross-track limits, which stays out of "
-        "the soft no-go zone; none where start or goal lie in the soft no-go zone.",
-        "MultiPolygon",
-        legs,
-    ),
-    frames.Layer(
-        "path_points",
-        "Points of the planned path",
-        "Vertices of the routes as planned, each with the leg that leaves it: course in degrees "
-        "true, length in metres, time since departure in seconds, speed over ground in m/s.",
-        "Point",
-        _path_points,
-    ),
-    frames.Layer(
-        "channels",
-        "Channels",
-        "Channel of triangles of each class; a rejected class has rank 0 and a reason.",
-        "MultiPolygon",
-        _channels,
-    ),
-    frames.Layer(
-        "islands",
-        "Islands",
-        "Islands by which the ways of the routes are told apart: their numbers in homotopy "
-        "classes, and their names in the chart, if it has any.",
-        "Point",
-        chart_layers.islands,
-    ),
-    frames.Layer(
-        "coast",
-        "Land",
-        "Land as the source has it, before simplification; outside the region, beyond 20 km, "
-        "simplified.",
-        "MultiPolygon",
-        chart_layers.coast,
-    ),
-    frames.Layer(
-        "region",
-        "Edge of the region",
-        "Edge of the region that was planned in: no route leaves it, and beyond it the map has "
-        "land in less detail, but no other areas and no currents.",
-        "LineString",
-        chart_layers.region_edge,
-    ),
-    frames.Layer(
-        "hazards",
-        "Hazards",
-        "Rocks, wrecks, obstructions and marks of the chart in water that is deep enough, with the "
-        "room that is left around them: no-go.",
-        "MultiPolygon",
-        chart_layers.hazards,
-    ),
-    frames.Layer(
-        "chart_areas",
-        "Areas of the chart",
-        "Water too shallow for the vessel and areas that no chart covers, both no-go; restricted "
-        "areas and traffic schemes, which may be entered; shut areas, with their hours.",
-        "MultiPolygon",
-        chart_layers.chart_areas,
-    ),
-    frames.Layer(
-        "depth_areas",
-        "Depths",
-        "Depth areas and dredged areas of the chart, by their least and greatest depth in metres "
-        "at chart datum; none of a chart without depths.",
-        "MultiPolygon",
-        chart_layers.depth_areas,
-    ),
-    frames.Layer(
-        "no_go",
-        "Hard no-go zone",
-        "All that no route may enter, as the planner uses it: simplified, and covering all of the "
-        "source's land, shallow water and hazards.",
-        "MultiPolygon",
-        chart_layers.no_go,
-    ),
-    frames.Layer(
-        "soft_no_go",
-        "Soft no-go zones",
-        "Water that a route avoids so that no hard-over turn can reach the hard no-go zone; "
-        "padding in true metres.",
-        "MultiPolygon",
-        _soft_no_go,
-    ),
-    frames.Layer(
-        "currents",
-        "Currents",
-        "Surface current: u towards east, v towards north and speed in m/s; direction towards "
-        "which it sets, in degrees true.",
-        "Point",
-        _currents,
-    ),
-    frames.Layer(
-        "contingency",
-        "Contingency manoeuvres",
-        "Points from which hard-over turns were simulated along each route, and whether one met "
-        "land or another no-go area: all points where one did, and at most 2000 others per route.",
-        "Point",
-        _contingency,
-    ),
-    frames.Layer(
-        "shore_crossings",
-        "Land of another shoreline",
-        "Places where a route crosses water of this chart that is land in a second, independent "
-        "shoreline (GSHHG): check them on an official chart. length_m is the length of the route's "
-        "part over that land, true metres.",
-        "Point",
-        _shore_crossings,
-    ),
+_FRAMES: dict[str, Callable[[RunResult], frames.GeoDataFrame]] = {
+    "routes": _routes,
+    "passage": passage,
+    "legs": legs,
+    "path_points": _path_points,
+    "channels": _channels,
+    "islands": islands,
+    "coast": coast,
+    "region": region_edge,
+    "hazards": hazards,
+    "chart_areas": chart_areas,
+    "depth_areas": depth_areas,
+    "no_go": no_go,
+    "soft_no_go": _soft_no_go,
+    "currents": _currents,
+    "contingency": _contingency,
+    "shore_crossings": _shore_crossings,
+}
+LAYERS = tuple(
+    frames.Layer(name, **texts, frame=_FRAMES[name]) for name, texts in frames.LAYER_TEXTS.items()
 )

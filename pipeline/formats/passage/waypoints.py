@@ -8,8 +8,13 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.passage.cross_track_limits import cross_track_limits, turning_radii
-from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor, safe_corridor
+from pipeline.formats.passage.safe_corridor import (
+    Obstacles,
+    SafeCorridor,
+    cross_track_limits,
+    safe_corridor,
+    turning_radii,
+)
 from pipeline.formats.passage.thinning import thin
 from pipeline.formats.passage.tracks import (
     DECIMALS,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pipeline.formats.figures.arrows import has_arrows, speed_scale
+from pipeline.formats.figures.map_marks import has_arrows, speed_scale
 from pipeline.formats.manifest import versions
 from pipeline.formats.report.assets import content_hash, leaflet_style, script, style_colours
 from pipeline.formats.report.encode import json_for_script, place_on_map

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.formats.figures.arrows import SpeedScale, arrows, speed_scale
+from pipeline.formats.figures.map_marks import SpeedScale, arrows, speed_scale
 from pipeline.formats.shared.result import RunResult
 
 

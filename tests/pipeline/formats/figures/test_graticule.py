@@ -8,7 +8,7 @@ import pytest
 import shapely
 from hypothesis import given, strategies as st
 
-from pipeline.formats.figures.graticule import graticule, nice_step, scale_bar_m
+from pipeline.formats.figures.map_marks import graticule, nice_step, scale_bar_m
 from pipeline.geo.projection import Projection
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import renew
+from pipeline.formats.figures.method import Variant, variants_figure
 from pipeline.formats.figures.turning import (
     NothingToDrawError,
     reach_figure,
     turn_tracks,
     turns_figure,
 )
-from pipeline.formats.figures.variants import Variant, variants_figure
 from pipeline.formats.shared.result import RunResult
 
 

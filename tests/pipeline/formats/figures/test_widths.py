@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 from pipeline.formats.figures.kinds import Kind, Width, figure
-from pipeline.formats.figures.variants import Variant
+from pipeline.formats.figures.method import Variant
 from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import small_run

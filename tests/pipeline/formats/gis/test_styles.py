@@ -15,8 +15,8 @@ from hypothesis import given, strategies as st
 from lxml import etree
 
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.gis.qgis.symbols import Rule, Style, clean, literal, rendered
-from pipeline.formats.gis.qgis.view import map_crs
+from pipeline.formats.gis.symbols import Rule, Style, clean, literal, rendered
+from pipeline.formats.gis.view import map_crs
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.writing import xml_text

@@ -7,8 +7,12 @@ import pytest
 import shapely
 
 import renew
-from pipeline.formats.passage.cross_track_limits import cross_track_limits, turning_radii
-from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor
+from pipeline.formats.passage.safe_corridor import (
+    Obstacles,
+    SafeCorridor,
+    cross_track_limits,
+    turning_radii,
+)
 from pipeline.formats.passage.tracks import Tracks
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene

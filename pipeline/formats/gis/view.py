@@ -9,7 +9,7 @@ import pyproj
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.formats.figures.arrows import SpeedScale, speed_scale
+from pipeline.formats.figures.map_marks import SpeedScale, speed_scale
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.earth import METRES_PER_DEGREE

@@ -205,7 +205,7 @@ def literal(text: str) -> str:
 @cache
 def _environment() -> Environment:
     """Load the templates."""
-    loaded = xml_environment("pipeline.formats.gis.qgis")
+    loaded = xml_environment("pipeline.formats.gis")
     loaded.filters.update(
         clean=clean,
         g=lambda value: f"{value:g}",

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
-from pipeline.formats.gis.fields import FIELDS
-from pipeline.formats.gis.qgis.symbols import (
+from pipeline.formats.gis.frames import FIELDS
+from pipeline.formats.gis.symbols import (
     Label,
     Rule,
     Style,
@@ -18,7 +18,7 @@ from pipeline.formats.gis.qgis.symbols import (
     one_line,
     rendered,
 )
-from pipeline.formats.gis.qgis.view import SeasonView, View
+from pipeline.formats.gis.view import SeasonView, View
 from pipeline.formats.shared.palette import COLOURS
 
 _Symbol: TypeAlias = Callable[[SeasonView], SymbolLayer]
