@@ -12,7 +12,7 @@ import shapely
 
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
-from renew.classes.dual_graph import Channel
+from renew.classes.dual_graph import Channel, visits
 from renew.errors import (
     MomentSpelling,
     PlaceSpelling,
@@ -24,7 +24,6 @@ from renew.errors import (
     in_seconds,
 )
 from renew.inputs.chart import ShutArea
-from renew.kernels.traversal import visits
 from renew.voyage.voyage import Voyage
 
 # Width of the map, CSS pixels; its height follows, up to twice as much.

@@ -8,11 +8,10 @@ import numpy as np
 
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.dual_graph import Channel, RoughPath
+from renew.classes.dual_graph import Channel, RoughPath, visits
 from renew.errors import InfeasibleError, Strait
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.kernels.ground_speed import Polar
-from renew.kernels.traversal import visits
 from renew.kernels.viterbi import Stream
 from renew.paths.sections import FreeParts, Sections, free_intervals, free_parts, sections_of
 from renew.turns.padding_model import PaddedEdges

@@ -17,7 +17,7 @@ from renew._types import BoolArray, FloatArray
 from renew.kernels.capsules import Segment, legs_are_clear
 from renew.kernels.current_table import Site, site_of, velocity_there
 from renew.kernels.viterbi import Stream, arrivals, leg_time, leg_time_from
-from renew.paths.refinement import Water
+from renew.paths.sections import Water
 
 # Step of the differences, as a share of the shorter leg beside a point, and the shortest leg that
 # counts, as a share of the path.

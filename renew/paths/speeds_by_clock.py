@@ -1,33 +1,234 @@
 """Choose speeds along a given path for least fuel until a deadline, in a changing current.
 
+Least fuel is first searched over places and times together (:mod:`renew.kernels.cheapest_chain`),
+which finds the right tide. Then the speeds are improved (:mod:`renew.kernels.cheapest_speeds`), and
+an augmented Lagrangian keeps the deadline (Nocedal & Wright, Numerical Optimization, 2006, 17.3);
+its multiplier is the price of time at the end. Everything uses the current's table.
+
 In a steady current the price of time is constant along the path (:mod:`renew.paths.speed_profile`).
 In a changing current the price varies, because a later passage meets another current: it may pay to
-slow down and let a tide turn, or to hurry and catch it. The speeds come from
-:mod:`renew.paths.timed_path`. Neighbouring legs with similar speeds are then joined, and their
-speeds are improved until the current itself, not only its table, meets the deadline.
-
-The path is then refined at these speeds on transversals, as in :mod:`renew.paths.least_fuel_path`,
-but in windows of both place and time, which narrow from pass to pass. Fuel is minimised subject to
-the deadline. The new path passes land as the given one does, or nearly so.
+slow down and let a tide turn, or to hurry and catch it. At last neighbouring legs with similar
+speeds are joined, and their speeds are improved until the current itself, not only its table, meets
+the deadline.
 """
 
 import math
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 
-from renew._types import FloatArray
-from renew.kernels.capsules import capsules_near
-from renew.kernels.cheapest_chain import legs_between
+from renew._compiled import for_kernels
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.kernels.cheapest_chain import Chain, Errand, cheapest_chain
+from renew.kernels.cheapest_speeds import Purpose, Sailed, cheapest_speeds, sailed
 from renew.kernels.ground_speed import sailing_at
-from renew.kernels.viterbi import Stream
-from renew.paths.corridor import Corridor
-from renew.paths.least_fuel_path import BEND, MIN_SPACING, length_of, simplified
-from renew.paths.refinement import Water, points_beside, with_transversals, without_detours
+from renew.kernels.viterbi import Stream, arrivals
 from renew.paths.speed_profile import SpeedProfile, alike_legs
-from renew.paths.timed_path import TimedPath
 from renew.voyage.fuel import passage
-from renew.voyage.voyage import Voyage, shares
+from renew.voyage.voyage import Voyage
+
+# Minimum and maximum number of rows of a path, and number of clock steps between two rows.
+_ROWS, _MAX_ROWS, _STEPS_A_ROW = 96, 400, 3.0
+# Number of times at which the least fuel is known in a row, and of speeds tried per leg.
+_TIMES, _TRIES = 48, 6
+# Least width of a window of times, as a share of the duration at the highest speed.
+_NARROWEST = 1e-6
+# Price of lateness, as a multiple of k vᵏ at the highest speed v: so high that lateness never pays.
+_LATE = 3.0
+# Rounds to find the multiplier; lateness that the first and the last change of it allow, as shares
+# of the duration.
+_ROUNDS, _FIRST_LATE, _LATE_AT_LAST = 12, 0.02, 1e-7
+# Number of constant speeds tried, and of halvings between two of them.
+_CONSTANT, _HALVINGS = 24, 30
+
+
+class TimedPath:
+    """A path cut into rows or, `as_it_is`, with its own points as rows. Fuel is divided by α.
+
+    `rows` (r + 1, 2), m; `own_leg` (r,) is the path's leg between each pair of rows.
+    """
+
+    def __init__(self, path: FloatArray, voyage: Voyage, *, as_it_is: bool = False) -> None:
+        self._voyage = voyage
+        legs = np.diff(path, axis=0)
+        lengths = np.linalg.norm(legs, axis=1)
+        length, step = lengths.sum(), _STEPS_A_ROW * voyage.clock.step
+        longest = length if as_it_is else max(min(length / _ROWS, step), length / _MAX_ROWS)
+        pieces = np.maximum(1, np.ceil(lengths / longest).astype(int))
+        leg = np.repeat(np.arange(len(legs)), pieces)
+        place = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
+        self.own_leg: IntArray = leg
+        self.rows = for_kernels(np.vstack([path[leg] + place[:, None] * legs[leg], path[-1:]]))
+
+    @property
+    def every(self) -> IntArray:
+        """Legs (r,) if every row has its own speed."""
+        return np.arange(len(self.own_leg))
+
+    def errand(self, deadline: float = math.inf) -> Errand:
+        """Return the vessel's errand, with a deadline (s) or with the last useful arrival."""
+        vessel, voyage = self._voyage.vessel, self._voyage
+        return Errand(
+            vessel.speed,
+            voyage.drift == "crab",
+            vessel.fuel_exponent,
+            voyage.clock.step,
+            min(deadline, self.last_arrival),
+            _LATE * vessel.fuel_exponent * vessel.speed**vessel.fuel_exponent,
+        )
+
+    def arrivals(self, speed: float) -> FloatArray:
+        """Return the times (r + 1,), s, at the rows at a constant speed (m/s)."""
+        voyage = self._voyage
+        polar = sailing_at(speed, voyage.drift == "crab", voyage.vessel.speed)
+        return np.asarray(arrivals(self.rows, Stream(voyage.table, polar, voyage.clock)))
+
+    @cached_property
+    def constant(self) -> tuple[float, float]:
+        """Return the constant speed (m/s) of least fuel that is in time, and its fuel.
+
+        If no speed is in time, it is the highest.
+        """
+        deadline, (least, most) = self._voyage.deadline, self.speeds
+        tried = np.geomspace(most, least, _CONSTANT).tolist()
+        found = [self._at_constant(speed) for speed in tried]
+        # The slowest speed that is just in time lies between two of them.
+        for at in np.flatnonzero(np.diff([arrival <= deadline for arrival, _ in found])).tolist():
+            low, high = tried[at + 1], tried[at]
+            for _ in range(_HALVINGS):
+                middle = (low + high) / 2
+                is_late = self._at_constant(middle)[0] > deadline
+                low, high = (middle, high) if is_late else (low, middle)
+            tried.append(high)
+            found.append(self._at_constant(high))
+        fuels = [fuel if arrival <= deadline else math.inf for arrival, fuel in found]
+        best = int(np.argmin(fuels))
+        return tried[best], found[best][1]
+
+    def _at_constant(self, speed: float) -> tuple[float, float]:
+        """Return arrival (s) and fuel at a constant speed (m/s)."""
+        arrival = float(self.arrivals(speed)[-1])
+        under_way = arrival - self._voyage.departure
+        return arrival, under_way * float(speed**self._voyage.vessel.fuel_exponent)
+
+    @cached_property
+    def last_arrival(self) -> float:
+        """Return the time (s) after which no voyage of least fuel arrives, without a deadline.
+
+        Even at the lowest speed, a longer voyage burns more than a known one.
+        """
+        voyage = self._voyage
+        burnt = voyage.choice.least**voyage.vessel.fuel_exponent
+        slowest = voyage.departure + self.constant[1] / burnt
+        return float(min(slowest, voyage.current.span[1]))
+
+    def chain(self, deadline: float) -> Chain:
+        """Return the chain of least fuel over places and times that meets a deadline (s)."""
+        rows = len(self.rows)
+        early, late = self.window(deadline)
+        clear = np.ones((rows - 1, 1, 1), dtype=np.bool_)
+        every = np.tile(self.speeds, (rows - 1, 1))
+        points = self.rows[:, None].copy()
+        return self.cheapest(points, clear, np.linspace(early, late, _TIMES).T, every, deadline)
+
+    def cheapest(
+        self,
+        points: FloatArray,
+        clear: BoolArray,
+        times: FloatArray,
+        speeds: FloatArray,
+        deadline: float,
+    ) -> Chain:
+        """Return the chain of least fuel over points (r + 1, m, 2), if legs (r, m, m) are clear.
+
+        Least fuel is computed at `times` (r + 1, q), s; `speeds` (r, 2), m/s, are each leg's
+        limits.
+        """
+        times[0] = self._voyage.departure
+        table, errand = self._voyage.table, self.errand(deadline)
+        rows = (for_kernels(points), clear, for_kernels(times), for_kernels(speeds))
+        return Chain(*cheapest_chain(*rows, _TRIES, table, errand))
+
+    @property
+    def can_be_made(self) -> bool:
+        """Whether the highest speed reaches the end, by the table of the current."""
+        return math.isfinite(self.arrivals(self.speeds[1])[-1])
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Lowest and highest speed (m/s)."""
+        return self._voyage.choice.least, self._voyage.vessel.speed
+
+    def window(self, deadline: float) -> tuple[FloatArray, FloatArray]:
+        """Return the earliest and latest times (r + 1,), s, at the rows that meet a deadline."""
+        least, most = self.speeds
+        early = self.arrivals(most)
+        slack = max(min(deadline, self.last_arrival) - early[-1], 0.0)
+        late = np.minimum(early + slack, self.arrivals(least))
+        return early, np.maximum(late, early + _NARROWEST * (early[-1] - early[0]))
+
+    def sailed(self, speeds: FloatArray) -> Sailed:
+        """Sail the rows at speeds (r,), m/s."""
+        voyage = self._voyage
+        return Sailed(*sailed(self.rows, speeds, voyage.departure, voyage.table, self.errand()))
+
+    def fuel(self, speeds: FloatArray) -> float:
+        """Return the fuel at speeds (r,), m/s."""
+        exponent = self._voyage.vessel.fuel_exponent
+        return float((speeds**exponent * np.diff(self.sailed(speeds).times)).sum())
+
+    def least_fuel(
+        self,
+        speeds: FloatArray,
+        legs: IntArray,
+        deadline: float,
+        price: float = math.nan,
+        rounds: int = _ROUNDS,
+    ) -> tuple[FloatArray, float]:
+        """Return speeds (l,) of legs (r,) with least fuel, near given ones, and the price of time.
+
+        The price, also the first guess, is divided by α. Post-condition: the end is reached nearly
+        by the deadline, if that is possible and the rounds are enough.
+        """
+        exponent, (least, most) = self._voyage.vessel.fuel_exponent, self.speeds
+        first = np.flatnonzero(np.diff(legs, prepend=-1))
+        if not math.isfinite(self.sailed(speeds[legs]).times[-1]):
+            # Too slow for some water: begin at the highest speed.
+            speeds = np.full(len(speeds), most)
+        times = np.diff(self.sailed(speeds[legs]).times)
+        total = float(times.sum())
+        if not math.isfinite(total):
+            return speeds, exponent * most**exponent
+        mean = float((speeds[legs] * times).sum() / total)
+        # In these units a change of any leg's speed costs about the same.
+        scale = np.sqrt(np.maximum(np.add.reduceat(times, first) / total, 1e-12))
+        unit = mean**exponent * total
+        usual = max(exponent - 1, 0.1) * mean**exponent
+        price = usual if math.isnan(price) else price
+        stiffness = usual / (_FIRST_LATE * total)
+        low, high = least * scale, most * scale
+        for _ in range(rounds):
+            purpose = Purpose(
+                self.rows,
+                legs,
+                scale,
+                low,
+                high,
+                self._voyage.departure,
+                self._voyage.table,
+                self.errand(),
+                deadline,
+                price,
+                stiffness,
+                unit,
+            )
+            speeds = cheapest_speeds(purpose, np.clip(speeds * scale, low, high)) / scale
+            late = float(self.sailed(speeds[legs]).times[-1]) - deadline
+            before, price = price, max(0.0, price + stiffness * late)
+            if abs(late) <= _LATE_AT_LAST * total or before == price == 0:
+                break
+        return speeds, price
+
 
 # Rounds that adjust the table's deadline so that the real current meets the real one, and largest
 # early arrival, as a share of the duration.
@@ -133,82 +334,3 @@ def _flown(path: FloatArray, speeds: FloatArray, voyage: Voyage) -> SpeedProfile
     rate = vessel.fuel_coefficient * speeds**vessel.fuel_exponent
     fuel = float((rate * np.diff(at_points)).sum()) if math.isfinite(at_points[-1]) else math.inf
     return SpeedProfile(path, speeds, at_points, fuel, math.inf)
-
-
-class _Pass(NamedTuple):
-    """A pass over transversals: half-width and spacing (shares of the path), points on each.
-
-    Legs beside a turn of more than `bend` (rad) are halved. In each row the least fuel is computed
-    at `times` times, which span a share `leeway` of the possible times of passage.
-    """
-
-    window: float
-    spacing: float
-    points: int
-    bend: float
-    times: int
-    leeway: float
-
-
-_PASSES = (
-    _Pass(0.1, 1 / 30, 9, math.inf, 24, 1.0),
-    _Pass(0.03, 1 / 60, 7, math.inf, 14, 0.4),
-    *(_Pass(0.012 * 0.42**step, 1 / 80, 7, BEND, 11, 0.2 * 0.6**step) for step in range(3)),
-)
-
-
-def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
-    """Return a path (n, 2) near a profile's path; it nearly always needs less fuel.
-
-    Post-condition: that of :func:`renew.paths.least_fuel_path.refined_path`, if the profile met it.
-    """
-    voyage = corridor.voyage
-    closest = MIN_SPACING * voyage.vessel.turning_radius
-    keep_whole = np.asarray(corridor.exempt.any(axis=1))
-    mean = length_of(profile.path) / float(profile.times[-1] - profile.times[0])
-    polar = sailing_at(min(mean, voyage.vessel.speed), voyage.drift == "crab", voyage.vessel.speed)
-    water = Water(Stream(voyage.table, polar, voyage.clock), corridor.search_capsules)
-    schedule = shares(profile.path), profile.times
-    path = without_detours(profile.path, 2 * _PASSES[0].spacing * length_of(profile.path), water)
-    best, least = path, math.inf
-    for one in _PASSES:
-        length = length_of(path)
-        path = with_transversals(path, one.spacing * length, one.bend, closest, keep_whole)
-        if len(path) < len(("start", "between", "goal")):
-            break
-        near = capsules_near(water.capsules, path, one.window * length)
-        beside, exempt = water.near(near).capsules, corridor.exempt[:, near].copy()
-        points = points_beside(path, one.window * length, one.points, beside)
-        way = TimedPath(path, voyage, as_it_is=True)
-        if not way.can_be_made:
-            continue
-        passed = np.interp(shares(path), *schedule)
-        chain = way.cheapest(
-            points,
-            legs_between(points, beside, exempt),
-            _times(way.window(voyage.deadline), passed, one, one.window * length / mean),
-            np.tile(way.speeds, (len(path) - 1, 1)),
-            voyage.deadline,
-        )
-        if not math.isfinite(chain.cost):
-            continue
-        path = points[np.arange(len(points)), chain.points]
-        schedule = shares(path), chain.times
-        path = without_detours(path, 2 * one.spacing * length, water.near(near))
-        if chain.cost < least:
-            best, least = path, chain.cost
-    return simplified(corridor, best)
-
-
-def _times(
-    allowed: tuple[FloatArray, FloatArray], passed: FloatArray, one: _Pass, sideways: float
-) -> FloatArray:
-    """Return the times (n, q), s, at which the least fuel is computed in each row of a pass.
-
-    They are centred on the row's earlier time of passage, `passed` (n,), or, with a leeway of 1, on
-    the middle of the `allowed` times. They extend by a further `sideways` (s) on both sides.
-    """
-    early, late = allowed
-    middle = (early + late) / 2 if one.leeway == 1 else passed
-    half = one.leeway * (late - early) / 2 + sideways
-    return np.linspace(middle - half, middle + half, one.times).T

@@ -18,15 +18,13 @@ from renew.errors import (
 )
 from renew.inputs.chart import ShutArea
 from renew.paths.least_fuel_path import refined_path
-from renew.planner.areas import meets, unavoidable, without_meeting
-from renew.planner.attempts import near_rough
-from renew.planner.classes import ClassSearch
+from renew.planner.classes import ClassSearch, meets, unavoidable, without_meeting
 from renew.planner.diagnosis import no_class_error
+from renew.planner.grow import near_rough
 from renew.planner.one_class import ClassPath, ClassPlanner
-from renew.planner.task import Task
+from renew.planner.task import Task, check_current_at_endpoints
 from renew.results import Departed, Plan, Rejected
 from renew.steering.steer_in_corridor import steer_as_drawn
-from renew.voyage.checks import check_current_at_endpoints
 
 # A later departure's path is also sailed from the departure before if this arrives earlier by more
 # than this share of the duration, which excludes rounding.

@@ -1,23 +1,31 @@
-"""Grow padding until it is enough for a path's own triangles and for its hard-over turns.
+"""Find a class's least-fuel path that can be steered, and grow the padding until it is enough.
 
 The padding of a class is first set for its channel. A path that bulges out of the channel, or a
 turn in a perturbed current, may need more. The edges concerned then get more, and the class is
 planned again.
 """
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol, TypeAlias, TypeVar
 
+import numpy as np
+import shapely
+
 from renew._types import FloatArray, IntArray
+from renew.classes.dual_graph import visits
 from renew.errors import InfeasibleError
 from renew.inputs.options import PlanOptions
-from renew.kernels.traversal import visits
+from renew.kernels.current_table import velocities
+from renew.kernels.ground_speed import chosen_speeds
 from renew.paths.corridor import Corridor
+from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.planner.problem import Problem
+from renew.steering.steer_in_corridor import steer_in_corridor, steer_thinned_in_places
 from renew.turns.padding_model import PaddingModel
-from renew.turns.passage_windows import passage_windows
-from renew.turns.verification import colliding_edges, risky_edges
+from renew.turns.verification import colliding_edges, passage_windows, risky_edges
 
 _Shortfall: TypeAlias = tuple[IntArray, FloatArray]
 """Constrained edges, and the amount by which the padding of each is too small (m)."""
@@ -129,3 +137,181 @@ def _any(short: Iterable[_Shortfall | None]) -> Shortfalls | None:
     """Return the shortfalls of all parts, or None if no part has one."""
     found = tuple(short)
     return found if any(one is not None for one in found) else None
+
+
+# Growth of padding from which a path may be bad. In a changing current padding grows by some per
+# cent in each round, because the hours of passage differ from the rough path's.
+_MUCH = 1.1
+# Ratio of a path's fuel to the rough path's from which padding has pushed the path away. The rough
+# path itself needs a little more fuel than necessary.
+_PUSHED_OFF = 1.005
+# Largest distance, as a share of a path, from which a rough path still leads to that path.
+_CLOSE = 0.0125
+
+
+_Attempt: TypeAlias = Callable[[], tuple[Corridor, FloatArray]]
+"""Finds a path (n, 2) of a class, and the corridor with the path's padding."""
+
+
+def attempts(
+    corridor: Corridor, near: FloatArray | None, growth: PaddingGrowth
+) -> Iterator[_Attempt]:
+    """Yield functions that find a path in a class, the most likely to be steerable first.
+
+    If a path (n, 2) `near` is given, it is refined first. Above a head current of v/2, Eq. 4 as
+    published rewards tacking, because v + c·T is then no convex speed polar; such paths can't be
+    steered. The crab model's path is then tried last, without room to turn: making that room would
+    double the time for a class that can't be sailed anyway.
+    """
+    if near is not None:
+        yield partial(_refined, corridor, near)
+    for polar in dict.fromkeys((corridor.polar, corridor.polar._replace(crab=True))):
+        own = replace(corridor, polar=polar)
+        yield partial(_near_rough_or_bulging, own, growth)
+        for rough in (_bulging, path_through_sections):
+            yield partial(path_from, own, rough, growth)
+
+
+def _near_rough_or_bulging(
+    corridor: Corridor, growth: PaddingGrowth
+) -> tuple[Corridor, FloatArray]:
+    """Return the corridor and the least-fuel path (n, 2) near the rough path of the class.
+
+    In three cases the path near the best one within the channel is also searched, and the cheaper
+    of both is returned: the first path needs much more padding, which then stays; padding pushes
+    the first path away from the rough one; or tacking pays.
+    """
+    near = path_from(corridor, near_rough, growth)
+    is_doubtful = _is_much_wider(near[0], corridor) or _pays_tacking(*near)
+    if not (is_doubtful or _is_pushed_off(*near)):
+        return near
+    with contextlib.suppress(InfeasibleError):
+        rough = _bulging(corridor)
+        if is_doubtful or not _leads_to(rough, near[1]):
+            bulging = _path_near(rough, corridor, _bulging, growth)
+            return min(near, bulging, key=lambda found: corridor.voyage.fuel(found[1]))
+    return near
+
+
+def path_from(
+    corridor: Corridor, rough_path: Callable[[Corridor], FloatArray], growth: PaddingGrowth
+) -> tuple[Corridor, FloatArray]:
+    """Return the path's padded corridor, and the least-fuel path (n, 2) near a rough one."""
+    return _path_near(rough_path(corridor), corridor, rough_path, growth)
+
+
+def _path_near(
+    rough: FloatArray,
+    corridor: Corridor,
+    rough_path: Callable[[Corridor], FloatArray],
+    growth: PaddingGrowth,
+) -> tuple[Corridor, FloatArray]:
+    """Return the path near a rough one; if more padding shuts that, near another rough path."""
+    fitted = growth.fitted(corridor, rough)
+    if fitted is corridor:
+        return _refined(corridor, rough)
+    try:
+        return _refined(fitted, rough)
+    except InfeasibleError:
+        return _refined(fitted, rough_path(fitted))
+
+
+def _is_pushed_off(corridor: Corridor, path: FloatArray) -> bool:
+    """Whether a path (n, 2) needs clearly more fuel than the rough path of its class."""
+    voyage = corridor.voyage
+    rough = corridor.channel.rough_path(voyage.start, voyage.goal)
+    return voyage.fuel(path) > _PUSHED_OFF * voyage.fuel(rough)
+
+
+def _leads_to(rough: FloatArray, path: FloatArray) -> bool:
+    """Whether a rough path runs so close to a least-fuel one (n, 2) that it would end there."""
+    one, other = shapely.linestrings(rough), shapely.linestrings(path)
+    return bool(shapely.hausdorff_distance(one, other) < _CLOSE * shapely.length(other))
+
+
+def _pays_tacking(corridor: Corridor, path: FloatArray) -> bool:
+    """Whether Eq. 4 rewards tacking somewhere on a path (n, 2): in a head current above v/2."""
+    if corridor.polar.crab:
+        return False
+    legs, voyage = np.diff(path, axis=0), corridor.voyage
+    times = voyage.reading_times(path)[:-1]
+    velocity = velocities(voyage.table, path[:-1] + legs / 2, times)
+    course = legs / np.linalg.norm(legs, axis=1)[:, None]
+    along = (velocity * course).sum(axis=1)
+    speed = chosen_speeds(velocity, course, voyage.polar)
+    return bool((along < -speed / 2).any())
+
+
+def _is_much_wider(grown: Corridor, corridor: Corridor) -> bool:
+    """Whether padding of a corridor has grown considerably anywhere."""
+    return any(
+        bool((after.padding > _MUCH * before.padding).any())
+        for before, after in zip(corridor.paddings, grown.paddings, strict=True)
+    )
+
+
+def near_rough(corridor: Corridor) -> FloatArray:
+    """Return the rough path (n, 2) near the path by which the class was found."""
+    voyage = corridor.voyage
+    return path_near(corridor, corridor.channel.rough_path(voyage.start, voyage.goal))
+
+
+def _bulging(corridor: Corridor) -> FloatArray:
+    """Return the rough path (n, 2) near the best path within the channel."""
+    return path_near(corridor, path_through_sections(corridor))
+
+
+def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArray]:
+    """Return the corridor, and the least-fuel path (n, 2) near a rough one."""
+    return corridor, refined_path(corridor, rough)
+
+
+# Maximum number of times that padding is increased where a path can't be steered.
+_MAX_WIDENINGS = 16
+# First and largest increase of the padding, and its reach around a place, in multiples of v/ω.
+_WIDENING, _WIDEST, _AROUND = 0.15, 4.0, 3.0
+
+
+def steered_as_it_is(
+    corridor: Corridor, path: FloatArray
+) -> tuple[Corridor, FloatArray, FloatArray]:
+    """Return the corridor, the path (n, 2), and the trajectory (m, 4) steered in the corridor."""
+    return corridor, *steer_in_corridor(path, corridor)
+
+
+def steered_with_room(
+    corridor: Corridor, path: FloatArray
+) -> tuple[Corridor, FloatArray, FloatArray]:
+    """Return a corridor with room to turn, a path (n, 2) in it, and its trajectory (m, 4).
+
+    A path without padding wraps corners closely, which may leave no room to round them. Where it
+    can't be steered, the edges nearby get more padding, and the path is refined again. If no edge
+    is nearby, or padding doesn't help, the path is thinned there.
+    """
+    radius, tried = corridor.voyage.vessel.turning_radius, path
+    used, places, widths = corridor, np.empty((0, 2)), np.empty(0)
+    first: InfeasibleError | None = None
+    for _ in range(_MAX_WIDENINGS):
+        try:
+            if first is not None:
+                tried = refined_path(used, tried)
+            return steered_as_it_is(used, tried)
+        except InfeasibleError as error:
+            first = first or error
+            if not error.places:
+                break
+            # Each place gets twice the room that it had before.
+            place = error.places[0]
+            given = widths[np.linalg.norm(places - place, axis=1) < _AROUND * radius]
+            width = max(2 * given.max(initial=0.0), _WIDENING * radius)
+            if width > _WIDEST * radius:
+                break
+            places, widths = np.vstack([places, place]), np.append(widths, width)
+            wider = [one.widened(places, widths, _AROUND * radius) for one in corridor.paddings]
+            if all(len(a.edge) == len(b.edge) for a, b in zip(wider, used.paddings, strict=True)):
+                # No edge is nearby.
+                break
+            used = corridor.with_padding(wider)
+    with contextlib.suppress(InfeasibleError):
+        return corridor, *steer_thinned_in_places(path, corridor)
+    raise first or InfeasibleError("no attempt was made")

@@ -18,17 +18,22 @@ from renew.inputs.options import PlanOptions
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import check_straits
 from renew.paths.speed_profile import SpeedProfile, speed_profile
-from renew.planner.attempts import attempts, near_rough, path_from
-from renew.planner.grow import PaddingGrowth, grown_until_clear
-from renew.planner.narrows import with_clearance
-from renew.planner.overpowered_hours import hours_along, hours_of
+from renew.planner.grow import (
+    PaddingGrowth,
+    attempts,
+    grown_until_clear,
+    near_rough,
+    path_from,
+    steered_as_it_is,
+    steered_with_room,
+)
+from renew.planner.hindrances import hours_along, hours_of, with_clearance
 from renew.planner.problem import Problem
-from renew.planner.room_to_turn import steered_as_it_is, steered_with_room
 from renew.planner.sampled_paths import sampled_paths
 from renew.results import Route
 from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.turns.padding_model import PaddedEdges, PaddingModel, region_of
-from renew.turns.passage_windows import passage_windows
+from renew.turns.verification import passage_windows
 from renew.voyage.voyage import Voyage
 
 # Other attempts are made if a path needs this many times as much fuel after steering as before.

@@ -23,16 +23,14 @@ from renew.inputs.options import (
     check_objects,
 )
 from renew.inputs.vessel import Vessel
-from renew.planner.areas import plan_around, with_always_shut
-from renew.planner.classes import plan_classes
+from renew.planner.classes import plan_around, plan_classes, with_always_shut
 from renew.planner.departure_window import DepartureWindow, Progress, latest_departure
 from renew.planner.departures import Sailings
 from renew.planner.diagnosis import no_class_error
 from renew.planner.one_class import ClassPlanner
 from renew.planner.speeds import departures_with_speeds, plan_with_speeds
-from renew.planner.task import Task
+from renew.planner.task import Task, check_current_at_endpoints, check_departures
 from renew.results import Departures, Plan
-from renew.voyage.checks import check_current_at_endpoints, check_departures
 
 _Place: TypeAlias = FloatArray | tuple[float, float]
 """A point (2,), m."""
@@ -79,7 +77,7 @@ def plan(
     avoid : sequence of ShutArea
         Areas that are shut, always or for some hours. The vessel, whether early, on time or late,
         and any hard-over turn it starts, stays out of each area while it is shut; see
-        :mod:`renew.planner.areas`.
+        :mod:`renew.planner.classes`.
     speed : (float, float), optional
         Lowest and highest speed through water (m/s), in place of the vessel's own. The vessel
         chooses a speed between them on each leg, for least fuel. Without `arrive_by` it has as much

@@ -1,4 +1,4 @@
-"""Find paths of a class by the paper's sampling: random chains, each smoothed within its class.
+"""Find paths of a class by the paper's sampling; the harmonic mean of their fuel ranks classes.
 
 The published figures are of smoothed paths, and hardly any raw chain can be steered. So each chain
 is smoothed before it is checked and counted in the harmonic mean.
@@ -14,9 +14,24 @@ from renew.classes.h_signature import Rays
 from renew.errors import InfeasibleError
 from renew.paths.corridor import Corridor
 from renew.paths.shortcuts import each_shortened, with_shortcuts
-from renew.planner.harmonic_mean import harmonic_mean
-from renew.steering.turning_radius import steerable
+from renew.results import Route
+from renew.steering.corners import steerable
 from renew.voyage.voyage import Voyage
+
+
+def harmonic_mean(fuels: FloatArray) -> float:
+    """Return the harmonic mean of the fuel of some paths (n,)."""
+    return float(len(fuels) / (1 / fuels).sum())
+
+
+def chosen_class(routes: Sequence[Route]) -> int:
+    """Return the index of the route whose class has the least harmonic mean (h* of the paper).
+
+    The optimal method has one path per class, whose fuel is the harmonic mean. So it chooses the
+    least-fuel route.
+    """
+    return min(range(len(routes)), key=lambda i: routes[i].harmonic_mean)
+
 
 # Number of sampled chains, least fuel first, that are tried for steering, and number of chains that
 # are smoothed further.

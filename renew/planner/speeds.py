@@ -29,23 +29,20 @@ from renew.errors import InfeasibleError, ParameterError, PlanningError
 from renew.inputs.chart import ShutArea
 from renew.inputs.options import check_speed_choice
 from renew.paths.corridor import Corridor
+from renew.paths.least_fuel_path import path_by_clock
 from renew.paths.speeds_by_clock import (
     constant_speed,
-    path_by_clock,
     speeds_by_clock,
     trade_off_by_clock,
 )
-from renew.planner.areas import plan_around
-from renew.planner.classes import ClassSearch, plan_classes
+from renew.planner.classes import ClassSearch, plan_around, plan_classes
 from renew.planner.departure_window import Progress
-from renew.planner.grow import Shortfalls, grown_until_clear
+from renew.planner.grow import Shortfalls, grown_until_clear, steered_with_room
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.price_search import PriceSearch, chosen_fuel, profile_of
-from renew.planner.room_to_turn import steered_with_room
-from renew.planner.task import Task
+from renew.planner.task import Task, check_current_at_endpoints
 from renew.results import Departed, Departures, Plan, TradeOff
 from renew.steering.steer_in_corridor import steer_as_drawn
-from renew.voyage.checks import check_current_at_endpoints
 from renew.voyage.voyage import Voyage
 
 # If no leg is faster than this share of the highest speed, narrower padding is tried.

@@ -12,9 +12,14 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError, Length, TooSharpError
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.paths.corridor import Corridor
-from renew.steering.corner_rounding import crowding, round_corners, sharp_corners
+from renew.steering.corners import (
+    corner_radius,
+    course_changes,
+    crowding,
+    round_corners,
+    sharp_corners,
+)
 from renew.steering.trajectory import steer
-from renew.steering.turning_radius import corner_radius, course_changes
 from renew.voyage.voyage import Voyage
 
 # Sizes of discs, in multiples of the radius that can be steered at a corner, because the current

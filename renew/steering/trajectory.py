@@ -12,7 +12,7 @@ from renew.inputs.current import CurrentField
 from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import wrapped
 from renew.kernels.ground_speed import ground_speed, sailing_at
-from renew.steering.turning_radius import corner_radius, course_changes
+from renew.steering.corners import corner_radius, course_changes
 from renew.voyage.fuel import reading_times, speeds_along, times_under_way
 from renew.voyage.voyage import shares
 

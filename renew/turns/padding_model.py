@@ -16,13 +16,12 @@ import numpy as np
 import shapely
 
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.classes.dual_graph import Channel, Transition, surroundings
+from renew.classes.dual_graph import Channel, Transition, Visits, surroundings
 from renew.classes.triangulation import Triangulation
 from renew.inputs.current import CurrentField, CurrentStatistics
 from renew.inputs.options import PlanOptions
 from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import segment_distance
-from renew.kernels.traversal import Visits
 from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, furthest_reach, normals_away
 
 # Number of triangles by which a path may bulge out of its channel, or of the path it is found by.

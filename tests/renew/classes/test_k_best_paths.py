@@ -16,13 +16,12 @@ from shapely import box
 import renew
 from renew._types import FloatArray, IntArray
 from renew.classes.class_enumerator import ClassEnumerator
-from renew.classes.dual_graph import dual_graph
+from renew.classes.dual_graph import dual_graph, visits
 from renew.classes.h_signature import Rays
 from renew.classes.k_best_paths import k_best_paths, time_to_go
 from renew.classes.reduced_rows import RayColumns, Task
 from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
-from renew.kernels.traversal import visits
 from renew.kernels.viterbi import Stream
 from renew.voyage.voyage import Voyage
 from tests.strategies import StreamFunctionCurrent, seeds, voyage_on

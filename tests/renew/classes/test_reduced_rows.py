@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from shapely import box
 
 import renew
-from renew.classes.dual_graph import dual_graph
+from renew.classes.dual_graph import dual_graph, visits
 from renew.classes.h_signature import Rays
 from renew.classes.reduced_rows import (
     RayColumns,
@@ -21,7 +21,6 @@ from renew.classes.reduced_rows import (
 )
 from renew.classes.roadmap import START, Resolution, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
-from renew.kernels.traversal import visits
 from tests.strategies import seeds, voyage_on
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from renew.kernels.capsules import Capsules
 from renew.kernels.cheapest_chain import Chain, Errand, cheapest_chain, legs_between
+from renew.kernels.cheapest_speeds import Sailed, sailed, slopes
 from renew.kernels.current_table import CurrentTable, table_of
-from renew.kernels.fuel_by_speed import Sailed, sailed, slopes
 
 NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
 

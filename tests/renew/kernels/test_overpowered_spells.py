@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from renew.kernels.current_table import CurrentTable, table_of, velocities
-from renew.kernels.overpowered_spells import overpowered_spells
+from renew.kernels.current_table import CurrentTable, overpowered_spells, table_of, velocities
 from tests.strategies import seeds
 
 PLACE = np.array([0.3, 0.6])

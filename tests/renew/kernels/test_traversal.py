@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 from hypothesis import example, given, strategies as st
 
+from renew.classes.dual_graph import visits
 from renew.classes.triangulation import triangulate
-from renew.kernels.traversal import visits
 from tests.strategies import random_scene
 
 

@@ -14,7 +14,7 @@ from renew.kernels.current_table import table_of
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream, arrivals
 from renew.paths.newton import straightened
-from renew.paths.refinement import Water
+from renew.paths.sections import Water
 from tests.renew.paths.waters import CALM, NO_LAND, NOTHING_WHOLE, water_beside
 from tests.strategies import SIZE, seeds
 

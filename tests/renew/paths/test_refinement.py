@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 from renew._types import FloatArray
 from renew.kernels.capsules import Capsules, legs_are_clear
 from renew.kernels.viterbi import arrivals
-from renew.paths.refinement import (
+from renew.paths.sections import (
     Water,
     refined_on_transversals,
     with_transversals,

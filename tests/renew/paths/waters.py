@@ -12,7 +12,7 @@ from renew.kernels.capsules import Capsules
 from renew.kernels.current_table import STILL_WATER
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream
-from renew.paths.refinement import Water
+from renew.paths.sections import Water
 from tests.strategies import SIZE, StreamFunctionCurrent
 
 NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))

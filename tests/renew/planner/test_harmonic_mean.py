@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 import renew
-from renew.planner.harmonic_mean import chosen_class, harmonic_mean
+from renew.planner.sampled_paths import chosen_class, harmonic_mean
 from tests.strategies import PAPER_VESSEL, random_scene
 
 

@@ -12,7 +12,7 @@ from shapely import box
 import renew
 from renew._types import FloatArray
 from renew.errors import InfeasibleError, TooLateError
-from renew.planner.overpowered_hours import with_hours
+from renew.planner.hindrances import with_hours
 from tests.strategies import PAPER_VESSEL
 
 PEAK, PERIOD, MIDDLE = 1.5, 200.0, 100.0

@@ -11,8 +11,7 @@ import shapely
 from hypothesis import given, settings, strategies as st
 
 from renew.errors import InfeasibleError
-from renew.steering.corner_rounding import round_corners
-from renew.steering.turning_radius import course_changes
+from renew.steering.corners import course_changes, round_corners
 from tests.strategies import angles
 
 

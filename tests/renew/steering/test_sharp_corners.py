@@ -10,7 +10,7 @@ import shapely
 from hypothesis import assume, given, strategies as st
 
 from renew.kernels.capsules import Capsules
-from renew.steering.corner_rounding import crowding, sharp_corners
+from renew.steering.corners import crowding, sharp_corners
 
 NOTHING = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 import renew
-from renew.steering.turning_radius import (
+from renew.steering.corners import (
     corner_radius,
     course_changes,
     effective_turning_radius,

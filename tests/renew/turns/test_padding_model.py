@@ -17,7 +17,7 @@ from renew.classes.dual_graph import Channel
 from renew.classes.h_signature import Rays
 from renew.classes.triangulation import triangulate
 from renew.inputs.options import Padding, PlanOptions
-from renew.planner.narrows import with_clearance
+from renew.planner.hindrances import with_clearance
 from renew.turns.padding_model import PaddedEdges, PaddingModel
 from renew.turns.turn_reach import HEADING_SPREAD, turn_reach
 from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
