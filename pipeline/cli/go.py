@@ -2,9 +2,17 @@
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
+from pipeline.cli.usage import GroupedCommand
+
+if TYPE_CHECKING:
+    from pipeline.scenario.model import Scenario
+
+# Stand for positions that are missing, or can't be told from values of unknown options.
+_ANYWHERE = ("0N 0E", "0N 1E")
 
 
 def go(
@@ -37,37 +45,56 @@ def go(
 
     The scenario is written beside the results, for `renew run`.
     """
+    given = locals()
     with reported_errors():
         from pipeline.cli.ending import run_to_end
-        from pipeline.errors import Faults, RequestError
-        from pipeline.machine.paths import folder_to_write
-        from pipeline.voyage.one_line import VoyageRequest, run_voyage, voyage_scenario
-        from pipeline.voyage.vessel_options import RANGE, VesselFigures
+        from pipeline.voyage.one_line import run_voyage
 
-        is_choice = RANGE in speed
-        request = VoyageRequest(
-            positions=tuple(positions),
-            vessel=vessel,
-            figures=VesselFigures("" if is_choice else speed, length, turning_circle, draught),
-            months=tuple(month or ()),
-            depart=depart,
-            until=until,
-            arrive_by=arrive_by,
-            speeds=speed if is_choice else "",
-            currents=tuple(currents or ()),
-            via=tuple(via or ()),
-            avoid=tuple(avoid or ()),
-            clearance=clearance,
-            charts=charts,
-            depths=depths,
-            name=name,
-        )
-        faults = Faults()
-        faults.part(lambda: folder_to_write(output, "--output"))
-        made = faults.part(lambda: voyage_scenario(request))
-        if made is None or faults.lines:
-            raise RequestError(faults.lines)
-        scenario, notes = made
+        scenario, notes = _scenario(given)
         scenario = scenario.explaining_gap() if explain_gap else scenario
         run = partial(run_voyage, scenario, output, offline=offline, strict=strict)
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
+
+
+class GoCommand(GroupedCommand):
+    """The command `renew go`."""
+
+    def check_request(self, values: dict[str, Any]) -> None:
+        """Raise RequestError with the faults of the voyage."""
+        _scenario(values)
+
+
+def _scenario(given: dict[str, Any]) -> "tuple[Scenario, tuple[str, ...]]":
+    """Return the scenario of a voyage, given arguments and options by their names, with notes."""
+    from pipeline.errors import Faults, RequestError
+    from pipeline.machine.paths import folder_to_write
+    from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
+    from pipeline.voyage.vessel_options import RANGE, VesselFigures
+
+    speed = given["speed"]
+    is_choice = RANGE in speed
+    request = VoyageRequest(
+        positions=tuple(given.get("positions") or _ANYWHERE),
+        vessel=given["vessel"],
+        figures=VesselFigures(
+            "" if is_choice else speed, given["length"], given["turning_circle"], given["draught"]
+        ),
+        months=tuple(given["month"] or ()),
+        depart=given["depart"],
+        until=given["until"],
+        arrive_by=given["arrive_by"],
+        speeds=speed if is_choice else "",
+        currents=tuple(given["currents"] or ()),
+        via=tuple(given["via"] or ()),
+        avoid=tuple(given["avoid"] or ()),
+        clearance=given["clearance"],
+        charts=given["charts"],
+        depths=given["depths"],
+        name=given["name"],
+    )
+    faults = Faults()
+    faults.part(lambda: folder_to_write(given["output"], "--output"))
+    made = faults.part(lambda: voyage_scenario(request))
+    if made is None or faults.lines:
+        raise RequestError(faults.lines)
+    return made

@@ -20,17 +20,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pipeline.cli import failures, options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.go import go
+from pipeline.cli.go import GoCommand, go
 from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.terminal import say
-from pipeline.cli.usage import BriefRefusals, Command, GroupedCommand
+from pipeline.cli.usage import BriefRefusals, Command
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
 
@@ -88,7 +88,17 @@ def root(
 _MIN_LIMIT_S = 1.0
 
 
-@app.command(cls=Command)
+class ScenarioCommand(Command):
+    """A command that takes a scenario, charts and currents."""
+
+    def check_request(self, values: dict[str, Any]) -> None:
+        """Raise RequestError with the faults of the scenario as the options change it."""
+        names = ("scenario", "output", "charts", "currents")
+        if all(name in values for name in names):
+            _wanted(*(values[name] for name in names), seasons=values.get("season") or ())
+
+
+@app.command(cls=ScenarioCommand)
 def run(
     scenario: options.Scenario,
     *,
@@ -129,11 +139,11 @@ def run(
         run_to_end(run, wanted.scenario, wanted.notes, as_json=as_json, quiet=quiet)
 
 
-app.command(cls=GroupedCommand)(go)
+app.command(cls=GoCommand)(go)
 app.add_typer(nightly_app, name="nightly")
 
 
-@app.command(cls=Command)
+@app.command(cls=ScenarioCommand)
 def plot(
     scenario: options.Scenario,
     *,

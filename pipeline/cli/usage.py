@@ -3,11 +3,11 @@
 import contextlib
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from typer.core import TyperCommand, TyperGroup
 
-from pipeline.errors import shortened
+from pipeline.errors import RequestError, shortened
 
 # Contexts, formatters and parameters have the type Any here: they are click's, or typer's own copy
 # of click's, depending on typer's version.
@@ -16,6 +16,15 @@ from pipeline.errors import shortened
 _NEGATIVE = re.compile(r"-[\d.]")
 # Stands for a hyphen while the help is wrapped: lines break at hyphens, but not at this character.
 _NON_BREAKING_HYPHEN = "\N{NON-BREAKING HYPHEN}"
+
+
+class _Parsed(NamedTuple):
+    """Messages about unknown options, the values of the others, and extra arguments."""
+
+    unknown: list[str]
+    values: dict[str, Any]
+    extra: list[str]
+    are_arguments_known: bool
 
 
 class _WholeWords:
@@ -44,6 +53,9 @@ class _WholeWords:
 class Command(_WholeWords, TyperCommand):
     """A command that names all faults of its arguments at once."""
 
+    def check_request(self, values: dict[str, Any]) -> None:
+        """Raise RequestError with the faults of what these arguments ask for, by their names."""
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - see above
         """Parse the arguments; if that fails, look for further faults."""
         try:
@@ -56,25 +68,29 @@ class Command(_WholeWords, TyperCommand):
             raise  # never reached: `fail` raises an error of usage
 
     def _faults(self, ctx: Any, args: list[str]) -> Iterator[str]:  # noqa: ANN401 - see above
-        """Yield a message for each unknown option, wrong value and missing argument."""
-        unknown, values, extra = self._parsed(ctx, args)
+        """Yield a message for each fault of usage, and then for each of the request itself."""
+        unknown, values, extra, are_arguments_known = self._parsed(ctx, args)
         yield from unknown
         for one in self.get_params(ctx):
-            if not one.is_eager:
+            is_known = are_arguments_known or one.param_type_name != "argument"
+            if is_known and not one.is_eager:
                 try:
                     one.handle_parse_result(ctx, values, [])
                 except Exception as error:
                     if not _is_of_usage(error):
                         raise
                     yield _message(error)
-        # The value of an unknown option looks like a further argument.
-        if extra and not unknown:
+        if extra and are_arguments_known:
             yield shortened(f"Got unexpected extra argument(s) ({' '.join(extra)})")
+        try:
+            self.check_request(ctx.params)
+        except RequestError as error:
+            yield from error.faults
 
-    def _parsed(self, ctx: Any, args: list[str]) -> tuple[list[str], dict[str, Any], list[str]]:  # noqa: ANN401 - see above
-        """Return messages about unknown options, the values of the others, and extra arguments."""
+    def _parsed(self, ctx: Any, args: list[str]) -> _Parsed:  # noqa: ANN401 - see above
+        """Parse the arguments; an unknown option is read as the known one that it resembles."""
         messages: list[str] = []
-        rest = list(args)
+        rest, are_arguments_known = list(args), True
         while True:
             try:
                 values, extra, _ = self.make_parser(ctx).parse_args(args=list(rest))
@@ -82,13 +98,18 @@ class Command(_WholeWords, TyperCommand):
                 if not _is_of_usage(error):
                     raise
                 messages.append(_message(error))
-                name = getattr(error, "option_name", None)
+                name = str(getattr(error, "option_name", ""))
                 at = next((i for i, one in enumerate(rest) if one.partition("=")[0] == name), None)
                 if at is None:
-                    return messages, {}, []
-                del rest[at]
+                    return _Parsed(messages, {}, [], are_arguments_known=False)
+                alike = getattr(error, "possibilities", None) or []
+                is_before_word = at + 1 < len(rest) and not rest[at + 1].startswith("-")
+                # The word may be the value of an option that resembles none.
+                are_arguments_known &= bool(alike) or not is_before_word
+                meant = alike[:1] if is_before_word or "=" in rest[at] else []
+                rest[at : at + 1] = [one + rest[at][len(name) :] for one in meant]
             else:
-                return messages, values, extra
+                return _Parsed(messages, values, extra, are_arguments_known)
 
 
 class GroupedCommand(Command):

@@ -78,7 +78,7 @@ def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> 
         route = search.route(padding="adaptive")
         if route is not None:
             found.append(Text('padding = "adaptive" would leave one, {0}', (_description(route),)))
-    if options.is_adaptive:
+    if options.is_adaptive and options.risk < _MAX_RISK:
         found.append(Text(search.least_risk()))
     return found + search.largest_padding(options.min_width or math.inf)
 
@@ -100,8 +100,7 @@ class _RelaxationSearch:
         options = replace(self._options, **changes)
         # Making room to turn takes long, and less padding leaves more room.
         planner = ClassPlanner(self._problem, options, thorough=False)
-        least = 2 * options.likely_width(self._problem.voyage.vessel.turning_radius)
-        for way in (way for way in self._ways if _narrowest_gap(way) >= least):
+        for way in self._ways:
             with contextlib.suppress(InfeasibleError):
                 return planner.route(planner.find(way))
         return None
@@ -109,8 +108,8 @@ class _RelaxationSearch:
     def least_risk(self) -> str:
         """Return as text the least risk, to 1 %, that leaves a route."""
         low, high = self._options.risk, _MAX_RISK
-        if high <= low or self.route(risk=high) is None:
-            return f"no risk up to {_MAX_RISK:g} would leave one"
+        if self.route(risk=high) is None:
+            return f"a risk of {_MAX_RISK:g} would leave none of the widest ways"
         while high - low > _RISK_STEP:
             middle = math.ceil((low + high) / 2 / _RISK_STEP) * _RISK_STEP
             if middle >= high:

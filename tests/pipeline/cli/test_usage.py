@@ -67,6 +67,8 @@ def test_a_scenario_is_refused_with_all_the_faults_of_its_options(tmp_path: Path
                 "Error: No such option: --vesel (Possible options",
                 "Error: No such option: --foo",
                 "Error: Missing argument 'START GOAL'",
+                "Error: no vessel;",
+                "Error: no --month;",
             ],
         ),
         (
@@ -82,6 +84,17 @@ def test_faults_of_usage_are_named_at_once(typed: tuple[str, ...], named: list[s
     assert len(faults) == len(named)
     for fault, words in zip(faults, named, strict=True):
         assert fault.startswith(words)
+
+
+def test_faults_of_usage_and_of_the_request_are_named_at_once() -> None:
+    usage, *request = refusal("go", "12N 120E", "13N 121E", "--sped", "fast", "--month", "2024-13")
+    assert usage == "Error: No such option: --sped (Possible options: --speed)"
+    assert [line.split()[1] for line in request] == ["the", "--speed", "--month"]
+    # The word behind an option that resembles none may be its value: no fault of the positions.
+    words = ("12N 120E", "--colour", "red", "13N 121E", "--vessel", "usv-7")
+    assert [line.split()[1] for line in refusal("go", *words)] == ["No", "--vessel", "no"]
+    _, scenario = refusal("run", "palawan-sesaon", "--limit", "0")
+    assert "palawan-season" in scenario
 
 
 @pytest.mark.parametrize("name", sorted(commands()))

@@ -11,6 +11,7 @@ from shapely import Polygon, box
 
 import renew
 from renew.classes import class_enumerator, roadmap
+from renew.planner import diagnosis
 from tests.strategies import PAPER_VESSEL
 
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -56,7 +57,7 @@ def test_where_adaptive_padding_blocks_all_the_largest_fixed_one_is_suggested() 
     with pytest.raises(renew.UnreachableError) as caught:
         renew.plan(chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL)
     text = str(caught.value)
-    assert "no risk up to 0.5 would leave one" in text
+    assert "a risk of 0.5 would leave none of the widest ways" in text
     assert re.search(r"padding = 2\.\d+ \(planar m\) would leave one", text)
     assert "widest way through has a gap of 6.00 m" in text
     assert text.startswith("the only class was rejected: class e: blocked at (50, 45) m")
@@ -64,6 +65,22 @@ def test_where_adaptive_padding_blocks_all_the_largest_fixed_one_is_suggested() 
     at_scale = caught.value.located(str, length=lambda one: f"{one.metres:.2f} km")
     assert "widest way through has a gap of 6.00 km" in at_scale
     assert re.search(r"padding = 2\.\d+ \(planar m\) would leave one, .* 3\.00 km clear", at_scale)
+
+
+def test_a_gap_in_the_soft_zone_of_an_end_hides_no_risk_that_leaves_a_route(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # The start lies between two walls, whose padding holds it; only the strait ahead needs less.
+    # Between the walls the current runs east and west in turn: a larger risk needs less padding.
+    monkeypatch.setattr(diagnosis, "_RISK_STEP", 0.5)
+    walls = [box(0, 28, 15, 32), box(25, 28, 40, 32), box(0, 9, 18.5, 11), box(21.5, 9, 40, 11)]
+    chart = renew.Chart(box(0, 6, 40, 46), walls)
+
+    y = np.linspace(6.0, 46.0, 81)
+    u = np.repeat(0.35 * np.sin(y / 0.7)[:, None], 2, axis=1)
+    swirl = renew.GriddedCurrent(np.array([0.0, 40.0]), y, u, 0.0 * u)
+    with pytest.raises(renew.UnreachableError, match=r"a risk of 0\.5 would leave one"):
+        renew.plan(chart, swirl, PAPER_VESSEL, (20, 10), (20, 42), risk=0.01)
 
 
 def test_a_reason_that_classes_share_is_given_once() -> None:
