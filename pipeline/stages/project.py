@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import shapely
+from scipy import ndimage
 
 import renew
 from pipeline._types import FloatArray
@@ -174,11 +175,8 @@ def bilinear(grid: CurrentGrid, lonlat: FloatArray, step: int = 0) -> FloatArray
     `step` is the index of one of the grid's times. Gaps are filled first. Points beyond the grid
     get the value at its nearest edge.
     """
-    from scipy.interpolate import RegularGridInterpolator
-
-    field = fill_gaps(np.stack([grid.u[step], grid.v[step]], axis=-1))
-    at = [np.clip(lonlat[..., i], axis[0], axis[-1]) for i, axis in ((1, grid.lat), (0, grid.lon))]
-    return np.asarray(RegularGridInterpolator((grid.lat, grid.lon), field)(np.stack(at, axis=-1)))
+    east, north = np.moveaxis(fill_gaps(np.stack([grid.u[step], grid.v[step]], axis=-1)), -1, 0)
+    return renew.GriddedCurrent(grid.lon, grid.lat, east, north)(lonlat)
 
 
 def _cell_m(grid: CurrentGrid) -> float:
@@ -198,15 +196,10 @@ def fill_gaps(field: FloatArray) -> FloatArray:
     if not known.any():
         raise RequestError("the current has no values at all; name another source in 'currents'")
     field[~known] = 0.0
+    ring_and_middle = np.ones((3, 3))
     while not known.all():
-        padded = np.pad(field, ((1, 1), (1, 1), (0, 0)))
-        counted = np.pad(known.astype(float), 1)
-        total, count = np.zeros_like(field), np.zeros(known.shape)
-        ny, nx = known.shape
-        for down in range(3):
-            for right in range(3):
-                total += padded[down : down + ny, right : right + nx]
-                count += counted[down : down + ny, right : right + nx]
+        count = ndimage.convolve(known.astype(float), ring_and_middle, mode="constant")
+        total = ndimage.convolve(field, ring_and_middle[..., None], mode="constant")
         ring = ~known & (count > 0)
         field[ring] = total[ring] / count[ring][:, None]
         known |= ring
