@@ -106,7 +106,13 @@ class Corridor:
     @cached_property
     def exempt(self) -> BoolArray:
         """Which capsules (2, c) contain the start, or the goal; a path may begin or end there."""
-        return np.stack([self._holding(self.voyage.start), self._holding(self.voyage.goal)])
+        start, end, radius = self.search_capsules
+        return np.stack([segment_distance(one, start, end) < radius for one in self._ends])
+
+    @property
+    def _ends(self) -> tuple[FloatArray, FloatArray]:
+        """The start and the goal, (2,) each, in the order of `exempt`."""
+        return self.voyage.start, self.voyage.goal
 
     def legs_clear(self, path: FloatArray) -> BoolArray:
         """Whether each leg (n - 1,) of a path (n, 2) stays out of V.
@@ -115,12 +121,12 @@ class Corridor:
         So may the last legs to a goal inside V.
         """
         clear = legs_are_clear(path[:-1], path[1:], self.hard_capsules)
-        for end, step in ((self.voyage.start, 1), (self.voyage.goal, -1)):
-            legs = slice(self._legs_in_soft_end(path[::step], end))
+        for at, step in enumerate((1, -1)):
+            legs = slice(self._legs_in_soft_end(path[::step], at))
             # A view: its legs are in order from the end.
             from_end = clear[::step]
             if not from_end[legs].all():
-                others = self.hard_capsules.select(~self._holding(end))
+                others = self.hard_capsules.select(~self.exempt[at])
                 ahead, behind = path[::step][:-1][legs], path[::step][1:][legs]
                 from_end[legs] |= legs_are_clear(ahead, behind, others)
         return clear
@@ -130,17 +136,17 @@ class Corridor:
 
         It leads to a point of the path, or else the shortest way out from which the path goes on.
         """
-        for end in (self.voyage.start, self.voyage.goal):
+        for at in range(2):
             # The second turn is from the goal, and turns the path back.
-            path = self._straight_from(end, path)[::-1]
+            path = self._straight_from(at, path)[::-1]
         return np.ascontiguousarray(path)
 
-    def _straight_from(self, end: FloatArray, path: FloatArray) -> FloatArray:
+    def _straight_from(self, at: int, path: FloatArray) -> FloatArray:
         """Return a path (n, 2) from an end with one leg in the capsules that hold it, if any."""
-        first = self._legs_in_soft_end(path, end)
+        first = self._legs_in_soft_end(path, at)
         if not first:
             return path
-        holding = self._holding(end)
+        end, holding = self._ends[at], self.exempt[at]
         blocking = self._beyond(end, holding)
         ahead = path[first:]
         clear = _clear_from(end, ahead, blocking)
@@ -196,11 +202,11 @@ class Corridor:
         inside = np.abs(np.sign(turns).sum(axis=2)) == ahead.shape[1]
         return np.asarray(inside.any(axis=1))
 
-    def _legs_in_soft_end(self, path: FloatArray, end: FloatArray) -> int:
+    def _legs_in_soft_end(self, path: FloatArray, at: int) -> int:
         """Return how many legs of a path (n, 2) from an end begin in the capsules that hold it."""
-        if not (path[0] == end).all():
+        if not (self.exempt[at].any() and (path[0] == self._ends[at]).all()):
             return 0
-        soft = self.search_capsules.select(self._holding(end))
+        soft = self.search_capsules.select(self.exempt[at])
         legs = 0
         while (
             legs < len(path) - 1
@@ -259,11 +265,6 @@ class Corridor:
             np.concatenate([self.padded.end, self.open_outline[:, 1]]),
             radius,
         )
-
-    def _holding(self, point: FloatArray) -> BoolArray:
-        """Return whether each capsule (c,), with slack, contains a point."""
-        start, end, radius = self.search_capsules
-        return segment_distance(point, start, end) < radius
 
     def _outside_soft_ends(self, sections: Sections, free: FreeParts) -> BoolArray:
         """Return which sections (s,) to keep, so that a path can leave V around a start or goal.

@@ -167,8 +167,9 @@ def colliding_edges(
         begin = times[chosen]
         flown, at = (points[chosen], course[chosen]), speed[chosen]
         turns = fly_turns(*flown, field, vessel, deviations, begin, _STEPS, at)
-        edges = np.concatenate([near[first[i] : first[i + 1]] for i in chosen])
-        bounds = np.concatenate([[0], np.cumsum(np.diff(first)[chosen])])
+        counts = np.diff(first)[chosen]
+        bounds = np.concatenate([[0], np.cumsum(counts)])
+        edges = near[np.repeat(first[chosen] - bounds[:-1], counts) + np.arange(bounds[-1])]
         return turns, *tracks_touch(turns, bounds, edges, padded.start, padded.end, radius)
 
     if len(close):
