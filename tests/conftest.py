@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import itertools
 import os
 import socket
 import subprocess
@@ -26,6 +27,7 @@ from pipeline.machine.files import file_lock
 ROOT = Path(__file__).resolve().parent.parent
 # Longest time that a process of the tests waits for what another one makes for both, s.
 WAIT_S = 600.0
+_GOLDEN = (5**0.5 - 1) / 2
 
 # The gate draws the same examples for everybody: a red run is the change's doing.
 # `make test-new-examples` draws others. No deadline, and slow draws are allowed: the first call of
@@ -45,6 +47,27 @@ hypothesis.settings.load_profile("gate")
 # Some examples would be constants from the sources that happen to be imported by then: others in
 # each worker, after each edit, and none in a clone below a folder named `test`.
 providers.is_local_module_file = lambda _: False  # type: ignore[attr-defined, assignment]
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest's own, which leaves out the slow ones
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave in the gate what `gate_share(count)` says of a test's parameters; the rest are slow.
+
+    Steps by the golden ratio spread the choice evenly, also over several parameters.
+    """
+    cases: dict[tuple[Path, str], list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("gate_share") is not None:
+            cases.setdefault((item.path, item.nodeid.partition("[")[0]), []).append(item)
+    for like in cases.values():
+        (count,) = like[0].get_closest_marker("gate_share").args  # type: ignore[union-attr]
+        steps = (int(step * _GOLDEN % 1 * len(like)) for step in itertools.count())
+        chosen: set[int] = set()
+        while len(chosen) < min(count, len(like)):
+            chosen.add(next(steps))
+        for number, item in enumerate(like):
+            if number not in chosen:
+                item.add_marker(pytest.mark.slow)
 
 
 def _is_local(address: object) -> bool:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import shapely
-from hypothesis import strategies as st
+from hypothesis import settings, strategies as st
 from shapely import Polygon, box
 
 import renew
@@ -25,6 +25,11 @@ SINGLE_GYRE_ISLANDS = (
 """Obstacles of the published single gyre, m; read off its figure."""
 
 PAPER_VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
+
+
+def examples(gate: int, new: int) -> settings:
+    """Give the number of examples that the gate draws, and that `make test-new-examples` does."""
+    return settings(max_examples=gate if settings().derandomize else new)
 
 
 def single_gyre() -> tuple[renew.Chart, renew.GyreCurrent]:

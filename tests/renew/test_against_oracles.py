@@ -23,6 +23,7 @@ from tests.strategies import (
     PAPER_VESSEL,
     SIZE,
     StreamFunctionCurrent,
+    examples,
     random_islands,
     random_scene,
     seeds,
@@ -90,6 +91,7 @@ def full_scene(seed: int) -> Scene:
     return Scene(chart, current, PAPER_VESSEL, start, goal)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [1, 2, 11])
 def test_no_more_fuel_than_a_grid_search(seed: int) -> None:
     scene = full_scene(seed)
@@ -179,6 +181,7 @@ SIMILARITIES = {
 }
 
 
+@pytest.mark.gate_share(4)
 @pytest.mark.parametrize("name", SIMILARITIES)
 @settings(max_examples=2)
 @given(seed=seeds, clearance=st.sampled_from([0.0, 2.0]))
@@ -240,7 +243,7 @@ class Jets(renew.CurrentField):
         return np.asarray(self.peak * strength[..., None] * [east, north])
 
 
-@settings(max_examples=6)
+@examples(3, 6)
 @example(towards=0.0, wave_length=120.0, phase=0.0)  # a weak jet close beside the straight line
 @given(st.floats(0, 2 * math.pi), st.floats(20, 400), st.floats(0, math.pi))
 def test_a_stronger_following_current_never_costs_more_fuel(
@@ -257,7 +260,7 @@ def test_a_stronger_following_current_never_costs_more_fuel(
     assert all(stronger <= weaker * (1 + 1e-5) for weaker, stronger in itertools.pairwise(fuels))
 
 
-@settings(max_examples=8)
+@examples(4, 8)
 @example(towards=0.0, peak=0.2, wave_length=120.0, phase=0.0, later=0.2)
 @example(towards=0.0, peak=0.05, wave_length=120.0, phase=0.0, later=0.3)
 @given(
@@ -292,6 +295,7 @@ def test_small_eddies_cost_no_fuel_beside_the_oracle(spec: tuple[int, int, int, 
     assert fuel <= 1.002 * least_among_eddies(spec)
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("kind", ["serpentine", "comb", "spiral", "bay"])
 def test_thin_walls_leave_a_route_without_padding(kind: str) -> None:
     for seed in range(4):

@@ -84,6 +84,7 @@ def test_two_threads_that_plan_at_once_do_not_disturb_each_other(here: dict[str,
     assert [done.result() for done in both] == [here, here]
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(("threads", "hash_seed"), [(1, 1), (2, 4242)])
 def test_a_fresh_process_makes_the_same_plan_on_one_thread_and_on_two(
     threads: int, hash_seed: int, here: dict[str, str], root: Path

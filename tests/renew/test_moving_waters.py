@@ -65,6 +65,7 @@ def test_published_least_times_are_met_within_a_thousandth(
     assert best.fuel_bound.value <= least * UNIT * (1 + 1e-6)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_uniform_current_that_changes_is_used_as_well_as_can_be(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -134,6 +135,7 @@ def test_turns_early_on_time_and_late_are_clear(seed: int) -> None:
         assert flown.collisions == 0
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_steady_current_in_two_equal_slices_is_the_same_current(seed: int) -> None:
     chart, current, start, goal = random_scene(seed)

@@ -10,13 +10,13 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from shapely import box
 
 import renew
 from renew.results import unite_soft_no_go
 from tests.renew.steering.motion import assert_sailable
-from tests.strategies import PAPER_VESSEL, random_scene, seeds, single_gyre
+from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre
 
 
 def gyre_plan() -> renew.Plan:
@@ -24,7 +24,7 @@ def gyre_plan() -> renew.Plan:
     return renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90))
 
 
-@settings(max_examples=6, deadline=None)
+@examples(3, 6)
 @given(seed=seeds)
 def test_routes_are_what_their_figures_say(seed: int) -> None:
     chart, current, start, goal = random_scene(seed)

@@ -49,6 +49,7 @@ def passed_in_order(line: FloatArray, via: Sequence[tuple[float, float]]) -> boo
     return True
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("via", ROUND_TRIPS)
 def test_path_and_track_pass_the_points_in_order_and_turn_within_the_turn_rate(
     via: list[tuple[float, float]],
@@ -67,6 +68,7 @@ def test_path_and_track_pass_the_points_in_order_and_turn_within_the_turn_rate(
         assert route.times[-1] == pytest.approx(route.duration)
 
 
+@pytest.mark.gate_share(4)
 @pytest.mark.parametrize("via", ROUND_TRIPS)
 @pytest.mark.parametrize("padding", ["none", "adaptive"])
 def test_the_best_needs_hardly_more_than_the_best_of_each_part(
@@ -84,6 +86,7 @@ def test_the_best_needs_hardly_more_than_the_best_of_each_part(
     assert best.fuel_bound.value <= sum(parts)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_way_through_a_point_is_better_by_an_independent_search(seed: int) -> None:
     chart, current, start, goal = random_scene(seed)
@@ -101,6 +104,7 @@ def test_no_way_through_a_point_is_better_by_an_independent_search(seed: int) ->
     assert len({route.homotopy for route in plan.routes}) == len(fuels)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [0, 2])
 def test_the_clock_runs_on_at_a_point(seed: int) -> None:
     scene, via = moving_scene(seed), np.array([0.9 * SIZE, 0.1 * SIZE])

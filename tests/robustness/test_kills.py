@@ -69,6 +69,7 @@ def plane(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return Bench.prepare(tmp_path_factory.mktemp("plane"), earlier, _PLANE)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(
     ("stage", "fraction", "number", "places"),
     [

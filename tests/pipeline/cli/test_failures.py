@@ -95,6 +95,7 @@ def test_an_output_that_cannot_be_a_folder(
     assert set(tmp_path.iterdir()) == before
 
 
+@pytest.mark.gate_share(10)
 @pytest.mark.parametrize(
     ("path", "said"),
     [

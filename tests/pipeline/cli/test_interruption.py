@@ -15,6 +15,7 @@ from tests.pipeline.processes import SLOW, renew, started
 STOPPED = "stopped; finished stages are kept, run again to continue"
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(
     ("number", "code", "seasons"), [(signal.SIGTERM, 143, 2), (signal.SIGINT, 130, 1)]
 )

@@ -28,6 +28,7 @@ def _slow(*_: object, **__: object) -> str:
     return _Nothing()
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize(
     ("arguments", "slow"),
     [

@@ -88,6 +88,7 @@ def test_a_reader_finds_the_planners_current(
     np.testing.assert_allclose(found, planners(result, season, points), rtol=0, atol=1e-5)
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize(
     ("west", "south", "east", "north", "cell_deg", "tolerance"),
     [
@@ -152,6 +153,7 @@ def sailed(file: xr.Dataset, result: RunResult, path: np.ndarray) -> np.ndarray:
     return np.array(speeds)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("season", ["summer", "winter"])
 def test_a_reader_finds_the_legs_speeds(result: RunResult, tmp_path: Path, season: str) -> None:
     write_currents(result, season, tmp_path / "currents.nc")

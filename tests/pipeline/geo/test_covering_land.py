@@ -8,12 +8,13 @@ from hypothesis import given, settings, strategies as st
 
 from pipeline.geo.covering_land import covering_land, inner_land
 from tests.pipeline.geo.shapes import coasts
+from tests.strategies import examples
 
 NO_ENDPOINTS = np.empty((0, 2))
 TOLERANCES = st.sampled_from([0.0, 40.0, 700.0])
 
 
-@settings(max_examples=60)
+@examples(20, 60)
 @given(land=coasts, tolerance=TOLERANCES, margin=st.sampled_from([0.0, 5.0, 200.0]))
 def test_land_and_margin_are_covered_and_nothing_far_beyond(
     land: np.ndarray, tolerance: float, margin: float

@@ -9,6 +9,7 @@ from hypothesis import given, strategies as st
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from pipeline.geo.narrow_gaps import narrow_gaps
+from tests.strategies import examples
 
 
 def discs(seed: int, count: int = 25) -> np.ndarray:
@@ -18,6 +19,7 @@ def discs(seed: int, count: int = 25) -> np.ndarray:
     return np.asarray(shapely.buffer(places, rng.uniform(0.5, 6, count), quad_segs=12))
 
 
+@examples(30, 100)
 @given(st.integers(0, 10_000))
 def test_the_gaps_are_those_of_a_minimum_spanning_tree(seed: int) -> None:
     bodies = shapely.get_parts(shapely.union_all(discs(seed)))

@@ -86,6 +86,7 @@ def test_an_error_leaves_the_earlier_results(tmp_path: Path) -> None:
     assert len(list((tmp_path / ".results" / "run").iterdir())) == 1
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("begin", ["link", "folder", "nothing"])
 def test_killed_at_any_operation_old_or_new_is_whole_and_the_next_run_clears_up(
     tmp_path: Path, begin: str

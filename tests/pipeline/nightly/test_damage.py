@@ -191,6 +191,7 @@ _PLACES: dict[Callable[[Path], None], str] = {
 _QUICK = {_real_folder, _dangling, _damaged_store, _folder_for_lock}
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize(
     "spoil",
     [

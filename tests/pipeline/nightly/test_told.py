@@ -85,6 +85,7 @@ with ending_promptly():
 """
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_the_end_is_told_before_anything_is_closed(
     tmp_path: Path, service: Service, number: int
@@ -116,6 +117,7 @@ with ending_promptly():
 """
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize("what", ["Deaf(); time.sleep(30)", "import atexit; atexit.register(Deaf)"])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_in_a_destructor_leaves_no_traceback(number: int, what: str) -> None:

@@ -39,6 +39,7 @@ def _set_clock(monkeypatch: pytest.MonkeyPatch, moment: datetime) -> None:
     monkeypatch.setattr(night_module, "datetime", Clock)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("says_reference", [True, False])
 def test_a_forecast_dated_in_the_future_blocks_nothing(
     tmp_path: Path, cluster: str, says_reference: bool

@@ -24,6 +24,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.scenario.model import Scenario
 from pipeline.stages.write import formats_of, output_directory, safe_name, write
 from tests.pipeline.formats import small_run
+from tests.strategies import examples
 
 FILES = sorted(
     [
@@ -158,6 +159,7 @@ def test_a_manifest_that_names_files_elsewhere_takes_none_of_them_away(
     assert (tmp_path / "mine.txt").read_text() == "the user's own"
 
 
+@pytest.mark.gate_share(5)
 @pytest.mark.parametrize("name", [n for n in FILES if "winter" not in n and "manifest" not in n])
 def test_every_format_tells_of_a_disk_that_is_full(
     result: RunResult, written: Path, tmp_path: Path, name: str
@@ -259,6 +261,7 @@ def test_a_killed_run_leaves_the_earlier_files(result: RunResult, tmp_path: Path
 NAMES = st.text(max_size=300)
 
 
+@examples(30, 100)
 @given(NAMES)
 def test_any_name_becomes_one_harmless_folder(name: str) -> None:
     safe = safe_name(name)

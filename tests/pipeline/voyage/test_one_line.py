@@ -96,6 +96,7 @@ def within_hours(
     return made
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.usefixtures("plain_report")
 @pytest.mark.parametrize("hours", [1.0, 0.8])
 def test_speeds_are_chosen_in_the_current_of_a_month(

@@ -31,11 +31,13 @@ def test_every_scene_has_an_oracle() -> None:
     assert np.isfinite(list(FUELS.values())).all()
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [3, 22])
 def test_the_stored_fuels_are_those_of_the_oracle(seed: int) -> None:
     assert bounded_scene(seed).oracle() == pytest.approx(FUELS[seed], rel=1e-6)
 
 
+@pytest.mark.gate_share(8)
 @pytest.mark.parametrize("seed", [*NEAREST, *NARROW])
 def test_no_bound_is_above_the_oracle(seed: int) -> None:
     assert fuel_lower_bound(bounded_scene(seed).voyage) <= FUELS[seed]

@@ -22,7 +22,7 @@ from renew.voyage.fuel import ground_speed
 from renew.voyage.voyage import Voyage, Waters
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import CORNER, FIELDS, OPPOSITE, in_triangles
-from tests.strategies import PAPER_VESSEL, random_scene, seeds, single_gyre, voyage_on
+from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre, voyage_on
 
 STILL = renew.UniformCurrent(0.0, 0.0)
 DRIFTS: tuple[Drift, Drift] = ("projected", "crab")
@@ -68,6 +68,7 @@ def test_a_bound_that_is_enough_is_made_no_better() -> None:
 # --- the conditions of the proof --------------------------------------------------------------
 
 
+@pytest.mark.gate_share(6)
 @pytest.mark.parametrize("drift", DRIFTS)
 @pytest.mark.parametrize("name", FIELDS)
 def test_no_direction_at_any_place_breaks_the_inequality(name: str, drift: Drift) -> None:
@@ -133,6 +134,7 @@ def test_cells_that_a_route_may_touch_count_as_water() -> None:
 # --- the bound where the least fuel is known --------------------------------------------------
 
 
+@pytest.mark.gate_share(4)
 @pytest.mark.parametrize("drift", DRIFTS)
 @pytest.mark.parametrize("goal", [(95.0, 90.0), (12.0, 95.0), (93.5, 10.0), (99.0, 0.1)])
 def test_still_water_takes_the_straight_line(goal: tuple[float, float], drift: Drift) -> None:
@@ -142,7 +144,7 @@ def test_still_water_takes_the_straight_line(goal: tuple[float, float], drift: D
     assert 0.995 * straight <= bound <= straight
 
 
-@settings(deadline=None, max_examples=20)
+@examples(8, 20)
 @given(st.floats(0, 1.3), st.floats(0, 2 * math.pi), st.floats(0, 2 * math.pi))
 def test_a_uniform_current_takes_the_straight_line_or_tacks(
     strength: float, towards: float, bearing: float
@@ -232,7 +234,7 @@ def test_it_is_within_five_percent_on_random_scenes(seed: int, fuel: float) -> N
     assert 0 <= excess < 0.05
 
 
-@settings(deadline=None, max_examples=30)
+@examples(6, 30)
 @given(seeds, st.sampled_from(DRIFTS), st.floats(0.1, 1.3))
 def test_no_path_needs_less(seed: int, drift: Drift, peak: float) -> None:
     chart, current, start, goal = random_scene(seed, peak)
@@ -260,7 +262,7 @@ def test_no_plan_needs_less(seed: int, drift: Drift) -> None:
     assert all(bound <= route.fuel < 1.6 * bound for route in plan.routes)
 
 
-@settings(deadline=None, max_examples=6)
+@examples(2, 6)
 @given(seeds, st.sampled_from(DRIFTS))
 def test_the_way_back_in_the_reversed_current_has_the_same_bound(seed: int, drift: Drift) -> None:
     chart, current, start, goal = random_scene(seed, 0.6)

@@ -108,6 +108,7 @@ def test_a_word_by_some_rays_follows_from_the_word_by_all(seed: int, share: floa
     assert some.of_word(rays.word(path)) == some.word(path)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_least_fuel_route_is_the_same_whichever_islands_count(seed: int) -> None:
     chart, current = among_islets(seed), StreamFunctionCurrent(seed, 0.6)

@@ -24,7 +24,7 @@ from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.kernels.viterbi import Stream
 from renew.voyage.voyage import Voyage
-from tests.strategies import StreamFunctionCurrent, seeds, voyage_on
+from tests.strategies import StreamFunctionCurrent, examples, seeds, voyage_on
 
 FEW = Resolution(144, 2)
 
@@ -92,7 +92,7 @@ def best_times(graph: Roadmap, triangulation: Triangulation) -> dict[tuple[int, 
     return found
 
 
-@settings(max_examples=3)
+@examples(1, 3)
 @given(seed=seeds)
 def test_paths_are_the_quickest_of_every_row_in_the_order_of_their_times(seed: int) -> None:
     voyage = scene(seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import networkx as nx
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from shapely import box
 
 import renew
@@ -21,7 +21,7 @@ from renew.classes.reduced_rows import (
 )
 from renew.classes.roadmap import START, Resolution, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
-from tests.strategies import seeds, voyage_on
+from tests.strategies import examples, seeds, voyage_on
 
 
 def task_of(seed: int) -> tuple[Task, Triangulation]:
@@ -40,7 +40,7 @@ def task_of(seed: int) -> tuple[Task, Triangulation]:
     ), triangulation
 
 
-@settings(max_examples=10)
+@examples(4, 10)
 @given(seed=seeds)
 def test_the_row_of_a_walk_is_what_is_left_of_its_triangles(seed: int) -> None:
     task, triangulation = task_of(seed)
@@ -66,7 +66,7 @@ def test_the_row_of_a_walk_is_what_is_left_of_its_triangles(seed: int) -> None:
         row, node = after, other
 
 
-@settings(max_examples=20)
+@examples(8, 20)
 @given(seed=seeds)
 def test_the_number_of_classes_is_that_of_simple_paths(seed: int) -> None:
     task, triangulation = task_of(seed)

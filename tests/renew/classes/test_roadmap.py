@@ -20,7 +20,7 @@ from renew.inputs.current import as_field
 from renew.voyage.fuel import passage
 from renew.voyage.voyage import Voyage
 from tests.eddies import eddy_scene
-from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
+from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, voyage_on
 
 CELLS = Resolution(900, 2)
 
@@ -41,7 +41,7 @@ def legs_of(graph: Roadmap) -> tuple[np.ndarray, np.ndarray]:
     return graph.points[tail], graph.points[graph.head]
 
 
-@settings(max_examples=10)
+@examples(4, 10)
 @given(seed=seeds, clearance=st.sampled_from([0.0, 1.0, 4.0]))
 def test_no_leg_touches_land(seed: int, clearance: float) -> None:
     chart, current, start, goal = random_scene(seed)

@@ -23,7 +23,7 @@ from renew.kernels.current_table import (
     weakest_and_strongest,
 )
 from tests.compiler import uncompiled
-from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
+from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, examples, seeds, single_gyre
 
 BOUNDS = (0.0, 0.0, SIZE, SIZE)
 
@@ -158,7 +158,7 @@ def test_a_table_is_nearly_the_field_at_its_nodes_and_asks_for_no_point_twice() 
     assert len(np.unique(points, axis=0)) == len(points)
 
 
-@settings(max_examples=8, deadline=None)
+@examples(3, 8)
 @given(seed=seeds)
 def test_an_eddy_that_few_nodes_meet_counts_in_the_error_of_the_table(seed: int) -> None:
     smooth = StreamFunctionCurrent(seed, 0.5)

@@ -26,7 +26,7 @@ from renew.kernels.viterbi import (
 )
 from renew.voyage.fuel import ground_speed
 from tests.compiler import uncompiled
-from tests.strategies import seeds
+from tests.strategies import examples, seeds
 
 # Side (m) of the water, and how far apart its nodes stand.
 SIDE, CELL = 12.0, 2.0
@@ -95,7 +95,7 @@ def test_who_leaves_later_does_not_arrive_earlier(seed: int) -> None:
     assert (np.diff(ends[np.isfinite(ends)]) >= 0).all()
 
 
-@settings(max_examples=10, deadline=None)
+@examples(4, 10)
 @given(seed=seeds, slices=st.sampled_from([1, 6]))
 def test_quickest_chain_is_the_best_of_all_chains(seed: int, slices: int) -> None:
     rng = np.random.default_rng(seed)
@@ -134,7 +134,7 @@ def test_quickest_chain_is_the_best_of_all_chains(seed: int, slices: int) -> Non
         assert without_compiler[1].tolist() == chain.tolist()
 
 
-@settings(max_examples=20, deadline=None)
+@examples(8, 20)
 @given(seed=seeds, slices=st.sampled_from([1, 6]))
 def test_shortcuts_are_those_of_a_plain_twin_and_leave_no_point_to_skip(
     seed: int, slices: int

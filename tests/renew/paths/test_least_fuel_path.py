@@ -16,7 +16,15 @@ from shapely import box
 import renew
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from tests.renew.paths.corridors import corridor_in_scene, corridor_of
-from tests.strategies import PAPER_VESSEL, SIZE, random_islands, random_scene, seeds, voyage_on
+from tests.strategies import (
+    PAPER_VESSEL,
+    SIZE,
+    examples,
+    random_islands,
+    random_scene,
+    seeds,
+    voyage_on,
+)
 
 NIMBLE = renew.Vessel(speed=1.0, turn_rate=math.radians(2000))
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -52,7 +60,7 @@ def test_a_long_way_over_open_still_water_is_straight() -> None:
     assert best.length == pytest.approx(math.hypot(37_200, 4500), rel=1e-5)
 
 
-@settings(max_examples=5, deadline=None)
+@examples(2, 5)
 @given(seed=seeds)
 def test_no_sampled_path_needs_less_than_the_least_fuel_path_of_its_class(seed: int) -> None:
     chart, current, start, goal = random_scene(seed)

@@ -37,6 +37,7 @@ def voyage_and_path(seed: int, exponent: float, under_way: float) -> tuple[Voyag
     return voyage, np.stack([scene.start, middle, scene.goal])
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(("seed", "exponent"), [(1, 2.0), (4, 3.0), (5, 2.0)])
 def test_no_speeds_of_an_optimizer_need_less(seed: int, exponent: float) -> None:
     voyage, path = voyage_and_path(seed, exponent, 200.0)

@@ -135,6 +135,7 @@ def test_the_trade_off_is_what_other_deadlines_come_to() -> None:
     assert free.fuel_bound.value <= free.fuel
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 def test_two_equal_slices_give_the_steady_plan(exponent: float) -> None:
     chart, current, start, goal = random_scene(3)
@@ -179,6 +180,7 @@ def test_equal_slices_are_searched_as_a_steady_current(monkeypatch: pytest.Monke
     assert made
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 def test_in_a_tide_that_is_the_same_everywhere_one_speed_is_best(exponent: float) -> None:
     # From 0.3 m/s against her to as much with her: in the water's own frame it is a straight way.

@@ -120,6 +120,7 @@ def test_departures_in_a_current_that_does_not_change_need_no_plans_between() ->
     assert len(found.departures) <= 3 + 6
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("padding", ["none", "adaptive"])
 def test_departures_are_planned_as_single_plans_and_in_order_of_arrival(
     padding: Padding,
@@ -149,6 +150,7 @@ def test_departures_are_planned_as_single_plans_and_in_order_of_arrival(
         assert sailed == pytest.approx(fuel, rel=1e-9)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [2, 4, 11])
 def test_a_few_classes_are_enough_to_find_the_best_one(
     seed: int, monkeypatch: pytest.MonkeyPatch

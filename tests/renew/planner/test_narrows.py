@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 import renew
+from tests.strategies import examples
 
 CLEARANCE, SHARE = 100.0, 0.5
 VESSEL = renew.Vessel(speed=3.0, turn_rate=0.3)
@@ -81,7 +82,7 @@ def test_pieces_of_shores_stand_out_of_the_padding_for_turns() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=5, deadline=None)
+@examples(2, 5)
 def test_among_skerries_a_way_is_found_where_one_is_without_clearance(seed: int) -> None:
     rng = np.random.default_rng(seed)
     middles = rng.uniform((600, 0), (5400, 2000), (60, 2))

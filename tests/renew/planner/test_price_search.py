@@ -20,6 +20,7 @@ OPEN = renew.Chart(box(0, 0, 150, 150))
 START, GOAL = (20.0, 30.0), (130.0, 120.0)
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_no_path_and_speeds_of_an_optimizer_need_less(seed: int, exponent: float) -> None:

@@ -25,6 +25,7 @@ NIMBLE = renew.Vessel(speed=1.0, turn_rate=10.0, length=0.01)
 PERIOD, STRENGTH = 200.0, 0.3
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(("seed", "exponent"), [(0, 2.0), (1, 3.0)])
 def test_no_share_of_the_time_between_the_ways_to_and_from_a_point_needs_less(
     seed: int, exponent: float

@@ -20,7 +20,7 @@ from renew.inputs.options import Padding, PlanOptions
 from renew.planner.hindrances import with_clearance
 from renew.turns.padding_model import PaddedEdges, PaddingModel
 from renew.turns.turn_reach import HEADING_SPREAD, turn_reach
-from tests.strategies import PAPER_VESSEL, random_scene, seeds, voyage_on
+from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, voyage_on
 
 
 def padded_edges(seed: int) -> PaddedEdges:
@@ -56,6 +56,7 @@ def always(channel: Channel) -> FloatArray:
     return np.zeros((len(channel.triangles), 2))
 
 
+@pytest.mark.gate_share(6)
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("risk", [0.05, 0.2])
 def test_the_share_of_turns_beyond_the_padding_is_within_the_risk(seed: int, risk: float) -> None:
@@ -95,6 +96,7 @@ def test_the_share_of_turns_beyond_the_padding_is_within_the_risk(seed: int, ris
     assert max(exceeded) <= risk + 3 * math.sqrt(risk * (1 - risk) / draws)
 
 
+@examples(30, 100)
 @given(width=st.floats(0.0, 12.0))
 def test_fixed_padding_and_clearance_are_as_asked(width: float) -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])

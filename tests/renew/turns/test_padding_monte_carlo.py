@@ -116,6 +116,7 @@ def test_turns_in_the_single_gyre_are_within_the_risk_in_every_triangle(risk: fl
 
 # Paths that bulge out of their channels. In the second and third scene they pass edges on headings
 # for which the channel alone would not have padded those edges.
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(("seed", "risk", "classes"), [(3, 0.05, 2), (5, 0.05, 4), (11, 0.3, 4)])
 def test_turns_among_islands_are_within_the_risk_in_every_triangle(
     seed: int, risk: float, classes: int

@@ -113,6 +113,7 @@ def test_draws_depend_on_the_seed_alone() -> None:
     assert (one != other).any()
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("risk", [5e-4, 1e-4])
 def test_quantiles_far_in_the_tail_hold_for_millions_of_random_draws(risk: float) -> None:
     rng = np.random.default_rng(1)

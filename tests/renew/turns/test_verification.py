@@ -162,6 +162,7 @@ def shares_that_touch(
     return np.array(shares)
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [18, 19])
 def test_from_no_point_more_turns_reach_land_than_the_risk_allows(seed: int) -> None:
     chart, current, start, goal = random_scene(seed, 0.85)

@@ -57,6 +57,7 @@ def named(request: pytest.FixtureRequest) -> tuple[str, RunResult]:
     return name, replace(result, scenario=scenario, fetched=replace(result.fetched, land=land))
 
 
+@pytest.mark.gate_share(9)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None:
     name, result = named
@@ -95,6 +96,7 @@ def test_kml(named: tuple[str, RunResult], tmp_path: Path) -> None:
     assert root[0][0].text.startswith(xml_text(name))
 
 
+@pytest.mark.gate_share(3)
 def test_passage_plan(named: tuple[str, RunResult], tmp_path: Path) -> None:
     """Every name is drawn, with what the font lacks as white squares: no warning, no fault."""
     write_passage_plan(named[1], tmp_path / "passage-plan.pdf")

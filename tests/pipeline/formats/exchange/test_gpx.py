@@ -66,6 +66,7 @@ def check_order(root: Element) -> None:
             assert "e" not in element.get("lat") + element.get("lon")
 
 
+@pytest.mark.gate_share(6)
 @pytest.mark.parametrize("departure", [None, DEPARTURE])
 def test_the_structure_is_that_of_gpx_1_1(
     any_run: RunResult, tmp_path: Path, departure: datetime | None

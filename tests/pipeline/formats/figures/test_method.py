@@ -208,6 +208,7 @@ def test_land_has_the_colour_of_land_where_it_lies(planar_result: RunResult, kin
         assert (colour == COLOURS["land"]) == (role == "land")
 
 
+@pytest.mark.gate_share(6)
 @pytest.mark.parametrize("planar", [False, True])
 @pytest.mark.parametrize("kind", Kind.selected(()))
 def test_texts_of_a_figure_do_not_overlap_or_leave_it(

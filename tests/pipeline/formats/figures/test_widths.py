@@ -64,6 +64,7 @@ def with_long_labels() -> RunResult:
     )
 
 
+@pytest.mark.gate_share(9)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("width", list(Width))
 def test_nothing_is_cut(with_long_labels: RunResult, kind: Kind, width: Width) -> None:
@@ -81,6 +82,7 @@ def test_ink_at_the_edge_is_found(result: RunResult) -> None:
     assert ink_at_the_edge(drawn) > 0
 
 
+@pytest.mark.gate_share(3)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_smallest_text_can_be_read_in_print(result: RunResult, kind: Kind) -> None:
     """In points on paper, as these widths are not scaled; titles may shrink to fit."""

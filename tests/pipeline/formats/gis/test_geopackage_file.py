@@ -116,6 +116,7 @@ def test_figures_that_do_not_exist_are_null(result: RunResult, tmp_path: Path) -
     assert found == [(None, None)]
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize(
     "case", ["as it is", "planar", "badly named", "without routes", "without land"]
 )

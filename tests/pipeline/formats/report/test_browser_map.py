@@ -38,6 +38,7 @@ def test_lines_run_between_the_pixels(reader: Reader, file: Path) -> None:
     assert np.sqrt(np.mean(steps**2)) < 0.1
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize("pixel_ratio", [1, 2])
 def test_arrows_are_as_dense_at_the_closest_zoom(
     reader: Reader, file: Path, pixel_ratio: int

@@ -86,6 +86,7 @@ def times_in_files(result: RunResult, season: str, folder: Path) -> dict[str, li
     }
 
 
+@pytest.mark.gate_share(4)
 def test_no_file_asks_for_more_than_the_vessel_can_sail(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.plans[0].season
     points = season_waypoints(any_run, season)[0]

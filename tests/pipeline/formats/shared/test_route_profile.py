@@ -7,7 +7,7 @@ import numpy as np
 import pyproj
 import pytest
 import shapely
-from hypothesis import assume, example, given, settings, strategies as st
+from hypothesis import assume, example, given, strategies as st
 from shapely.geometry import Polygon
 
 import renew
@@ -17,6 +17,7 @@ from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import RouteProfile, coast_index, route_profile
 from pipeline.stages.seasons.one_season import evaluate_season
 from tests.pipeline.formats import small_run
+from tests.strategies import examples
 
 GEOD = pyproj.Geod(ellps="WGS84")
 
@@ -102,7 +103,7 @@ def test_the_figures_end_at_the_routes_own(planar: bool) -> None:
         assert np.abs(gained - profile.current_along_m_s).max() < tolerance
 
 
-@settings(max_examples=20)
+@examples(8, 20)
 @given(
     st.lists(st.tuples(st.floats(0.05, 0.95), st.floats(0.05, 0.95)), min_size=2, max_size=6),
 )

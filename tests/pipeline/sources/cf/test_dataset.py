@@ -180,6 +180,7 @@ BAD: dict[str, tuple[Callable[[Path], Path], list[str]]] = {
 }
 
 
+@pytest.mark.gate_share(8)
 @pytest.mark.parametrize("kind", BAD)
 def test_odd_files_are_refused_without_reading_what_they_declare(tmp_path: Path, kind: str) -> None:
     make, parts = BAD[kind]

@@ -276,6 +276,7 @@ class _Asked(http.server.BaseHTTPRequestHandler):
         """Say nothing."""
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize(
     "content",
     [

@@ -8,7 +8,7 @@ import numpy as np
 import pyproj
 import pytest
 import shapely
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 
 from pipeline.sources.quality.field import LandMask
 from pipeline.stages.choosing.region_choice import (
@@ -18,6 +18,7 @@ from pipeline.stages.choosing.region_choice import (
     widened_by,
 )
 from pipeline.stages.choosing.water_grid import WaterGrid
+from tests.strategies import examples
 
 WORLD = (-180.0, -89.0, 360.0, 89.0)
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -40,7 +41,7 @@ def test_open_water_gives_start_and_goal_with_a_margin() -> None:
 
 
 @given(st.floats(-170, 170), st.floats(-70, 70), st.floats(0, 360), st.floats(5e3, 2e6))
-@settings(max_examples=40, deadline=None)
+@examples(12, 40)
 def test_start_and_goal_keep_a_tenth_of_their_distance_from_the_edge(
     lon: float, lat: float, bearing: float, distance_m: float
 ) -> None:
@@ -110,6 +111,7 @@ def test_a_margin_in_metres_is_that_on_the_ground() -> None:
     assert GEOD.inv(12, 61, 12, north)[2] == pytest.approx(50_000, rel=0.01)
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.parametrize(
     ("start", "goal", "inside"),
     [
@@ -152,6 +154,7 @@ def test_a_side_that_is_left_out_is_named_with_how_much_longer_it_is() -> None:
     assert bounds[3] < 12.9
 
 
+@pytest.mark.gate_share(1)
 @pytest.mark.parametrize(
     ("start", "goal", "island"),
     [

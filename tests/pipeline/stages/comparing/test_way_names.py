@@ -15,6 +15,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, PlaceName, RouteMetrics, Scene, SeasonPlan
 from pipeline.stages.comparing.island_names import islands
 from pipeline.stages.comparing.way_names import with_way_names
+from tests.strategies import examples
 
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
 EXTENT = shapely.box(-500, -500, 500, 500)
@@ -77,6 +78,7 @@ def _north_of(row: RouteMetrics) -> set[int]:
     return {int(name) for one in row.passages if one.side == "north" for name in one.islands}
 
 
+@examples(20, 100)
 @given(st.floats(0, 2 * math.pi))
 def test_the_side_is_where_the_way_round_lies(angle: float) -> None:
     """Two ways round one island: each lies on the named side of it."""

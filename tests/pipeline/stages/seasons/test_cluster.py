@@ -72,6 +72,7 @@ def _no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet, "_ANSWER_S", 1.0)
 
 
+@pytest.mark.gate_share(2)
 @pytest.mark.usefixtures("_no_answer")
 @pytest.mark.parametrize(
     "address", ["tls://127.0.0.1:1", "nonsense", "tcp://127.0.0.1:1", "tcp://127.0.0.1:999999"]

@@ -35,6 +35,7 @@ def scene(margin: float) -> Scene:
     )
 
 
+@pytest.mark.gate_share(4)
 @pytest.mark.parametrize("margin", [0.0, MARGIN])
 @pytest.mark.parametrize("padding", ["adaptive", "none"])
 @pytest.mark.parametrize("clearance", [0.0, 4.0])
