@@ -13,7 +13,7 @@ from typing import Literal, get_args
 from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import gap_figure, season_name, season_text
-from pipeline.geo.earth import position_text
+from pipeline.geo.lonlat import position_text
 from pipeline.machine.interpreters import cores, python_command, python_environment
 from pipeline.machine.store import Made, Store, artefact_key, file_hash
 from pipeline.model import Evaluation, Fetched, Note, Say, SeasonPlan

@@ -19,7 +19,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import near_miss, validated
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import project
-from pipeline.stages.projecting import planar
+from pipeline.stages.projecting.places import fetched_plane, plane_scene, unsimplified
 from pipeline.stages.simplify import simplify_land
 from renew.voyage.voyage import Voyage, Waters
 
@@ -93,8 +93,8 @@ def load_environment(spec: EnvironmentSpec, store: Store) -> Environment:
     """Load an environment's scene: as given in metres, or from chart and currents, offline."""
     scenario = _scenario(spec)
     if scenario.is_planar:
-        fetched = planar.fetched_plane(scenario)
-        simplified, scene = planar.unsimplified(fetched.land), planar.plane_scene(scenario)
+        fetched = fetched_plane(scenario)
+        simplified, scene = unsimplified(fetched.land), plane_scene(scenario)
     else:
         fetched = fetch(scenario, store, offline=True).fetched
         simplified = _simplified(scenario, fetched)

@@ -162,7 +162,7 @@ def _worker_states(address: str, folder: str) -> dict[str, object]:
     """Return the state of each of a scheduler's workers; raise if they do not answer in time."""
     from distributed import Client
 
-    from pipeline.stages.seasons.connection import quiet, scheduler_workers, within
+    from pipeline.stages.seasons.cluster import quiet, scheduler_workers, within
 
     def ask() -> dict[str, object]:
         with Client(address, timeout=NETWORK_S, set_as_default=False) as client:

@@ -12,8 +12,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray
-from pipeline.geo.earth import position_text
-from pipeline.geo.known_cells import DepthCover, KnownCells
+from pipeline.geo.lonlat import DepthCover, KnownCells, position_text
 
 
 @dataclass(frozen=True, slots=True)

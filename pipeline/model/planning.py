@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.geo.known_cells import DepthCover, KnownCells
+from pipeline.geo.lonlat import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
 from pipeline.model.inputs import Place
 from pipeline.scenario.catalogue import VesselSpec

@@ -197,7 +197,7 @@ class _Night:
         """Open the cycle's folder, and return the planning of its cases."""
         from pipeline.nightly.planning.planning import Planning
         from pipeline.nightly.planning.worker import Rules
-        from pipeline.stages.seasons.connection import own_identity
+        from pipeline.stages.seasons.cluster import own_identity
 
         identity, latest = own_identity(), self.cycles.latest
         if base_of(latest) == self.newest.cycle:

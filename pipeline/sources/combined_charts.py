@@ -17,8 +17,7 @@ from scipy import ndimage
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.geo.known_cells import DepthCover, KnownCells
+from pipeline.geo.lonlat import METRES_PER_DEGREE, DepthCover, KnownCells
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, Zone
 from pipeline.sources.depth_file import DepthFile, Heights, name_of

@@ -16,11 +16,11 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
+from pipeline.geo.lonlat import Bounds
 from pipeline.machine.paths import require_readable, shown
 from pipeline.sources.cf.axes import axis_role, coordinate_axis, grid_fault
 from pipeline.sources.cf.dataset import check_values, fatal_files, open_dataset, reading
 from pipeline.sources.cf.grid import find_window, read_window
-from pipeline.sources.quality.coverage import Bounds
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,6 +11,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray, IndexArray
 from pipeline.errors import StageError
+from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
@@ -18,7 +19,6 @@ from pipeline.scenario.season import Season
 from pipeline.scenario.strict import near_miss
 from pipeline.scenario.times import period
 from pipeline.sources.interfaces import CurrentSource, Issue
-from pipeline.sources.quality.coverage import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.sources.quality.field import Field, LandMask, water_without_data
 
 # Deviation of a coordinate from a regular axis, degrees: two roundings to four decimals.

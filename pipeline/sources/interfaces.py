@@ -7,9 +7,9 @@ from typing import Protocol
 
 from shapely.geometry import Polygon
 
+from pipeline.geo.lonlat import Bounds
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
-from pipeline.sources.quality.coverage import Bounds
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from pipeline.stages.comparing import cautions
 from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.plan import Planned
-from pipeline.stages.projecting.avoided_areas import shut_notes
+from pipeline.stages.projecting.places import shut_notes
 from pipeline.stages.simplify import SimplifiedLand
 
 

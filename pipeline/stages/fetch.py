@@ -27,8 +27,7 @@ from pipeline.sources.interfaces import CurrentSource, LandSource
 from pipeline.sources.land.osm import OsmLand
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages.comparing.cautions import overpowering_notes
-from pipeline.stages.projecting import planar
-from pipeline.stages.projecting.avoided_areas import avoided_zones
+from pipeline.stages.projecting.places import avoided_zones, fetched_plane
 
 # Default limit of a voyage in changing currents: this multiple of the time along the straight line
 # in still water, plus a day, because the tide may turn against a short voyage.
@@ -240,4 +239,4 @@ def _plane_parts(scenario: Scenario) -> FetchedParts:
         season.name: artefact_key("current", season.model_dump(mode="json"), figures)
         for season in scenario.seasons
     }
-    return FetchedParts(planar.fetched_plane(scenario), artefact_key("land", figures), keys, {})
+    return FetchedParts(fetched_plane(scenario), artefact_key("land", figures), keys, {})

@@ -15,15 +15,19 @@ from scipy import ndimage
 import renew
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
 from pipeline.machine.store import Made, Store
 from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.shapes import extract_polygons, repaired
-from pipeline.stages.projecting import planar
-from pipeline.stages.projecting.avoided_areas import area_identities, known_clocks, shut_areas
-from pipeline.stages.projecting.endpoints import check_endpoints
+from pipeline.stages.projecting.places import (
+    area_identities,
+    check_endpoints,
+    known_clocks,
+    plane_scene,
+    shut_areas,
+)
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.simplify import SimplifiedLand
 
@@ -85,7 +89,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         The no-go zone leaves no water.
     """
     if scenario.region is None:
-        return planar.plane_scene(scenario)
+        return plane_scene(scenario)
     region = scenario.region.shape
     projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
     charted = fetched.land

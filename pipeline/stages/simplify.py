@@ -4,8 +4,8 @@ The steps, in true metres in the plane that is centred on the region:
 
 1. Project and repair the land, and clip it to the region and a little beyond.
 2. Cover it and its margin with polygons of fewer vertices
-   (:mod:`pipeline.geo.covering_land`); only covers that overlap are joined.
-3. Keep starts and goals in water, and connected (:mod:`pipeline.geo.open_water`).
+   (:mod:`pipeline.geo.coast`); only covers that overlap are joined.
+3. Keep starts and goals in water, and connected (:mod:`pipeline.geo.coast`).
 4. Simplify the land inwards, without a margin. A route that avoids only this inner land gives a
    lower bound on the cost of every route that avoids the land.
 5. Check that the results are valid, the cover contains all land, and inner land is all land.
@@ -21,15 +21,14 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import StageError
-from pipeline.geo.covering_land import covering_land, inner_land
-from pipeline.geo.earth import position_text
-from pipeline.geo.open_water import OpenWater, opened
+from pipeline.geo.coast import OpenWater, covering_land, inner_land, opened
+from pipeline.geo.lonlat import position_text
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Made, Store
 from pipeline.model import Land, Note, Place, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
-from pipeline.stages.projecting import planar
+from pipeline.stages.projecting.places import unsimplified
 
 # Longer edges are divided before projection, m. An edge that is straight in degrees is curved in
 # the plane: an edge of 5 km at 70 degrees of latitude deviates by 1.3 m.
@@ -67,7 +66,7 @@ def simplify(
 
     def make() -> SimplifiedLand:
         if region is None:
-            return SimplifiedLand(planar.unsimplified(land.value), ())
+            return SimplifiedLand(unsimplified(land.value), ())
         return simplify_land(
             land.value.polygons,
             region.shape,

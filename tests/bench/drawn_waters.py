@@ -15,7 +15,7 @@ from numpy.random import Generator
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.land import osm
 from pipeline.sources.quality.field import LandMask

@@ -14,7 +14,7 @@ import shapely
 from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
-from pipeline.sources.quality.coverage import Bounds
+from pipeline.geo.lonlat import Bounds
 from pipeline.stages.choosing.water_grid import WaterGrid
 
 # Cells along each side, and those that the smallest island has: rocks are no choice of sides.

@@ -13,7 +13,7 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
 from pipeline.stages.project import project
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
-from pipeline.stages.seasons.other_plans import clock_worth
+from pipeline.stages.seasons.task import clock_worth
 from tests.pipeline.formats import small_run
 
 BBOX = (119.0, 9.50, 119.10, 9.56)

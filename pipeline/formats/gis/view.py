@@ -12,7 +12,7 @@ from pipeline._types import FloatArray
 from pipeline.formats.figures.map_marks import SpeedScale, speed_scale
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.result import RunResult
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
 
 # Width, metres on paper or screen, at which a map opens.

@@ -25,7 +25,7 @@ from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import MAX_STRAITS, RunResult
 from pipeline.formats.shared.writing import environment
-from pipeline.geo.earth import position_text
+from pipeline.geo.lonlat import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics, ShutStrait
 from pipeline.scenario.published import PublishedRow
 

@@ -17,7 +17,7 @@ from pipeline.formats.report.encode import coarser, place_on_map, within
 from pipeline.formats.report.sentences import Season
 from pipeline.formats.shared import departures_and_speeds, text
 from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.geo.earth import position_text
+from pipeline.geo.lonlat import position_text
 from pipeline.model import RouteMetrics, SeasonPlan
 from renew import Rejected
 

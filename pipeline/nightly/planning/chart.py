@@ -22,7 +22,7 @@ from pipeline.stages.choosing.offing import with_offing
 from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
 from pipeline.stages.project import planar_current, project
-from pipeline.stages.projecting import planar
+from pipeline.stages.projecting.places import plane_scene
 from pipeline.stages.simplify import simplify
 
 STAGE = "night-chart"
@@ -182,7 +182,7 @@ def options_of(chart: NightChart, start: FloatArray, goal: FloatArray) -> Planne
 def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChart:
     """Fetch, simplify and project a scenario's chart, on which `ends` stay in water."""
     if scenario.is_planar:
-        scene = replace(planar.plane_scene(scenario), currents={})
+        scene = replace(plane_scene(scenario), currents={})
         return NightChart(scenario, scene, "", 0.0, SmallMap.of(scene))
     if scenario.region is None:
         region = chosen_region(scenario, store, offline=False)
@@ -213,7 +213,7 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
     season = task.season
     if chart.scenario.is_planar:
         alone = chart.scenario.model_copy(update={"seasons": (season,)})
-        current = planar.plane_scene(alone).currents[season.name]
+        current = plane_scene(alone).currents[season.name]
         return NightCurrent(current, season.title or season.name, "numbers", "")
     found = _chart_fetcher(task.chart_path, task.store_root).current(season)
     if found.grid is None:

@@ -20,7 +20,7 @@ from pipeline.nightly.request.newest_currents import Newest, named_currents
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
-from pipeline.stages.seasons.fleet import Fleet
+from pipeline.stages.seasons.cluster import Fleet
 
 # Largest number of cases in a slice; neighbours stay together, because they share a current.
 _LARGEST_SLICE = 64

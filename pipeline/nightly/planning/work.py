@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.nightly.planning.worker import BatchReport, PlanBatch
-from pipeline.stages.seasons.connection import local_cluster
-from pipeline.stages.seasons.fleet import Fleet, fleet
+from pipeline.stages.seasons.cluster import Fleet, fleet, local_cluster
 
 # Target and minimum duration of a batch, s, and its largest share of the work that is left for each
 # worker. Batches are short because a killed job loses the unfinished ones, and because at the end

@@ -34,7 +34,7 @@ from pipeline.nightly.planning.chart import (
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.strict import Point
 from pipeline.stages.comparing.way_names import with_way_names
-from pipeline.stages.seasons.fleet import DiedBeforeError
+from pipeline.stages.seasons.cluster import DiedBeforeError
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from renew import Route
 

@@ -17,6 +17,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import BoolArray, FloatArray
 from pipeline.errors import RequestError
+from pipeline.geo.lonlat import MARGIN_CELLS, Bounds, widened
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land, Note
@@ -24,9 +25,8 @@ from pipeline.scenario.season import Season
 from pipeline.sources.cf import grid
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import is_zarr
-from pipeline.sources.cf.slices import SelectedSlices, select_slices
+from pipeline.sources.cf.grid import SelectedSlices, select_slices
 from pipeline.sources.interfaces import CurrentSource, Issue
-from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, widened
 from pipeline.sources.quality.field import Field, LandMask, water_without_data
 from pipeline.sources.quality.plausibility import (
     OFFSHORE_CELLS,

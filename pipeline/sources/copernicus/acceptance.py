@@ -15,12 +15,12 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
+from pipeline.geo.lonlat import Bounds, around_missing, cell_bounds, sides_beyond, widened
 from pipeline.model import Land, Note
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.cf.axes import coordinate_axis, decoded_times
 from pipeline.sources.cf.dataset import coordinate_values, open_dataset, reading
 from pipeline.sources.cf.grid import Window, find_window, read_window
-from pipeline.sources.quality import coverage
 from pipeline.sources.quality.field import SURFACE_DEPTH_M, Field, LandMask, water_without_data
 from pipeline.sources.quality.plausibility import assess_series, count_misplaced, dilated
 
@@ -65,7 +65,7 @@ class Expected:
     weights: tuple[float, ...]
     label_format: str
     region: Polygon
-    missing_boxes: tuple[coverage.Bounds, ...] = ()
+    missing_boxes: tuple[Bounds, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ def _read(dataset: "xr.Dataset", expected: Expected) -> tuple[list[str], Accepte
     if faults:
         return faults, None
     margin = _KEPT_CELLS * expected.spec.cell_deg
-    window = find_window(lon, lat, coverage.widened(expected.region.bounds, margin, margin))
+    window = find_window(lon, lat, widened(expected.region.bounds, margin, margin))
     if not (window.lon.size and window.lat.size):
         return ["it has no data in the region"], None
     faults, u, v = _read_fields(dataset, expected, window)
@@ -246,9 +246,7 @@ def _time_faults(dataset: "xr.Dataset", expected: Expected) -> list[str]:
     if labels == expected.labels:
         return []
     lacking = [label for label in expected.labels if label not in labels]
-    first = (
-        f"; {lacking[0]} is missing{coverage.around_missing(labels, lacking[0])}" if lacking else ""
-    )
+    first = f"; {lacking[0]} is missing{around_missing(labels, lacking[0])}" if lacking else ""
     return [f"its times are {_shortened(labels)}, not {_shortened(expected.labels)}{first}"]
 
 
@@ -271,8 +269,8 @@ def _depth_faults(dataset: "xr.Dataset") -> list[str]:
 def _extent_faults(window: Window, expected: Expected) -> list[str]:
     """Whether the cells cover the region."""
     cell_deg = expected.spec.cell_deg
-    cells = coverage.cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
-    lacking = coverage.sides_beyond(expected.region.bounds, cells)
+    cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
+    lacking = sides_beyond(expected.region.bounds, cells)
     return [f"it has no data {' nor '.join(lacking)}"] if lacking else []
 
 
@@ -305,7 +303,7 @@ def _missing_chunk_faults(field: Field, expected: Expected, mask: LandMask) -> l
         row = (field.lat >= south - cell / 2) & (field.lat <= north + cell / 2)
         missing |= row[:, None] & column[None, :]
     # Further out the field is not used, and the land is not known.
-    west, south, east, north = coverage.widened(expected.region.bounds, cell, cell)
+    west, south, east, north = widened(expected.region.bounds, cell, cell)
     column = (field.lon > west) & (field.lon < east)
     row = (field.lat > south) & (field.lat < north)
     wet = missing & row[:, None] & column[None, :]

@@ -21,6 +21,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
+from pipeline.geo.lonlat import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
@@ -34,7 +35,6 @@ from pipeline.sources.copernicus.steps import (
     select_steps,
 )
 from pipeline.sources.interfaces import CurrentSource, Issue
-from pipeline.sources.quality.coverage import MARGIN_CELLS, Bounds, common_bounds, widened
 
 
 @dataclass(frozen=True, slots=True)

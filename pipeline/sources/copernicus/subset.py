@@ -20,7 +20,7 @@ from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import urlsplit
 
-from pipeline.sources.quality.coverage import Bounds, around_missing
+from pipeline.geo.lonlat import Bounds, around_missing
 
 NO_ANSWER = 3
 # Interval at which the process checks that its parent still runs, s.

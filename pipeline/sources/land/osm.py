@@ -34,7 +34,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.machine.files import UNFINISHED, whole_file
 from pipeline.model import Credit, Land, Note
 from pipeline.sources.land import shapes

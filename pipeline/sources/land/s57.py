@@ -21,7 +21,7 @@ import shapely
 
 from pipeline._types import Geometries
 from pipeline.errors import RequestError
-from pipeline.geo.known_cells import DepthCover
+from pipeline.geo.lonlat import DepthCover
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, PlaceName, Zone

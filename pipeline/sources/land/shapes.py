@@ -20,7 +20,7 @@ from shapely import affinity
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.errors import PipelineError, RequestError
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
 from pipeline.model import Note, PlaceName
 

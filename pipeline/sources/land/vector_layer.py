@@ -13,7 +13,7 @@ import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.errors import RequestError
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.model import Note, PlaceName
 from pipeline.scenario.strict import near_miss
 from pipeline.sources.land import shapes

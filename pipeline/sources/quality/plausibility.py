@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.geo.earth import EARTH_RADIUS_M
+from pipeline.geo.lonlat import EARTH_RADIUS_M
 from pipeline.sources.quality.field import Field, LandMask, find_shift
 
 # Limits of the root mean square speed of moving water: (width of the field in degrees, both ways,

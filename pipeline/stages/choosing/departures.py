@@ -22,7 +22,7 @@ from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import departure_name, interval, named_departure
 from pipeline.stages.fetch import FetchedParts
-from pipeline.stages.projecting.avoided_areas import later
+from pipeline.stages.projecting.places import later
 from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
 

@@ -16,12 +16,12 @@ import shapely
 import renew
 from pipeline.errors import PipelineError
 from pipeline.formats.shared.result import RunResult
+from pipeline.geo.lonlat import Bounds
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Made, Store
 from pipeline.model import Note, Place, Scene, SeasonPlan
 from pipeline.scenario.region import Region
 from pipeline.sources.land.shapes import extract_polygons, repaired
-from pipeline.sources.quality.coverage import Bounds
 from pipeline.stages.choosing.region_choice import FarSide
 from pipeline.stages.comparing.island_names import island_places
 from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across

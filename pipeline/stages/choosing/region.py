@@ -10,13 +10,12 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.errors import NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, common_bounds
 from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
 from pipeline.model import Note
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.sources.land import osm
-from pipeline.sources.quality.coverage import Bounds, common_bounds
 from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents

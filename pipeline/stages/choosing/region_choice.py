@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline._types import FloatArray
-from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.sources.quality.coverage import Bounds, common_bounds
+from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, common_bounds
 from pipeline.sources.quality.field import LandMask
 from pipeline.stages.choosing.water_grid import Cell, LonLat, WaterGrid, Way
 

@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.geo.earth import METRES_PER_DEGREE
-from pipeline.sources.quality.coverage import Bounds
+from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds
 from pipeline.sources.quality.field import LandMask
 
 Cell = tuple[int, int]

@@ -11,7 +11,7 @@ import shapely
 import renew
 from pipeline._types import BoolArray, FloatArray
 from pipeline.formats.shared.result import RunResult
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.model import CurrentGrid, Note, Place, Scene, SeasonPlan, ShoreCrossing
 
 # Time step for the interpolation of a changing current, s.

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray, Geometries, IndexArray
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.model import PlaceName, Scene
 from pipeline.scenario import catalogue
 

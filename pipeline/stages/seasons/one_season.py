@@ -12,7 +12,7 @@ import shapely
 import renew
 from pipeline._types import Geometries
 from pipeline.formats.shared.text import planner_text, season_text
-from pipeline.geo.known_cells import share_without
+from pipeline.geo.lonlat import share_without
 from pipeline.geo.projection import densified
 from pipeline.model import (
     ClockWorth,
@@ -29,7 +29,7 @@ from pipeline.model import (
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.comparing.cautions import SecondShoreline
 from pipeline.stages.projecting import speed_choices
-from pipeline.stages.projecting.endpoints import is_shut_in
+from pipeline.stages.projecting.places import is_shut_in
 from renew.errors import TooLateError
 from renew.inputs.options import Drift
 from renew.turns.turn_reach import TurnReach

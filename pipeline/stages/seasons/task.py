@@ -17,15 +17,184 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+import shapely
+
+import renew
+from pipeline._types import FloatArray
 from pipeline.errors import StageError, one_line
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.store import load_artefact, save_artefact
-from pipeline.model import Scene, SeasonPlan
+from pipeline.model import (
+    ClockWorth,
+    Current,
+    GapShares,
+    Scene,
+    SeasonPlan,
+    SpeedChoice,
+    plan_options,
+)
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.seasons.connection import own_identity
-from pipeline.stages.seasons.fleet import fleet
+from pipeline.stages.seasons.cluster import fleet, own_identity
 from pipeline.stages.seasons.one_season import SeasonEvaluation, evaluate_season, plan_season
-from pipeline.stages.seasons.other_plans import clock_worth, gap_shares
+from renew.inputs.options import Drift
+from renew.voyage.fuel import passage
+
+# Factor on the turn rate of a vessel that turns on the spot.
+_ON_THE_SPOT = 100.0
+# Number of classes of the other plans, of which only the best route is used; and of bisections for
+# the factor on speeds.
+_CLASSES, _HALVINGS = 4, 30
+
+
+def gap_shares(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> GapShares | None:
+    """Split the gap of a season's best route; None without a plan. Takes as long as planning.
+
+    The lower bound on fuel holds on the original land, for any vessel. The fuel of two more plans
+    lies between the bound and the route: (1) the best route on the original land, and (2) the best
+    route on the chart with its margin and offing. Both plans have no padding and a vessel that
+    turns on the spot, because many ways close to land have no room for a turning circle. The
+    chart's share is the fuel of (2) minus (1). The share of padding and turning circle is the fuel
+    of the route minus (2). The bound's own share, which no route can save, is the fuel of (1) minus
+    the bound.
+    """
+    if season.plan is None:
+        return None
+    best = season.plan.best
+    kept = _least_fuel(scene, scene.chart, season, options, options.clearance or 0.0)
+    free = _least_fuel(scene, _land_alone(scene.chart), season, options, 0.0)
+    # A search may miss the best route; but each route is also a route of the less limited problem.
+    kept = min(kept, best.fuel)
+    free = min(free, kept)
+    bound = best.fuel / (1 + best.optimality_gap)
+    return GapShares(
+        season=season.season,
+        chart=(kept - free) / bound,
+        padding=(best.fuel - kept) / bound,
+        bound=(free - bound) / bound,
+    )
+
+
+def _least_fuel(
+    scene: Scene, chart: renew.Chart, season: SeasonPlan, options: PlannerOptions, clearance: float
+) -> float:
+    """Return the least fuel at `clearance` planar metres off a chart, without padding, or inf."""
+    asked = options.model_copy(
+        update={
+            "padding": "none",
+            "risk_at": "route",  # "point" needs adaptive padding
+            "clearance": clearance,
+            "classes": _CLASSES,
+            "method": "optimal",
+        }
+    )
+    nimble = replace(scene.vessel, turn_rate=_ON_THE_SPOT * scene.vessel.turn_rate)
+    other = replace(scene, chart=chart, vessel=nimble)
+    try:
+        return other.planned(season.season, plan_options(asked), season.arrive_by_s).best.fuel
+    except renew.PlanningError:
+        return math.inf
+
+
+def _land_alone(chart: renew.Chart) -> renew.Chart:
+    """Return the chart of the original land, for which the bound is computed."""
+    land = shapely.difference(chart.extent, chart.open_water)
+    return renew.Chart(chart.extent, [land])
+
+
+def clock_worth(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> ClockWorth | None:
+    """Compare a season's fuel with other plans; None for a steady current or without a plan.
+
+    They use the current at departure, its mean over the voyage, or no current, which gives the
+    shortest safe path. All are sailed in the changing current, with the same departure and padding
+    rules. If speeds are chosen, a plan's speeds are multiplied by a factor so that it is in time.
+    """
+    current = scene.currents[season.season]
+    if season.plan is None or not isinstance(current, renew.VaryingCurrent):
+        return None
+    best = season.plan.best
+    frozen, mean, shortest = (
+        _sailed(scene, season, planned_in, options)
+        for planned_in in (
+            weighted(current, hat_weights(current.slice_times, 0.0)),
+            weighted(current, mean_weights(current.slice_times, float(best.times[-1]))),
+            renew.UniformCurrent(0.0, 0.0),
+        )
+    )
+    bound = best.fuel / (1 + best.optimality_gap)
+    in_time = season.season in scene.speeds
+    return ClockWorth(season.season, best.fuel, frozen, mean, shortest, bound, in_time)
+
+
+def hat_weights(times: FloatArray, moment: float) -> FloatArray:
+    """Return weights (nt,) of a current's slices that interpolate linearly to a moment, s."""
+    return np.array([np.interp(moment, times, one) for one in np.eye(len(times))])
+
+
+def mean_weights(times: FloatArray, end: float) -> FloatArray:
+    """Return weights (nt,) of a current's slices for its mean from 0 to `end`, s."""
+    knots = np.unique(np.concatenate([[0.0, end], times[(times > 0) & (times < end)]]))
+    shares = np.zeros(len(knots))
+    shares[1:] += np.diff(knots) / 2
+    shares[:-1] += np.diff(knots) / 2
+    each = np.array([np.interp(knots, times, one) for one in np.eye(len(times))])
+    return np.asarray(each @ shares / end)
+
+
+def weighted(current: renew.VaryingCurrent, weights: FloatArray) -> renew.GriddedCurrent:
+    """Return the weighted sum of a current's slices as a steady current."""
+    grids = [one for one in current.slices if isinstance(one, renew.GriddedCurrent)]
+    used = [(grid, weight) for grid, weight in zip(grids, weights, strict=True) if weight > 0]
+    uv = sum((weight * grid.uv for grid, weight in used), np.zeros(grids[0].uv.shape))
+    return renew.GriddedCurrent(grids[0].x, grids[0].y, uv[..., 0], uv[..., 1])
+
+
+def _sailed(
+    scene: Scene, season: SeasonPlan, planned_in: Current, options: PlannerOptions
+) -> float:
+    """Return the fuel, in the season's current, of the best route planned in another, or inf."""
+    asked, name = options.model_copy(update={"classes": _CLASSES}), season.season
+    vessel, current = scene.vessel_in(name), scene.currents[name]
+    other = replace(scene, currents={name: planned_in})
+    try:
+        plan = other.planned(name, plan_options(asked), season.arrive_by_s)
+    except renew.PlanningError:
+        return math.inf
+    speeds: FloatArray | None = plan.best.speeds
+    if name in scene.speeds:
+        speeds = speeds_in_time(
+            plan.best, current, scene.speeds[name], season.arrive_by_s, options.drift
+        )
+        if speeds is None:
+            return math.inf
+    return renew.fuel(plan.best.path, current, vessel, drift=options.drift, speeds=speeds)
+
+
+def speeds_in_time(
+    route: renew.Route, current: Current, choice: SpeedChoice, arrive_by_s: float, drift: Drift
+) -> FloatArray | None:
+    """Return a route's speeds (n - 1,), m/s, times the least factor with which it is in time.
+
+    Speeds are clipped to the range of the choice. Returns None if the highest are too slow.
+    """
+    vessel = renew.Vessel(choice.most, turn_rate=1.0)
+
+    def speeds(factor: float) -> FloatArray:
+        return np.clip(factor * route.speeds, choice.least, choice.most)
+
+    def is_late(factor: float) -> bool:
+        own = speeds(factor)
+        arrivals = passage(route.path, current, vessel, drift=drift, speeds=own).times
+        return bool(arrivals[-1] > arrive_by_s)
+
+    low, high = choice.least / choice.most, choice.most / choice.least
+    if is_late(high):
+        return None
+    for _ in range(_HALVINGS):
+        factor = math.sqrt(low * high)
+        low, high = (factor, high) if is_late(factor) else (low, factor)
+    return speeds(high)
+
 
 # Time between two checks of a process whether its parent still runs, s.
 _PARENT_S = 0.5
@@ -163,7 +332,7 @@ def run_on_scheduler(
 
 @dataclass(frozen=True, slots=True)
 class _OnWorker:
-    """A season for a worker, as `pipeline.stages.seasons.fleet.Task`."""
+    """A season for a worker, as `pipeline.stages.seasons.cluster.Task`."""
 
     season: SeasonTask
     identity: str
@@ -177,7 +346,7 @@ class _OnWorker:
 
 
 class _Seasons:
-    """The seasons of a run, as `pipeline.stages.seasons.fleet.Work`."""
+    """The seasons of a run, as `pipeline.stages.seasons.cluster.Work`."""
 
     def __init__(
         self, tasks: Sequence[SeasonTask], identity: str, on_status: Callable[[Status], None]

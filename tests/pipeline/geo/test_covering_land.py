@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from hypothesis import given, settings, strategies as st
 
-from pipeline.geo.covering_land import covering_land, inner_land
+from pipeline.geo.coast import covering_land, inner_land
 from tests.pipeline.geo.shapes import coasts
 from tests.strategies import examples
 

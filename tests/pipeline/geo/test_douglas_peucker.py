@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from hypothesis import given, settings, strategies as st
 
-from pipeline.geo.covering_land import thinned
+from pipeline.geo.coast import thinned
 from tests.pipeline.geo.shapes import coasts
 
 CUTS = st.sampled_from([0.0, 10.0, 150.0, 3000.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.geo.known_cells import DepthCover, KnownCells, share_without
+from pipeline.geo.lonlat import DepthCover, KnownCells, share_without
 from pipeline.geo.projection import Projection
 
 LON, LAT = np.arange(5), np.array([10.0, 11.0, 12.0])

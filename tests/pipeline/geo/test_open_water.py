@@ -7,8 +7,7 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings, strategies as st
 
-from pipeline.geo.covering_land import covering_land
-from pipeline.geo.open_water import opened, parted
+from pipeline.geo.coast import covering_land, opened, parted
 from tests.pipeline.archipelagos import EXTENT, PLANE, archipelagos
 from tests.pipeline.geo.shapes import planar
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.geo.earth import position_text
+from pipeline.geo.lonlat import position_text
 
 
 @pytest.mark.parametrize(

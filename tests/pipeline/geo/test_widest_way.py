@@ -9,7 +9,7 @@ import pytest
 import shapely
 from hypothesis import given, settings, strategies as st
 
-from pipeline.geo.open_water import widest_way
+from pipeline.geo.coast import widest_way
 
 EXTENT = shapely.box(0, 0, 10e3, 10e3)
 START, GOAL = np.array([500.0, 5e3]), np.array([9.5e3, 5e3])

@@ -20,7 +20,7 @@ from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.geo.known_cells import DepthCover
+from pipeline.geo.lonlat import DepthCover
 from pipeline.model import GapShares
 from pipeline.run import Outcome
 from pipeline.stages.compare import safety_notes

@@ -10,7 +10,7 @@ from pipeline.formats.shared.result import (
     has_all_depths,
     route_unknowns,
 )
-from pipeline.geo.known_cells import DepthCover
+from pipeline.geo.lonlat import DepthCover
 from pipeline.model import ShoreCrossing, ShutStrait
 from pipeline.model.inputs import Note
 from tests.pipeline.formats import small_run

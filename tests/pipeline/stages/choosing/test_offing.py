@@ -22,7 +22,7 @@ from pipeline.stages.choosing.offing import (
     offing_m,
     with_offing,
 )
-from pipeline.stages.projecting import planar
+from pipeline.stages.projecting.places import plane_scene
 from pipeline.stages.seasons.one_season import plan_season
 
 FAR_M, MILE_M = 1e6, 1852.0
@@ -71,7 +71,7 @@ def a_wall(gap_m: float) -> Scene:
             "seasons": [{"name": "calm", "uniform": {"u": 0.1}}],
         }
     )
-    return planar.plane_scene(scenario)
+    return plane_scene(scenario)
 
 
 @pytest.mark.parametrize("gap_m", [60.0, 30.0])

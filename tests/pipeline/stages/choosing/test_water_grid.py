@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.geo.earth import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.sources.quality.field import LandMask
 from pipeline.stages.choosing.water_grid import WaterGrid
 

@@ -16,7 +16,7 @@ from pipeline.stages.comparing.other_ways import side_bounds
 from pipeline.stages.project import project
 from pipeline.stages.projecting.speed_choices import speed_choices, true_duration_s
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
-from pipeline.stages.seasons.other_plans import clock_worth, gap_shares, speeds_in_time
+from pipeline.stages.seasons.task import clock_worth, gap_shares, speeds_in_time
 from tests.pipeline import chosen_speeds
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 

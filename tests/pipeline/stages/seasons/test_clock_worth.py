@@ -12,7 +12,7 @@ import renew
 from pipeline.formats.report.sentences import clock_text
 from pipeline.formats.shared.text import percent
 from pipeline.model import ClockWorth, SeasonPlan
-from pipeline.stages.seasons.other_plans import clock_worth, hat_weights, mean_weights
+from pipeline.stages.seasons.task import clock_worth, hat_weights, mean_weights
 from tests.pipeline.tidal_run import planned
 
 

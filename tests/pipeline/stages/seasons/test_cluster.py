@@ -20,15 +20,15 @@ import pytest
 from pipeline.errors import StageError
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario
-from pipeline.stages.seasons import connection, fleet
+from pipeline.stages.seasons import cluster
 from tests.pipeline.processes import QUICK, SLOW, started, wait_until
 
 
 @pytest.fixture(autouse=True)
 def _short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleet, "_ANSWER_S", 6.0)
-    monkeypatch.setattr(fleet, "_WORKERS_S", 12.0)
-    monkeypatch.setattr(fleet, "_HEARTBEAT_S", 1.0)
+    monkeypatch.setattr(cluster, "_ANSWER_S", 6.0)
+    monkeypatch.setattr(cluster, "_WORKERS_S", 12.0)
+    monkeypatch.setattr(cluster, "_HEARTBEAT_S", 1.0)
 
 
 @contextlib.contextmanager
@@ -69,7 +69,7 @@ def refusal(folder: Path, text: str, address: str) -> str:
 @pytest.fixture
 def _no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     """Give up soon where nobody can answer at all."""
-    monkeypatch.setattr(fleet, "_ANSWER_S", 1.0)
+    monkeypatch.setattr(cluster, "_ANSWER_S", 1.0)
 
 
 @pytest.mark.gate_share(2)
@@ -156,12 +156,12 @@ def test_a_season_that_was_done_before_the_scheduler_died_is_written(tmp_path: P
 @pytest.mark.slow
 def test_workers_that_cannot_do_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with scheduler(tmp_path) as (_, address), worker(address):
-        monkeypatch.setattr(connection, "own_identity", lambda: "another")
+        monkeypatch.setattr(cluster, "own_identity", lambda: "another")
         assert "runs another version of RENEW" in refusal(tmp_path, QUICK, address)
 
 
 def test_a_worker_that_does_not_see_the_output_folder(tmp_path: Path) -> None:
-    identity = connection.own_identity()
-    assert "the same output folder" in connection.worker_fault(identity, str(tmp_path / "no"))
+    identity = cluster.own_identity()
+    assert "the same output folder" in cluster.worker_fault(identity, str(tmp_path / "no"))
     (tmp_path / "scene").touch()
-    assert connection.worker_fault(identity, str(tmp_path / "scene")) == ""
+    assert cluster.worker_fault(identity, str(tmp_path / "scene")) == ""

@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 import renew
-from pipeline.geo.known_cells import DepthCover, KnownCells
+from pipeline.geo.lonlat import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, Scene, SeasonPlan
 from pipeline.run import Outcome

@@ -14,7 +14,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.seasons.one_season import plan_season
-from pipeline.stages.seasons.other_plans import gap_shares
+from pipeline.stages.seasons.task import gap_shares
 
 EXTENT = shapely.box(-200, -100, 200, 100)
 LAND = shapely.box(-20, -60, 20, 60)

@@ -14,7 +14,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.projecting import planar
+from pipeline.stages.projecting.places import plane_scene
 from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 
 SCENARIO = {
@@ -33,7 +33,7 @@ def test_the_chosen_route_has_rank_1_and_the_plan_keeps_its_order_by_fuel() -> N
     for seed in range(40):
         options = {"classes": 2, "method": "sampled", "samples": 5, "padding": "none", "seed": seed}
         scenario = parse_scenario(SCENARIO | {"planner": options})
-        scene = planar.plane_scene(scenario)
+        scene = plane_scene(scenario)
         season = plan_season(scene, "calm", scenario.planner)
         if season.plan is not None and season.plan.chosen != 0:
             break
@@ -60,7 +60,7 @@ def test_places_in_reasons_are_given_as_a_scenario_gives_them() -> None:
     plane = {"extent": [0, 0, 100, 100], "obstacles": walls}
     asked = SCENARIO | {"start": [50, 10], "goal": [50, 90], "plane": plane}
     scenario = parse_scenario(asked | {"planner": {"padding": 8.0}})
-    scene = planar.plane_scene(scenario)
+    scene = plane_scene(scenario)
     in_plane = plan_season(scene, "calm", scenario.planner).failure
     assert "blocked at (50, 45) m" in in_plane
     on_chart = replace(scene, is_planar=False, projection=Projection.at(118.5, 9.75))
@@ -81,7 +81,7 @@ def harbour(*mouths: tuple[float, float]) -> Scene:
     obstacles = [list(shapely.box(*wall).exterior.coords) for wall in walls]
     plane = {"extent": [0, 0, 100, 100], "obstacles": obstacles}
     scenario = parse_scenario(SCENARIO | {"start": [30, 30], "goal": [90, 90], "plane": plane})
-    return planar.plane_scene(scenario)
+    return plane_scene(scenario)
 
 
 @pytest.mark.parametrize("mouths", [[(27, 33)], [(18, 23), (34, 40)]])
@@ -102,6 +102,6 @@ def test_a_wider_region_can_help_round_walls_that_end_at_the_edge() -> None:
     walls = [[[0, 45], [47, 45], [47, 55], [0, 55]], [[53, 45], [100, 45], [100, 55], [53, 55]]]
     plane = {"extent": [0, 0, 100, 100], "obstacles": walls}
     scenario = parse_scenario(SCENARIO | {"start": [50, 10], "goal": [50, 90], "plane": plane})
-    season = plan_season(planar.plane_scene(scenario), "calm", PlannerOptions(padding=8.0))
+    season = plan_season(plane_scene(scenario), "calm", PlannerOptions(padding=8.0))
     assert "gap is" in season.failure
     assert season.is_shut

@@ -1,0 +1,336 @@
+"""Places of a scenario in the plane: stops, areas to avoid, obstacles of plane scenarios.
+
+Their data become instances of the same classes as in a chart scenario, so that every output format
+works.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+import renew
+from pipeline.errors import NoWayError, RequestError
+from pipeline.formats.shared.text import moment_text
+from pipeline.geo.projection import Projection
+from pipeline.model import (
+    Credit,
+    Current,
+    Fetched,
+    Land,
+    Note,
+    Scene,
+    SeasonPlan,
+    Simplified,
+    Zone,
+    planner_vessel,
+)
+from pipeline.scenario.catalogue import has_world_land
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.region import AvoidedArea, ChartSource, Plane
+from pipeline.scenario.season import Season
+from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.sources.land.vector import VectorFile
+from pipeline.stages.projecting.speed_choices import speed_choices
+from renew.errors import Strait
+
+# Distances beyond the nearest shore, true metres: the first whose position is still in water after
+# rounding is suggested.
+_BEYOND_SHORE_M = (50.0, 200.0, 1000.0, 5000.0)
+# Decimals of a degree to which a suggested position is rounded: 11 m.
+_DECIMALS = 4
+# Segments per quarter circle of a buffer: its round corners are slightly too narrow.
+_QUADRANT_SEGMENTS = 2
+
+
+def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projection) -> None:
+    """Raise RequestError if a stop is not in water, or no water connects it with the start.
+
+    NoWayError is raised if a wider region might connect them.
+    """
+    water = shapely.get_parts(chart.water)
+    faults: list[str] = []
+    bodies: list[set[int]] = []
+    for name, given in scenario.stops.items():
+        xy = np.asarray(given, dtype=float) if scenario.is_planar else projection.to_plane(given)
+        here = shapely.Point(xy)
+        inside = set(np.flatnonzero(shapely.covers(water, here)).tolist())
+        if inside:
+            bodies.append(inside)
+        else:
+            faults.append(not_in_water(scenario, name, here, chart, projection))
+    if faults:
+        raise RequestError(faults)
+    for name, body in zip(scenario.stops, bodies, strict=True):
+        if not body & bodies[0]:
+            apart = water[[min(bodies[0]), min(body)]]
+            # A wider region does not connect water that land encloses.
+            open_ended = not scenario.is_planar and all(_reaches_edge(one, chart) for one in apart)
+            text = _not_connected(scenario, name, apart[0], projection, is_open_ended=open_ended)
+            raise (NoWayError if open_ended else RequestError)([text])
+
+
+def not_in_water(
+    scenario: Scenario, name: str, here: shapely.Point, chart: renew.Chart, projection: Projection
+) -> str:
+    """Return a message with the distance from a stop to the nearest water, and its position."""
+    distance, place = _nearest_water(scenario, here, chart.water, projection)
+    obstacle = "land" if scenario.is_planar else "land, or within the margin around it"
+    if scenario.chart.depths:
+        obstacle = "land or water too shallow for the vessel, or within the margin around them"
+    return (
+        f"{name} = {list(scenario.stops[name])} lies on {obstacle}, {distance} from the "
+        f"nearest water at {place}; move it there, or further out if the vessel needs room to turn"
+        f"{lakes_text(scenario)}"
+    )
+
+
+def lakes_text(scenario: Scenario) -> str:
+    """Say that a scenario's chart has the sea alone, if it is the world's; empty otherwise."""
+    is_sea_alone = not scenario.is_planar and has_world_land(scenario.chart)
+    return " (lakes and rivers are no part of this chart: it has the sea alone)" * is_sea_alone
+
+
+def is_shut_in(scene: Scene, straits: Sequence[Strait], width: float) -> bool:
+    """Whether a stop can't reach the chart's edge, so that no wider region can help.
+
+    The way to the edge keeps `width` planar metres off land, and passes none of the straits.
+    """
+    chart = scene.chart
+    # Buffered, so that the cuts reach the banks and separate the water.
+    gaps = shapely.linestrings(np.array([strait.gap for strait in straits]).reshape(-1, 2, 2))
+    shut = [
+        *shapely.buffer(gaps, chart.precision),
+        *shapely.buffer(np.array(chart.no_go, dtype=object), width, quad_segs=_QUADRANT_SEGMENTS),
+    ]
+    parts = shapely.get_parts(shapely.difference(chart.water, shapely.union_all(shut)))
+    open_parts = [part for part in parts if _reaches_edge(part, chart)]
+    # A stop may lie in the padding.
+    reached = shapely.dwithin(
+        np.array(open_parts, dtype=object)[:, None], shapely.points(scene.stops), 2 * width
+    )
+    return not reached.any(axis=0).all()
+
+
+def _reaches_edge(body: shapely.Geometry, chart: renew.Chart) -> bool:
+    """Whether a body of water reaches the chart's edge, so that it may continue beyond."""
+    return bool(shapely.dwithin(body, chart.extent.exterior, 2 * chart.precision))
+
+
+def _not_connected(
+    scenario: Scenario,
+    name: str,
+    body: shapely.Geometry,
+    projection: Projection,
+    *,
+    is_open_ended: bool,
+) -> str:
+    """Return a message with the position in the start's body of water nearest to another stop."""
+    place_given = scenario.stops[name]
+    xy = np.asarray(place_given, dtype=float)
+    here = shapely.Point(xy if scenario.is_planar else projection.to_plane(xy))
+    distance, place = _nearest_water(scenario, here, body, projection)
+    return (
+        f"{name} = {list(place_given)} lies in another body of water than "
+        f"start = {list(scenario.start)}: no water connects them in this chart. The start's body "
+        f"of water comes within {distance} of the {name}, at {place}; move the {name} there"
+        + (", or widen the region" if is_open_ended else "")
+    )
+
+
+def _nearest_water(
+    scenario: Scenario, here: shapely.Point, water: shapely.Geometry, projection: Projection
+) -> tuple[str, str]:
+    """Return the distance to the nearest water and its position, as a scenario would write it."""
+    line = shapely.get_coordinates(shapely.shortest_line(here, water))
+    shore, here_xy = line[-1], line[0]
+    if scenario.is_planar:
+        return f"{np.linalg.norm(shore - here_xy):.4g} m", f"[{shore[0]:.6g}, {shore[1]:.6g}]"
+    ahead = (shore - here_xy) / max(float(np.linalg.norm(shore - here_xy)), 1e-12)
+    # Beyond the shore, so that rounding does not move it back onto land.
+    tries = [shore + ahead * beyond / projection.scale for beyond in _BEYOND_SHORE_M]
+    rounded = [np.round(projection.to_lonlat(xy), _DECIMALS) for xy in [*tries, shore]]
+    in_water = [at for at in rounded if water.covers(shapely.Point(projection.to_plane(at)))]
+    lon, lat = (in_water or rounded[-1:])[0]
+    metres = projection.geodesic_length_m([here_xy, projection.to_plane((lon, lat))])
+    distance = f"{metres / 1000:.1f} km" if metres >= 1000 else f"{metres:.0f} m"
+    return distance, f"[{lon:.{_DECIMALS}f}, {lat:.{_DECIMALS}f}]"
+
+
+def area_identities(scenario: Scenario) -> tuple[object, ...]:
+    """Return the avoided areas of a scenario, each with the identity of its file."""
+    return tuple((area.model_dump(mode="json"), _file(area).identity) for area in scenario.avoid)
+
+
+def avoided_zones(scenario: Scenario, region: shapely.Polygon) -> tuple[Zone, ...]:
+    """Return the avoided areas near a region (lon/lat degrees), in the scenario's order.
+
+    Raises
+    ------
+    RequestError
+        A file can't be read, or has no area near the region; all faults are listed.
+    """
+    zones, faults = list[Zone](), list[str]()
+    for at, area in enumerate(scenario.avoid):
+        try:
+            polygons = _file(area).land(region).polygons
+        except RequestError as error:
+            faults += [fault.replace("chart.source", f"avoid[{at}]") for fault in error.faults]
+            continue
+        shape = shapely.union_all(np.array(polygons, dtype=object))
+        zones.append(Zone("shut", Path(area.path).stem, hours_text(area), shape))
+    if faults:
+        raise RequestError(faults)
+    return tuple(zones)
+
+
+def hours_text(area: AvoidedArea) -> str:
+    """Return an area's hours as text: "always shut", or "shut from ... until ..."."""
+    begin = "" if area.begin is None else f" from {moment_text(area.begin)}"
+    until = "" if area.until is None else f" until {moment_text(area.until)}"
+    return f"shut{begin}{until}" if area.has_hours else "always shut"
+
+
+def shut_areas(
+    scenario: Scenario, zones: Iterable[Zone], projection: Projection
+) -> dict[str, tuple[renew.ShutArea, ...]]:
+    """Return each season's shut areas in the plane, with hours in s since its first departure."""
+    shut = [zone for zone in zones if zone.kind == "shut"]
+    planar = projection.geometry_to_plane(np.array([zone.area for zone in shut], dtype=object))
+    # Polygons that are valid in degrees may be invalid in the plane.
+    polygons = [shapely.union_all(extract_polygons(repaired(one)[0])) for one in planar[:, None]]
+    return {
+        season.name: tuple(
+            renew.ShutArea(
+                polygon,
+                _seconds(area.begin, season.first_departure, -math.inf),
+                _seconds(area.until, season.first_departure, math.inf),
+                zone.name,
+            )
+            for area, zone, polygon in zip(scenario.avoid, shut, polygons, strict=True)
+        )
+        for season in scenario.seasons
+    }
+
+
+def later(areas: Iterable[renew.ShutArea], shift: float) -> tuple[renew.ShutArea, ...]:
+    """Return areas with hours that are counted from a departure `shift` seconds later."""
+    return tuple(
+        renew.ShutArea(area.polygon, area.begin - shift, area.end - shift, area.name)
+        for area in areas
+    )
+
+
+def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[Note, ...]:
+    """Return notes on the areas that routes avoid because they are shut during the voyage."""
+    return tuple(
+        Note.of(
+            "area-shut",
+            area=area.name,
+            begin=scene.moment(plan.season, area.begin),
+            until=scene.moment(plan.season, area.end),
+        ).about(plan.season)
+        for plan in plans
+        if plan.plan is not None
+        for area in plan.plan.shut
+    )
+
+
+def known_clocks(scenario: Scenario) -> Mapping[str, datetime]:
+    """Return the first departure of each season whose plan depends on the date."""
+    return {
+        season.name: season.first_departure
+        for season in scenario.seasons
+        if season.first_departure is not None
+        and (
+            season.is_changing
+            or season.speed is not None
+            or any(area.has_hours for area in scenario.avoid)
+        )
+    }
+
+
+def _file(area: AvoidedArea) -> VectorFile:
+    """Return the reader of an area's file."""
+    return VectorFile(Path(area.path), ChartSource(path=area.path))
+
+
+def _seconds(moment: datetime | None, begin: datetime | None, otherwise: float) -> float:
+    """Return the seconds from `begin` to `moment`, or `otherwise` if one of them is None."""
+    return otherwise if moment is None or begin is None else (moment - begin).total_seconds()
+
+
+def fetched_plane(scenario: Scenario) -> Fetched:
+    """Return the obstacles as land, and no currents: `plane_scene` reads the currents later."""
+    projection = _projection(scenario)
+    credit = Credit(
+        name="Obstacles of the scenario", kind="land", text=_plane(scenario).credit, licence=""
+    )
+    polygons = tuple(projection.geometry_to_lonlat(polygon) for polygon in _obstacles(scenario))
+    return Fetched(Land(polygons, (credit,), accuracy_m=0.0), ())
+
+
+def unsimplified(land: Land) -> Simplified:
+    """Return the obstacles unchanged: in a plane scenario nothing is simplified."""
+    vertices = sum(int(shapely.get_num_coordinates(polygon)) for polygon in land.polygons)
+    return Simplified(
+        polygons=land.polygons,
+        inner_polygons=land.polygons,
+        original_vertices=vertices,
+        vertices=vertices,
+        tolerance_m=0.0,
+        margin_m=0.0,
+    )
+
+
+def plane_scene(scenario: Scenario) -> Scene:
+    """Build the planner's input from the given metres; a detour over lon/lat would round them."""
+    obstacles = _obstacles(scenario)
+    chart = renew.Chart(scenario.area, obstacles)
+    projection = _projection(scenario)
+    check_endpoints(scenario, chart, projection)
+    return Scene(
+        chart=chart,
+        land=obstacles,
+        currents={season.name: _current(season, scenario.area) for season in scenario.seasons},
+        start=np.asarray(scenario.start, dtype=float),
+        goal=np.asarray(scenario.goal, dtype=float),
+        projection=projection,
+        vessel=planner_vessel(scenario.vessel),
+        is_planar=True,
+        via=np.array(scenario.via, dtype=float).reshape(-1, 2),
+        departures=known_clocks(scenario),
+        speeds=speed_choices(scenario),
+    )
+
+
+def _plane(scenario: Scenario) -> Plane:
+    """Return the scenario's plane, or raise RequestError."""
+    if scenario.plane is None:
+        raise RequestError("the scenario has neither region nor plane; give one of the two")
+    return scenario.plane
+
+
+def _obstacles(scenario: Scenario) -> tuple[shapely.Polygon, ...]:
+    """Return the obstacles as polygons in metres."""
+    return tuple(shapely.Polygon(corners) for corners in _plane(scenario).obstacles)
+
+
+def _projection(scenario: Scenario) -> Projection:
+    """Return the projection whose origin, 0 N 0 E, is that of the plane."""
+    return Projection.at(0.0, 0.0, scenario.scale)
+
+
+def _current(season: Season, extent: shapely.Polygon) -> Current:
+    """Return the gyre or uniform current of a season."""
+    if season.gyre is not None:
+        _, _, width, height = extent.bounds
+        return renew.GyreCurrent(
+            season.gyre.amplitude, width, height, season.gyre.columns, season.gyre.rows
+        )
+    if season.uniform is not None:
+        return renew.UniformCurrent(season.uniform.u, season.uniform.v)
+    raise RequestError(f"season {season.name!r} gives no current; add 'gyre' or 'uniform'")
