@@ -12,7 +12,7 @@ from pipeline.cli.progress import progress
 from pipeline.cli.terminal import say, table, terminal_width
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_json, note_texts, rejections
-from pipeline.formats.shared.writing import json_value
+from pipeline.formats.shared.text import json_value
 from pipeline.machine.paths import short_path
 from pipeline.model import ClockWorth, RouteMetrics
 from pipeline.run import Outcome

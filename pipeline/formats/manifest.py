@@ -20,7 +20,7 @@ import shapely
 
 from pipeline.formats.shared.note_words import note_json, note_texts, rejections
 from pipeline.formats.shared.result import MAX_STRAITS, RunResult
-from pipeline.formats.shared.writing import json_value, write_json
+from pipeline.formats.shared.text import json_value, write_json
 from pipeline.machine.store import code_commit, code_hash, file_hash
 
 SCHEMA_VERSION = 1

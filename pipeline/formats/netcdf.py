@@ -19,7 +19,7 @@ import pyproj
 from pipeline.formats.manifest import versions
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.writing import os_error
+from pipeline.formats.shared.text import os_error
 from pipeline.geo.projection import Projection
 from pipeline.model import CurrentGrid
 from pipeline.scenario.times import Period, period

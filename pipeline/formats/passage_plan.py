@@ -11,11 +11,9 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pipeline.formats import legs_table
 from pipeline.formats.exchange import nautical
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.season_map import DETAIL_PT, visible
-from pipeline.formats.legs_table import headings
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS, season_colour
@@ -27,6 +25,7 @@ from pipeline.formats.shared.text import (
     speed_range,
     to_minute,
 )
+from pipeline.formats.tables import Row, distance_text, has_speeds, headings, rows, tightest_text
 
 # A4, landscape, in points; margins, and the height of a line of text.
 _WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0
@@ -59,7 +58,7 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
     """Yield the pages of a season: facts, map and table first, then the rest of the table."""
     departure = result.spec_of(season).departure
     points = season_waypoints(result, season)[0]
-    table = legs_table.rows(points, result, departure)
+    table = rows(points, result, departure)
     pages = [table[:_FIRST_ROWS]]
     pages += [table[at : at + _MORE_ROWS] for at in range(_FIRST_ROWS, len(table), _MORE_ROWS)]
     unknown = note_texts(route_unknowns(result, points.ranked.metrics))
@@ -100,14 +99,14 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     knots = speed_over_ground(sailed) * nautical.KNOTS_PER_M_S
     speeds = points.through_water_m_s[:-1] * nautical.KNOTS_PER_M_S
     through = f"{speeds.min():.2f} kn"
-    if legs_table.has_speeds(points):
+    if has_speeds(points):
         through = f"{' to '.join(speed_range(speeds.min(), speeds.max()))} kn, leg by leg,"
     turn_rate = f"{vessel.turn_rate_deg_s:.3g}°"
     length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
     ship = ", ".join(filter(None, (nautical.vessel_name(result), f"{vessel.length_m:g} m long")))
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
     turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
-    least = legs_table.distance_text(planned.clearance_m)
+    least = distance_text(planned.clearance_m)
     is_proven = not result.lacks_current(planned.season)
     gap = f"Optimality gap: {gap_figure(planned.optimality_gap) if is_proven else 'not proven'}."
     passage = f"{nautical.duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
@@ -116,7 +115,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
         f"Way: {way}, {passage}.",
         _times_text(points, result),
         f"Least clearance of the planned path from {no_go}: {least}; {turns}. {gap}",
-        legs_table.tightest_text(points, result),
+        tightest_text(points, result),
         _current_text(result, planned.season),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
         _scale_text(result.scenario.scale),
@@ -170,9 +169,7 @@ def _times_text(points: Waypoints, result: RunResult) -> str:
     return " ".join(texts)
 
 
-def _put_table(
-    page: Figure, headings: legs_table.Row, part: Sequence[legs_table.Row], top: float
-) -> float:
+def _put_table(page: Figure, headings: Row, part: Sequence[Row], top: float) -> float:
     """Write rows of the table below `top`, points, under headings; returns the lower end."""
     for left, text in zip(_COLUMNS, headings, strict=True):
         _write(page, text, _MARGIN + left, top, _SMALL, bold=True)

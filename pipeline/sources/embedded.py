@@ -18,8 +18,8 @@ from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import near_miss
 from pipeline.scenario.times import period
+from pipeline.sources.current_field import Field, LandMask, water_without_data
 from pipeline.sources.interfaces import CurrentSource, Issue
-from pipeline.sources.quality.field import Field, LandMask, water_without_data
 
 # Deviation of a coordinate from a regular axis, degrees: two roundings to four decimals.
 _STEP_TOLERANCE_DEG = 2e-4

@@ -173,7 +173,7 @@ def season_stem(scenario: str, season: str) -> str:
 
 def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
     """Return the files of one season for navigation devices, with the function that writes each."""
-    from pipeline.formats.exchange import gpx, kml, missions, rtz
+    from pipeline.formats.exchange import routes, rtz
     from pipeline.formats.gis.geojson import write_geojson
 
     def of_season(writer: Callable[..., None], **options: object) -> Format:
@@ -182,12 +182,12 @@ def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
     stem, timed = season_stem(scenario.name, season.name), {"departure": season.departure}
     return {
         f"{stem}.rtz": of_season(rtz.write_rtz, version=scenario.outputs.rtz_version, **timed),
-        f"{stem}.gpx": of_season(gpx.write_gpx, **timed),
-        f"{stem}-all.gpx": of_season(gpx.write_gpx, every=True, **timed),
+        f"{stem}.gpx": of_season(routes.write_gpx, **timed),
+        f"{stem}-all.gpx": of_season(routes.write_gpx, every=True, **timed),
         f"{stem}.geojson": of_season(write_geojson),
-        f"{stem}.kml": of_season(kml.write_kml, **timed),
-        f"{stem}.plan": of_season(missions.write_plan),
-        f"{stem}.waypoints": of_season(missions.write_mission),
+        f"{stem}.kml": of_season(routes.write_kml, **timed),
+        f"{stem}.plan": of_season(routes.write_plan),
+        f"{stem}.waypoints": of_season(routes.write_mission),
     }
 
 

@@ -17,8 +17,8 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.scenario.catalogue import VesselSpec
+from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
-from pipeline.sources.quality.field import LandMask
 from pipeline.stages.choosing.offing import offing_m
 from pipeline.stages.choosing.region_choice import FarSide, Voyage, choose_region
 from pipeline.stages.simplify import simplify_land

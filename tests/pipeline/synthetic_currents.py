@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from pipeline._types import FloatArray
-from pipeline.sources.quality.field import Field, LandMask
+from pipeline.sources.current_field import Field, LandMask
 
 EARTH_RADIUS_M = 6_371_000.0
 EASTWARD, NORTHWARD = "eastward_sea_water_velocity", "northward_sea_water_velocity"

@@ -15,7 +15,7 @@ import numpy as np
 import pyogrio
 import shapely
 
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 from tests.pipeline.sources.mutations import ISLAND, MUTATIONS, copied, make_charts, make_currents
 from tests.pipeline.synthetic_currents import dataset, sea
 

@@ -40,8 +40,8 @@ def load() -> None:
     """Load what commands load, so that each process forked from here has it."""
     for name in _LOADED:
         importlib.import_module(name)
+    from pipeline.sources.current_field import LandMask
     from pipeline.sources.land import osm
-    from pipeline.sources.quality.field import LandMask
 
     LandMask.world = functools.cache(LandMask.world)  # type: ignore[method-assign]
     LandMask.world()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 from tests.robustness.campaign import draw, number
 from tests.robustness.damaged_files import damaged_scenario, make_originals
 from tests.robustness.renew_processes import Renew

@@ -15,8 +15,7 @@ from pipeline.formats.exchange import nautical
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult, route_unknowns
-from pipeline.formats.shared.text import shortened
-from pipeline.formats.shared.writing import xml_environment
+from pipeline.formats.shared.text import shortened, xml_environment
 
 _Attributes: TypeAlias = dict[str, str]
 

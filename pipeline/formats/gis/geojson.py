@@ -13,7 +13,7 @@ from pipeline.formats.gis.layers import LAYERS, waypoint_frame
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.writing import write_json
+from pipeline.formats.shared.text import write_json
 
 # Decimals of degrees, to resolve a centimetre: RFC 7946 asks for no more than is needed.
 _DECIMALS = 7

@@ -20,8 +20,8 @@ from pipeline.formats.gis.frames import (
 )
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
-from pipeline.formats.shared.legs import Legs, legs as planned_legs
 from pipeline.formats.shared.result import RunResult, continued
+from pipeline.formats.shared.route_profile import Legs, legs as planned_legs
 from pipeline.model import Zone
 
 

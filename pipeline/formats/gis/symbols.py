@@ -9,8 +9,7 @@ from functools import cache
 
 from jinja2 import Environment
 
-from pipeline.formats.shared.text import shortened
-from pipeline.formats.shared.writing import XML_FORBIDDEN, xml_environment, xml_text
+from pipeline.formats.shared.text import XML_FORBIDDEN, shortened, xml_environment, xml_text
 
 # Maximum number of characters of a name in the list of layers.
 _MAX_TITLE_LENGTH = 60

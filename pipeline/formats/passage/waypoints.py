@@ -25,8 +25,13 @@ from pipeline.formats.passage.tracks import (
     initial_course_deg,
     tracks,
 )
-from pipeline.formats.shared.legs import at_speeds_sailed, cumulative, mean_speed, steps_along_legs
 from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.route_profile import (
+    at_speeds_sailed,
+    cumulative,
+    mean_speed,
+    steps_along_legs,
+)
 from pipeline.model import RouteMetrics
 from renew.results import unite_soft_no_go
 from renew.voyage.fuel import speeds_along

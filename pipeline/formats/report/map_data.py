@@ -12,7 +12,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray, Geometries
 from pipeline.formats.figures.map_marks import graticule, on_water
-from pipeline.formats.report.encode import Lattice, coarser, positions, series, within
+from pipeline.formats.report.embedded import Lattice, coarser, positions, series, within
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import route_profile
 from pipeline.formats.shared.text import zone_text

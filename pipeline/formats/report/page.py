@@ -17,14 +17,20 @@ from markupsafe import Markup
 
 from pipeline.formats.figures.map_marks import has_arrows, speed_scale
 from pipeline.formats.manifest import versions
-from pipeline.formats.report.assets import content_hash, leaflet_style, script, style_colours
-from pipeline.formats.report.encode import json_for_script, place_on_map
+from pipeline.formats.report.embedded import (
+    content_hash,
+    json_for_script,
+    leaflet_style,
+    place_on_map,
+    script,
+    style_colours,
+)
 from pipeline.formats.report.map_data import map_data
 from pipeline.formats.report.season import SeasonPart, season_part
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import MAX_STRAITS, RunResult
-from pipeline.formats.shared.writing import environment
+from pipeline.formats.shared.text import environment
 from pipeline.geo.lonlat import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics, ShutStrait
 from pipeline.scenario.published import PublishedRow

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import shapely
 
-from pipeline.formats.report.assets import style_colours
+from pipeline.formats.report.embedded import style_colours
 from pipeline.formats.shared import text
 from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.cycle.results import EarlierRoute
@@ -156,7 +156,7 @@ def _add_lines(
 
 def _rendered(page: NightPage) -> str:
     """Render the template; all values except our own styles are escaped."""
-    from pipeline.formats.shared.writing import environment
+    from pipeline.formats.shared.text import environment
 
     loaded = environment("pipeline.nightly.publishing", "pipeline.formats.report")
     loaded.filters.update({"number": text.number, "distance": text.distance})

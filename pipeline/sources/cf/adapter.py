@@ -26,9 +26,9 @@ from pipeline.sources.cf import grid
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import is_zarr
 from pipeline.sources.cf.grid import SelectedSlices, select_slices
+from pipeline.sources.current_field import Field, LandMask, water_without_data
 from pipeline.sources.interfaces import CurrentSource, Issue
-from pipeline.sources.quality.field import Field, LandMask, water_without_data
-from pipeline.sources.quality.plausibility import (
+from pipeline.sources.plausibility import (
     OFFSHORE_CELLS,
     Assessment,
     assess_series,

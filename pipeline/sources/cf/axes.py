@@ -20,7 +20,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values
-from pipeline.sources.quality.field import SURFACE_DEPTH_M
+from pipeline.sources.current_field import SURFACE_DEPTH_M
 
 if TYPE_CHECKING:
     import xarray as xr

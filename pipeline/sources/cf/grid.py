@@ -22,7 +22,7 @@ from pipeline.scenario.times import Period
 from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
 from pipeline.sources.cf.contents import Component, Contents
 from pipeline.sources.cf.dataset import open_dataset, reading
-from pipeline.sources.quality.field import Field
+from pipeline.sources.current_field import Field
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -21,8 +21,8 @@ from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.cf.axes import coordinate_axis, decoded_times
 from pipeline.sources.cf.dataset import coordinate_values, open_dataset, reading
 from pipeline.sources.cf.grid import Window, find_window, read_window
-from pipeline.sources.quality.field import SURFACE_DEPTH_M, Field, LandMask, water_without_data
-from pipeline.sources.quality.plausibility import assess_series, count_misplaced, dilated
+from pipeline.sources.current_field import SURFACE_DEPTH_M, Field, LandMask, water_without_data
+from pipeline.sources.plausibility import assess_series, count_misplaced, dilated
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -15,8 +15,8 @@ from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
 from pipeline.model import Note
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
+from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
-from pipeline.sources.quality.field import LandMask
 from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
 from pipeline.stages.choosing.far_sides import BoundedSide, bounded_sides

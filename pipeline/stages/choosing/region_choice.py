@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, common_bounds
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 from pipeline.stages.choosing.water_grid import Cell, LonLat, WaterGrid, Way
 
 # Margin around endpoints, ways and islands: a share of the distance between start and goal, and its

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 
 Cell = tuple[int, int]
 LonLat = tuple[float, float]

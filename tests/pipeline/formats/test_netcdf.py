@@ -21,8 +21,8 @@ import xarray as xr
 
 import renew
 from pipeline.formats.netcdf import write_currents
-from pipeline.formats.shared.legs import legs
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.route_profile import legs
 from pipeline.geo.projection import Projection
 from pipeline.model import CurrentGrid
 from pipeline.stages.project import extent_polygon

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 
 
 @pytest.fixture(scope="session")

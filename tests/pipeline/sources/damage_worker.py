@@ -21,7 +21,7 @@ from pipeline.model import Land
 from pipeline.scenario.region import ChartSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 from pipeline.sources.registry import land_source
 
 # Regions that the undamaged charts and currents cover.

@@ -17,7 +17,7 @@ import numpy as np
 import pyogrio
 import shapely
 
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
 
 ISLAND = shapely.Polygon(

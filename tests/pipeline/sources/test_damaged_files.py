@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 from tests.pipeline.sources import mutations
 
 ROOT = Path(__file__).parents[3]

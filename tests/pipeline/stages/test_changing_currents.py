@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.formats.shared.legs import legs
-from pipeline.formats.shared.route_profile import route_profile
+from pipeline.formats.shared.route_profile import legs, route_profile
 from pipeline.stages.project import planar_current, project
 from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 from tests.pipeline.tidal_run import DEPARTURE, PERIOD_S, planned, tide

@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 import renew
 from pipeline.geo.projection import Projection, rotated
 from pipeline.model import Credit, CurrentGrid
-from pipeline.sources.quality.field import Field, LandMask
+from pipeline.sources.current_field import Field, LandMask
 from pipeline.stages.project import bilinear, extent_polygon, fill_gaps, planar_current
 from tests.pipeline.synthetic_currents import coastal, sea
 

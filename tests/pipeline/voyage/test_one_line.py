@@ -23,7 +23,7 @@ from pipeline.errors import NoWayError, RequestError
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
-from pipeline.sources.quality.field import Field
+from pipeline.sources.current_field import Field
 from tests.pipeline.processes import ROOT
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics

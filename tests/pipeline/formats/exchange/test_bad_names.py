@@ -11,13 +11,12 @@ import pyogrio
 import pytest
 from lxml import etree
 
-from pipeline.formats.exchange.gpx import write_gpx
-from pipeline.formats.exchange.kml import write_kml
+from pipeline.formats.exchange.routes import write_gpx, write_kml
 from pipeline.formats.exchange.rtz import write_rtz
 from pipeline.formats.gis.geojson import write_geojson
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.writing import encodable_text, xml_text
+from pipeline.formats.shared.text import encodable_text, xml_text
 from pipeline.stages.write import safe_name
 from tests.pipeline.formats import runs
 from tests.pipeline.formats.exchange.test_gpx import check_order

@@ -19,7 +19,7 @@ from pipeline.formats.gis.symbols import Rule, Style, clean, literal, rendered
 from pipeline.formats.gis.view import map_crs
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.writing import xml_text
+from pipeline.formats.shared.text import xml_text
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named
 

@@ -9,7 +9,7 @@ import shapely
 from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.formats.report.encode import (
+from pipeline.formats.report.embedded import (
     Lattice,
     coarser,
     json_for_script,

@@ -8,7 +8,7 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.formats.report.encode import Lattice
+from pipeline.formats.report.embedded import Lattice
 from pipeline.formats.report.map_data import map_data
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Evaluation, ShoreCrossing

@@ -8,8 +8,8 @@ import numpy as np
 import pyproj
 import pytest
 
-from pipeline.formats.shared.legs import legs, metres_along, times_at
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.route_profile import legs, metres_along, times_at
 from tests.pipeline.formats import runs
 
 GEOD = pyproj.Geod(ellps="WGS84")

@@ -13,8 +13,7 @@ import shapely
 from matplotlib.text import Text
 
 from pipeline.cli.ending import season_table
-from pipeline.formats.exchange.gpx import write_gpx
-from pipeline.formats.exchange.kml import write_kml
+from pipeline.formats.exchange.routes import write_gpx, write_kml
 from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render

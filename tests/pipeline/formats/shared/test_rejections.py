@@ -12,7 +12,7 @@ import pytest
 import renew
 from pipeline.formats.shared.note_words import rejections
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.writing import json_value
+from pipeline.formats.shared.text import json_value
 from pipeline.geo.lonlat import position_text
 from renew.errors import InfeasibleError, Moment, Strait, Text, TooLateError
 from tests.pipeline.formats import small_run

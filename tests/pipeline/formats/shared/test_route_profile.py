@@ -12,9 +12,8 @@ from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.shared.legs import legs
 from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.route_profile import RouteProfile, coast_index, route_profile
+from pipeline.formats.shared.route_profile import RouteProfile, coast_index, legs, route_profile
 from pipeline.stages.seasons.one_season import evaluate_season
 from tests.pipeline.formats import small_run
 from tests.strategies import examples

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 from lxml import etree
 
-from pipeline.formats.shared.writing import encodable_text, json_value, xml_text
+from pipeline.formats.shared.text import encodable_text, json_value, xml_text
 
 
 @given(st.text(st.characters(codec=None)))

@@ -14,7 +14,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.lonlat import Bounds
 from pipeline.sources.cf.contents import find_files, read_contents
 from pipeline.sources.cf.grid import FieldReader, find_window
-from pipeline.sources.quality.field import Field
+from pipeline.sources.current_field import Field
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 BOX = (117.0, 8.0, 122.0, 13.0)

@@ -22,7 +22,7 @@ from pipeline.model import CurrentGrid, Land, Note
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
-from pipeline.sources.quality.field import Field, LandMask
+from pipeline.sources.current_field import Field, LandMask
 from tests.pipeline.small_region import small_region
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
 

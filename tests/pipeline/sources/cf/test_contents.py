@@ -13,7 +13,7 @@ from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import Note
 from pipeline.sources.cf.contents import find_files, read_contents
-from pipeline.sources.quality.field import Field
+from pipeline.sources.current_field import Field
 from tests.pipeline.sources.cf.sample_files import (
     LAT,
     LON,

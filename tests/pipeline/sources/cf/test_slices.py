@@ -14,7 +14,7 @@ from pipeline.errors import RequestError
 from pipeline.model import CurrentGrid, Land, Note
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
-from pipeline.sources.quality.field import Field, LandMask
+from pipeline.sources.current_field import Field, LandMask
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
 
 REGION = shapely.box(118.3, 9.3, 119.2, 10.4)

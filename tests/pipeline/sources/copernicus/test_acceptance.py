@@ -17,7 +17,7 @@ from pipeline.errors import StageError
 from pipeline.model import Credit, Land
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.copernicus.acceptance import Expected, accept, largest_spike
-from pipeline.sources.quality.field import Field
+from pipeline.sources.current_field import Field
 
 REGION = shapely.box(117, 8, 120, 11)
 ISLAND = shapely.box(118, 9, 119.5, 10.5)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.sources.quality.field import Field
+from pipeline.sources.current_field import Field
 
 # Among the islands between Borneo and Luzon, and off Japan: coasts on all sides, and open sea.
 ISLANDS = np.arange(112.0, 130.0, 0.25), np.arange(2.0, 18.0, 0.25)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.sources.quality.plausibility import (
+from pipeline.sources.plausibility import (
     FLIPPED,
     ROTATED,
     SWAPPED,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline._types import BoolArray, FloatArray
-from pipeline.sources.quality.field import LandMask, find_shift
+from pipeline.sources.current_field import LandMask, find_shift
 from tests.pipeline.sources.quality.faulty_fields import ISLANDS, shifted
 from tests.pipeline.synthetic_currents import coastal, sea
 

@@ -15,9 +15,9 @@ from pipeline.model import Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.season import Season
+from pipeline.sources.current_field import Field, LandMask
 from pipeline.sources.embedded import EmbeddedTable
-from pipeline.sources.quality.field import Field, LandMask
-from pipeline.sources.quality.plausibility import (
+from pipeline.sources.plausibility import (
     FLIPPED,
     SWAPPED,
     Assessment,

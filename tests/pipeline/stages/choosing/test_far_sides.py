@@ -14,7 +14,7 @@ from pipeline.formats.shared.note_words import note_text
 from pipeline.model import Note
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario
-from pipeline.sources.quality.field import Field
+from pipeline.sources.current_field import Field
 from tests.pipeline.synthetic_currents import dataset
 
 GEOD = pyproj.Geod(ellps="WGS84")

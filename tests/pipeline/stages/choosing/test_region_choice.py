@@ -10,7 +10,7 @@ import pytest
 import shapely
 from hypothesis import given, strategies as st
 
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 from pipeline.stages.choosing.region_choice import (
     Voyage,
     choose_region,

@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pipeline.geo.lonlat import METRES_PER_DEGREE
-from pipeline.sources.quality.field import LandMask
+from pipeline.sources.current_field import LandMask
 from pipeline.stages.choosing.water_grid import WaterGrid
 
 SHAPE = (7, 9)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.formats.shared.legs import legs
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.route_profile import legs
 from pipeline.scenario.season import Season
 from pipeline.stages.comparing.other_ways import side_bounds
 from pipeline.stages.project import project

@@ -21,7 +21,7 @@ import numpy as np
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.lonlat import EARTH_RADIUS_M
-from pipeline.sources.quality.field import Field, LandMask, find_shift
+from pipeline.sources.current_field import Field, LandMask, find_shift
 
 # Limits of the root mean square speed of moving water: (width of the field in degrees, both ways,
 # from which they hold; speed in m/s above which to warn; above which to refuse). Real fields of

@@ -1,18 +1,67 @@
-"""Delta encoding of geometry and series: whole numbers, each the difference to the one before.
+"""What is embedded in the page, so that it loads nothing: scripts, style sheets, encoded data.
 
 A coast of 50,000 vertices then takes half a megabyte of JSON, decoded in milliseconds.
 """
 
+import base64
+import hashlib
 import json
 import math
+import re
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Self
 
 import numpy as np
 import shapely
 
 from pipeline._types import FloatArray, Geometries, IntArray
+from pipeline.formats.shared.palette import COLOURS, DARK, SEASON_COLOURS, SEASON_COLOURS_ON_DARK
 from pipeline.formats.shared.result import RunResult
+
+_HERE = Path(__file__).parent
+_LEAFLET = _HERE / "vendor" / "leaflet"
+# In the order of their dependencies.
+_SCRIPTS = (
+    *("data", "text", "units", "currents", "particles", "probe"),
+    *("map", "voyage", "strip", "report"),
+)
+# A rule that would fetch an image, for Leaflet's markers and layer button: the page uses neither.
+_FETCHING_RULE = re.compile(r"[^{}]*\{[^{}]*url\([^{}]*\}")
+
+
+@cache
+def script() -> str:
+    """Leaflet, then our own files in one scope."""
+    leaflet = (_LEAFLET / "leaflet.js").read_text(encoding="utf-8")
+    own = "\n".join(
+        (_HERE / "scripts" / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS
+    )
+    return f'\n{leaflet}\n(() => {{\n"use strict";\n{own}\n}})();\n'
+
+
+def style_colours() -> dict[str, object]:
+    """Colours by the names that `report.css` takes them by."""
+    return {
+        "light": COLOURS,
+        "dark": DARK,
+        "seasons_on_light": SEASON_COLOURS,
+        "seasons_on_dark": SEASON_COLOURS_ON_DARK,
+    }
+
+
+@cache
+def leaflet_style() -> str:
+    """Leaflet's style sheet without the rules that fetch images."""
+    return _FETCHING_RULE.sub("", (_LEAFLET / "leaflet.css").read_text(encoding="utf-8"))
+
+
+def content_hash(text: str) -> str:
+    """Hash of a script as in a Content-Security-Policy: `sha256-…`."""
+    digest = hashlib.sha256(text.encode()).digest()
+    return f"sha256-{base64.b64encode(digest).decode()}"
+
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
 _MIN_STEPS = 2e5

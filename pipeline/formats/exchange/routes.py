@@ -1,0 +1,327 @@
+"""Routes for plotters, phones, Google Earth and autopilots: GPX, KML, missions.
+
+`<scenario>-<season>.gpx` has the best route and the best one on the other side; the file with
+`-all` has all routes of the season. GPX has no speed on a route, and OpenCPN ignores the times of
+its points: the speed, and the departure if there is one, are in the extensions that OpenCPN reads.
+
+Google Earth draws straight lines between points as great circles, so legs are drawn in small steps.
+
+The file is a template: simplekml fails on characters that XML forbids, and fastkml takes longer to
+import (128 ms) than the file to write.
+
+Both hold the same MAVLink commands: go to the start, then for each leg its speed and its end. The
+speed is the speed over ground that the vessel makes there: in the season's current, at its planned
+speed through the water. Altitudes are 0 above home: a surface vessel has none.
+
+Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED); the Plan file
+format of QGroundControl's developer guide, version 1; MAVLink's file formats, "QGC WPL 110".
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+from xml.sax import saxutils
+
+import gpxpy.gpx
+import numpy as np
+from lxml import etree
+
+from pipeline._types import FloatArray
+from pipeline.formats.exchange import nautical
+from pipeline.formats.exchange.nautical import wrapped_longitude
+from pipeline.formats.passage.tracks import tracks
+from pipeline.formats.passage.waypoints import Waypoints, both_sides, season_waypoints
+from pipeline.formats.shared.palette import season_colour
+from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.route_profile import metres_along, times_at
+from pipeline.formats.shared.text import (
+    route_summary,
+    speed_over_ground,
+    write_json,
+    xml_environment,
+    xml_text,
+)
+from pipeline.geo.projection import densified
+from pipeline.model import RouteMetrics
+
+# Maximum distance between points of the track, true metres: between them, the planned line and the
+# line that a plotter draws are at most 0.2 m apart.
+_TRACK_STEP_M = 2_000.0
+_OPENCPN = "http://www.opencpn.org"
+
+
+def write_gpx(
+    result: RunResult,
+    season: str,
+    path: Path,
+    *,
+    departure: datetime | None = None,
+    every: bool = False,
+) -> None:
+    """Write a season's best route and the other side's best, or `every` route, as GPX 1.1.
+
+    A `rte` holds a route's few waypoints, with its rank as number; the `trk` is the best route's
+    path as planned. With a departure, which needs a time zone, all points have times.
+    """
+    gpx = gpxpy.gpx.GPX()
+    gpx.creator = "RENEW"
+    gpx.name = xml_text(nautical.document_title(result, season))
+    found = season_waypoints(result, season) if every else both_sides(result, season)
+    known = nautical.limits_text(result, found[0].ranked.metrics)
+    gpx.description = xml_text(
+        " ".join(
+            part
+            for part in (result.scenario.description, known, nautical.attribution(result))
+            if part
+        )
+    )
+    gpx.author_name = "RENEW"
+    # gpxpy escapes text between tags, but leaves attributes to its caller.
+    gpx.copyright_author = saxutils.escape(xml_text(nautical.attribution(result)), {'"': "&quot;"})
+    gpx.copyright_year = str(result.created.year)
+    gpx.time = result.created
+    gpx.nsmap = {"opencpn": _OPENCPN}
+    gpx.routes = [_route(points, result, departure) for points in found]
+    gpx.tracks = [_track(found[0].ranked, result, departure)]
+    path.write_bytes(gpx.to_xml(version="1.1").encode())
+
+
+def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
+    """Waypoints of a route, each describing the leg that leaves it."""
+    ranked, count = points.ranked, len(points.lonlat)
+    route = gpxpy.gpx.GPXRoute(
+        name=xml_text(nautical.route_name(ranked, result)),
+        description=xml_text(_summary(points.metrics, result)),
+        number=ranked.rank,
+    )
+    for index, (longitude, latitude) in enumerate(points.lonlat):
+        name = f"{ranked.season} {ranked.rank} {nautical.waypoint_name(index, count)}"
+        point = gpxpy.gpx.GPXRoutePoint(
+            latitude=float(latitude),
+            longitude=nautical.wrapped_longitude(longitude),
+            time=None
+            if departure is None
+            else nautical.time_after(departure, points.time_s[index]),
+            name=xml_text(name),
+            description=nautical.leg_text(points, index)
+            if index + 1 < count
+            else "end of the route",
+        )
+        if index:  # as in RTZ, a waypoint has the speed of the leg that leads to it
+            speed = _knots(points.speed_m_s[index - 1])
+            point.extensions = [_opencpn("rte_properties", planned_speed=speed)]
+        route.points.append(point)
+    told = {
+        "start": nautical.waypoint_name(0, count),
+        "end": nautical.waypoint_name(count - 1, count),
+        "planned_speed": _knots(speed_over_ground(points.metrics)),
+    }
+    if departure is not None:
+        told["planned_departure"] = f"{nautical.time_after(departure, 0.0):%Y-%m-%dT%H:%M:%SZ}"
+    route.extensions = [_opencpn(name, text) for name, text in told.items()]
+    return route
+
+
+def _opencpn(name: str, text: str | None = None, **values: str) -> Any:  # noqa: ANN401 - lxml has no types
+    """Make an element that OpenCPN reads."""
+    element = etree.Element(f"{{{_OPENCPN}}}{name}", values)
+    element.text = text
+    return element
+
+
+def _knots(speed_m_s: float) -> str:
+    """Write a speed in knots."""
+    return f"{speed_m_s * nautical.KNOTS_PER_M_S:.4f}"
+
+
+def _track(
+    ranked: RankedRoute, result: RunResult, departure: datetime | None
+) -> gpxpy.gpx.GPXTrack:
+    """Path of a route as planned, in small steps."""
+    projection = result.scene.projection
+    path = np.asarray(ranked.route.path, dtype=float)
+    dense = densified(path, _TRACK_STEP_M / projection.scale)
+    times = times_at(metres_along(dense), path, ranked, result)
+    lonlat = projection.to_lonlat(dense)
+    segment = gpxpy.gpx.GPXTrackSegment()
+    segment.points = [
+        gpxpy.gpx.GPXTrackPoint(
+            latitude=round(float(latitude), 8),
+            longitude=nautical.wrapped_longitude(longitude),
+            time=None if departure is None else nautical.time_after(departure, seconds),
+        )
+        for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
+    ]
+    track = gpxpy.gpx.GPXTrack(
+        name=xml_text(f"{nautical.route_name(ranked, result)}, as planned"),
+        description=xml_text(_summary(ranked.metrics, result)),
+    )
+    track.segments = [segment]
+    return track
+
+
+def _summary(metrics: RouteMetrics, result: RunResult) -> str:
+    """Way, length, duration and clearance of a route, and what is not known about it."""
+    known = nautical.limits_text(result, metrics)
+    return " ".join(part for part in (route_summary(metrics), known) if part)
+
+
+# Maximum distance, true metres, between a leg and the line drawn for it.
+_ERROR_M = 10.0
+# Widths of the lines, pixels, and opacities of the best route and of the other side's best.
+_LINES = {"best": (4, 1.0), "other": (2, 0.6)}
+
+
+def write_kml(
+    result: RunResult, season: str, path: Path, *, departure: datetime | None = None
+) -> None:
+    """Write a season's best route and the other side's best, with the best one's waypoints.
+
+    With a departure, which needs a time zone, the waypoints have times.
+    """
+    best, *_ = found = both_sides(result, season)
+    known = nautical.limits_text(result, best.ranked.metrics)
+    parts = (result.scenario.description, known, nautical.attribution(result))
+    colour = season_colour(result.season_index(season))
+    content = (
+        xml_environment("pipeline.formats.exchange")
+        .get_template("route.kml.jinja")
+        .render(
+            title=nautical.document_title(result, season),
+            description=" ".join(part for part in parts if part),
+            styles={name: (_abgr(colour, seen), width) for name, (width, seen) in _LINES.items()},
+            routes=[
+                {
+                    "name": nautical.route_name(points.ranked, result),
+                    "description": route_summary(points.metrics),
+                    "parts": _line(points, result),
+                }
+                for points in found
+            ],
+            waypoints=list(_waypoints(best, departure)),
+        )
+    )
+    path.write_text(content.lstrip(), encoding="utf-8")
+
+
+def _line(points: Waypoints, result: RunResult) -> list[FloatArray]:
+    """The legs of a route as one line (n, 2) in degrees, in parts if it crosses 180 degrees."""
+    begin, end = points.lonlat[:-1], points.lonlat[1:]
+    drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M).lonlat
+    moved = np.any(np.diff(drawn, axis=0) != 0, axis=1)
+    return nautical.split_at_antimeridian(drawn[np.concatenate([[True], moved])])
+
+
+def _waypoints(points: Waypoints, departure: datetime | None) -> Iterator[dict[str, object]]:
+    """Yield a route's waypoints, each with the leg that leaves it."""
+    count = len(points.lonlat)
+    for index, (longitude, latitude) in enumerate(points.lonlat):
+        yield {
+            "name": nautical.waypoint_name(index, count),
+            "description": nautical.leg_text(points, index)
+            if index + 1 < count
+            else "end of the route",
+            "passed": departure and nautical.time_after(departure, points.time_s[index]),
+            "place": (nautical.wrapped_longitude(longitude), latitude),
+        }
+
+
+def _abgr(colour: str, opacity: float) -> str:
+    """Write a colour such as "#c9a97c" as KML does: opacity, blue, green, red."""
+    red, green, blue = (colour[at : at + 2] for at in (1, 3, 5))
+    return f"{round(255 * opacity):02x}{blue}{green}{red}"
+
+
+# MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, which sets the speed over ground and leaves the
+# throttle as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).
+_WAYPOINT, _CHANGE_SPEED = 16, 178
+_OVER_GROUND, _SAME_THROTTLE = 1.0, -1.0
+_ABSOLUTE, _NO_POSITION, _RELATIVE = 0, 2, 3
+# MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_TYPE_SURFACE_BOAT.
+_ARDUPILOT, _SURFACE_BOAT = 3, 11
+# QGroundControl's mode of altitudes that are relative to home.
+_RELATIVE_ALTITUDE = 1
+# Decimals of a speed, m/s.
+_SPEED_DIGITS = 3
+
+
+@dataclass(frozen=True)
+class _Command:
+    """A mission's command with its seven parameters; a position is the last three."""
+
+    number: int
+    frame: int
+    params: tuple[float, ...]
+
+
+def write_plan(result: RunResult, season: str, path: Path) -> None:
+    """Write the best route of a season that has one as a plan of QGroundControl."""
+    points = season_waypoints(result, season)[0]
+    start = _position(points, 0)
+    speed = round(speed_over_ground(points.metrics), _SPEED_DIGITS)
+    items = [
+        {
+            "type": "SimpleItem",
+            "autoContinue": True,
+            "command": command.number,
+            "doJumpId": number,
+            "frame": command.frame,
+            "params": command.params,
+            **(
+                {"Altitude": 0, "AltitudeMode": _RELATIVE_ALTITUDE, "AMSLAltAboveTerrain": None}
+                if command.number == _WAYPOINT
+                else {}
+            ),
+        }
+        for number, command in enumerate(_commands(points), start=1)
+    ]
+    plan = {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "mission": {
+            "version": 2,
+            "firmwareType": _ARDUPILOT,
+            "vehicleType": _SURFACE_BOAT,
+            "cruiseSpeed": speed,
+            "hoverSpeed": speed,
+            "globalPlanAltitudeMode": _RELATIVE_ALTITUDE,
+            "plannedHomePosition": [*start, 0],
+            "items": items,
+        },
+        "geoFence": {"version": 2, "circles": [], "polygons": []},
+        "rallyPoints": {"version": 2, "points": []},
+    }
+    write_json(path, plan)
+
+
+def write_mission(result: RunResult, season: str, path: Path) -> None:
+    """Write the best route of a season that has one as ArduPilot's tools read a mission."""
+    points = season_waypoints(result, season)[0]
+    home = _Command(_WAYPOINT, _ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *_position(points, 0), 0.0))
+    lines = ["QGC WPL 110"]
+    for index, command in enumerate((home, *_commands(points))):
+        cells = [index, int(index == 0), command.frame, command.number]
+        lines.append("\t".join([*map(str, cells), *(f"{p:.8f}" for p in command.params), "1"]))
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _commands(points: Waypoints) -> Iterator[_Command]:
+    """Yield a route's commands: the start, then for each leg its speed and its end.
+
+    A radius of 0 leaves it to the vehicle when a waypoint counts as reached.
+    """
+    for index in range(len(points.lonlat)):
+        if index:
+            speed = round(float(points.speed_m_s[index - 1]), _SPEED_DIGITS)
+            params = (_OVER_GROUND, speed, _SAME_THROTTLE, 0.0, 0.0, 0.0, 0.0)
+            yield _Command(_CHANGE_SPEED, _NO_POSITION, params)
+        yield _Command(_WAYPOINT, _RELATIVE, (0.0, 0.0, 0.0, 0.0, *_position(points, index), 0.0))
+
+
+def _position(points: Waypoints, index: int) -> tuple[float, float]:
+    """Latitude and longitude of a waypoint, degrees."""
+    longitude, latitude = points.lonlat[index]
+    return float(latitude), wrapped_longitude(longitude)

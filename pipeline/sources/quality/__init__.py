@@ -1,1 +1,0 @@
-"""Quality checks of current fields: acceptance, plausibility, misregistration, signs."""
