@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 
 import renew
+from pipeline._types import FloatArray
 from pipeline.errors import PipelineError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.lonlat import Bounds
@@ -23,6 +24,7 @@ from pipeline.model import Note, Place, Scene, SeasonPlan
 from pipeline.scenario.region import Region
 from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.stages.choosing.region_choice import FarSide
+from pipeline.stages.choosing.water_grid import LonLat
 from pipeline.stages.comparing.island_names import island_places
 from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across
 from pipeline.stages.fetch import fetch
@@ -40,7 +42,7 @@ class BoundedSide:
     """A far side, the island's name or "", and a lower bound on fuel there.
 
     `fuel_ratio` is the bound in terms of the best route's fuel: the least of all seasons, NaN if
-    there is no bound.
+    there is no bound. Below 1 it is of no use to a reader.
     """
 
     side: FarSide
@@ -50,7 +52,7 @@ class BoundedSide:
     @property
     def note(self) -> Note:
         """The note on it for a reader."""
-        has_bound = not math.isnan(self.fuel_ratio)
+        has_bound = self.fuel_ratio >= 1.0
         return Note.of(
             "side-left-out",
             island=self.name,
@@ -76,6 +78,12 @@ def bounded_sides(
         return tuple(_bounded(side, scenes[side.searched], made.value) for side in sides)
 
     return store.made("far-sides", tuple, (made.key, list(sides)), make).value
+
+
+def are_on_both_sides(paths: Sequence[FloatArray], place: LonLat) -> bool:
+    """Whether paths (n, 2) with the same ends pass a place on both sides, lon/lat degrees."""
+    bearings = [np.unwrap(np.arctan2(*(path - place).T)) for path in paths]
+    return bool(np.ptp([bearing[-1] - bearing[0] for bearing in bearings]) > math.pi)
 
 
 def _bounded(side: FarSide, scene: Scene | None, result: RunResult) -> BoundedSide:

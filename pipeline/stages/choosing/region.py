@@ -19,7 +19,7 @@ from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
-from pipeline.stages.choosing.far_sides import BoundedSide, bounded_sides
+from pipeline.stages.choosing.far_sides import BoundedSide, are_on_both_sides, bounded_sides
 from pipeline.stages.choosing.region_choice import (
     FAR_WAY,
     FarSide,
@@ -53,13 +53,15 @@ _MAX_WIDENINGS = 3
 class ChosenRegion:
     """Bounds of a region in degrees, the coverage that limits them, and notes for the report.
 
-    `far_sides` are sides of islands that the bounds leave out.
+    `far_sides` are sides of islands that the bounds leave out, and `largest` are sides that routes
+    may leave out (see `RegionChoice`).
     """
 
     bounds: Bounds
     coverage: Coverage
     voyage: Voyage
     far_sides: tuple[FarSide, ...]
+    largest: tuple[FarSide, ...]
     notes: tuple[Note, ...] = ()
 
     def complete(self, scenario: Scenario) -> Scenario:
@@ -95,13 +97,14 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     stops = tuple(scenario.stops.values())
     key = artefact_key("region", source.identity, *stops, coverage.bounds)
 
-    def choose() -> RegionChoice:
-        choices = [choose_region(part, mask_of, coverage.bounds) for part in parts]
-        far_sides = (side for choice in choices for side in choice.far_sides)
-        return RegionChoice(hull([choice.bounds for choice in choices]), tuple(far_sides))
+    def choose() -> list[RegionChoice]:
+        return [choose_region(part, mask_of, coverage.bounds) for part in parts]
 
-    bounds, far_sides = store.load_or_make("region", key, RegionChoice, choose)
-    chosen = ChosenRegion(bounds, coverage, voyage, far_sides)
+    choices = store.load_or_make("region", key, list, choose)
+    far_sides = tuple(side for choice in choices for side in choice.far_sides)
+    largest = tuple(choice.largest for choice in choices if choice.largest is not None)
+    bounds = hull([choice.bounds for choice in choices])
+    chosen = ChosenRegion(bounds, coverage, voyage, far_sides, largest)
     ends = _ends_of_currents(chosen, range(len(SIDES)))
     return replace(chosen, notes=(Note.of("region-chosen", bounds=bounds, ends=ends),))
 
@@ -229,7 +232,12 @@ def search_region(
         except PipelineError:
             break
         region = wider
-    left_out = (side.note for side in bounded_sides(region.far_sides, made, store))
+    paths = [made.value.scene.projection.to_lonlat(one.route.path) for one in made.value.routes]
+    unplanned = (
+        side for side in region.largest if not are_on_both_sides(paths, (side.lon, side.lat))
+    )
+    sides = dict.fromkeys([*region.far_sides, *unplanned])
+    left_out = (side.note for side in bounded_sides(tuple(sides), made, store))
     limits = (*edge_notes(region, _best_paths(made.value)), *left_out)
     result = made.value
     fetched = replace(result.fetched, notes=(*result.fetched.notes, *limits))

@@ -8,6 +8,7 @@ if a best route comes near the region's edge, :mod:`pipeline.stages.choosing.reg
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -89,10 +90,15 @@ class FarSide(NamedTuple):
 
 
 class RegionChoice(NamedTuple):
-    """Bounds of a region, degrees, and the sides of islands that it leaves out."""
+    """Bounds of a region, degrees, and the sides of islands that it leaves out.
+
+    `largest` is the far side of the largest island whose far side is at most `FAR_WAY` times as
+    long: all routes may pass the island on the near side.
+    """
 
     bounds: Bounds
     far_sides: tuple[FarSide, ...] = ()
+    largest: FarSide | None = None
 
 
 def choose_region(
@@ -130,11 +136,22 @@ def _around_ways(
     limits: Bounds,
 ) -> RegionChoice:
     """Choose a region that holds the shortest way, and the ways round the islands beside it."""
+
+    @cache
+    def far_side(island: int) -> FarSide | None:
+        ways = grid.ways(*ends, island)
+        if len(ways) == 1:
+            return None
+        length_m = ways[-1].length_m / _DETOUR
+        around = hull([grid.bounds_of(ways[-1].cells), grid.bounds_of_island(island)])
+        place, ratio = grid.place_on(island), length_m / shortest.length_m
+        return FarSide(*place, length_m, ratio, around, searched)
+
     places = [bounds_of(np.array([voyage.start, voyage.goal])), grid.bounds_of(shortest.cells)]
     for island in _islands_between(voyage, grid):
-        ways = grid.ways(*ends, island)
-        if len(ways) > 1 and ways[-1].length_m <= _LONGEST_WAY * shortest.length_m:
-            places += [*(grid.bounds_of(way.cells) for way in ways), grid.bounds_of_island(island)]
+        side = far_side(island)
+        if side is not None and side.ratio * _DETOUR <= _LONGEST_WAY:
+            places.append(side.around)
     far_sides, tried = list[FarSide](), set[int]()
     for _ in range(_MAX_ISLANDS):
         beyond = grid.islands_beyond(_region(voyage, places, limits))
@@ -142,18 +159,15 @@ def _around_ways(
         if not island:
             break
         tried.add(island)
-        ways = grid.ways(*ends, island)
-        if len(ways) == 1:
-            continue
-        length_m = ways[-1].length_m / _DETOUR
-        ratio = length_m / shortest.length_m
-        around = [grid.bounds_of(ways[-1].cells), grid.bounds_of_island(island)]
-        if ratio <= FAR_WAY:
-            places += around
-        else:
-            place, box = grid.place_on(island), hull(around)
-            far_sides.append(FarSide(*place, length_m, ratio, box, searched))
-    return RegionChoice(_region(voyage, places, limits), tuple(far_sides))
+        side = far_side(island)
+        if side is not None and side.ratio <= FAR_WAY:
+            places.append(side.around)
+        elif side is not None:
+            far_sides.append(side)
+    is_long = grid.around_island(*ends) > FAR_WAY * _DETOUR * shortest.length_m
+    near = [one for one in grid.large_islands if not is_long[one]][:_MAX_ISLANDS]
+    short = (side for side in map(far_side, near) if side is not None and side.ratio <= FAR_WAY)
+    return RegionChoice(_region(voyage, places, limits), tuple(far_sides), next(short, None))
 
 
 def _region(voyage: Voyage, places: Sequence[Bounds], limits: Bounds) -> Bounds:

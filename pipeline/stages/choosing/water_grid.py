@@ -19,8 +19,9 @@ ScalarT = TypeVar("ScalarT", bound=np.generic)
 _CELLS = 300
 # Distance in cells from an endpoint within which water is searched: harbours are finer than cells.
 _NEAR_CELLS = 5
-# Number of cells below which an island may be cut or left out by the region.
-_MIN_CELLS = 10
+# Number of cells below which an island may be cut or left out by the region, and below which it is
+# not large enough to be named.
+_MIN_CELLS, _FEW_CELLS = 10, 5
 
 
 @dataclass(frozen=True)
@@ -98,23 +99,45 @@ class WaterGrid:
         row, column = cells[np.abs(cells - cells.mean(axis=0)).sum(axis=1).argmin()]
         return float(self.lon[column]), float(self.lat[row])
 
-    def islands_beyond(self, bounds: Bounds) -> list[int]:
-        """Return the islands that lie outside bounds, in whole or in part, the largest first.
+    @cached_property
+    def _size(self) -> IndexArray:
+        """Number of cells of each island."""
+        return np.bincount(self.islands.ravel())
 
-        Land that leaves the grid, and islands of a few cells, are left out.
-        """
+    @cached_property
+    def large_islands(self) -> list[int]:
+        """Islands of more than a few cells that do not leave the grid, the largest first."""
+        largest_first = np.argsort(-self._size[1:], kind="stable") + 1
+        large = (int(one) for one in largest_first if self._size[one] >= _FEW_CELLS)
+        return [one for one in large if not self.leaves(one)]
+
+    def islands_beyond(self, bounds: Bounds) -> list[int]:
+        """Return the large islands that lie outside bounds, in whole or in part."""
         west, south, east, north = bounds
-        inside = np.zeros_like(self.is_water)
+        is_outside = np.ones_like(self.is_water)
         rows, columns = (
             (self.lat >= south) & (self.lat <= north),
             (self.lon >= west) & (self.lon <= east),
         )
-        inside[np.ix_(rows, columns)] = True
-        size = np.bincount(self.islands.ravel())
-        within = np.bincount(self.islands[inside].ravel(), minlength=len(size))
-        beyond = np.flatnonzero((within < size) & (size >= _MIN_CELLS))
-        largest = sorted((int(one) for one in beyond if one), key=lambda one: -size[one])
-        return [one for one in largest if not self.leaves(one)]
+        is_outside[np.ix_(rows, columns)] = False
+        beyond = set(self.islands[is_outside].tolist())
+        large = (one for one in self.large_islands if self._size[one] >= _MIN_CELLS)
+        return [one for one in large if one in beyond]
+
+    def around_island(self, start: Cell, goal: Cell) -> FloatArray:
+        """Return lengths, m, by the islands' numbers: no way round one's far side is shorter.
+
+        Such a way and the shortest one enclose each cell of the island. So it is no shorter than
+        two straight lines, from the start to the cell and on to the goal.
+        """
+        lon, lat = np.meshgrid(self.lon, self.lat)
+        length = np.zeros(lon.shape)
+        for end in (start, goal):
+            across = np.cos(np.radians((lat + lat[end]) / 2)) * (lon - lon[end])
+            length += METRES_PER_DEGREE * np.hypot(across, lat - lat[end])
+        longest = np.zeros(int(self.islands.max()) + 1)
+        np.maximum.at(longest, self.islands.ravel(), length.ravel())
+        return longest
 
     def ways(self, start: Cell, goal: Cell, island: int = 0) -> list[Way]:
         """Return the shortest way between two cells of water; with an island, on either side of it.

@@ -15,6 +15,8 @@ from pipeline.model import Note
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field
+from pipeline.sources.quality.field import Field
+from pipeline.stages.choosing.far_sides import are_on_both_sides
 from tests.pipeline.synthetic_currents import dataset
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -90,3 +92,12 @@ def test_a_side_that_a_current_makes_cheap_is_planned(tmp_path: Path) -> None:
     values: dict[str, Any] = dict(widened.values)
     assert shapely.box(*values["bounds"]).contains(ISLAND)
     assert "because ways round the far side of the island at" in note_text(widened)
+
+
+def test_paths_on_one_side_of_a_place_are_told_from_paths_on_both() -> None:
+    south = np.array([START, (-29.0, -0.2), GOAL])
+    north, round_it = np.array(NORTH_ABOUT), np.array([START, (-29.2, 1.7), (-28.8, 1.7), GOAL])
+    place = (-29.0, 0.8)
+    assert are_on_both_sides([south, north], place)
+    assert not are_on_both_sides([north, round_it], place)
+    assert not are_on_both_sides([south], place)

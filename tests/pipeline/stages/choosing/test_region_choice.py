@@ -138,15 +138,28 @@ def test_no_island_is_cut_whose_far_side_a_voyage_might_use() -> None:
     """The direct line passes south of the island, and the region would cut it in two."""
     island = shapely.box(119.0, 10.1, 121.0, 11.2)
     voyage = Voyage.between((118.0, 10.0), (122.0, 10.0))
-    bounds, far_sides = choose_region(voyage, lambda _: mask(island), WORLD)
+    bounds, far_sides, _ = choose_region(voyage, lambda _: mask(island), WORLD)
     assert far_sides == ()
     assert shapely.box(*bounds).contains(island)
+
+
+def test_an_island_behind_the_start_with_a_short_way_round_it_is_known() -> None:
+    island, islet = shapely.box(117.7, 9.9, 117.85, 10.1), shapely.box(119.9, 9.97, 120.0, 10.03)
+    # Ways round these are too long, however large they are.
+    far_off = [shapely.box(lon, 12.5, lon + 0.6, 13.3) for lon in np.arange(117.0, 122.5, 0.9)]
+    voyage = Voyage.between((118.0, 10.0), (122.0, 10.0))
+    largest = choose_region(voyage, lambda _: mask(island, islet, *far_off), WORLD).largest
+    assert largest is not None
+    assert island.contains(shapely.Point(largest.lon, largest.lat))
+    # By hand: past two corners behind the start, and beside the start on.
+    by_hand = (2 * math.hypot(0.15, 0.1) + 2 * 0.15 + 0.2 + 4.0) / 4.0
+    assert by_hand / 1.09 < largest.ratio < by_hand * 1.02
 
 
 def test_a_side_that_is_left_out_is_named_with_how_much_longer_it_is() -> None:
     island = shapely.box(119.0, 10.1, 121.0, 12.9)
     voyage = Voyage.between((118.0, 10.0), (122.0, 10.0))
-    bounds, (side,) = choose_region(voyage, lambda _: mask(island), WORLD)
+    bounds, (side,), _ = choose_region(voyage, lambda _: mask(island), WORLD)
     assert island.contains(shapely.Point(side.lon, side.lat))
     # By hand: to the north-western corner, along the north and back, in degrees of about one size.
     by_hand = (2 * math.hypot(1.0, 2.9) + 2.0) / 4.0
@@ -168,7 +181,7 @@ def test_real_islands_beside_the_line_are_whole(
     start: tuple[float, float], goal: tuple[float, float], island: tuple[float, float]
 ) -> None:
     world = LandMask.world()
-    bounds, _ = choose_region(Voyage.between(start, goal), lambda _: world, WORLD)
+    bounds = choose_region(Voyage.between(start, goal), lambda _: world, WORLD).bounds
     grid = WaterGrid.of(world, bounds)
     row, column = grid.cells(np.array([island]))[0]
     number = int(grid.islands[row, column])
@@ -180,7 +193,7 @@ def test_islands_behind_an_end_are_not_taken_for_islands_between() -> None:
     """Luzon lies behind the start: ways round it are more than thrice as long."""
     world = LandMask.world()
     voyage = Voyage.between((120.30, 12.80), (116.80, 7.70))
-    (west, south, east, north), far_sides = choose_region(voyage, lambda _: world, WORLD)
+    (west, south, east, north), far_sides, _ = choose_region(voyage, lambda _: world, WORLD)
     assert (east - west) * (north - south) < 50
     assert north < 15
     luzon = min(far_sides, key=lambda side: math.hypot(side.lon - 121.0, side.lat - 16.0))
