@@ -20,7 +20,7 @@ Element: TypeAlias = Any
 
 # Folder with the published schemas, such as "RTZ Schema version 1_0.xsd", which we may not include.
 _PUBLISHED = os.environ.get("RENEW_RTZ_SCHEMAS")
-_STRICT = Path(__file__).with_name("pipeline") / "formats" / "exchange" / "rtz.rng"
+_STRICT = Path(__file__).with_name("pipeline") / "formats" / "passage" / "rtz.rng"
 
 
 def geopackage_faults(package: Path) -> str | None:

@@ -11,10 +11,20 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pipeline.formats.exchange import nautical
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.season_map import DETAIL_PT, visible
-from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
+from pipeline.formats.passage.waypoints import (
+    KNOTS_PER_M_S,
+    NAUTICAL_MILE_M,
+    Waypoints,
+    attribution,
+    document_title,
+    duration,
+    route_name,
+    season_waypoints,
+    time_after,
+    vessel_name,
+)
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns
@@ -64,7 +74,7 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
     unknown = note_texts(route_unknowns(result, points.ranked.metrics))
     notes = [
         f"Not known: {'; '.join(unknown)}." if unknown else "",
-        f"Sources: {nautical.attribution(result)}.",
+        f"Sources: {attribution(result)}.",
         "Not for navigation without the official charts and the navigator's own judgement.",
     ]
     for number, part in enumerate(pages, start=1):
@@ -83,11 +93,9 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
 def _page(result: RunResult, points: Waypoints, number: str) -> Figure:
     """Start a page with its title and foot."""
     page = Figure(figsize=(_WIDTH / 72, _HEIGHT / 72))
-    title = f"Passage plan: {nautical.document_title(result, points.ranked.season)}"
+    title = f"Passage plan: {document_title(result, points.ranked.season)}"
     _write(page, drawable(title, 90), _MARGIN, _HEIGHT - _MARGIN - 6, _LARGE, bold=True)
-    foot = (
-        f"{nautical.route_name(points.ranked, result)} · made {result.created:%Y-%m-%d %H:%M} UTC"
-    )
+    foot = f"{route_name(points.ranked, result)} · made {result.created:%Y-%m-%d %H:%M} UTC"
     _write(page, drawable(foot, 120), _MARGIN, _MARGIN - 16, _SMALL)
     _write(page, number, _WIDTH - _MARGIN, _MARGIN - 16, _SMALL, right=True)
     return page
@@ -96,20 +104,20 @@ def _page(result: RunResult, points: Waypoints, number: str) -> Figure:
 def _facts(points: Waypoints, result: RunResult) -> list[str]:
     """Facts of the route, a paragraph each."""
     planned, sailed, vessel = points.ranked.metrics, points.metrics, result.scenario.vessel
-    knots = speed_over_ground(sailed) * nautical.KNOTS_PER_M_S
-    speeds = points.through_water_m_s[:-1] * nautical.KNOTS_PER_M_S
+    knots = speed_over_ground(sailed) * KNOTS_PER_M_S
+    speeds = points.through_water_m_s[:-1] * KNOTS_PER_M_S
     through = f"{speeds.min():.2f} kn"
     if has_speeds(points):
         through = f"{' to '.join(speed_range(speeds.min(), speeds.max()))} kn, leg by leg,"
     turn_rate = f"{vessel.turn_rate_deg_s:.3g}°"
     length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
-    ship = ", ".join(filter(None, (nautical.vessel_name(result), f"{vessel.length_m:g} m long")))
+    ship = ", ".join(filter(None, (vessel_name(result), f"{vessel.length_m:g} m long")))
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
     turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
     least = distance_text(planned.clearance_m)
     is_proven = not result.lacks_current(planned.season)
     gap = f"Optimality gap: {gap_figure(planned.optimality_gap) if is_proven else 'not proven'}."
-    passage = f"{nautical.duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
+    passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
     return [
         f"Vessel: {ship}; {through} through the water, turns at {turn_rate} a second.",
         f"Way: {way}, {passage}.",
@@ -152,16 +160,16 @@ def _times_text(points: Waypoints, result: RunResult) -> str:
     spec = result.spec_of(season)
     texts = ["Times are since departure: none was given."]
     if spec.departure is not None:
-        arrival = nautical.time_after(spec.departure, sailed_s)
-        leaves = moment_text(nautical.time_after(spec.departure, 0))
+        arrival = time_after(spec.departure, sailed_s)
+        leaves = moment_text(time_after(spec.departure, 0))
         texts = [f"Departure {leaves}, arrival {moment_text(arrival)}."]
         choice = result.departure_choice(season)
         by = spec.arrive_by if choice is None else choice.arrive_by
         if by is not None and to_minute(arrival) > to_minute(by):
-            late = nautical.duration((to_minute(arrival) - to_minute(by)).total_seconds())
+            late = duration((to_minute(arrival) - to_minute(by)).total_seconds())
             texts += [f"That is {late} after {moment_text(by)}: leave {late} earlier."]
-    if nautical.duration(planned_s) != nautical.duration(sailed_s):
-        planned = nautical.duration(planned_s)
+    if duration(planned_s) != duration(sailed_s):
+        planned = duration(planned_s)
         texts += [
             "Times are for the legs, with the vessel heading into the cross-current;",
             f"the planned path takes {planned}.",

@@ -12,9 +12,16 @@ import numpy as np
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.exchange import nautical
 from pipeline.formats.passage.tracks import Tracks, tracks
-from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints
+from pipeline.formats.passage.waypoints import (
+    KNOTS_PER_M_S,
+    NAUTICAL_MILE_M,
+    Waypoints,
+    duration as duration_text,
+    time_after,
+    waypoint_name,
+    wrapped_longitude,
+)
 from pipeline.formats.shared.departures_and_speeds import TradeOff, trade_offs
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import coast_index, cumulative, steps_along_legs
@@ -245,11 +252,11 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
     found = []
     for index, (longitude, latitude) in enumerate(points.lonlat):
         seconds = float(points.time_s[index])
-        passed = f"+ {nautical.duration(seconds)}"
+        passed = f"+ {duration_text(seconds)}"
         if departure is not None:
-            passed = f"{to_minute(nautical.time_after(departure, seconds)):%Y-%m-%d %H:%M}"
+            passed = f"{to_minute(time_after(departure, seconds)):%Y-%m-%d %H:%M}"
         row = Row(
-            name=nautical.waypoint_name(index, len(points.lonlat)),
+            name=waypoint_name(index, len(points.lonlat)),
             latitude=position(float(latitude), "NS", 2),
             longitude=position(float(longitude), "EW", 3),
             to_go_nm=f"{to_go[index]:.1f}",
@@ -264,9 +271,9 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
 
 def _leg(points: Waypoints, leg: int) -> dict[str, str]:
     """Course, length, speed and limits of a leg."""
-    speed_kn = f"{points.speed_m_s[leg] * nautical.KNOTS_PER_M_S:.2f}"
+    speed_kn = f"{points.speed_m_s[leg] * KNOTS_PER_M_S:.2f}"
     if has_speeds(points):
-        speed_kn += f" / {points.through_water_m_s[leg] * nautical.KNOTS_PER_M_S:.2f}"
+        speed_kn += f" / {points.through_water_m_s[leg] * KNOTS_PER_M_S:.2f}"
     return {
         "course": f"{round(float(points.course_deg[leg]), 1) % 360:05.1f}",
         "leg_nm": f"{points.length_m[leg] / NAUTICAL_MILE_M:.2f}",
@@ -277,7 +284,7 @@ def _leg(points: Waypoints, leg: int) -> dict[str, str]:
 
 def position(degrees: float, sides: str, digits: int) -> str:
     """Write a coordinate in degrees and minutes: 12° 39.510' N; a longitude within 180 degrees."""
-    degrees = nautical.wrapped_longitude(degrees) if sides == "EW" else degrees
+    degrees = wrapped_longitude(degrees) if sides == "EW" else degrees
     minutes = round(abs(degrees) * 60, 3)
     whole, rest = divmod(minutes, 60)
     return f"{int(whole):0{digits}d}° {rest:06.3f}' {sides[degrees < 0]}"
@@ -305,7 +312,7 @@ def _currents(drawn: Tracks, points: Waypoints, result: RunResult) -> list[str]:
         lengths = np.linalg.norm(np.diff(line[first : last + 1], axis=0), axis=1)
         middles = (velocity[first:last] + velocity[first + 1 : last + 1]) / 2
         east, north = np.average(middles, axis=0, weights=lengths)
-        knots = float(np.hypot(east, north)) * nautical.KNOTS_PER_M_S
+        knots = float(np.hypot(east, north)) * KNOTS_PER_M_S
         to = round(math.degrees(math.atan2(east, north))) % 360
         texts.append(f"{to:03d}  {knots:.2f}" if knots >= _NO_CURRENT_KN else f"–  {knots:.2f}")
     return texts

@@ -173,8 +173,8 @@ def season_stem(scenario: str, season: str) -> str:
 
 def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
     """Return the files of one season for navigation devices, with the function that writes each."""
-    from pipeline.formats.exchange import routes, rtz
-    from pipeline.formats.gis.geojson import write_geojson
+    from pipeline.formats.gis.geopackage import write_geojson
+    from pipeline.formats.passage import routes, rtz
 
     def of_season(writer: Callable[..., None], **options: object) -> Format:
         return lambda result, path: writer(result, season.name, path, **options)

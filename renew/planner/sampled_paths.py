@@ -1,22 +1,206 @@
 """Find paths of a class by the paper's sampling; the harmonic mean of their fuel ranks classes.
 
+A shortcut keeps the chain's class: it crosses the rays of the islands (see
+:mod:`renew.classes.h_signature`) like the part of the chain that it replaces.
+
 The published figures are of smoothed paths, and hardly any raw chain can be steered. So each chain
 is smoothed before it is checked and counted in the harmonic mean.
 """
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from renew._types import BoolArray, FloatArray
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.h_signature import Rays
+from renew.classes.reduced_rows import RayColumns, appended, no_words
 from renew.errors import InfeasibleError
+from renew.kernels.capsules import Capsules, Segment, leg_is_clear
+from renew.kernels.current_table import CurrentTable, velocity
+from renew.kernels.ground_speed import Polar
+from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
-from renew.paths.shortcuts import each_shortened, with_shortcuts
 from renew.results import Route
 from renew.steering.corners import steerable
 from renew.voyage.voyage import Voyage
+
+# Number of pieces into which a path is cut in each round; shortcuts connect their ends. A chain
+# among hundreds gets one round with few pieces.
+_PIECES, _ROUNDS, _CHAIN_PIECES = 60, 4, 8
+# Legs are timed at two Gauss-Legendre points per piece; a piece is at most this share of the whole
+# path. Places of the two points in a piece.
+_TIMED, _GAUSS = 1 / 10, (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
+
+
+class Shortened(NamedTuple):
+    """Chains after smoothing: paths (n, 2), m, and times (c,), s."""
+
+    paths: list[FloatArray]
+    times: FloatArray
+
+
+class _Water(NamedTuple):
+    """The current that times legs, the capsules that legs avoid, and the rays that define classes.
+
+    `exempt` (2, c) is as :attr:`Corridor.exempt`; paths begin at `departure`, s.
+    """
+
+    table: CurrentTable
+    departure: float
+    polar: Polar
+    capsules: Capsules
+    exempt: BoolArray
+    rays: RayColumns
+
+
+def with_shortcuts(corridor: Corridor, rays: Rays, path: FloatArray) -> FloatArray:
+    """Return the fastest path (m, 2) along straight legs between places on a path, clear of V."""
+    time, path = _shortened(path, _PIECES, _ROUNDS, _water(corridor, rays))
+    if not math.isfinite(time):
+        raise InfeasibleError("no legs between places on its path are clear of V")
+    return path
+
+
+def each_shortened(corridor: Corridor, rays: Rays, chains: FloatArray) -> Shortened:
+    """Smooth chains (c, n, 2), each between some places on it; omit chains without a clear way.
+
+    A chain may itself cross V if a shortcut avoids that leg.
+    """
+    water = _water(corridor, rays)
+    found = [_shortened(chain, _CHAIN_PIECES, 1, water) for chain in chains]
+    found = [(time, path) for time, path in found if math.isfinite(time)]
+    return Shortened([path for _, path in found], np.array([time for time, _ in found]))
+
+
+def _water(corridor: Corridor, rays: Rays) -> _Water:
+    """Return the water of a corridor, with the rays that define classes."""
+    return _Water(
+        corridor.voyage.table,
+        corridor.voyage.departure,
+        corridor.polar,
+        corridor.search_capsules,
+        corridor.exempt,
+        RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0)),
+    )
+
+
+@kernel
+def _shortened(
+    path: FloatArray, pieces: int, rounds: int, water: _Water
+) -> tuple[float, FloatArray]:
+    """Return duration (s) and fastest path (m, 2) between places on a path; inf if none is clear.
+
+    In each round the path is cut evenly into about `pieces` pieces.
+    """
+    time = math.inf
+    for _ in range(rounds):
+        points = _cut(path, pieces)
+        time, row = _quickest(points, water)
+        if time == math.inf:
+            break
+        path = points[row]
+    return time, path
+
+
+@kernel
+def _cut(path: FloatArray, count: int) -> FloatArray:
+    """Return a path (m, 2) with points added evenly."""
+    legs = len(path) - 1
+    whole = _length(path)
+    pieces = np.empty(legs, dtype=np.int64)
+    for k in range(legs):
+        length = math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        pieces[k] = max(1, math.ceil(length / whole * count))
+    points = np.empty((pieces.sum() + 1, 2))
+    at = 0
+    for k in range(legs):
+        for piece in range(pieces[k]):
+            points[at] = path[k] + piece / pieces[k] * (path[k + 1] - path[k])
+            at += 1
+    points[at] = path[legs]
+    return points
+
+
+@kernel
+def _length(path: FloatArray) -> float:
+    """Return the length of a path (n, 2), m."""
+    length = 0.0
+    for k in range(len(path) - 1):
+        length += math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+    return length
+
+
+@kernel
+def _leg_time(leg: Segment, begin: float, longest: float, water: _Water) -> float:
+    """Return the time (s) over a straight leg by Eq. 4, in pieces of up to `longest` m, or inf.
+
+    The leg begins at the time `begin` of the table's clock, s.
+    """
+    dx, dy = leg.bx - leg.ax, leg.by - leg.ay
+    length = math.hypot(dx, dy)
+    if length == 0.0:
+        return 0.0
+    pieces = math.ceil(length / longest)
+    total, last, behind = 0.0, 1.0 / water.polar.speed, 0.0
+    for piece in range(pieces):
+        for within in _GAUSS:
+            place = (piece + within) / pieces
+            # The part from the last point, at the slowness of the present one.
+            begin += last * (place - behind) * length
+            u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy, begin)
+            last, behind = slowness(u, v, dx / length, dy / length, water.polar), place
+            total += last
+    return total * length / (2 * pieces)
+
+
+@kernel
+def _quickest(points: FloatArray, water: _Water) -> tuple[float, IntArray]:
+    """Return duration (s) and points (m,) of the fastest clear way along points (n, 2).
+
+    The first leg may leave capsules, and the last leg may enter them.
+    """
+    last, words = len(points) - 1, no_words()
+    word = np.zeros(last + 1, dtype=np.int64)
+    arrival, before = np.full(last + 1, np.inf), np.zeros(last + 1, dtype=np.int64)
+    arrival[0] = 0.0
+    total, longest = np.empty(last + 1), _TIMED * _length(points)
+    for new in range(1, last + 1):
+        (ax, ay), (bx, by) = points[new - 1], points[new]
+        word[new] = appended(water.rays, words, word[new - 1], Segment(ax, ay, bx, by))
+        for old in range(new):
+            leg = Segment(points[old, 0], points[old, 1], bx, by)
+            total[old] = arrival[old]
+            if arrival[old] < np.inf:
+                total[old] += _leg_time(leg, water.departure + arrival[old], longest, water)
+        while True:
+            old = int(np.argmin(total[:new]))
+            if total[old] == np.inf:
+                break
+            leg = Segment(points[old, 0], points[old, 1], bx, by)
+            same_class = appended(water.rays, words, word[old], leg) == word[new]
+            if same_class and _is_clear(leg, water, is_first=old == 0, is_last=new == last):
+                arrival[new], before[new] = total[old], old
+                break
+            total[old] = np.inf
+    row = [last]
+    while row[-1] > 0:
+        row.append(before[row[-1]])
+    return arrival[last], np.array(row[::-1], dtype=np.int64)
+
+
+@kernel
+def _is_clear(leg: Segment, water: _Water, is_first: bool, is_last: bool) -> bool:
+    """Whether a leg stays out of V; the first leg may leave V, and the last may enter V."""
+    every = np.arange(len(water.capsules.radius))
+    exempt = np.zeros(len(every), dtype=np.bool_)
+    if is_first:
+        exempt |= water.exempt[0]
+    if is_last:
+        exempt |= water.exempt[1]
+    return leg_is_clear(leg, water.capsules, every, exempt)
 
 
 def harmonic_mean(fuels: FloatArray) -> float:

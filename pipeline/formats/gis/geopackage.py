@@ -1,4 +1,4 @@
-"""`routes.gpkg`: layers in lon/lat (EPSG:4326), GeoPackage 1.3, with a QGIS project inside.
+"""Files for a GIS: `routes.gpkg`, with a QGIS project inside, and each season's `.geojson`.
 
 GDAL writes 1.4 by default, which GDAL 3.6, common on desktops, reads only in part. Lines that
 are straight in the planner's plane are split into short pieces first: a GIS, which draws straight
@@ -19,10 +19,16 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import shapely
+
+from pipeline._types import FloatArray
 from pipeline.formats.figures.map_marks import nice_step
 from pipeline.formats.gis.frames import (
     FIELDS,
+    GeoDataFrame,
     Layer,
     check_count,
     dated,
@@ -30,13 +36,33 @@ from pipeline.formats.gis.frames import (
     system_errors,
     write_layer,
 )
-from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.gis.layers import LAYERS, waypoint_frame
+from pipeline.formats.gis.qgis import (
+    Bounds,
+    MapCrs,
+    SeasonView,
+    Style,
+    View,
+    clean,
+    lonlat_system,
+    map_crs,
+    one_line,
+    rendered,
+    view,
+)
 from pipeline.formats.gis.styles import qml, style
-from pipeline.formats.gis.symbols import Style, clean, one_line, rendered
-from pipeline.formats.gis.view import Bounds, MapCrs, SeasonView, View, lonlat_system, map_crs, view
 from pipeline.formats.manifest import manifest
+from pipeline.formats.passage.waypoints import (
+    attribution,
+    document_title,
+    season_waypoints,
+    split_at_antimeridian,
+    within_180,
+)
+from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.text import write_json
 
 # Drawing order, from the top down.
 _DRAWING_ORDER = (
@@ -319,3 +345,55 @@ def _put_project(database: sqlite3.Connection, name: str, packed: bytes, created
         "INSERT INTO qgis_projects (name, metadata, content) VALUES (?, ?, ?)",
         (name, json.dumps(about), packed.hex()),
     )
+
+
+# Decimals of degrees, to resolve a centimetre: RFC 7946 asks for no more than is needed.
+_DECIMALS = 7
+
+
+def write_geojson(result: RunResult, season: str, path: Path) -> None:
+    """Write a season's routes and their waypoints, best first.
+
+    Routes have the geometry and columns of the GeoPackage's layer `routes`: their pieces, straight
+    in degrees, lie within a metre of the planned line. Lines are cut at 180 degrees. The property
+    `feature` of each feature is "route" or "waypoint".
+    """
+    routes = next(layer for layer in LAYERS if layer.name == "routes").frame(result)
+    routes = routes[routes.season == season]
+    # A line across 180 degrees is drawn in parts.
+    parts = (split_at_antimeridian(shapely.get_coordinates(line)) for line in routes.geometry)
+    lines = [shapely.LineString(p[0]) if len(p) == 1 else shapely.MultiLineString(p) for p in parts]
+    found = season_waypoints(result, season)
+    waypoints = waypoint_frame(found)
+    waypoints["geometry_type"] = [points.curve for points in found for _ in points.lonlat]
+    places = within_180(np.concatenate([points.lonlat for points in found]))
+    collection = {
+        "type": "FeatureCollection",
+        "bbox": bounding_box(routes.total_bounds.reshape(2, 2)),
+        "title": document_title(result, season),
+        "credits": attribution(result),
+        "unknown": note_texts(result.unknowns),
+        "features": [
+            *_features("route", routes.set_geometry(lines)),
+            *_features("waypoint", waypoints.set_geometry(shapely.points(places))),
+        ],
+    }
+    write_json(path, collection, indent=None)
+
+
+def _features(kind: str, frame: GeoDataFrame) -> list[dict[str, Any]]:
+    """Features of a kind, their coordinates rounded."""
+    shapes = shapely.transform(frame.geometry.array, lambda points: np.round(points, _DECIMALS))
+    frame = frame.set_geometry(shapes).assign(feature=kind)
+    return list(frame.iterfeatures(na="null", drop_id=True))
+
+
+def bounding_box(corners: FloatArray) -> list[float]:
+    """West, south, east, north; west is greater than east if the box crosses 180 degrees."""
+    (west, south), (east, north) = corners
+    if east - west >= 360:
+        west, east = -180.0, 180.0
+    ends = within_180(np.array([[west, south], [east, north]]))
+    # An eastern limit of 180 degrees must not become -180.
+    ends[1, 0] = 180.0 if ends[1, 0] == -180 else ends[1, 0]
+    return [float(value) for value in np.round(ends, _DECIMALS).ravel()]

@@ -8,7 +8,6 @@ import pyproj
 import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
-from pipeline.formats.exchange.nautical import waypoint_name
 from pipeline.formats.gis import frames
 from pipeline.formats.gis.frames import (
     ZONE_STEP_M,
@@ -19,7 +18,7 @@ from pipeline.formats.gis.frames import (
     to_lonlat,
 )
 from pipeline.formats.passage.tracks import tracks
-from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, season_waypoints, waypoint_name
 from pipeline.formats.shared.result import RunResult, continued
 from pipeline.formats.shared.route_profile import Legs, legs as planned_legs
 from pipeline.model import Zone

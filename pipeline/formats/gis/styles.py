@@ -4,11 +4,13 @@ from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
 from pipeline.formats.gis.frames import FIELDS
-from pipeline.formats.gis.symbols import (
+from pipeline.formats.gis.qgis import (
     Label,
     Rule,
+    SeasonView,
     Style,
     SymbolLayer,
+    View,
     arrow,
     colour,
     fill,
@@ -18,7 +20,6 @@ from pipeline.formats.gis.symbols import (
     one_line,
     rendered,
 )
-from pipeline.formats.gis.view import SeasonView, View
 from pipeline.formats.shared.palette import COLOURS
 
 _Symbol: TypeAlias = Callable[[SeasonView], SymbolLayer]

@@ -10,8 +10,7 @@ from shapely import box
 import renew
 from renew.classes.h_signature import Rays
 from renew.errors import InfeasibleError
-from renew.paths.shortcuts import each_shortened, with_shortcuts
-from renew.planner.sampled_paths import random_chains
+from renew.planner.sampled_paths import each_shortened, random_chains, with_shortcuts
 from tests.renew.paths.corridors import corridor_in_scene, corridor_of
 from tests.strategies import voyage_on
 

@@ -15,8 +15,7 @@ from hypothesis import given, strategies as st
 from lxml import etree
 
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.gis.symbols import Rule, Style, clean, literal, rendered
-from pipeline.formats.gis.view import map_crs
+from pipeline.formats.gis.qgis import Rule, Style, clean, literal, map_crs, rendered
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import xml_text

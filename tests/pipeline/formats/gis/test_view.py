@@ -9,8 +9,8 @@ import pytest
 import shapely
 
 import renew
+from pipeline.formats.gis.qgis import map_crs, view
 from pipeline.formats.gis.styles import style
-from pipeline.formats.gis.view import map_crs, view
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats.gis.cases import moved_east

@@ -14,13 +14,16 @@ from lxml import etree
 from pymavlink import mavutil, mavwp
 
 import renew
-from pipeline.formats.exchange.nautical import KNOTS_PER_M_S
-from pipeline.formats.exchange.routes import write_gpx, write_mission, write_plan
-from pipeline.formats.exchange.rtz import write_rtz
-from pipeline.formats.gis.geojson import write_geojson
-from pipeline.formats.gis.geopackage import write_geopackage
+from pipeline.formats.gis.geopackage import write_geojson, write_geopackage
+from pipeline.formats.passage.routes import write_gpx, write_mission, write_plan
+from pipeline.formats.passage.rtz import write_rtz
 from pipeline.formats.passage.tracks import Drawing
-from pipeline.formats.passage.waypoints import Waypoints, season_waypoints, with_speed_changes
+from pipeline.formats.passage.waypoints import (
+    KNOTS_PER_M_S,
+    Waypoints,
+    season_waypoints,
+    with_speed_changes,
+)
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import legs, route_profile
 from tests.pipeline import chosen_speeds

@@ -16,12 +16,15 @@ from lxml import etree
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.exchange.nautical import KNOTS_PER_M_S
-from pipeline.formats.exchange.routes import write_gpx, write_kml, write_mission, write_plan
-from pipeline.formats.exchange.rtz import write_rtz
-from pipeline.formats.gis.geojson import write_geojson
-from pipeline.formats.gis.geopackage import write_geopackage
-from pipeline.formats.passage.waypoints import MAX_EXTRA_FUEL, Waypoints, season_waypoints
+from pipeline.formats.gis.geopackage import write_geojson, write_geopackage
+from pipeline.formats.passage.routes import write_gpx, write_kml, write_mission, write_plan
+from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.passage.waypoints import (
+    KNOTS_PER_M_S,
+    MAX_EXTRA_FUEL,
+    Waypoints,
+    season_waypoints,
+)
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import steps_along_legs
 from pipeline.formats.tables import rows

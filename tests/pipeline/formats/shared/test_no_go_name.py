@@ -13,8 +13,8 @@ import shapely
 from matplotlib.text import Text
 
 from pipeline.cli.ending import season_table
-from pipeline.formats.exchange.routes import write_gpx, write_kml
 from pipeline.formats.figures.kinds import Kind, figure
+from pipeline.formats.passage.routes import write_gpx, write_kml
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared.note_words import note_texts

@@ -8,15 +8,15 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 import pytest
 
-from pipeline.formats.exchange.nautical import (
+from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     duration,
     leg_text,
+    season_waypoints,
     time_after,
     waypoint_name,
     wrapped_longitude,
 )
-from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.result import RunResult
 from pipeline.stages.write import formats_of
 from tests.pipeline.formats import runs

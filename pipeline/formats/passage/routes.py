@@ -29,10 +29,22 @@ import numpy as np
 from lxml import etree
 
 from pipeline._types import FloatArray
-from pipeline.formats.exchange import nautical
-from pipeline.formats.exchange.nautical import wrapped_longitude
 from pipeline.formats.passage.tracks import tracks
-from pipeline.formats.passage.waypoints import Waypoints, both_sides, season_waypoints
+from pipeline.formats.passage.waypoints import (
+    KNOTS_PER_M_S,
+    Waypoints,
+    attribution,
+    both_sides,
+    document_title,
+    leg_text,
+    limits_text,
+    route_name,
+    season_waypoints,
+    split_at_antimeridian,
+    time_after,
+    waypoint_name,
+    wrapped_longitude,
+)
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import metres_along, times_at
@@ -67,19 +79,15 @@ def write_gpx(
     """
     gpx = gpxpy.gpx.GPX()
     gpx.creator = "RENEW"
-    gpx.name = xml_text(nautical.document_title(result, season))
+    gpx.name = xml_text(document_title(result, season))
     found = season_waypoints(result, season) if every else both_sides(result, season)
-    known = nautical.limits_text(result, found[0].ranked.metrics)
+    known = limits_text(result, found[0].ranked.metrics)
     gpx.description = xml_text(
-        " ".join(
-            part
-            for part in (result.scenario.description, known, nautical.attribution(result))
-            if part
-        )
+        " ".join(part for part in (result.scenario.description, known, attribution(result)) if part)
     )
     gpx.author_name = "RENEW"
     # gpxpy escapes text between tags, but leaves attributes to its caller.
-    gpx.copyright_author = saxutils.escape(xml_text(nautical.attribution(result)), {'"': "&quot;"})
+    gpx.copyright_author = saxutils.escape(xml_text(attribution(result)), {'"': "&quot;"})
     gpx.copyright_year = str(result.created.year)
     gpx.time = result.created
     gpx.nsmap = {"opencpn": _OPENCPN}
@@ -92,34 +100,30 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
     """Waypoints of a route, each describing the leg that leaves it."""
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
-        name=xml_text(nautical.route_name(ranked, result)),
+        name=xml_text(route_name(ranked, result)),
         description=xml_text(_summary(points.metrics, result)),
         number=ranked.rank,
     )
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        name = f"{ranked.season} {ranked.rank} {nautical.waypoint_name(index, count)}"
+        name = f"{ranked.season} {ranked.rank} {waypoint_name(index, count)}"
         point = gpxpy.gpx.GPXRoutePoint(
             latitude=float(latitude),
-            longitude=nautical.wrapped_longitude(longitude),
-            time=None
-            if departure is None
-            else nautical.time_after(departure, points.time_s[index]),
+            longitude=wrapped_longitude(longitude),
+            time=None if departure is None else time_after(departure, points.time_s[index]),
             name=xml_text(name),
-            description=nautical.leg_text(points, index)
-            if index + 1 < count
-            else "end of the route",
+            description=leg_text(points, index) if index + 1 < count else "end of the route",
         )
         if index:  # as in RTZ, a waypoint has the speed of the leg that leads to it
             speed = _knots(points.speed_m_s[index - 1])
             point.extensions = [_opencpn("rte_properties", planned_speed=speed)]
         route.points.append(point)
     told = {
-        "start": nautical.waypoint_name(0, count),
-        "end": nautical.waypoint_name(count - 1, count),
+        "start": waypoint_name(0, count),
+        "end": waypoint_name(count - 1, count),
         "planned_speed": _knots(speed_over_ground(points.metrics)),
     }
     if departure is not None:
-        told["planned_departure"] = f"{nautical.time_after(departure, 0.0):%Y-%m-%dT%H:%M:%SZ}"
+        told["planned_departure"] = f"{time_after(departure, 0.0):%Y-%m-%dT%H:%M:%SZ}"
     route.extensions = [_opencpn(name, text) for name, text in told.items()]
     return route
 
@@ -133,7 +137,7 @@ def _opencpn(name: str, text: str | None = None, **values: str) -> Any:  # noqa:
 
 def _knots(speed_m_s: float) -> str:
     """Write a speed in knots."""
-    return f"{speed_m_s * nautical.KNOTS_PER_M_S:.4f}"
+    return f"{speed_m_s * KNOTS_PER_M_S:.4f}"
 
 
 def _track(
@@ -149,13 +153,13 @@ def _track(
     segment.points = [
         gpxpy.gpx.GPXTrackPoint(
             latitude=round(float(latitude), 8),
-            longitude=nautical.wrapped_longitude(longitude),
-            time=None if departure is None else nautical.time_after(departure, seconds),
+            longitude=wrapped_longitude(longitude),
+            time=None if departure is None else time_after(departure, seconds),
         )
         for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
     ]
     track = gpxpy.gpx.GPXTrack(
-        name=xml_text(f"{nautical.route_name(ranked, result)}, as planned"),
+        name=xml_text(f"{route_name(ranked, result)}, as planned"),
         description=xml_text(_summary(ranked.metrics, result)),
     )
     track.segments = [segment]
@@ -164,7 +168,7 @@ def _track(
 
 def _summary(metrics: RouteMetrics, result: RunResult) -> str:
     """Way, length, duration and clearance of a route, and what is not known about it."""
-    known = nautical.limits_text(result, metrics)
+    known = limits_text(result, metrics)
     return " ".join(part for part in (route_summary(metrics), known) if part)
 
 
@@ -182,19 +186,19 @@ def write_kml(
     With a departure, which needs a time zone, the waypoints have times.
     """
     best, *_ = found = both_sides(result, season)
-    known = nautical.limits_text(result, best.ranked.metrics)
-    parts = (result.scenario.description, known, nautical.attribution(result))
+    known = limits_text(result, best.ranked.metrics)
+    parts = (result.scenario.description, known, attribution(result))
     colour = season_colour(result.season_index(season))
     content = (
-        xml_environment("pipeline.formats.exchange")
+        xml_environment("pipeline.formats.passage")
         .get_template("route.kml.jinja")
         .render(
-            title=nautical.document_title(result, season),
+            title=document_title(result, season),
             description=" ".join(part for part in parts if part),
             styles={name: (_abgr(colour, seen), width) for name, (width, seen) in _LINES.items()},
             routes=[
                 {
-                    "name": nautical.route_name(points.ranked, result),
+                    "name": route_name(points.ranked, result),
                     "description": route_summary(points.metrics),
                     "parts": _line(points, result),
                 }
@@ -211,7 +215,7 @@ def _line(points: Waypoints, result: RunResult) -> list[FloatArray]:
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M).lonlat
     moved = np.any(np.diff(drawn, axis=0) != 0, axis=1)
-    return nautical.split_at_antimeridian(drawn[np.concatenate([[True], moved])])
+    return split_at_antimeridian(drawn[np.concatenate([[True], moved])])
 
 
 def _waypoints(points: Waypoints, departure: datetime | None) -> Iterator[dict[str, object]]:
@@ -219,12 +223,10 @@ def _waypoints(points: Waypoints, departure: datetime | None) -> Iterator[dict[s
     count = len(points.lonlat)
     for index, (longitude, latitude) in enumerate(points.lonlat):
         yield {
-            "name": nautical.waypoint_name(index, count),
-            "description": nautical.leg_text(points, index)
-            if index + 1 < count
-            else "end of the route",
-            "passed": departure and nautical.time_after(departure, points.time_s[index]),
-            "place": (nautical.wrapped_longitude(longitude), latitude),
+            "name": waypoint_name(index, count),
+            "description": leg_text(points, index) if index + 1 < count else "end of the route",
+            "passed": departure and time_after(departure, points.time_s[index]),
+            "place": (wrapped_longitude(longitude), latitude),
         }
 
 

@@ -14,7 +14,7 @@ import pytest
 import shapely
 from lxml import etree
 
-from pipeline.formats.exchange.routes import write_kml
+from pipeline.formats.passage.routes import write_kml
 from pipeline.formats.passage.waypoints import both_sides
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.result import RunResult

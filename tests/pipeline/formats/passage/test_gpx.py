@@ -14,7 +14,7 @@ import pytest
 import shapely
 from lxml import etree
 
-from pipeline.formats.exchange.routes import write_gpx
+from pipeline.formats.passage.routes import write_gpx
 from pipeline.formats.passage.waypoints import both_sides, season_waypoints
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import planned_times

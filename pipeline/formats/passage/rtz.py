@@ -11,8 +11,21 @@ from datetime import datetime
 from pathlib import Path
 from typing import TypeAlias
 
-from pipeline.formats.exchange import nautical
-from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, Waypoints, season_waypoints
+from pipeline.formats.passage.waypoints import (
+    KNOTS_PER_M_S,
+    NAUTICAL_MILE_M,
+    Waypoints,
+    attribution,
+    document_title,
+    duration,
+    leg_text,
+    limits_text,
+    season_waypoints,
+    time_after,
+    vessel_name,
+    waypoint_name,
+    wrapped_longitude,
+)
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult, route_unknowns
 from pipeline.formats.shared.text import shortened, xml_environment
@@ -70,7 +83,7 @@ def write_rtz(
     points = season_waypoints(result, season)[0]
     unknown = note_texts(route_unknowns(result, points.ranked.metrics))
     content = (
-        xml_environment("pipeline.formats.exchange")
+        xml_environment("pipeline.formats.passage")
         .get_template("route.rtz.jinja")
         .render(
             version=version,
@@ -79,7 +92,7 @@ def write_rtz(
                 "routeName": _shortened(path.stem),
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
-                **({"vesselName": name} if (name := nautical.vessel_name(result)) else {}),
+                **({"vesselName": name} if (name := vessel_name(result)) else {}),
                 "optimizationMethod": _shortened("; ".join((_METHOD, *unknown))),
             },
             waypoints=list(_waypoints(points)),
@@ -98,18 +111,18 @@ def _waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes, _A
         waypoint = {
             "id": str(index + 1),
             "revision": "0",
-            "name": nautical.waypoint_name(index, count),
+            "name": waypoint_name(index, count),
             "radius": _miles(points.radius_m[index]),
         }
-        place = {"lat": f"{latitude:.8f}", "lon": f"{nautical.wrapped_longitude(longitude):.8f}"}
+        place = {"lat": f"{latitude:.8f}", "lon": f"{wrapped_longitude(longitude):.8f}"}
         leg = {}
         if index:
             leg = {
                 "starboardXTD": _miles(points.starboard_m[index - 1]),
                 "portsideXTD": _miles(points.port_m[index - 1]),
                 "geometryType": points.curve,
-                "legInfo": nautical.leg_text(points, index - 1),
-                "legNote1": f"ends {nautical.duration(points.time_s[index])} after departure",
+                "legInfo": leg_text(points, index - 1),
+                "legNote1": f"ends {duration(points.time_s[index])} after departure",
             }
         yield waypoint, place, leg
 
@@ -119,21 +132,21 @@ def _schedule(points: Waypoints, departure: datetime | None) -> Iterator[_Attrib
     for index, seconds in enumerate(points.time_s):
         values = {"waypointId": str(index + 1)}
         if departure is not None:
-            time = nautical.time_after(departure, seconds)
+            time = time_after(departure, seconds)
             values["eta" if index else "etd"] = f"{time:%Y-%m-%dT%H:%M:%SZ}"
         if index:
-            values["speed"] = f"{points.speed_m_s[index - 1] * nautical.KNOTS_PER_M_S:.4f}"
+            values["speed"] = f"{points.speed_m_s[index - 1] * KNOTS_PER_M_S:.4f}"
         yield values
 
 
 def _provenance(result: RunResult, points: Waypoints) -> _Attributes:
     """The route's origin, what is not known about it, and the credits of its sources."""
     texts = {
-        "title": nautical.document_title(result, points.ranked.season),
+        "title": document_title(result, points.ranked.season),
         "description": result.scenario.description,
         "way": points.ranked.metrics.way,
-        "unknown": nautical.limits_text(result, points.ranked.metrics),
-        "credits": nautical.attribution(result),
+        "unknown": limits_text(result, points.ranked.metrics),
+        "credits": attribution(result),
         "created": f"{result.created:%Y-%m-%dT%H:%M:%SZ}",
     }
     return {name: _shortened(text) for name, text in texts.items()}

@@ -11,17 +11,17 @@ import pyogrio
 import pytest
 from lxml import etree
 
-from pipeline.formats.exchange.routes import write_gpx, write_kml
-from pipeline.formats.exchange.rtz import write_rtz
-from pipeline.formats.gis.geojson import write_geojson
+from pipeline.formats.gis.geopackage import write_geojson
+from pipeline.formats.passage.routes import write_gpx, write_kml
+from pipeline.formats.passage.rtz import write_rtz
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import encodable_text, xml_text
 from pipeline.stages.write import safe_name
 from tests.pipeline.formats import runs
-from tests.pipeline.formats.exchange.test_gpx import check_order
-from tests.pipeline.formats.exchange.test_kml import schema
-from tests.pipeline.formats.exchange.test_rtz import VERSIONS
+from tests.pipeline.formats.passage.test_gpx import check_order
+from tests.pipeline.formats.passage.test_kml import schema
+from tests.pipeline.formats.passage.test_rtz import VERSIONS
 from tests.validators import rtz_faults
 
 NAMES = (

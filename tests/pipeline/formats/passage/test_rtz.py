@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import pytest
 from lxml import etree
 
-from pipeline.formats.exchange.rtz import write_rtz
+from pipeline.formats.passage.rtz import write_rtz
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs

@@ -1,1 +1,0 @@
-"""Routes for an ECDIS, a plotter, a vehicle: RTZ, GPX, KML and missions with the same waypoints."""
