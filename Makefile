@@ -57,7 +57,7 @@ types: $(READY)  ## mypy, strict
 TIMED := --dist worksteal --durations=20 --durations-min=2 --junitxml=build/test-times.xml
 
 pytest: $(READY) compiled  ## the quick tests, the import rules and the documents' examples
-	$(BIN)/python -m pytest -q -n 2 $(TIMED)
+	RENEW_IS_WARM=1 $(BIN)/python -m pytest -q -n 2 $(TIMED)
 
 # Before the tests, whose processes would compile everything each for itself; while mypy works on the other core.
 compiled: $(READY)  ## the machine code of the planner

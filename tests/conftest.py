@@ -118,7 +118,12 @@ def once(
 
 @pytest.fixture(scope="session")
 def rehearsed(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Have everything compiled that plans call: `renew warm`, once for all processes."""
+    """Have everything compiled that plans call: `renew warm`, once for all processes.
+
+    `make pytest` has done so before, and says so.
+    """
+    if os.environ.get("RENEW_IS_WARM"):
+        return
     command = [sys.executable, "-m", "pipeline.cli.main", "warm"]
     once(
         tmp_path_factory,

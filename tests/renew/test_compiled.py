@@ -30,10 +30,9 @@ print(_compiled.processor(), len(_compiled.save_failures()), len(_compiled.load_
 """
 
 
-@pytest.fixture
-def package(tmp_path: Path) -> Path:
+def install(folder: Path) -> Path:
     """Install a package with two kernels; one inlines the other."""
-    package = tmp_path / "installed" / "renew"
+    package = folder / "installed" / "renew"
     package.mkdir(parents=True)
     (package / "__init__.py").touch()
     for name in ("_compiled.py", "_compiler.py"):
@@ -45,6 +44,33 @@ def package(tmp_path: Path) -> Path:
         + "from renew.inner import factor\n@kernel\ndef doubled(x):\n    return factor() * x\n"
     )
     return package
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Install the package, with nothing compiled."""
+    return install(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def _made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Machine code of the two kernels, and Python's."""
+    package = install(tmp_path_factory.mktemp("made"))
+    assert run(package).compiled == 1
+    return package / "__pycache__"
+
+
+@pytest.fixture
+def compiled(package: Path, _made: Path) -> Path:
+    """Install the package with its machine code, as after its first run."""
+    shutil.copytree(_made, package / "__pycache__")
+    return package
+
+
+def code_folder(package: Path) -> Path:
+    """Folder of a package's machine code."""
+    (folder,) = (package / "__pycache__").glob("kernels-*")
+    return folder
 
 
 class Ran(NamedTuple):
@@ -90,13 +116,13 @@ def test_a_second_process_compiles_nothing(package: Path) -> None:
     assert second.folder.is_relative_to(package)
 
 
-def test_only_kernels_that_python_calls_have_machine_code(package: Path) -> None:
-    folder = run(package).folder
+def test_only_kernels_that_python_calls_have_machine_code(compiled: Path) -> None:
+    folder = code_folder(compiled)
     assert {path.name.split(".")[0] for path in folder.iterdir()} == {"outer"}
     call_both = "from renew import inner, outer; print(outer.doubled(1.0), inner.factor())"
     done = subprocess.run(
         [sys.executable, "-c", call_both],
-        cwd=package.parent,
+        cwd=compiled.parent,
         capture_output=True,
         text=True,
         check=True,
@@ -105,20 +131,19 @@ def test_only_kernels_that_python_calls_have_machine_code(package: Path) -> None
     assert {path.name.split(".")[0] for path in folder.iterdir()} == {"inner", "outer"}
 
 
-def test_an_edit_of_an_inlined_kernel_compiles_again(package: Path) -> None:
-    assert run(package).result == 6.0
-    inner = package / "inner.py"
+def test_an_edit_of_an_inlined_kernel_compiles_again(compiled: Path) -> None:
+    inner = compiled / "inner.py"
     # Of another size: within a second Python tells an edit by that alone.
     inner.write_text(inner.read_text().replace("2.0", "5.00"))
-    assert run(package)[:2] == (15.0, 1)
+    assert run(compiled)[:2] == (15.0, 1)
 
 
-def test_machine_code_of_earlier_sources_is_removed(package: Path) -> None:
-    inner = package / "inner.py"
-    for factor in range(6):
+def test_machine_code_of_earlier_sources_is_removed(compiled: Path) -> None:
+    inner = compiled / "inner.py"
+    for factor in range(4):
         inner.write_text(inner.read_text().replace("return ", f"return {factor}.0 + 0.0 * "))
-        run(package)
-    assert len(list((package / "__pycache__").glob("kernels-*"))) == 4
+        run(compiled)
+    assert len(list((compiled / "__pycache__").glob("kernels-*"))) == 4
 
 
 def test_the_folder_of_numba_cache_dir_comes_first(package: Path, tmp_path: Path) -> None:
@@ -128,13 +153,12 @@ def test_the_folder_of_numba_cache_dir_comes_first(package: Path, tmp_path: Path
 
 
 def test_the_folder_of_numba_cache_dir_gets_what_another_holds(
-    package: Path, tmp_path: Path
+    compiled: Path, tmp_path: Path
 ) -> None:
-    assert run(package).compiled == 1
     asked = str(tmp_path / "asked")
-    assert run(package, NUMBA_CACHE_DIR=asked).compiled == 0
-    shutil.rmtree(package / "__pycache__")
-    assert run(package, NUMBA_CACHE_DIR=asked).compiled == 0
+    assert run(compiled, NUMBA_CACHE_DIR=asked).compiled == 0
+    shutil.rmtree(compiled / "__pycache__")
+    assert run(compiled, NUMBA_CACHE_DIR=asked).compiled == 0
 
 
 def test_code_for_a_processor_asked_for_is_read_where_it_is_asked_for_again(
@@ -159,11 +183,10 @@ def test_shipped_code_needs_neither_its_path_nor_its_times(package: Path, tmp_pa
 
 @pytest.mark.skipif(shutil.which("prlimit") is None, reason="needs prlimit of util-linux")
 def test_code_that_cannot_be_saved_is_counted(package: Path) -> None:
-    assert run(package).unsaved == 0
-    shutil.rmtree(package / "__pycache__")
     full = run(package, "prlimit", "--fsize=16", PYTHONDONTWRITEBYTECODE="1")
     assert (full.result, full.compiled, full.unsaved) == (6.0, 1, 1)
-    assert run(package).compiled == 1
+    again = run(package)
+    assert (again.compiled, again.unsaved) == (1, 0)
 
 
 def test_without_a_lasting_folder_it_is_written_to_a_private_temporary_one(
@@ -290,16 +313,15 @@ MORE_DAMAGE = [
     [*DAMAGE, *(pytest.param(*one, marks=pytest.mark.slow) for one in MORE_DAMAGE)],
 )
 def test_a_damaged_cache_is_no_cache_and_is_mended(
-    package: Path, kind: str, damage: Callable[[Path], None]
+    compiled: Path, kind: str, damage: Callable[[Path], None]
 ) -> None:
-    folder = run(package).folder
-    for path in folder.glob(f"*{kind}"):
+    for path in code_folder(compiled).glob(f"*{kind}"):
         damage(path)
-    again = run(package)
+    again = run(compiled)
     assert again[:3] == (6.0, 1, False)
     lasts = damage is replace_by_folder
     assert (again.unsaved, again.unread) == ((1, 1) if lasts else (0, 0))
-    assert run(package).compiled == int(lasts)
+    assert run(compiled).compiled == int(lasts)
 
 
 @pytest.mark.skipif(shutil.which("prlimit") is None, reason="needs prlimit of util-linux")

@@ -57,11 +57,14 @@ def closest(page: Page, place: str = "Goal") -> None:
     page.locator("#map").focus()
     page.keyboard.down("Control")
     for _ in range(10):
+        if page.locator(".leaflet-control-zoom-in.leaflet-disabled").count():
+            break
         label = page.locator(".end-label", has_text=place).bounding_box()
         assert label is not None
         page.mouse.move(label["x"] + label["width"] + 8, label["y"] + label["height"] / 2)
         page.mouse.wheel(0, -400)
-        page.wait_for_timeout(400)
+        page.wait_for_timeout(100)  # Leaflet gathers turns of the wheel for a while
+        page.wait_for_function("() => document.querySelector('.leaflet-zoom-anim') === null")
     page.keyboard.up("Control")
 
 

@@ -51,7 +51,7 @@ def hostile(result: RunResult) -> RunResult:
 
 
 def test_the_map_replaces_the_static_pictures(reader: Reader, file: Path) -> None:
-    page = reader.open(file)
+    page = reader.open(file, reduced_motion="no-preference")
     assert page.locator("#map").is_visible()
     assert not page.locator(".maps").is_visible()
     for pane in ("water", "currents", "soft", "land", "routes"):
@@ -158,7 +158,7 @@ def test_routes_switch_and_are_selected(reader: Reader, file: Path) -> None:
 
 
 def test_the_voyage_plays(reader: Reader, file: Path) -> None:
-    page = reader.open(file)
+    page = reader.open(file, reduced_motion="no-preference")
     vessel = page.locator(".vessel")
     place, time = vessel.bounding_box(), now(page, "time")
     page.locator("#play").click()
@@ -210,7 +210,7 @@ def test_with_reduced_motion_the_vessel_moves_in_steps(reader: Reader, file: Pat
 
 
 def test_the_keyboard_reaches_every_control(reader: Reader, file: Path) -> None:
-    page = reader.open(file)
+    page = reader.open(file, reduced_motion="no-preference")
     reached: list[str] = []
     for _ in range(40):
         page.keyboard.press("Tab")
@@ -363,4 +363,4 @@ def test_the_largest_page_is_small_and_ready_within_a_second(
     assert all(6_800 < len(entry["current"]["u"]) <= 7_000 for entry in data["seasons"])
     assert path.stat().st_size < 1_750_000
     # Processor time: how long a busy machine takes says more of it than of the page.
-    assert min(measure(browser, path).busy_s for _ in range(3)) < 1.0
+    assert any(measure(browser, path).busy_s < 1.0 for _ in range(3))

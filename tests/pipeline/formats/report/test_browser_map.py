@@ -53,7 +53,7 @@ def test_arrows_are_as_dense_at_the_closest_zoom(
 def test_the_scale_bar_is_true_at_the_closest_zoom(
     reader: Reader, planar_result: RunResult, tmp_path: Path
 ) -> None:
-    page = reader.open(written(planar_result, tmp_path), width=1280, height=900)
+    page = reader.open(written(planar_result, tmp_path), width=640, height=480)
     whole = page.locator(".leaflet-control-scale-line").inner_text()
     closest(page, "Start")
     bar = page.locator(".leaflet-control-scale-line")
