@@ -18,8 +18,8 @@ from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import near_miss, validated
 from pipeline.stages.fetch import fetch
+from pipeline.stages.places import fetched_plane, plane_scene, unsimplified
 from pipeline.stages.project import project
-from pipeline.stages.projecting.places import fetched_plane, plane_scene, unsimplified
 from pipeline.stages.simplify import simplify_land
 from renew.voyage.voyage import Voyage, Waters
 

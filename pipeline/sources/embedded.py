@@ -13,13 +13,13 @@ from pipeline._types import FloatArray, IndexArray
 from pipeline.errors import StageError
 from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.model import Credit, CurrentGrid, Land, Note
+from pipeline.model.inputs import CurrentSource, Issue
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import near_miss
 from pipeline.scenario.times import period
 from pipeline.sources.current_field import Field, LandMask, water_without_data
-from pipeline.sources.interfaces import CurrentSource, Issue
 
 # Deviation of a coordinate from a regular axis, degrees: two roundings to four decimals.
 _STEP_TOLERANCE_DEG = 2e-4

@@ -13,7 +13,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.region import ChartSource, ChartSpec
 
 if TYPE_CHECKING:
-    from pipeline.sources.interfaces import CurrentSource, LandSource
+    from pipeline.model.inputs import CurrentSource, LandSource
 
 
 def land_source(chart: ChartSpec, draught_m: float | None) -> "LandSource":

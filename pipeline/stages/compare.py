@@ -15,8 +15,8 @@ from pipeline.stages.choosing.offing import narrows_notes
 from pipeline.stages.comparing import cautions
 from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
+from pipeline.stages.places import shut_notes
 from pipeline.stages.plan import Planned
-from pipeline.stages.projecting.places import shut_notes
 from pipeline.stages.simplify import SimplifiedLand
 
 

@@ -17,17 +17,16 @@ from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.text import season_text
 from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, PassedOver
-from pipeline.model.inputs import current_notes
+from pipeline.model.inputs import CurrentSource, LandSource, current_notes
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Region
 from pipeline.scenario.season import MAX_HOURS, Season
 from pipeline.sources.combined_charts import Overlay
-from pipeline.sources.interfaces import CurrentSource, LandSource
 from pipeline.sources.land.osm import OsmLand
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages.comparing.cautions import overpowering_notes
-from pipeline.stages.projecting.places import avoided_zones, fetched_plane
+from pipeline.stages.places import avoided_zones, fetched_plane
 
 # Default limit of a voyage in changing currents: this multiple of the time along the straight line
 # in still water, plus a day, because the tide may turn against a short voyage.

@@ -11,9 +11,9 @@ from pipeline.formats.shared.text import seasons_text
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Evaluation, SeasonPlan
+from pipeline.model.planning import speed_choices
 from pipeline.stages.choosing.departures import Chosen
 from pipeline.stages.project import scene_inputs
-from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.one_season import combine_seasons
 from pipeline.stages.seasons.task import (
     SeasonTask,

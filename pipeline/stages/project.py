@@ -19,16 +19,16 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
 from pipeline.machine.store import Made, Store
 from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, planner_vessel
+from pipeline.model.planning import speed_choices
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.shapes import extract_polygons, repaired
-from pipeline.stages.projecting.places import (
+from pipeline.stages.places import (
     area_identities,
     check_endpoints,
     known_clocks,
     plane_scene,
     shut_areas,
 )
-from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.simplify import SimplifiedLand
 
 # Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees

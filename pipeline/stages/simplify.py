@@ -28,7 +28,7 @@ from pipeline.machine.store import Made, Store
 from pipeline.model import Land, Note, Place, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
-from pipeline.stages.projecting.places import unsimplified
+from pipeline.stages.places import unsimplified
 
 # Longer edges are divided before projection, m. An edge that is straight in degrees is curved in
 # the plane: an edge of 5 km at 70 degrees of latitude deviates by 1.3 m.

@@ -13,7 +13,7 @@ from pipeline.formats.figures.map_marks import arrows
 from pipeline.formats.figures.plots import departure_svg, profile_svg, trade_off_svg
 from pipeline.formats.figures.season_map import season_svg
 from pipeline.formats.figures.turning import padding_svg
-from pipeline.formats.report.embedded import coarser, place_on_map, within
+from pipeline.formats.report.map_data import coarser, place_on_map, within
 from pipeline.formats.report.sentences import Season
 from pipeline.formats.shared import departures_and_speeds, text
 from pipeline.formats.shared.result import RankedRoute, RunResult

@@ -63,3 +63,13 @@ SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000",
 def season_colour(index: int) -> str:
     """Colour of the scenario's season `index`, from 0; colours repeat if there are more seasons."""
     return SEASON_COLOURS[index % len(SEASON_COLOURS)]
+
+
+def style_colours() -> dict[str, object]:
+    """Colours by the names that `report.css` takes them by."""
+    return {
+        "light": COLOURS,
+        "dark": DARK,
+        "seasons_on_light": SEASON_COLOURS,
+        "seasons_on_dark": SEASON_COLOURS_ON_DARK,
+    }

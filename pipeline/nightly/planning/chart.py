@@ -21,8 +21,8 @@ from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.offing import with_offing
 from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
+from pipeline.stages.places import plane_scene
 from pipeline.stages.project import planar_current, project
-from pipeline.stages.projecting.places import plane_scene
 from pipeline.stages.simplify import simplify
 
 STAGE = "night-chart"

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import shapely
 
-from pipeline.formats.report.embedded import style_colours
 from pipeline.formats.shared import text
+from pipeline.formats.shared.palette import style_colours
 from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.cycle.results import EarlierRoute
 from pipeline.nightly.outcome import ACT, LOOK, OUTCOMES, SAME

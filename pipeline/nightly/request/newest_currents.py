@@ -15,11 +15,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from pipeline.errors import PipelineError
+from pipeline.model.inputs import Issue
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.cases import Cases, Member
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.dataset import fatal_files
-from pipeline.sources.interfaces import Issue
 from pipeline.sources.registry import current_source
 
 # Number of a hash's digits in a cycle's name.

@@ -21,13 +21,13 @@ from pipeline.geo.lonlat import MARGIN_CELLS, Bounds, widened
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land, Note
+from pipeline.model.inputs import CurrentSource, Issue
 from pipeline.scenario.season import Season
 from pipeline.sources.cf import grid
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import is_zarr
 from pipeline.sources.cf.grid import SelectedSlices, select_slices
 from pipeline.sources.current_field import Field, LandMask, water_without_data
-from pipeline.sources.interfaces import CurrentSource, Issue
 from pipeline.sources.plausibility import (
     OFFSHORE_CELLS,
     Assessment,

@@ -23,6 +23,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.geo.lonlat import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.model import Credit, CurrentGrid, Land, Note
+from pipeline.model.inputs import CurrentSource, Issue
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.copernicus.acceptance import AcceptedFields, Expected, accept
@@ -34,7 +35,6 @@ from pipeline.sources.copernicus.steps import (
     select_all_steps,
     select_steps,
 )
-from pipeline.sources.interfaces import CurrentSource, Issue
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,15 +13,15 @@ from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import MORE_CURRENTS
 from pipeline.geo.lonlat import Bounds, common_bounds
 from pipeline.geo.projection import Projection
+from pipeline.model.inputs import LandSource
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
-from pipeline.sources.interfaces import LandSource
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.registry import current_source, land_source
 from pipeline.stages.choosing.region_choice import Voyage
-from pipeline.stages.projecting.places import lakes_text, not_in_water
+from pipeline.stages.places import lakes_text, not_in_water
 
 # Smallest margin of a region around its stops, degrees (about 100 m).
 _AROUND_DEG = 1e-3

@@ -18,12 +18,12 @@ from pipeline.errors import RequestError
 from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import DepartureChoice, Note, Say, Scene, plan_options
+from pipeline.model.planning import speed_choices
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import departure_name, interval, named_departure
 from pipeline.stages.fetch import FetchedParts
-from pipeline.stages.projecting.places import later
-from pipeline.stages.projecting.speed_choices import speed_choices
+from pipeline.stages.places import later
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
 
 _T = TypeVar("_T")

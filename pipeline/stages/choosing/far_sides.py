@@ -25,7 +25,7 @@ from pipeline.scenario.region import Region
 from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.stages.choosing.region_choice import FarSide
 from pipeline.stages.choosing.water_grid import LonLat
-from pipeline.stages.comparing.island_names import island_places
+from pipeline.stages.comparing.islands import island_places
 from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import extent_polygon, planar_current

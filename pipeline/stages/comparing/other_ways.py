@@ -13,7 +13,6 @@ from shapely.geometry.base import BaseGeometry
 
 import renew
 from pipeline._types import FloatArray, Geometries
-from pipeline.geo.narrow_gaps import narrow_gaps
 from pipeline.machine.interpreters import cores
 from pipeline.model import (
     Evaluation,
@@ -25,6 +24,7 @@ from pipeline.model import (
     plan_options,
 )
 from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.comparing.islands import narrow_gaps
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import PlanningError, Strait
 from renew.inputs.current import as_field

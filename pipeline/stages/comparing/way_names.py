@@ -1,7 +1,7 @@
 """Names of ways for navigators: "west of Palawan", "between islands 2 and 5".
 
 An island has the chart's name, else the catalogue's
-(:mod:`pipeline.stages.comparing.island_names`), else its number in the planner's homotopy classes
+(:mod:`pipeline.stages.comparing.islands`), else its number in the planner's homotopy classes
 (:mod:`renew.classes.h_signature`: the largest island is 1). If several islands share a name, only
 the largest has it. A way's name has only as many islands as distinguish its route from the other
 routes of its season. Numbers are equal in all seasons. Every name begins with the main island: the
@@ -21,7 +21,7 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.model import Evaluation, Passage, PlaceName, RouteKey, Scene, SeasonPlan
 from pipeline.model.evaluation import NumberedIsland, Side
-from pipeline.stages.comparing.island_names import island_places
+from pipeline.stages.comparing.islands import island_places
 from renew.classes.h_signature import Rays, rays_that_matter
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")

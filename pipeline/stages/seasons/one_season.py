@@ -25,11 +25,11 @@ from pipeline.model import (
     SeasonPlan,
     ShoreCrossing,
     plan_options,
+    planning,
 )
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.comparing.cautions import SecondShoreline
-from pipeline.stages.projecting import speed_choices
-from pipeline.stages.projecting.places import is_shut_in
+from pipeline.stages.places import is_shut_in
 from renew.errors import TooLateError
 from renew.inputs.options import Drift
 from renew.turns.turn_reach import TurnReach
@@ -63,11 +63,11 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
     planned = partial(scene.planned, season, asked)
     try:
         if season in scene.speeds:
-            plan, arrive_by_s = speed_choices.planned_in_time(planned, scene, season)
+            plan, arrive_by_s = planning.planned_in_time(planned, scene, season)
         else:
             plan = planned(arrive_by_s)
     except renew.PlanningError as error:
-        stretch = speed_choices.largest_stretch(scene, season) if season in scene.speeds else 1.0
+        stretch = planning.largest_stretch(scene, season) if season in scene.speeds else 1.0
         failure = planner_text(error.text, scene, season, stretch)
         causes = error.causes if isinstance(error, renew.UnreachableError) else ()
         are_late = [isinstance(cause, TooLateError) for cause in causes]
@@ -181,7 +181,7 @@ class _RouteEvaluator:
             length=route.length,
             length_m=self._scene.projection.geodesic_length_m(route.path),
             clearance_m=self._clearance_m(line),
-            duration_s=speed_choices.true_duration_s(route, self._scene, self._season),
+            duration_s=planning.true_duration_s(route, self._scene, self._season),
             speed_m_s=mean_speed_m_s(route),
             optimality_gap=route.optimality_gap,
             trials=turns.trials,

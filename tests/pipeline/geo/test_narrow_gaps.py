@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, strategies as st
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from pipeline.geo.narrow_gaps import narrow_gaps
+from pipeline.stages.comparing.islands import narrow_gaps
 from tests.strategies import examples
 
 

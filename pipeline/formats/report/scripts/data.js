@@ -1,4 +1,4 @@
-// Decodes the page's data: `embedded.py` writes places and values as whole numbers, each the
+// Decodes the page's data: `map_data.py` writes places and values as whole numbers, each the
 // difference to the one before.
 
 /** Running sums of a flat x, y, dx, dy, ... as places in metres: [y, x], in Leaflet's order. */

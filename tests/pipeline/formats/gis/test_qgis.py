@@ -18,7 +18,7 @@ from matplotlib.image import imread
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
 from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult
-from pipeline.stages.projecting.places import unsimplified
+from pipeline.stages.places import unsimplified
 from tests.pipeline.formats.gis.cases import badly_named, moved_east
 
 pytestmark = pytest.mark.slow

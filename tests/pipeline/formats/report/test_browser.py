@@ -11,7 +11,7 @@ from typing import Literal
 import pytest
 from playwright.sync_api import Browser, Page
 
-from pipeline.formats.report import embedded
+from pipeline.formats.report import page as report_page
 from pipeline.formats.shared import text as texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, Passage
@@ -91,7 +91,7 @@ def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult)
 
 def test_quantities_are_formatted_as_in_the_tables(browser: Browser) -> None:
     page = browser.new_page()
-    code = (Path(embedded.__file__).parent / "scripts" / "text.js").read_text(encoding="utf-8")
+    code = (Path(report_page.__file__).parent / "scripts" / "text.js").read_text(encoding="utf-8")
     values = [1234.567, 0.5, 12.3456, 712_089.9, 3_460.0, 820.4, 99.96, 0.012345, 2.5e7, -1.5]
     formatted = page.evaluate(
         f"values => {{ {code}; return values.map(v => [formatNumber(v), formatDistance(v),"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from pipeline.formats.report import embedded
+from pipeline.formats.report import page as report_page
 from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import small_run
@@ -65,7 +65,7 @@ def test_the_scale_bar_is_true_at_the_closest_zoom(
 
 def test_between_the_lattice_the_current_is_interpolated(browser: Browser) -> None:
     page = browser.new_page()
-    assets_folder = Path(embedded.__file__).parent
+    assets_folder = Path(report_page.__file__).parent
     page.add_script_tag(path=assets_folder / "vendor" / "leaflet" / "leaflet.js")
     code = (assets_folder / "scripts" / "currents.js").read_text(encoding="utf-8")
     # u grows along rows, v up the columns; one place is land.

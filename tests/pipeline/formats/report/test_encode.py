@@ -9,7 +9,7 @@ import shapely
 from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.formats.report.embedded import (
+from pipeline.formats.report.map_data import (
     Lattice,
     coarser,
     json_for_script,

@@ -8,8 +8,7 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pipeline.formats.report.embedded import Lattice
-from pipeline.formats.report.map_data import map_data
+from pipeline.formats.report.map_data import Lattice, map_data
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Evaluation, ShoreCrossing
 from tests.pipeline.formats import small_run

@@ -18,11 +18,11 @@ from pipeline.formats.shared.note_words import note_json, note_text
 from pipeline.formats.shared.text import exact_moment_text
 from pipeline.machine.store import Made, Store
 from pipeline.model import DepartureChoice, Note
+from pipeline.model.planning import speed_choices
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import departure_name
 from pipeline.stages.choosing.departures import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedParts
-from pipeline.stages.projecting.speed_choices import speed_choices
 from pipeline.stages.seasons.one_season import plan_season
 from renew.planner.departures import Sailing, Sailings
 from tests.pipeline.tidal_run import DEPARTURE, run, tide

@@ -22,7 +22,7 @@ from pipeline.stages.choosing.offing import (
     offing_m,
     with_offing,
 )
-from pipeline.stages.projecting.places import plane_scene
+from pipeline.stages.places import plane_scene
 from pipeline.stages.seasons.one_season import plan_season
 
 FAR_M, MILE_M = 1e6, 1852.0

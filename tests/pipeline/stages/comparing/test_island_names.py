@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene
-from pipeline.stages.comparing.island_names import Island, island_places, islands
+from pipeline.stages.comparing.islands import Island, island_places, islands
 
 STILL = renew.UniformCurrent(0.0, 0.0)
 JAMAICA = next(island for island in islands() if island.name == "Jamaica")

@@ -13,7 +13,7 @@ from hypothesis import given, strategies as st
 import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, PlaceName, RouteMetrics, Scene, SeasonPlan
-from pipeline.stages.comparing.island_names import islands
+from pipeline.stages.comparing.islands import islands
 from pipeline.stages.comparing.way_names import with_way_names
 from tests.strategies import examples
 

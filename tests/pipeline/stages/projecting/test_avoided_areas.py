@@ -18,7 +18,7 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.sources.current_field import Field
-from pipeline.stages.projecting.places import later
+from pipeline.stages.places import later
 from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
 from tests.pipeline.synthetic_currents import dataset, sea, write
 

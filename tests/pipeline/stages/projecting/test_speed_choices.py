@@ -11,10 +11,10 @@ import pytest
 import renew
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import legs
+from pipeline.model.planning import speed_choices, true_duration_s
 from pipeline.scenario.season import Season
 from pipeline.stages.comparing.other_ways import side_bounds
 from pipeline.stages.project import project
-from pipeline.stages.projecting.speed_choices import speed_choices, true_duration_s
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from pipeline.stages.seasons.task import clock_worth, gap_shares, speeds_in_time
 from tests.pipeline import chosen_speeds

@@ -14,7 +14,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.projecting.places import plane_scene
+from pipeline.stages.places import plane_scene
 from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 
 SCENARIO = {

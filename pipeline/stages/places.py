@@ -28,13 +28,13 @@ from pipeline.model import (
     Zone,
     planner_vessel,
 )
+from pipeline.model.planning import speed_choices
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import AvoidedArea, ChartSource, Plane
 from pipeline.scenario.season import Season
 from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.sources.land.vector import VectorFile
-from pipeline.stages.projecting.speed_choices import speed_choices
 from renew.errors import Strait
 
 # Distances beyond the nearest shore, true metres: the first whose position is still in water after

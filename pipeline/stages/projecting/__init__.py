@@ -1,1 +1,0 @@
-"""Parts of a scene beside land and currents: endpoints, planes, areas, speeds."""
