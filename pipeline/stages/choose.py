@@ -1,14 +1,56 @@
 """Fourth stage: choose the offing and the departures that a scenario leaves open.
 
 `pipeline.stages.choosing.region` chooses an open region before the first stage.
+
+The offing is the sum of three lengths: the chart's accuracy; the distance sailed in two minutes,
+until somebody acts; and, for the turn that follows, the larger of the turning circle's diameter and
+the vessel's length. With land of OpenStreetMap the offing is 0.4 nautical miles for a vessel of 7 m
+at 9.7 knots, and 0.9 for a ship of 200 m at 15 knots.
+
+On a short voyage, as inside a harbour or among skerries, it is at most a two-hundredth of the
+distance between start and goal. In narrows it yields to a share of a passage's half-width. The
+padding for hard-over turns in the current may be wider than the offing, and never yields.
+
+The chosen departure is set in the scenario, and the times of the season's current are counted from
+it. Later stages treat it as a given departure.
 """
 
-from dataclasses import replace
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from functools import partial
+from typing import Any, TypeVar
 
-from pipeline.machine.store import Store
-from pipeline.model import Note, Say
-from pipeline.stages.choosing.departures import Chosen, choose_departures
-from pipeline.stages.choosing.offing import with_offing
+import numpy as np
+import shapely
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.errors import RequestError
+from pipeline.formats.shared.text import planner_text, season_text
+from pipeline.machine.store import Made, Store, artefact_key
+from pipeline.model import DepartureChoice, Note, Say, Scene, SeasonPlan, plan_options
+from pipeline.model.planning import speed_choices
+from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.model import PlannerOptions, Scenario
+from pipeline.scenario.season import Season
+from pipeline.scenario.times import departure_name, interval, named_departure
+from pipeline.stages.fetch import FetchedParts
+from pipeline.stages.places import later
+from pipeline.stages.seasons.one_season import MIN_LATENESS_S
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A complete scenario with its data and scene; the chosen departures, and notes on choices."""
+
+    scenario: Scenario
+    parts: FetchedParts
+    scene: Made[Scene]
+    choices: tuple[DepartureChoice, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 def choose(given: Chosen, store: Store, say: Say) -> Chosen:
@@ -38,3 +80,274 @@ def _with_offing(given: Chosen) -> Chosen:
     )
     complete = scenario.model_copy(update={"planner": options})
     return replace(given, scenario=complete, notes=(*given.notes, note))
+
+
+# Time until a danger is noticed and the helm is over, s; an assumption, as no rule gives a value.
+_REACTION_S = 120.0
+# Largest offing as a share of the distance between start and goal.
+_DISTANCE_SHARE = 1 / 200
+# In narrows, the share of the passage's half-width that its shores keep instead of the offing.
+_NARROW_SHARE = 0.5
+# Spacing of the places of a route whose distance from land is measured, in offings.
+_SPACING = 0.1
+# Share of the offing below which a route counts as closer; the rest is left for rounding.
+_CLOSER = 0.99
+
+
+def with_offing(scenario: Scenario, scene: Scene, accuracy_m: float) -> PlannerOptions:
+    """Return a scenario's options; without a clearance on a chart, the clearance is the offing."""
+    options = scenario.planner
+    if options.clearance is not None or scenario.is_planar:
+        return options
+    distance_m = scene.projection.geodesic_length_m(scene.stops)
+    metres = offing_m(scenario.fastest_vessel, accuracy_m, distance_m)
+    # In whole metres, except on the smallest charts.
+    kept = float(math.floor(metres)) if metres > 1 else metres
+    chosen = {
+        "clearance": kept / scenario.scale,
+        "narrow_share": min(options.narrow_share, _NARROW_SHARE),
+    }
+    return options.model_copy(update=chosen)
+
+
+def offing_m(vessel: VesselSpec, accuracy_m: float, distance_m: float) -> float:
+    """Return the offing, true metres, for a vessel, a chart's accuracy, and a voyage's distance."""
+    circle_m = 2 * vessel.speed_m_s / math.radians(vessel.turn_rate_deg_s)
+    room_m = accuracy_m + _REACTION_S * vessel.speed_m_s + max(circle_m, vessel.length_m)
+    return min(room_m, _DISTANCE_SHARE * distance_m)
+
+
+def narrows_notes(
+    scene: Scene, plans: Sequence[SeasonPlan], options: PlannerOptions
+) -> tuple[Note, ...]:
+    """Return a note for each season whose best route is closer to land than the offing."""
+    if not options.clearance or options.narrow_share == 1.0:
+        return ()
+    notes = (
+        (plan.season, _narrows(scene, np.asarray(plan.ranked_routes[0].path), options.clearance))
+        for plan in plans
+        if plan.ranked_routes and plan.ranked_routes[0].clearance < _CLOSER * options.clearance
+    )
+    return tuple(note.about(season) for season, note in notes if note is not None)
+
+
+def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
+    """Return a note on how far and where a path (n, 2) is closer to land than the offing."""
+    land = np.array(scene.chart.no_go, dtype=object)
+    if not len(land):
+        return None
+    places = shapely.get_coordinates(
+        shapely.segmentize(shapely.LineString(path), _SPACING * offing)
+    )
+    middles = (places[1:] + places[:-1]) / 2
+    _, apart = shapely.STRtree(land).query_nearest(
+        shapely.points(middles), return_distance=True, all_matches=False
+    )
+    closer, nearest, scale = apart < _CLOSER * offing, int(apart.argmin()), scene.projection.scale
+    if not closer.any():
+        return None
+    length = np.linalg.norm(np.diff(places, axis=0), axis=1)[closer].sum()
+    return Note.of(
+        "offing-yields",
+        offing_m=offing * scale,
+        length_m=float(length) * scale,
+        least_m=float(apart[nearest]) * scale,
+        place=scene.place(middles[nearest]),
+    )
+
+
+_T = TypeVar("_T")
+
+# Number of plans between two progress notes.
+_TOLD_EVERY = 5
+# Nobody leaves by the second: departures that are added are whole minutes after the first.
+_MINUTE_S = 60.0
+
+
+def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
+    """Choose the departure of every season that leaves it open, and store the new scene.
+
+    Raises
+    ------
+    RequestError
+        No season has a departure that can be planned.
+    """
+    departed, scenario, scene = given, given.scenario, given.scene
+    for season in scenario.seasons:
+        if not season.leaves_departure_open or season.name not in given.parts.current_keys:
+            continue
+        key = artefact_key(
+            "departures", scene.key, scenario.planner.model_dump(mode="json"), season.model_dump()
+        )
+        choice = store.load("departures", key, DepartureChoice)
+
+        def say_of_it(
+            note: Note, about: tuple[str, ...] = scenario.season_if_several(season.name)
+        ) -> None:
+            say(note.about(*about))
+
+        try:
+            if choice is None:
+                asked = scene.value, season, scenario.planner, say_of_it
+                choice = _in_thread(partial(_choice, *asked))
+                store.save("departures", key, choice)
+            departed = _with_departure(departed, replace(choice, asked=season))
+        except renew.PlanningError as error:
+            reason = planner_text(error.text, scene.value, season.name)
+            departed = _without(departed, season.name, reason)
+    if scenario.seasons and not departed.parts.current_keys:
+        raise RequestError(
+            [f"{season_text(n)}: {why}" for n, why in departed.parts.failures.items()]
+        )
+    if departed.scene.key != scene.key:  # tasks load it from the store
+        store.load_or_make("project", departed.scene.key, Scene, lambda: departed.scene.value)
+    return departed
+
+
+def _in_thread(work: Callable[[], DepartureChoice]) -> DepartureChoice:
+    """Call `work` in a thread: a signal handler must not raise inside compiled code."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(work).result()
+
+
+def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> DepartureChoice:
+    """Plan a season's departures, and choose the best or the latest that arrives in time."""
+    asked: dict[str, Any] = {
+        "options": plan_options(options, min_lateness=MIN_LATENESS_S),
+        **scene.itinerary(season.name),
+    }
+    given = (scene.chart, scene.currents[season.name], scene.vessel, scene.start, scene.goal)
+    first = scene.departures[season.name]
+    if season.arrive_by is not None and season.speed is None:
+        by = (season.arrive_by - first).total_seconds()
+        return _latest(renew.plan(*given, **asked, arrive_by=by).best, first, season)
+    if season.departures is None:
+        raise ValueError(f"season {season.name!r} leaves no departure open")
+    times = season.departures.seconds
+    say(Note.of("departures-asked", count=len(times)))
+    within = None if season.to_within is None else interval(season.to_within).total_seconds()
+    # The plan stage plans all classes at the best departure, rounded to the second.
+    found = renew.plan_departures(
+        *given,
+        times,
+        **asked,
+        **scene.pace(season.name, scene.speeds[season.name].within_s if season.speed else 0.0),
+        to_within=within,
+        spacing=_MINUTE_S,
+        progress=partial(_say_progress, len(times), say),
+        with_classes=False,
+    )
+    return DepartureChoice(
+        season=season.name,
+        first=first,
+        departures_s=found.departures,
+        fuels=found.fuels,
+        durations_s=found.durations,
+        homotopies=found.homotopies,
+        reasons=tuple(
+            "" if cause is None else planner_text(cause.text, scene, season.name)
+            for cause in found.causes
+        ),
+        chosen_s=float(found.departures[found.best]),
+        unproven_s=found.unproven,
+        has_speeds=season.speed is not None,
+    )
+
+
+def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureChoice:
+    """Return the departure of a route that arrives just in time, as the season's choice."""
+    begin = float(route.times[0])
+    return DepartureChoice(
+        season=season.name,
+        first=first,
+        departures_s=np.array([begin]),
+        fuels=np.array([route.fuel]),
+        durations_s=np.array([route.duration]),
+        homotopies=(route.homotopy,),
+        reasons=("",),
+        chosen_s=begin,
+        arrive_by=season.arrive_by,
+    )
+
+
+def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
+    """Report progress after every few plans, first of the given departures, then of added ones."""
+    if count % _TOLD_EVERY:
+        return
+    if count < asked:
+        say(Note.of("departures-planned", count=count, asked=asked))
+    elif count > asked:
+        say(Note.of("departures-refined", count=count, unproven_s=unproven_s))
+
+
+def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
+    """Set a season's chosen departure, and count the times of its current and areas from it."""
+    name, parts, scene = choice.season, departed.parts, departed.scene.value
+    # Output files have times in whole seconds, so the plan starts at a whole second, too.
+    shift = float(round(choice.chosen_s))
+    chosen = choice.first + timedelta(seconds=shift)
+    label = _label(departed.scenario, name, chosen)
+    scenario = departed.scenario.departing(name, chosen, label)
+    current = scene.currents[name]
+    if isinstance(current, renew.VaryingCurrent):
+        current = renew.VaryingCurrent(current.slice_times - shift, current.slices)
+    grids = tuple(
+        replace(grid, season=label, times_s=grid.times_s - shift) if grid.season == name else grid
+        for grid in parts.fetched.currents
+    )
+    key = artefact_key("departures", parts.current_keys[name], chosen)
+    return replace(
+        departed,
+        scenario=scenario,
+        parts=replace(
+            parts,
+            fetched=replace(
+                parts.fetched,
+                currents=grids,
+                notes=tuple(
+                    one.about(*(label if of == name else of for of in one.seasons))
+                    for one in parts.fetched.notes
+                ),
+            ),
+            current_keys={**_renamed(parts.current_keys, name, label), label: key},
+        ),
+        scene=Made(
+            artefact_key("departures", departed.scene.key, name, chosen),
+            replace(
+                scene,
+                currents={**_renamed(scene.currents, name, label), label: current},
+                current_cells=_renamed(scene.current_cells, name, label),
+                areas={
+                    **_renamed(scene.areas, name, label),
+                    label: later(scene.areas.get(name, ()), shift),
+                },
+                departures={**_renamed(scene.departures, name, label), label: chosen},
+                speeds=speed_choices(scenario),
+            ),
+        ),
+        choices=(*departed.choices, replace(choice, season=label)),
+        notes=(
+            *departed.notes,
+            Note.of("departure-chosen", choice=choice).about(*scenario.season_if_several(label)),
+        ),
+    )
+
+
+def _label(scenario: Scenario, season: str, chosen: datetime) -> str:
+    """Name a season by its chosen departure, unless it has a name of its own."""
+    label = departure_name(chosen)
+    others = {one.name for one in scenario.seasons}
+    return season if named_departure(season) is None or label in others else label
+
+
+def _renamed(by_season: Mapping[str, _T], season: str, label: str) -> dict[str, _T]:
+    """Return values by season, with one season renamed."""
+    return {label if name == season else name: value for name, value in by_season.items()}
+
+
+def _without(departed: Chosen, season: str, reason: str) -> Chosen:
+    """Move a season that has no departure from the currents to the failures, with the reason."""
+    parts = departed.parts
+    keys = {name: key for name, key in parts.current_keys.items() if name != season}
+    failures = {**parts.failures, season: reason}
+    return replace(departed, parts=replace(parts, current_keys=keys, failures=failures))

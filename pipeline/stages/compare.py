@@ -10,8 +10,7 @@ from pipeline.formats.shared.departures_and_speeds import speed_notes
 from pipeline.formats.shared.result import RunResult
 from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Note, Place, Say
-from pipeline.stages.choosing.departures import Chosen
-from pipeline.stages.choosing.offing import narrows_notes
+from pipeline.stages.choose import Chosen, narrows_notes
 from pipeline.stages.comparing import cautions
 from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names

@@ -19,7 +19,7 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
-from pipeline.stages.choosing.offing import offing_m
+from pipeline.stages.choose import offing_m
 from pipeline.stages.choosing.region_choice import FarSide, Voyage, choose_region
 from pipeline.stages.simplify import simplify_land
 from tests.bench.sea_figures import PEAK_M_S, Water

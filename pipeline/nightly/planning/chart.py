@@ -18,7 +18,7 @@ from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.registry import land_source
-from pipeline.stages.choosing.offing import with_offing
+from pipeline.stages.choose import with_offing
 from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
 from pipeline.stages.places import plane_scene

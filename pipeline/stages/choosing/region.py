@@ -19,12 +19,14 @@ from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.sources.registry import land_source
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
-from pipeline.stages.choosing.far_sides import BoundedSide, are_on_both_sides, bounded_sides
 from pipeline.stages.choosing.region_choice import (
     FAR_WAY,
+    BoundedSide,
     FarSide,
     RegionChoice,
     Voyage,
+    are_on_both_sides,
+    bounded_sides,
     choose_region,
     hull,
     rounded_outward,

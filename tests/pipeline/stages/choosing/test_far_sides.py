@@ -15,7 +15,7 @@ from pipeline.model import Note
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field
-from pipeline.stages.choosing.far_sides import are_on_both_sides
+from pipeline.stages.choosing.region_choice import are_on_both_sides
 from tests.pipeline.synthetic_currents import dataset
 
 GEOD = pyproj.Geod(ellps="WGS84")

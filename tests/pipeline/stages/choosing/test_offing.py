@@ -17,7 +17,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.choosing.offing import (
+from pipeline.stages.choose import (
     narrows_notes,
     offing_m,
     with_offing,
