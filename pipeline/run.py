@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from pipeline.formats.shared.note_words import note_text, note_texts
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.formats.shared.text import gap_figure, season_name, season_text
 from pipeline.geo.lonlat import position_text
 from pipeline.machine.interpreters import cores, python_command, python_environment
@@ -253,7 +253,7 @@ class _Stages:
     def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Made[RunResult]:
         """Run all stages except "write" in the scenario's region, with notes on its choice."""
         store, options = self.store, self.options
-        with self._stage("fetch") as say:
+        with self._stage("fetch", scenario) as say:
             for note in region_notes[-1:]:
                 say(note)
             parts = fetch(scenario, store, offline=options.offline, strict=options.strict)
@@ -262,15 +262,15 @@ class _Stages:
         if store.has_made:
             # Then all later artefacts are made, too. The stages before "plan" leave a core idle.
             threading.Thread(target=load_libraries).start()
-        with self._stage("simplify") as say:
+        with self._stage("simplify", scenario) as say:
             land = simplify(scenario, parts.land, store)
             for note in land.value.notes:
                 say(note)
-        with self._stage("project"):
+        with self._stage("project", scenario):
             scene = projected(scenario, parts.fetched, parts.current_keys, land, store)
-        with self._stage("choose") as say:
+        with self._stage("choose", scenario) as say:
             chosen = choose(Chosen(scenario, parts, scene, notes=region_notes), store, say)
-        with self._stage("plan"):
+        with self._stage("plan", scenario):
             self.compiled()
             planned = plan_seasons(
                 chosen,
@@ -283,12 +283,12 @@ class _Stages:
             )
         for plan in planned.value.plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
-        with self._stage("compare") as say:
+        with self._stage("compare", scenario) as say:
             return compare(chosen, land, planned, store, say)
 
     def write(self, result: Made[RunResult], directory: Path) -> bool:
         """Write all files unless the folder has them already; return whether they were written."""
-        with self._stage("write"):
+        with self._stage("write", result.value.scenario):
             written = artefact_key(
                 "write",
                 result.key,
@@ -303,14 +303,17 @@ class _Stages:
             return True
 
     @contextlib.contextmanager
-    def _stage(self, stage: Stage) -> Iterator[Say]:
+    def _stage(self, stage: Stage, scenario: Scenario) -> Iterator[Say]:
         """Report the begin and end of a stage, and measure its time; yield a function for notes."""
+
+        def say(note: Note) -> None:
+            for one in addressed([note], scenario):
+                self.on_event(Event(stage, "note", detail=note_text(one), note=one))
+
         started = time.perf_counter()
         self.on_event(Event(stage, "begun"))
         try:
-            yield lambda note: self.on_event(
-                Event(stage, "note", detail=note_text(note), note=note)
-            )
+            yield say
         except Exception as error:
             self.on_event(Event(stage, "failed", detail=str(error).replace("\n", "; ")))
             raise

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from pipeline.formats.shared.departures_and_speeds import speed_notes
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Note, Place, Say
 from pipeline.stages.choose import Chosen, narrows_notes
@@ -62,8 +62,8 @@ def compare(
     notes = _notes(result)
     for note in notes:
         say(note)
-    before = (*chosen.notes, *chosen.parts.fetched.notes, *land.value.notes)
-    fetched = replace(chosen.parts.fetched, notes=(*before, *notes))
+    every = (*chosen.notes, *chosen.parts.fetched.notes, *land.value.notes, *notes)
+    fetched = replace(chosen.parts.fetched, notes=addressed(every, result.scenario))
     return Made(artefact_key("compare", *inputs), replace(result, fetched=fetched))
 
 

@@ -25,7 +25,7 @@ from pipeline.formats.report.season import SeasonPart, season_part
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import style_colours
-from pipeline.formats.shared.result import MAX_STRAITS, RunResult
+from pipeline.formats.shared.result import MAX_STRAITS, RunResult, addressed
 from pipeline.formats.shared.text import environment
 from pipeline.geo.lonlat import position_text
 from pipeline.model import Credit, CurrentGrid, RouteMetrics, ShutStrait
@@ -117,7 +117,8 @@ def gather(result: RunResult) -> Report:
     """Gather the page's content."""
     speeds = speed_scale(result)
     # Stand-ins and unknown facts have parts of their own.
-    shown = {*result.fetched.stand_in_notes, *result.unknowns}
+    stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
+    shown = {*stand_ins, *result.unknowns}
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     return Report(
         result,

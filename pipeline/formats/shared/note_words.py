@@ -285,7 +285,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "{ways:; /3/, and of # more}. The routes are the best without waiting",
     "second-shoreline": "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land "
     "where routes cross water of this chart; check these places on an official chart: "
-    "{crossings:; /8/; and # shorter places}",
+    "{crossings:; /8/; and # shorter}",
     "strait-unresolved": "the strait at {place} is {width_m:distance} wide, but a cell of the "
     "current {cell_m:distance}: the tide in the strait is not resolved, and may run harder and "
     "turn at another time than planned",

@@ -1,7 +1,7 @@
 """The finished run, as all formats read it, and what is not known about it."""
 
 import contextlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -86,13 +86,14 @@ class RunResult:
         by_season = {
             season: _of_routes([row for row in rows if row.season == season]) for season in seasons
         }
-        return (
+        found = (
             *_of_currents(self, seasons),
             *crossing_notes(self.evaluation.shore_crossings),
             *_of_chart(self),
             *of_seasons(by_season),
             *_of_straits(self.straits),
         )
+        return addressed(found, self.scenario)
 
     def departure_choice(self, season: str) -> model.DepartureChoice | None:
         """When to leave in a season, and the alternatives; None if the departure was given."""
@@ -263,6 +264,13 @@ def _projected(
             yield scene.projection.geometry_to_plane(polygon)
 
 
+def addressed(notes: Iterable[Note], scenario: Scenario) -> tuple[Note, ...]:
+    """Return notes that name their seasons only where the scenario has several."""
+    if len(scenario.seasons) > 1:
+        return tuple(notes)
+    return tuple(note.about() for note in notes)
+
+
 # Shares of a route below this count as none: a thousandth, as percentages have one decimal.
 _NONE = 5e-4
 # Crossings whose positions agree to this many decimals of a degree (100 m) are one place.
@@ -278,9 +286,9 @@ def route_unknowns(result: RunResult, metrics: model.RouteMetrics) -> tuple[Note
         for one in result.evaluation.shore_crossings
         if (one.season, one.rank) == (metrics.season, metrics.rank)
     ]
+    of_season = (*_of_currents(result, [metrics.season]), *crossing_notes(crossings))
     return (
-        *_of_currents(result, [metrics.season]),
-        *crossing_notes(crossings),
+        *(note.about() for note in of_season),
         *_of_chart(result),
         *_of_routes([metrics]),
     )

@@ -64,7 +64,7 @@ def test_shallow_cells_are_kept_off_and_uncharted_depth_is_told(
             assert not shapely.intersects(line, SHOAL)
     manifest = json.loads((outcome.directory / "manifest.json").read_text())
     (sentence,) = [text for text in manifest["unknown"] if "depth" in text]
-    assert sentence.startswith("still: no depth is charted for ")
+    assert sentence.startswith("no depth is charted for ")
     assert sentence in note_texts(outcome.fetched.notes)
     assert manifest["inputs"]["land"]["has_depths"] is True
     rtz = (outcome.directory / "deep-still.rtz").read_text()

@@ -75,7 +75,7 @@ def test_a_current_that_is_not_known_at_all_is_told_first() -> None:
     still = without_current(with_shares(small_run.parts(), {}), "winter")
     assert [still.lacks_current(season) for season in ("summer", "winter")] == [False, True]
     winter = still.season_routes("winter")[0].metrics
-    assert note_texts(route_unknowns(still, winter))[0].startswith("winter: no current was used")
+    assert note_texts(route_unknowns(still, winter))[0].startswith("no current was used")
     partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
     assert not partly.lacks_current("summer")
 

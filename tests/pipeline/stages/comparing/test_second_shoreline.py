@@ -63,6 +63,6 @@ def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> Non
     assert places[0] == "105 m at 24.0001 E 37.1001 N on routes 1, 4"
     assert places[1] == "1,000 m at 24.0000 E 38.0000 N on route 10"
     assert places[7] == "400 m at 24.0000 E 37.4000 N on route 4"
-    assert places[8] == "and 2 shorter places"
+    assert places[8] == "and 2 shorter"
     assert other.endswith(": 60 m at 5.2500 W 36.5000 S on route 1")
     assert crossing_notes([]) == ()
