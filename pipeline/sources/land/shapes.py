@@ -8,13 +8,15 @@ import math
 import re
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
+import pyproj
 import shapely
 from shapely import affinity
 
@@ -23,6 +25,7 @@ from pipeline.errors import PipelineError, RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
 from pipeline.model import Note, PlaceName
+from pipeline.scenario.strict import near_miss
 
 # Distance outside the region's bounds up to which the chart is used, m: land outside may reach in
 # once it is buffered or gaps are closed, and a map needs its surroundings.
@@ -240,3 +243,65 @@ def one_line(message: object) -> str:
     """Write a library's message in one line, without its own functions and options."""
     text = _ADVICE.sub("", _FUNCTION.sub("", " ".join(str(message).split())))
     return text if len(text) <= _MAX_REASON else f"{text[:_MAX_REASON]}…"
+
+
+def unread_reason(wkb: bytes) -> str:
+    """Say why a geometry in WKB can't be built."""
+    try:
+        shapely.from_wkb(wkb)
+    except shapely.errors.ShapelyError as error:
+        if "closed" in str(error):
+            return "a ring that is not closed: its last point must be its first"
+        return f"a geometry that can't be built: {one_line(error)}"
+    return "a geometry that can't be built"
+
+
+def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
+    """Turn errors about a chart's file into a RequestError, and list warnings."""
+    return reading(
+        f"chart.source: {path}",
+        "correct it, or export it again as GeoPackage, GeoJSON or Shapefile, or give a folder of "
+        "S-57 cells",
+    )
+
+
+def chart_fault(path: Path, fault: str) -> RequestError:
+    """Return an error about a chart's file."""
+    return RequestError(f"chart.source: {path} {fault}")
+
+
+def layer_name(path: Path, name: str) -> str:
+    """Name of the layer to read."""
+    pyogrio = vector_library()
+
+    names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
+    if not names:
+        raise chart_fault(
+            path, "has no layer with geometries; correct it, or give the file that has the land"
+        )
+    if name and name not in names:
+        raise chart_fault(path, f"has no layer {name!r}: {near_miss(name, names)}")
+    if not name and len(names) != 1:
+        raise chart_fault(
+            path,
+            f"has {len(names)} layers with geometries ({', '.join(names)}); name one: "
+            f'{{ path = "{path.name}", layer = "…" }}',
+        )
+    return name or names[0]
+
+
+def crs_of(path: Path, layer: str, crs: str) -> pyproj.CRS:
+    """CRS of a layer: the one given, or the file's own."""
+    pyogrio = vector_library()
+
+    given = crs or pyogrio.read_info(path, layer=layer)["crs"]
+    if not given:
+        raise chart_fault(
+            path,
+            "does not give its CRS: add its .prj file, or name the CRS, as in "
+            f'{{ path = "{path.name}", crs = "EPSG:4326" }} for degrees',
+        )
+    try:
+        return pyproj.CRS.from_user_input(given)
+    except pyproj.exceptions.CRSError as error:
+        raise chart_fault(path, f"has a CRS that pyproj does not know ({error})") from error

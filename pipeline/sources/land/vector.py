@@ -7,21 +7,276 @@ several layers, the CRS, that radius) are asked for, not guessed.
 
 import glob
 import hashlib
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import shapely
 
-from pipeline._types import Geometries
+from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.errors import RequestError
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.machine.paths import require_readable
-from pipeline.model import Credit, Land, Note
+from pipeline.model import Credit, Land, Note, PlaceName
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land import shapes
-from pipeline.sources.land.vector_layer import VectorLayer, chart_fault, open_layer, reading_chart
+
+_LONLAT = "OGC:CRS84"
+# Pieces per side of the region into which longer edges are cut before they are transformed, as an
+# edge that is straight in a plane is curved in lon/lat. The region's own outline is cut likewise.
+_PIECES_PER_SIDE = 200
+# Largest planar coordinate, in units of the CRS: 25 times round the earth in metres.
+_MAX_PLANAR = 1e9
+# Bounds beyond any coordinate.
+_EVERYWHERE = (-1e300, -1e300, 1e300, 1e300)
+# A file with more features than this is not read again to see why some have no bounds.
+_MAX_REREAD = 100_000
+# Number of features that a message names.
+_MAX_NUMBERS = 3
+
+
+@dataclass(frozen=True)
+class NearbyFeatures:
+    """Valid geometries near a box, without collections, in its longitudes.
+
+    `repaired` counts the geometries that were invalid and have been repaired. `notes` tell which
+    features were left out, and what is doubtful about the others.
+    """
+
+    geometry: Geometries
+    repaired: int
+    notes: tuple[Note, ...]
+
+
+@dataclass(frozen=True)
+class VectorLayer:
+    """A layer of a file, and its CRS; made by :func:`open_layer`.
+
+    `numbers` (n,) are the numbers of the features in the file. `extents` (4, n) are the bounds of
+    the features in the layer's CRS, and NaN for features without a geometry. `warnings` are GDAL's.
+    """
+
+    path: Path
+    name: str
+    crs: pyproj.CRS
+    numbers: IndexArray
+    extents: FloatArray
+    warnings: tuple[str, ...]
+
+    def near(self, box: shapely.Polygon) -> NearbyFeatures:
+        """Return the geometries near a box; RequestError for damaged ones."""
+        found: list[Geometries] = [np.empty(0, dtype=object)]
+        total = 0
+        with shapes.reading_chart(self.path) as issued:
+            for window in self._windows(box):
+                if not self._meets(window):
+                    continue
+                valid, count = shapes.repaired(self._read(window))
+                total += count
+                shapely.prepare(window)
+                crosses = ~shapely.covers(window, valid)
+                valid[crosses] = shapely.intersection(valid[crosses], window)
+                found.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
+        return NearbyFeatures(np.concatenate(found), total, tuple(self._notes(issued)))
+
+    def places(self, box: shapely.Polygon) -> tuple[PlaceName, ...]:
+        """Return the names of areas near a box, where the layer has a column of names."""
+        pyogrio = shapes.vector_library()
+        found: list[PlaceName] = []
+        # Its warnings were already given when the areas themselves were read.
+        with shapes.reading_chart(self.path):
+            columns = pyogrio.read_info(self.path, layer=self.name)["fields"]
+            column = next((one for one in columns if one.casefold() in shapes.NAME_COLUMNS), None)
+            for window in self._windows(box) if column is not None else ():
+                _, _, wkb, (names,) = pyogrio.raw.read(
+                    self.path, layer=self.name, columns=[column], bbox=window.bounds
+                )
+                geometry = shapes.repaired(
+                    shapely.force_2d(shapely.from_wkb(wkb, on_invalid="ignore"))
+                )[0]
+                found += shapes.named_places(names, self._to_lonlat(geometry, box))
+        return tuple(found)
+
+    def bounds(self) -> tuple[float, float, float, float] | None:
+        """Bounds of the whole layer, in its own CRS; None where no feature has a geometry."""
+        extents = self.extents[:, ~self._is_blank]
+        if not extents.size:
+            return None
+        (west, south), (east, north) = extents[:2].min(axis=1), extents[2:].max(axis=1)
+        return float(west), float(south), float(east), float(north)
+
+    def check(self) -> None:
+        """Refuse coordinates beyond the CRS, and features that GDAL can't read."""
+        if reason := self._unread_reason():
+            listed = ", ".join(map(str, self.numbers[self._is_suspect][:_MAX_NUMBERS]))
+            raise shapes.chart_fault(
+                self.path,
+                f"has a geometry that can't be read ({reason}), in feature {listed}; correct or "
+                "remove it",
+            )
+        limits = np.array(shapes.MAX_LONLAT * 2 if self._is_lonlat else (_MAX_PLANAR,) * 4)[:, None]
+        with np.errstate(invalid="ignore"):
+            beyond = (np.abs(self.extents) > limits).any(axis=0)
+        if beyond.any():
+            first = int(beyond.argmax())
+            west, south, east, north = self.extents[:, first]
+            raise shapes.chart_fault(
+                self.path,
+                f"has coordinates that are impossible in its CRS ({self.crs.name}): feature "
+                f"{self.numbers[first]} lies in {west:g} to {east:g}, {south:g} to {north:g}; "
+                'correct it, or name the right CRS with crs = "EPSG:…"',
+            )
+
+    @cached_property
+    def _is_blank(self) -> BoolArray:
+        """Which features (n,) have no geometry."""
+        return np.asarray(np.isnan(self.extents).any(axis=0))
+
+    @cached_property
+    def _is_suspect(self) -> BoolArray:
+        """Which features (n,) have no geometry or an empty one; unreadable ones look so, too."""
+        return np.asarray(self._is_blank | (self.extents == 0).all(axis=0))
+
+    def _unread_reason(self) -> str:
+        """Say why features can't be read; empty if no geometry was lost in reading."""
+        pyogrio = shapes.vector_library()
+        if not self._is_suspect.any() or self.numbers.size > _MAX_REREAD:
+            return ""
+        try:
+            # If no bounding box is given, pyogrio raises no error for a feature that it can't read:
+            # it returns the feature without a geometry.
+            pyogrio.raw.read(self.path, layer=self.name, columns=[], bbox=_EVERYWHERE)
+        except pyogrio.errors.FeatureError as error:
+            return shapes.one_line(error)
+        # GDAL gives some damaged geometries as none, with a warning.
+        return self.warnings[0] if self.warnings and self._is_blank.any() else ""
+
+    @cached_property
+    def _is_lonlat(self) -> bool:
+        """Whether the CRS counts degrees from Greenwich: some count grads, or from Paris."""
+        units = [axis.unit_conversion_factor for axis in self.crs.axis_info[:2]]
+        meridian = self.crs.prime_meridian
+        return (
+            self.crs.is_geographic
+            and np.allclose(units, math.radians(1.0))
+            and (meridian is None or meridian.longitude == 0)
+        )
+
+    def _meets(self, window: shapely.Polygon) -> bool:
+        """Whether any feature's bounds meet a window."""
+        west, south, east, north = window.bounds
+        left, bottom, right, top = self.extents
+        meets = (left <= east) & (right >= west) & (bottom <= north) & (top >= south)
+        return bool(meets.any())
+
+    def _notes(self, issued: list[str]) -> Iterator[Note]:
+        """Yield notes on features without a geometry, and on GDAL's warnings."""
+        for text in dict.fromkeys((*self.warnings, *issued)):
+            yield Note.of("gdal-warning", source=self.path.name, warning=text)
+        if count := int(self._is_blank.sum()):
+            yield Note.of("features-without-geometry", source=self.path.name, count=count)
+
+    def _windows(self, box: shapely.Polygon) -> Iterator[shapely.Polygon]:
+        """Yield the box in the file's CRS.
+
+        A file's longitudes may go from -180 to 180 or from 0 to 360; a region's continue past 180.
+        """
+        if self._is_lonlat:
+            west, south, east, north = box.bounds
+            for turn in (-360.0, 0.0, 360.0):
+                yield shapely.box(west + turn, south, east + turn, north)
+            return
+        import pyproj
+
+        to_crs = pyproj.Transformer.from_crs(_LONLAT, self.crs, always_xy=True)
+        west, south, east, north = box.bounds
+        bounds = to_crs.transform_bounds(west, south, east, north, densify_pts=_PIECES_PER_SIDE)
+        self._check_covered(np.array(bounds))
+        yield shapely.box(*bounds)
+
+    def _read(self, window: shapely.Polygon) -> Geometries:
+        """Read the geometries whose bounds meet a window, unchanged but without collections."""
+        pyogrio = shapes.vector_library()
+        _, numbers, wkb, _ = pyogrio.raw.read(
+            self.path, layer=self.name, columns=[], bbox=window.bounds, return_fids=True
+        )
+        present = np.flatnonzero([one is not None for one in wkb])
+        numbers, wkb = np.asarray(numbers)[present], wkb[present]
+        with np.errstate(invalid="ignore"):
+            geometry = shapely.from_wkb(wkb, on_invalid="ignore")
+        unread = shapely.is_missing(geometry)
+        if unread.any():
+            first = int(unread.argmax())
+            raise self._damaged(int(numbers[first]), shapes.unread_reason(wkb[first]))
+        coordinates, index = shapely.get_coordinates(geometry, return_index=True)
+        if not np.isfinite(coordinates).all():
+            first = int(index[~np.isfinite(coordinates).all(axis=1)][0])
+            raise self._damaged(int(numbers[first]), "a coordinate that is no finite number")
+        parts = shapes.flattened(shapely.force_2d(geometry))
+        return np.asarray(parts[~shapely.is_empty(parts)])
+
+    def _damaged(self, number: int, fault: str) -> RequestError:
+        """Say which feature is damaged, where it lies, and how."""
+        place = self.extents[:2, self.numbers == number].ravel()
+        near = f", near {place[0]:g}, {place[1]:g}" if place.size == 2 else ""
+        return shapes.chart_fault(
+            self.path, f"has {fault} (feature {number}{near}); correct or remove the feature"
+        )
+
+    def _check_covered(self, coordinates: FloatArray) -> None:
+        """Refuse coordinates that lie outside the CRS."""
+        if not np.isfinite(coordinates).all():
+            raise shapes.chart_fault(
+                self.path,
+                f"is in a CRS ({self.crs.name}) that does not cover the region: name the right one "
+                'with crs = "EPSG:…"',
+            )
+
+    def _to_lonlat(self, geometry: Geometries, box: shapely.Polygon) -> Geometries:
+        """Transform geometries to lon/lat degrees, within 180 degrees of the middle of a box."""
+        import pyproj
+
+        to_lonlat = pyproj.Transformer.from_crs(self.crs, _LONLAT, always_xy=True)
+        west, south, east, north = box.bounds
+
+        def transform(points: FloatArray) -> FloatArray:
+            lon, lat = to_lonlat.transform(points[:, 0], points[:, 1])
+            turns = np.round((np.asarray(lon) - (west + east) / 2) / 360)
+            lonlat = np.stack([lon - 360 * turns, lat], axis=-1)
+            self._check_covered(lonlat)
+            return lonlat
+
+        if not self._is_lonlat:
+            longest_m = METRES_PER_DEGREE * max(east - west, north - south) / _PIECES_PER_SIDE
+            unit_m = self.crs.axis_info[0].unit_conversion_factor
+            geometry = shapely.segmentize(geometry, longest_m / unit_m)
+        return np.asarray(shapely.transform(geometry, transform))
+
+
+def open_layer(path: Path, name: str, crs: str) -> VectorLayer:
+    """Open a layer by its name, or the only one; in the CRS given, or else the file's own.
+
+    Raises
+    ------
+    RequestError
+        No vector file; no such layer, or several to choose from; no CRS, or an unknown one;
+        coordinates outside the CRS.
+    """
+    pyogrio = shapes.vector_library()
+    with shapes.reading_chart(path) as issued:
+        name = shapes.layer_name(path, name)
+        known = shapes.crs_of(path, name, crs)
+        numbers, extents = pyogrio.read_bounds(path, layer=name)
+    layer = VectorLayer(path, name, known, np.asarray(numbers), np.asarray(extents), tuple(issued))
+    with shapes.reading_chart(path):
+        layer.check()
+    return layer
+
 
 # Dimensions of geometries.
 _POINT, _LINE, _AREA = 0, 1, 2
@@ -45,7 +300,7 @@ class VectorFile:
         """The scenario's table about the file, and a hash of it and its sidecar files."""
         digest = hashlib.sha256()
         files = self._files
-        with reading_chart(self.path):
+        with shapes.reading_chart(self.path):
             for file in files:
                 # A file geodatabase is a folder.
                 for part in sorted(file.rglob("*")) if file.is_dir() else [file]:
@@ -112,7 +367,7 @@ class VectorFile:
                 for kind, name in ((_POINT, "points"), (_LINE, "lines"))
                 if (count := int((dimension == kind).sum()))
             ]
-            raise chart_fault(
+            raise shapes.chart_fault(
                 self.path,
                 f"has {' and '.join(counts)} near the region, which are not areas: make polygons "
                 "of them, or give the radius in metres that is no-go around them: "
@@ -125,11 +380,11 @@ class VectorFile:
         """Say where the file's land is, when none is near the region."""
         bounds = layer.bounds()
         if bounds is None:
-            return chart_fault(
+            return shapes.chart_fault(
                 self.path, "has no feature with a geometry; give a file that has the land"
             )
         listed = ", ".join(f"{bound:g}" for bound in bounds)
-        return chart_fault(
+        return shapes.chart_fault(
             self.path,
             f"has nothing near the region (its bounds in {layer.crs.name}: {listed}): leave it "
             "out, or name the right CRS if that is wrong",
