@@ -3,8 +3,8 @@
 Coasts, ends and vessels are drawn from the whole world's land of OpenStreetMap. Each voyage is
 planned as the pipeline does that chooses region, chart and offing, and is then measured by referees
 that share no code with the planner: exact buffers of the raw land say whether there is a way, and a
-grid Dijkstra and transversals say what the way costs. Forty waters take an hour:
-`python -m tests.bench.waters_figures 0 40`.
+grid Dijkstra and transversals say what the way costs. Sixty waters take an hour:
+`python -m tests.bench.waters_figures 0 40 100 120` also writes docs/figures/waters.csv.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import shapely
@@ -31,6 +33,7 @@ from pipeline.stages.choosing.region_choice import (
 from tests.bench.drawn_waters import KNOT, PLACES, DrawnWater, drawn
 from tests.bench.figure import Figure, at_most
 from tests.bench.islands_between import largest_between, sides
+from tests.bench.record import record
 from tests.bench.sea_figures import PEAK_M_S
 from tests.oracles import grid_dijkstra, tighten
 
@@ -45,8 +48,9 @@ _OUTSIDE = 0.01
 
 def figures() -> Iterator[Figure]:
     """Refusals, fuel beside a rival's, safety and distance from land."""
-    for seed in SEEDS:
-        yield from water_figures(drawn(seed))
+    for one in chain.from_iterable(water_figures(drawn(seed)) for seed in SEEDS):
+        # Pages quote more waters than these.
+        yield replace(one, values={})
 
 
 def water_figures(water: DrawnWater) -> Iterator[Figure]:
@@ -71,12 +75,13 @@ def water_figures(water: DrawnWater) -> Iterator[Figure]:
         )
     except renew.PlanningError as error:
         taken = time.process_time() - started
-        yield at_most(f"{name}: CPU to a refusal", taken, 20.0, " s")
+        yield at_most(f"{name}: CPU to a refusal", taken, 20.0, " s", key="most_refusal_s")
         wide, least = (
             water.has_way(width + osm.ACCURACY_M) for width in (turns, turns - _drift(water))
         )
         text = f"a way for turns {wide}, for turns in still water {least}: {str(error)[:300]}"
-        yield Figure(f"{name}: refused though there is a way", "False", text, not wide)
+        values = {"refused": 1.0, "refused_with_a_way": float(wide)}
+        yield Figure(f"{name}: refused though there is a way", "False", text, not wide, values)
         return
     taken = time.process_time() - started
     text = f"{len(plan.routes)} in {taken:.1f} s, gap {100 * plan.best.optimality_gap:.2f} %"
@@ -102,7 +107,8 @@ def _far_side(water: DrawnWater, plan: renew.Plan) -> Figure:
     outline = min(land, key=shapely.Point(island).distance)
     named = any(outline.intersects(shapely.Point(side.lon, side.lat)) for side in water.left_out)
     text = f"{len(found)} sides of the one at {island[0]:.2f} {island[1]:.2f}, named {named}"
-    return Figure(name, "True", text, len(found) > 1 or named)
+    is_known = len(found) > 1 or named
+    return Figure(name, "True", text, is_known, {"islands": 1.0, "unnamed": float(not is_known)})
 
 
 def _drift(water: DrawnWater) -> float:
@@ -113,7 +119,9 @@ def _drift(water: DrawnWater) -> float:
 def _safety(water: DrawnWater, plan: renew.Plan) -> Iterator[Figure]:
     """Metres over raw land, and hard-over turns that meet it outside the ends' soft zone."""
     over = sum(water.over_land(route) for route in plan.routes)
-    yield at_most(f"{water.name}: over the land itself, all routes", over, 0.0, " m")
+    yield at_most(
+        f"{water.name}: over the land itself, all routes", over, 0.0, " m", key="over_land"
+    )
     hits, trials = 0, 0
     for route in plan.routes:
         spacing = max(route.length / 2000, water.vessel.turning_radius / 2)
@@ -122,7 +130,8 @@ def _safety(water: DrawnWater, plan: renew.Plan) -> Iterator[Figure]:
         hits += int((flown.collided & outside).sum())
         trials += int(outside.sum())
     text = f"{hits} of {trials:,}"
-    yield Figure(f"{water.name}: places with turns that meet land", "0", text, not hits)
+    values = {"collisions": float(hits), "turns": float(trials)}
+    yield Figure(f"{water.name}: places with turns that meet land", "0", text, not hits, values)
 
 
 def _in_soft_ends(points: FloatArray, route: renew.Route) -> BoolArray:
@@ -211,7 +220,7 @@ def _fuel(water: DrawnWater, chart: renew.Chart, route: renew.Route) -> Iterator
     pieces = route.length / PLACES
     fuels["own"], _ = tighten(path, *given, spacing=pieces, width=2 * pieces, rounds=8)
     name = f"{water.name}: fuel beside {', '.join(f'{k} {own / v:.4f}' for k, v in fuels.items())}"
-    yield at_most(name, own / min(fuels.values()), 1.003, digits=4)
+    yield at_most(name, own / min(fuels.values()), 1.003, digits=4, key="most_fuel")
     bare = (water.raw, water.current, water.vessel)
     least, _ = tighten(route.path, *bare, spacing=pieces, width=8 * pieces, rounds=9)
     bound = route.fuel / (1 + route.optimality_gap)
@@ -220,6 +229,7 @@ def _fuel(water: DrawnWater, chart: renew.Chart, route: renew.Route) -> Iterator
         "<= 1",
         f"{bound / least:.4f}",
         bound <= least,
+        {"most_bound": bound / least},
     )
 
 
@@ -260,11 +270,28 @@ def _forbidden(chart: renew.Chart, route: renew.Route, width: float) -> BaseGeom
     return shapely.union_all([chart.hard_no_go, *capsules, *shapely.buffer(lines, width)])
 
 
+def totals(waters: Sequence[Sequence[Figure]]) -> dict[str, float]:
+    """What pages quote of some waters: sums, and the largest of the figures called most_*."""
+    found: dict[str, list[float]] = {"waters": [1.0] * len(waters)}
+    for name, value in chain.from_iterable(
+        one.values.items() for one in chain.from_iterable(waters)
+    ):
+        found.setdefault(name, []).append(value)
+    return {
+        name: max(values) if name.startswith("most_") else sum(values)
+        for name, values in found.items()
+    }
+
+
 def main() -> None:
-    """Print the figures of the seeds from the first up to, but not with, the second argument."""
-    for seed in range(int(sys.argv[1]), int(sys.argv[2])):
-        for one in water_figures(drawn(seed)):
+    """Print and record the figures of seeds: from each first up to, but not with, each second."""
+    waters = []
+    bounds = list(map(int, sys.argv[1:]))
+    for seed in chain.from_iterable(map(range, bounds[::2], bounds[1::2])):
+        waters.append(list(water_figures(drawn(seed))))
+        for one in waters[-1]:
             print(f"{one.verdict or '-'}\t{one.name}\t{one.reached}", flush=True)
+        record("waters", totals(waters))
 
 
 if __name__ == "__main__":
