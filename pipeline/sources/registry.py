@@ -1,22 +1,35 @@
-"""The one place that chooses an adapter for a source.
+"""The one place that chooses an adapter for a source; embedded tables and still water are here.
 
 A new source is an adapter in this package, a spec in `pipeline.scenario.catalogue`, a
 branch below, and an entry in `catalog/sources`.
 """
 
+import csv
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, assert_never
+from typing import assert_never
 
-from pipeline.errors import RequestError
+import numpy as np
+from shapely.geometry import Polygon
+
+from pipeline._types import FloatArray, IndexArray
+from pipeline.errors import RequestError, StageError
+from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.machine.paths import require_readable
+from pipeline.model import Credit, CurrentGrid, Land, Note
+from pipeline.model.inputs import CurrentSource, Issue, LandSource
 from pipeline.scenario import catalogue
+from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
 from pipeline.scenario.region import ChartSource, ChartSpec
+from pipeline.scenario.season import Season
+from pipeline.scenario.strict import near_miss
+from pipeline.scenario.times import period
+from pipeline.sources.current_field import Field, LandMask, water_without_data
 
-if TYPE_CHECKING:
-    from pipeline.model.inputs import CurrentSource, LandSource
 
-
-def land_source(chart: ChartSpec, draught_m: float | None) -> "LandSource":
+def land_source(chart: ChartSpec, draught_m: float | None) -> LandSource:
     """Return all of a scenario's land sources as one; charts with depths need the draught."""
     from pipeline.sources.combined_charts import Overlay
 
@@ -30,7 +43,7 @@ def land_source(chart: ChartSpec, draught_m: float | None) -> "LandSource":
     return SoundedChart(overlay, DepthFile.open(Path(chart.depths)), safety_depth_m)
 
 
-def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | None) -> "LandSource":
+def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | None) -> LandSource:
     """Return one land source, by its name in the catalogue or by the file at its path."""
     entry = catalogue.source(source.name) if source.name else None
     if entry is not None and entry.adapter == "osm-land":
@@ -71,7 +84,7 @@ def _safety_depth_m(chart: ChartSpec, draught_m: float | None) -> float:
     return draught_m + chart.under_keel_clearance_m
 
 
-def current_source(named: str | tuple[str, ...]) -> "CurrentSource":
+def current_source(named: str | tuple[str, ...]) -> CurrentSource:
     """Return the source of currents that a catalogue entry names, or that files make together."""
     if not isinstance(named, str):
         from pipeline.sources.cf.adapter import CfFiles
@@ -79,17 +92,191 @@ def current_source(named: str | tuple[str, ...]) -> "CurrentSource":
         return CfFiles(named)
     spec = catalogue.source(named)
     if spec.adapter == "embedded-table":
-        from pipeline.sources.embedded import EmbeddedTable
-
         return EmbeddedTable(spec)
     if spec.adapter == "copernicus":
         from pipeline.sources.copernicus.adapter import Copernicus
 
         return Copernicus(spec)
     if spec.adapter == "still":
-        from pipeline.sources.embedded import StillWater
-
         return StillWater(spec)
     if isinstance(spec, catalogue.ChartEntry):
         raise RequestError(f"source {named!r} gives land, not currents")
     assert_never(spec)
+
+
+# Deviation of a coordinate from a regular axis, degrees: two roundings to four decimals.
+_STEP_TOLERANCE_DEG = 2e-4
+
+
+@dataclass(frozen=True)
+class EmbeddedTable(CurrentSource):
+    """A CSV table (season, lon, lat, u, v) whose points lie on one regular grid per season.
+
+    Missing points are NaN: land, or water without data.
+    """
+
+    spec: EmbeddedTableSpec
+
+    @cached_property
+    def _bytes(self) -> bytes:
+        """The table's file."""
+        return catalogue.table(self.spec.table).read_bytes()
+
+    def identity(self, season: Season) -> tuple[str, ...]:
+        """Hash of the table, and the season in it."""
+        digest = hashlib.sha256(self._bytes).hexdigest()
+        part = self.spec.part(season) or season.name
+        return (self.spec.name, digest, part, self.spec.model_dump_json())
+
+    def uncovered_reason(self, region: Polygon, season: Season) -> str:
+        """Say how far the region reaches beyond the table's cells."""
+        part = self.spec.part(season)
+        if season.is_changing:
+            return (
+                f"{self.spec.name} has one field for a season, and season {season.name!r} has "
+                "time_method = 'changing'; give a file with time steps in 'currents'"
+            )
+        if part is None:
+            return (
+                f"{self.spec.name} has no season {season.name!r}: "
+                f"{near_miss(season.name, self.spec.seasons)}"
+            )
+        lacking = sides_beyond(region.bounds, self._bounds(part))
+        if not lacking:
+            return ""
+        return (
+            f"{self.spec.name} has no data {' nor '.join(lacking)}; shrink the region or name "
+            "another source in 'currents'"
+        )
+
+    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+        """Return the part that the table's cells cover."""
+        part = self.spec.part(season)
+        return None if part is None else common_bounds(region.bounds, self._bounds(part))
+
+    def issue(self, season: Season) -> Issue:
+        """Return the table's hash, and the last day of the season's part."""
+        part = self.spec.part(season)
+        digest = hashlib.sha256(self._bytes).hexdigest()
+        if part is None:
+            return Issue(None, None, None, digest)
+        last = period(self.spec.seasons[part].valid.rpartition("/")[2]).begin
+        return Issue(None, last, last, digest)
+
+    def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
+        """Return the season's whole grid, as it is small."""
+        del folder
+        part = self.spec.part(season)
+        if part is None:
+            raise StageError(self.uncovered_reason(region, season))
+        entry = self.spec.seasons[part]
+        lon, lat, u, v = self._grid(part)
+        credit = Credit(
+            name=self.spec.title,
+            kind="current",
+            text=entry.credit,
+            licence=entry.licence,
+            url=entry.url,
+        )
+        mask = LandMask.of(land.polygons, region.bounds)
+        lacking = water_without_data(Field(lon, lat, u, v), mask, region)
+        notes = (lacking.note,) if lacking else ()
+        return CurrentGrid(season.name, lon, lat, u[None], v[None], entry.valid, credit, notes)
+
+    def _bounds(self, part: str) -> Bounds:
+        """Outer edges of the cells of one of the table's seasons."""
+        lon, lat, _, _ = self._grid(part)
+        return cell_bounds(lon, lat, (float(lon[1] - lon[0]), float(lat[1] - lat[0])))
+
+    def _grid(self, season: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where there is no row."""
+        points = self._points(season)
+        name = self.spec.table
+        if not len(points):
+            raise StageError(f"{name} has no rows for season {season!r}; correct the table")
+        lon, column = _axis(points[:, 0], f"{name}, {season}, lon")
+        lat, row = _axis(points[:, 1], f"{name}, {season}, lat")
+        u = np.full((lat.size, lon.size), np.nan)
+        v = u.copy()
+        u[row, column], v[row, column] = points[:, 2], points[:, 3]
+        if np.count_nonzero(np.isfinite(u)) != len(points):
+            raise StageError(f"{name}, {season}: a point comes twice; correct the table")
+        return lon, lat, u, v
+
+    def _points(self, season: str) -> FloatArray:
+        """The season's rows (n, 4) of lon, lat, u, v."""
+        lines = self._bytes.decode("utf-8").splitlines()
+        rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+        found = [
+            [float(row[key]) for key in ("lon", "lat", "u", "v")]
+            for row in rows
+            if row["season"] == season
+        ]
+        return np.array(found, dtype=float).reshape(-1, 4)
+
+
+def _axis(values: FloatArray, name: str) -> tuple[FloatArray, IndexArray]:
+    """Regular axis through all values, and each value's index on it."""
+    distinct = np.unique(values)
+    if distinct.size < 2:
+        raise StageError(f"{name}: only one value, no grid; correct the table")
+    # A grid line without data leaves a wider gap, so the least gap is the step.
+    step = float(np.diff(distinct).min())
+    steps = np.rint((distinct - distinct[0]) / step).astype(np.intp)
+    # The mean step, as the rounding to four decimals would add up over a long axis.
+    step = float((distinct[-1] - distinct[0]) / steps[-1])
+    axis = distinct[0] + step * np.arange(steps[-1] + 1)
+    index = np.rint((values - distinct[0]) / step).astype(np.intp)
+    if np.abs(axis[index] - values).max() > _STEP_TOLERANCE_DEG:
+        raise StageError(f"{name}: the values lie on no regular grid; correct the table")
+    return axis, index
+
+
+_CREDIT = "planned without currents, as in still water"
+# Nodes along each side of the region: enough to interpolate, and to show on a map that there is
+# nothing.
+_NODES = 5
+
+
+@dataclass(frozen=True)
+class StillWater(CurrentSource):
+    """A current of zero everywhere and at all times."""
+
+    spec: StillSpec
+
+    def identity(self, season: Season) -> tuple[str, ...]:
+        """Its name, as it never changes."""
+        del season
+        return (self.spec.name,)
+
+    def uncovered_reason(self, region: Polygon, season: Season) -> str:
+        """Covers everything."""
+        del region, season
+        return ""
+
+    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+        """Return all of the region's bounds."""
+        del season
+        west, south, east, north = region.bounds
+        return west, south, east, north
+
+    def issue(self, season: Season) -> Issue:
+        """Never changes."""
+        del season
+        return Issue(None, None, None, self.spec.name)
+
+    def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
+        """Return zeros on a coarse grid over the region."""
+        del land, folder
+        west, south, east, north = region.bounds
+        zeros = np.zeros((1, _NODES, _NODES))
+        return CurrentGrid(
+            season=season.name,
+            lon=np.linspace(west, east, _NODES),
+            lat=np.linspace(south, north, _NODES),
+            u=zeros,
+            v=zeros.copy(),
+            valid=season.valid or "any time",
+            credit=Credit(self.spec.title, "current", _CREDIT, licence=""),
+            notes=(Note.of("still-water"),),
+        )

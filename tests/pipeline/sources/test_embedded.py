@@ -13,7 +13,7 @@ from pipeline.model import Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.season import Season
-from pipeline.sources.embedded import EmbeddedTable
+from pipeline.sources.registry import EmbeddedTable
 
 NO_LAND = Land((), (), 0.0)
 

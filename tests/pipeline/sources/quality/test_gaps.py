@@ -18,7 +18,7 @@ from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.copernicus.acceptance import accept
 from pipeline.sources.current_field import Field, LandMask, water_without_data
-from pipeline.sources.embedded import EmbeddedTable
+from pipeline.sources.registry import EmbeddedTable
 from tests.pipeline.sources.copernicus import test_acceptance
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
 

@@ -16,7 +16,6 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.current_field import Field, LandMask
-from pipeline.sources.embedded import EmbeddedTable
 from pipeline.sources.plausibility import (
     FLIPPED,
     SWAPPED,
@@ -24,6 +23,7 @@ from pipeline.sources.plausibility import (
     assess_series,
     count_misplaced,
 )
+from pipeline.sources.registry import EmbeddedTable
 from tests.pipeline.sources.quality.faulty_fields import (
     ISLANDS,
     OCEAN,
