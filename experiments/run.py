@@ -21,7 +21,7 @@ from experiments.plan_of_jobs import QUICK, Design
 from experiments.tables.tables import Findings, Results, tables
 from experiments.workers import begin_warming, processors, results_of
 from pipeline.errors import RequestError, StageError
-from pipeline.formats.manifest import versions
+from pipeline.formats.records import versions
 from pipeline.session import session
 
 NAME = "experiments"

@@ -71,7 +71,7 @@ def write(
     StageError
         The files can't be written; earlier files are unchanged. The message has the remedy.
     """
-    from pipeline.formats.manifest import write_manifest
+    from pipeline.formats.records import write_manifest
 
     try:
         formats = formats_of(result)
@@ -161,7 +161,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
 
 def _currents(grid: CurrentGrid) -> Format:
     """Return the function that writes a season's current."""
-    from pipeline.formats.netcdf import write_currents
+    from pipeline.formats.records import write_currents
 
     return lambda result, path: write_currents(result, grid.season, path)
 

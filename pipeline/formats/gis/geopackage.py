@@ -51,7 +51,6 @@ from pipeline.formats.gis.qgis import (
     view,
 )
 from pipeline.formats.gis.styles import qml, style
-from pipeline.formats.manifest import manifest
 from pipeline.formats.passage.waypoints import (
     attribution,
     document_title,
@@ -59,6 +58,7 @@ from pipeline.formats.passage.waypoints import (
     split_at_antimeridian,
     within_180,
 )
+from pipeline.formats.records import manifest
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult

@@ -19,7 +19,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.formats.figures.map_marks import has_arrows, speed_scale
-from pipeline.formats.manifest import versions
+from pipeline.formats.records import versions
 from pipeline.formats.report.map_data import json_for_script, map_data, place_on_map
 from pipeline.formats.report.season import SeasonPart, season_part
 from pipeline.formats.shared import text

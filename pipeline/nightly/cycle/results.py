@@ -54,7 +54,7 @@ def write_record(
     notes
         Other matters that an operator should look at.
     """
-    from pipeline.formats.manifest import versions
+    from pipeline.formats.records import versions
 
     to_look_at = by_outcome[ACT] or by_outcome[LOOK] or notes
     with writing(folder):

@@ -28,10 +28,12 @@ from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.copernicus.acceptance import AcceptedFields, Expected, accept
 from pipeline.sources.copernicus.account import LOGIN, has_account
-from pipeline.sources.copernicus.download import CachedDownload, download, last_step
-from pipeline.sources.copernicus.steps import (
+from pipeline.sources.copernicus.download import (
+    CachedDownload,
     SelectedSteps,
     TimeResolution,
+    download,
+    last_step,
     select_all_steps,
     select_steps,
 )

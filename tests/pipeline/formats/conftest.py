@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.formats.gis.geopackage import write_geopackage
-from pipeline.formats.netcdf import write_currents
+from pipeline.formats.records import write_currents
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared.result import RunResult
 from tests.pipeline import chosen_speeds

@@ -20,7 +20,7 @@ import shapely
 import xarray as xr
 
 import renew
-from pipeline.formats.netcdf import write_currents
+from pipeline.formats.records import write_currents
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import legs
 from pipeline.geo.projection import Projection

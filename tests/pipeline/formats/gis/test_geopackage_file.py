@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.formats.gis.geopackage import write_geopackage
-from pipeline.formats.manifest import manifest
+from pipeline.formats.records import manifest
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Evaluation

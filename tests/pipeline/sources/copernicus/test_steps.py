@@ -11,7 +11,7 @@ from hypothesis import given, strategies as st
 from pipeline.scenario.catalogue import StepKind, StepLength
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import Period, period
-from pipeline.sources.copernicus.steps import TimeResolution, select_steps
+from pipeline.sources.copernicus.download import TimeResolution, select_steps
 
 MONTHS, DAYS, HOURS = (
     TimeResolution("month", "mean"),
