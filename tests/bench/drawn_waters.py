@@ -113,7 +113,7 @@ def drawn(seed: int) -> DrawnWater:
             return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)
 
         choice = choose_region(voyage, mask_of, _WORLD)
-        left_out = (*choice.far_sides, *filter(None, [choice.largest]))
+        left_out = (*choice.far_sides, *choice.largest)
         water = DrawnWater(f"water {seed}", choice.bounds, *ends, spec, left_out)
         parts = shapely.get_parts(water.raw.water)
         both = [shapely.covers(parts, shapely.Point(end)) for end in water.ends]

@@ -104,7 +104,7 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
 
     choices = store.load_or_make("region", key, list, choose)
     far_sides = tuple(side for choice in choices for side in choice.far_sides)
-    largest = tuple(choice.largest for choice in choices if choice.largest is not None)
+    largest = tuple(side for choice in choices for side in choice.largest)
     bounds = hull([choice.bounds for choice in choices])
     chosen = ChosenRegion(bounds, coverage, voyage, far_sides, largest)
     ends = _ends_of_currents(chosen, range(len(SIDES)))

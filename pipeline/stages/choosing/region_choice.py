@@ -12,7 +12,7 @@ makes the bound no higher.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
@@ -112,13 +112,13 @@ class FarSide(NamedTuple):
 class RegionChoice(NamedTuple):
     """Bounds of a region, degrees, and the sides of islands that it leaves out.
 
-    `largest` is the far side of the largest island whose far side is at most `FAR_WAY` times as
-    long: all routes may pass the island on the near side.
+    `largest` are far sides that may be at most `FAR_WAY` times as long, of the largest islands up
+    to the first where that is certain: all routes may pass an island on the near side.
     """
 
     bounds: Bounds
     far_sides: tuple[FarSide, ...] = ()
-    largest: FarSide | None = None
+    largest: tuple[FarSide, ...] = ()
 
 
 def choose_region(
@@ -186,8 +186,17 @@ def _around_ways(
             far_sides.append(side)
     is_long = grid.around_island(*ends) > FAR_WAY * _DETOUR * shortest.length_m
     near = [one for one in grid.large_islands if not is_long[one]][:_MAX_ISLANDS]
-    short = (side for side in map(far_side, near) if side is not None and side.ratio <= FAR_WAY)
-    return RegionChoice(_region(voyage, places, limits), tuple(far_sides), next(short, None))
+    largest = _up_to_short(filter(None, map(far_side, near)))
+    return RegionChoice(_region(voyage, places, limits), tuple(far_sides), tuple(largest))
+
+
+def _up_to_short(sides: Iterable[FarSide]) -> Iterator[FarSide]:
+    """Yield sides that may be short, up to the first that certainly is."""
+    for side in sides:
+        if side.ratio <= FAR_WAY:
+            yield side
+            if side.ratio * _DETOUR <= FAR_WAY:
+                return
 
 
 def _region(voyage: Voyage, places: Sequence[Bounds], limits: Bounds) -> Bounds:
@@ -271,7 +280,7 @@ class BoundedSide:
             "side-left-out",
             island=self.name,
             place=Place(self.side.lon, self.side.lat),
-            ratio=self.fuel_ratio if has_bound else self.side.ratio,
+            ratio=self.fuel_ratio if has_bound else max(self.side.ratio, 1.0),
             of="fuel" if has_bound else "length",
         )
 

@@ -21,7 +21,7 @@ _CELLS = 300
 _NEAR_CELLS = 5
 # Number of cells below which an island may be cut or left out by the region, and below which it is
 # not large enough to be named.
-_MIN_CELLS, _FEW_CELLS = 10, 5
+_MIN_CELLS, _FEW_CELLS = 10, 3
 
 
 @dataclass(frozen=True)
