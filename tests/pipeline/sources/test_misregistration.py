@@ -7,7 +7,7 @@ import pytest
 
 from pipeline._types import BoolArray, FloatArray
 from pipeline.sources.current_field import LandMask, find_shift
-from tests.pipeline.sources.quality.faulty_fields import ISLANDS, shifted
+from tests.pipeline.sources.faulty_fields import ISLANDS, shifted
 from tests.pipeline.synthetic_currents import coastal, sea
 
 

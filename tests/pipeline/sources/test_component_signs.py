@@ -10,7 +10,7 @@ from pipeline.sources.plausibility import (
     SWAPPED,
     likeliest_variant,
 )
-from tests.pipeline.sources.quality.faulty_fields import (
+from tests.pipeline.sources.faulty_fields import (
     OCEAN,
     rotated,
     swapped,

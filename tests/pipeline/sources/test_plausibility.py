@@ -24,7 +24,7 @@ from pipeline.sources.plausibility import (
     count_misplaced,
 )
 from pipeline.sources.registry import EmbeddedTable
-from tests.pipeline.sources.quality.faulty_fields import (
+from tests.pipeline.sources.faulty_fields import (
     ISLANDS,
     OCEAN,
     rotated,
