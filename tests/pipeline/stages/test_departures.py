@@ -178,14 +178,14 @@ def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Pa
     by = DEPARTURE + timedelta(hours=8)
     asked = {
         "departure": None,
-        "departures": {**WINDOW, "every": "2h", "count": 3},
+        "departures": {**WINDOW, "every": "2h", "count": 2},
         "arrive_by": by.isoformat(),
         "speed": {"least": 1.0, "most": 8.0},
     }
     departed = _chosen(result, tmp_path, [], **asked)
     (choice,) = departed.choices
     assert choice.has_speeds
-    assert len(choice.departures_s) == 3
+    assert len(choice.departures_s) == 2
     (season,) = departed.scenario.seasons
     assert (season.departure, season.arrive_by) == (choice.chosen, by)
     assert departed.scene.value.speeds["tide"].within_s == (by - choice.chosen).total_seconds()

@@ -74,9 +74,10 @@ def test_against_a_current_with_time_free(exponent: float) -> None:
 
 def test_a_deadline_at_constant_speed_is_met_with_less_fuel() -> None:
     chart, current, start, goal = random_scene(3)
-    constant = renew.plan(chart, current, PAPER_VESSEL, start, goal)
+    given = (chart, current, PAPER_VESSEL, start, goal)
+    constant = renew.plan(*given, classes=4)
     by = constant.best.times[-1]
-    plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, speed=(0.9, 1.5), arrive_by=by)
+    plan = renew.plan(*given, classes=4, speed=(0.9, 1.5), arrive_by=by)
     best = plan.best
     assert best.times[-1] <= by
     assert best.fuel < constant.best.fuel
@@ -94,9 +95,7 @@ def test_a_deadline_at_constant_speed_is_met_with_less_fuel() -> None:
     assert np.interp(by, trade_off.arrivals, trade_off.fuels) == pytest.approx(best.fuel, rel=2e-3)
     # Less time takes more fuel, and the curve knows how much, nearly.
     sooner = by - 20.0
-    again = renew.plan(
-        chart, current, PAPER_VESSEL, start, goal, speed=(0.9, 1.5), arrive_by=sooner
-    )
+    again = renew.plan(*given, classes=1, speed=(0.9, 1.5), arrive_by=sooner)
     assert again.best.fuel > best.fuel
     told = np.interp(sooner, trade_off.arrivals, trade_off.fuels)
     assert again.best.fuel == pytest.approx(told, rel=0.02)

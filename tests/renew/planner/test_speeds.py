@@ -48,7 +48,7 @@ def test_no_share_of_the_time_between_the_ways_to_and_from_a_point_needs_less(
         )
 
     oracle = minimize_scalar(
-        in_two_parts, bounds=(70.0, 95.0), method="bounded", options={"xatol": 0.5, "maxiter": 7}
+        in_two_parts, bounds=(70.0, 95.0), method="bounded", options={"xatol": 0.5, "maxiter": 5}
     ).fun
     assert best.fuel == pytest.approx(oracle, rel=2e-3)
     assert best.fuel_bound.value <= oracle
@@ -126,7 +126,7 @@ def closed_form(departure: float, deadline: float, length: float, most: float) -
 
 def test_each_departure_has_the_speeds_of_least_fuel_and_the_best_one_is_found() -> None:
     current = renew.VaryingCurrent(np.linspace(0.0, 600.0, 241), ebb)
-    departures, deadline = np.array([0.0, 60.0, 180.0, 290.0]), 380.0
+    departures, deadline = np.array([0.0, 180.0, 290.0]), 380.0
     told: list[int] = []
     given = CHART, current, NIMBLE, START, GOAL
     asked: dict[str, Any] = {
@@ -147,7 +147,7 @@ def test_each_departure_has_the_speeds_of_least_fuel_and_the_best_one_is_found()
     assert found.best == int(np.argmin(least))
     assert (found.arrivals[:-1] <= deadline).all()
     assert found.unproven == math.inf
-    assert told == [1, 2, 3, 4]
+    assert told == [1, 2, 3]
     alone = renew.plan(*given, departure=float(departures[found.best]), **asked)
     assert found.plan.best.fuel == pytest.approx(alone.best.fuel, rel=1e-4)
 
