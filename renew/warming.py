@@ -75,7 +75,7 @@ REHEARSALS = (
     Rehearsal("chosen speeds, crabbing", _GYRE, {"speed": (0.9, 1.3), "drift": "crab"}),
     Rehearsal(
         "chosen speeds as the current changes",
-        VaryingCurrent([0.0, 400.0], [_GYRE, _GYRE]),
+        VaryingCurrent([0.0, 400.0], [_GYRE, GyreCurrent(0.6, _SIDE, _SIDE)]),
         {"speed": (0.9, 1.3), "arrive_by": 120.0},
     ),
     Rehearsal("no way through", _GYRE, {"padding": 30.0}),

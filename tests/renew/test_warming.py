@@ -72,6 +72,12 @@ with event.install_recorder("numba:compile") as recorder:
     before = len(recorder.buffer)
     numba.njit(lambda x: x + 1)(1)
     found["counted"] = sum(one.is_start for _, one in recorder.buffer[before:])
+    changing = renew.SwingingGyre(0.2, 100.0, 100.0, 0.25, 0.05)
+    chosen = {"speed": (0.9, 1.3), "arrive_by": 125.0}
+    found["speeds by the clock"] = number(chart, changing, *ends, **chosen)
+    before = len(recorder.buffer)
+    renew.plan_departures(chart, changing, PAPER_VESSEL, *ends, [0.0, 5.0], **chosen)
+    found["departures"] = len(recorder.buffer) - before
     found["chains"] = number(chart, gyre, *ends, method="sampled", samples=40, padding="none")
 print(json.dumps(found))
 """
