@@ -37,7 +37,7 @@ STAGES: tuple[Stage, ...] = get_args(Stage)
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """The begin, a part, the end, the failure or a note of a stage, or of one season in it."""
+    """What happens in a stage, or to one season in it: begin, progress, end, failure or a note."""
 
     stage: Stage
     status: Literal["begun", "part", "done", "failed", "note"]
@@ -59,7 +59,7 @@ def ignore(event: Event) -> None:
 class Outcome:
     """The outcome of a run; `fresh` is False if its files existed already."""
 
-    # Not in the text of an outcome, which would have the whole chart.
+    # Left out of the text of an outcome, because the text would contain the whole chart.
     result: RunResult = field(repr=False)
     directory: Path
     fresh: bool
@@ -260,7 +260,8 @@ class _Stages:
             for note in parts.fetched.notes:
                 say(note)
         if store.has_made:
-            # Then all later artefacts are made, too. The stages before "plan" leave a core idle.
+            # Something new was made, so the run will plan and write. Until "plan" a core is idle,
+            # and can load the libraries that planning and writing need.
             threading.Thread(target=load_libraries).start()
         with self._stage("simplify", scenario) as say:
             land = simplify(scenario, parts.land, store)

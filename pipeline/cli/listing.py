@@ -64,7 +64,7 @@ def spelled_as_json(entries: Sequence[Entry]) -> str:
 
 
 def _needs(scenario: dict[str, Any]) -> str:
-    """Return a scenario's needs as text, or the text that it runs offline."""
+    """Say which files or account a scenario needs, or that it runs offline."""
     files = "--charts with S-57 cells" if scenario.get("chart", {}).get("source") == "s57" else ""
     seasons = [Season.model_validate(table) for table in scenario["seasons"]]
     offline = [season.name for season in seasons if _runs_offline(season)]
@@ -82,7 +82,7 @@ def _runs_offline(season: Season) -> bool:
         return True  # a formula
     for name in season.currents:
         if not isinstance(name, str):
-            continue  # files, which the catalogue can't have
+            continue  # the user's own files, which no scenario of the catalogue has
         source = catalogue.source(name)
         if source.adapter == "still":
             return True

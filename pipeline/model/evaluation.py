@@ -48,7 +48,7 @@ class RouteMetrics:
 
     Attributes
     ----------
-    fuel, fuel_per_distance, length : the planner's own, scaled.
+    fuel, fuel_per_distance, length : in the planner's units, at the scenario's scale.
     length_m : geodesic length, true metres.
     clearance_m : least distance to the original land, true metres; inf where there is none.
     duration_s : seconds at true scale.
@@ -110,7 +110,7 @@ class RouteMetrics:
 
     @property
     def has_land(self) -> bool:
-        """Whether there is land at all, to keep clear of and to turn away from."""
+        """Whether the chart has any land."""
         return math.isfinite(self.clearance_m)
 
 
@@ -138,8 +138,9 @@ class NumberedIsland:
 class GapShares:
     """The parts of the optimality gap of a season's best route, as shares of the bound on fuel.
 
-    `chart` is what simplification, margin and offing cost, `padding` what room for hard-over turns
-    costs, `bound` how far even the best route off the land itself is above the bound.
+    `chart` is the fuel that simplification, margin and offing cost, and `padding` the fuel that the
+    room for hard-over turns costs. `bound` is the fuel of the best route on the original land,
+    less the bound.
     """
 
     season: str
@@ -172,8 +173,8 @@ class ClockWorth:
 class SideBound:
     """A lower bound on the fuel of ways on the other side of a season's main island.
 
-    It holds for every way that avoids the water between the island and the chart's edge through
-    which the best route passes; in the planner's units.
+    The best route passes between the island and an edge of the chart. The bound, in the planner's
+    units, holds for every way that does not cross the water between these two.
     """
 
     season: str
@@ -217,10 +218,10 @@ class Evaluation:
     """Every planned route's figures, and its hard-over turns by (season, rank).
 
     All turns are counted; of the places where no turn touches land, about a thousand per route are
-    stored. `shore_crossings` are of all routes. `islands` name the routes' ways, the main island
-    first; `class_islands` are the other islands in names of classes. `gap_shares` are of seasons
-    for which they were asked, `clock_worths` of seasons whose currents change, `side_bounds` of
-    seasons whose routes differ in their side.
+    stored. `shore_crossings` are of all routes. `islands` are the islands in the names of ways, the
+    main island first; `class_islands` are other islands in the names of homotopy classes.
+    `gap_shares` are of seasons for which they were asked, `clock_worths` of seasons whose currents
+    change, `side_bounds` of seasons whose routes differ in their side.
     """
 
     routes: tuple[RouteMetrics, ...]

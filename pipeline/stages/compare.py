@@ -29,7 +29,7 @@ def compare(
     options, scene = chosen.scenario.planner, chosen.scene.value
     plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
     named = with_way_names(planned.value.evaluation, scene, plans, chosen.parts.fetched.land.places)
-    # Straits are found while the other cores bound the sides.
+    # One core finds the shut straits while the others compute bounds for the other sides.
     with ThreadPoolExecutor(max_workers=1) as pool:
         found = pool.submit(
             store.made,

@@ -129,7 +129,8 @@ def k_best_paths(
         times = with_room(times, len(labels))
         for leg in range(graph.first[node], graph.first[node + 1]):
             other, time = graph.head[leg], now + graph.time[leg]
-            # Most legs lead where a label with the same word is quicker: no row need be found.
+            # At the end of most legs a label with the same word is quicker. The row of such a leg
+            # is not needed.
             if time + to_go[other] > latest or (
                 keeps_word(graph, changes, leg)
                 and _known(labels, times, newest[other], rows[row, WORD], time, count) == _BEATEN
@@ -170,7 +171,7 @@ def _by_clock(
 
 @kernel
 def _no_rows() -> list[IntArray]:
-    """Return an empty list of rows; the compiler takes its type from the one removed again."""
+    """Return an empty list of rows; the compiler knows its type by a row that is removed again."""
     rows = [np.empty(0, dtype=np.int64)]
     rows.clear()
     return rows

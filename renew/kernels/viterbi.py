@@ -237,7 +237,7 @@ def _advance_in_steady(
     near: IntArray,
     exempt: BoolArray,
 ) -> None:
-    """Do the same as :func:`_advance` in a steady current at one speed, but far faster."""
+    """Do the work of :func:`_advance` in a steady current at one speed, far faster."""
     table, polar, _ = water
     x, y, u, v, departure = here
     most = TOO_STRONG * polar.speed * polar.speed
@@ -332,11 +332,11 @@ def _arrivals(
 ) -> None:
     """Fill in the arrival times (m,) at one point from each of a row, and which are exact.
 
-    Those are of legs of one piece that arrive while the current there is known from `bend`:
-    :func:`leg_time` without its branches. With d the leg and g the speed over ground, a time is
-    |d|² / (|d| g): no unit vector is needed. Any other leg is taken at `fastest` (m/s) over
-    ground: if it is not the quickest even so, it need not be timed. Where the current is as strong
-    as the vessel, `here.arrival` is inf.
+    A time is exact if the leg has one piece and ends while the current there is known from `bend`.
+    Exact times are those of :func:`leg_time`, computed without its branches. With d the leg and g
+    the speed over ground, a time is |d|² / (|d| g), so no unit vector is needed. Any other time is
+    too short: it is that of a vessel at `fastest` (m/s) over ground. Such a leg is timed later if
+    it may be the quickest. Where the current is as strong as the vessel, `here.arrival` is inf.
     """
     x, y, u, v, departure = here
     if polar.least < polar.speed:

@@ -45,9 +45,9 @@ def plan_classes(planner: ClassPlanner, classes: int) -> Plan:
     If channels are blocked, other channels around all blocked places are searched, in rounds, until
     a round finds no new one. A strait that padding blocks for one class is mostly blocked for all,
     so the rounds soon find k classes that can be sailed. If they find fewer, some classes may have
-    been skipped, because places blocked for others were taken as blocked for them, or a passing
-    edge as too narrow. These classes are then planned separately, up to k. A class is rejected,
-    with its first reason, when no channel of it is left.
+    been skipped: a place blocked for another class was taken as blocked for them, or one of their
+    passing edges was taken as too narrow. These classes are then planned separately, up to k. A
+    class is rejected, with its first reason, when no channel of it is left.
     """
     search = ClassSearch(planner)
     search.find_first(classes)
@@ -91,8 +91,8 @@ class ClassSearch:
         """Find the best path of the first classes; of a few only, if the others are clearly worse.
 
         Classes are ordered by estimated fuel, which is close to their final fuel; finding many
-        classes takes most of the time. Of the variants, the first is planned, and one beside the
-        best route: the fuel of others differs far less than the fuel of different departures.
+        classes takes most of the time. Only two variants are planned, the first one and one
+        beside the best route: the others differ far less in fuel than departures do.
         """
         if self._planner.options.order == "fuel":
             self._find_best(classes, _WORTH_A_LOOK)
@@ -146,7 +146,7 @@ class ClassSearch:
         is_enough = count >= classes or (
             self.found and (enumerator.has_many_triangles or math.isfinite(dearest))
         )
-        # Where no edge is too narrow for any class the first round has looked into the first k.
+        # If no edge is too narrow for any class, the first round has already tried the first k.
         if not (is_enough or seen_all or enumerator.sees_all):
             for channel in problem.enumerator(0.0).channels(classes):
                 if channel.word not in self.rejected:
@@ -189,7 +189,7 @@ class ClassSearch:
         return frozenset() if channel.word in self.found else self._add(channel, channel.word)
 
     def add_variant(self, channel: Channel) -> frozenset[Transition]:
-        """Plan a channel that more islands distinguish; its class keeps its best channel."""
+        """Plan a channel named by more islands; its class keeps the best of its channels."""
         return self._add(channel, self._rays.of_word(channel.word))
 
     def find_beside_best(self, scout: ClassEnumerator | ViaEnumerator, count: int) -> None:

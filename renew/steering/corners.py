@@ -130,9 +130,9 @@ def round_corners(
 ) -> tuple[FloatArray, IntArray]:
     """Draw a path's sharp corners (n - 2,) around discs of given radii (n - 2,), m.
 
-    Returns the path (m, 2), and for each of its points the point (m,) of the given path (n, 2). If
-    one disc is enough for several corners, it lies as its own corner requires or, if `together`, as
-    all of them do.
+    Returns the path (m, 2), and for each of its points the point (m,) of the given path (n, 2).
+    With `together`, a disc that covers several corners is turned about its own corner to suit them
+    all.
     """
     turns, bisectors = course_changes(path)
     # A point of the path that is not sharp is a disc of radius 0.

@@ -34,7 +34,7 @@ _BINS = 30
 # Greatest distance to the coast that is drawn, as a multiple of the greatest reach; greater
 # distances are only written.
 _MAX_GAP_REACHES = 2.0
-# Position of a line, as a share of the axis, from which its text is on the left.
+# A mark further right than this share of the axis has its text on the left.
 _TEXT_LEFT_FROM = 0.4
 # Length of an axis, as a factor on the greatest value.
 _AXIS_FACTOR = 1.06

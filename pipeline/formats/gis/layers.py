@@ -33,7 +33,7 @@ def coast(result: RunResult) -> GeoDataFrame:
     water = [zone.area for zone in land.zones if zone.kind in {"shoal", "uncharted", "hazard"}]
     polygons = np.array(land.polygons, dtype=object)
     if water:
-        # One overlay of everything: a shoal has thousands of vertices, a chart hundreds of islets.
+        # One overlay of all areas is faster than one for each of a chart's hundreds of islets.
         left = shapely.difference(shapely.union_all(polygons), shapely.union_all(water))
         polygons = shapely.get_parts(left)
         polygons = polygons[shapely.area(polygons) > 0]

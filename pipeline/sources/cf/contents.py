@@ -41,7 +41,8 @@ _STANDARD_NAMES = tuple(
     )
 )
 _VARIABLE_NAMES = (("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("utotal", "vtotal"))
-# Units in m/s, and their spellings without blanks, dots, carets and asterisks.
+# Size of each unit of speed in m/s, and the unit's spellings. Blanks, dots, carets and asterisks
+# are ignored.
 _UNITS_M_S = {
     1.0: ("ms-1", "m/s", "meters-1", "metres-1", "metersecond-1", "metresecond-1", "meters/second"),
     0.01: ("cms-1", "cm/s", "centimeters-1", "centimetersecond-1"),
@@ -233,7 +234,7 @@ def _groups_hint(files: Sequence[Path]) -> str:
 
 
 def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[Note, ...]:
-    """Note the parts that this kind of current lacks."""
+    """Say in a note that such a current lacks the tide, or all but the geostrophic part."""
     standard, name = pair[0]
     if "geostrophic" in standard or name == "ugos":
         return (Note.of("current-geostrophic"),)
