@@ -13,6 +13,7 @@ from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import Evaluation, SeasonPlan
 from pipeline.model.planning import speed_choices
 from pipeline.stages.choose import Chosen
+from pipeline.stages.comparing.way_names import class_names_text
 from pipeline.stages.project import scene_inputs
 from pipeline.stages.seasons.one_season import combine_seasons
 from pipeline.stages.seasons.task import (
@@ -92,6 +93,7 @@ def plan_seasons(
         reasons = _reasons(plans)
         if crashed:
             raise StageError("; ".join(reasons))
+        reasons += class_names_text([plan.failure for plan in plans], chosen.scene.value)
         raise (NoWayError if any(plan.is_shut for plan in plans) else RequestError)(reasons)
     key = artefact_key(
         "planned", [task.evaluation_path.name for task in tasks], [plan.failure for plan in plans]

@@ -10,7 +10,7 @@ largest that distinguishes any two routes.
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -28,6 +28,8 @@ _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
 # Number of sampled points of a route. Points are abeam of an island if their distance from its
 # centre is at most this multiple of the smallest distance.
 _SAMPLES, _NEAR = 1000, 2.0
+# Number of letters of class names that are explained in a refusal.
+_MAX_LETTERS = 8
 
 
 def with_way_names(
@@ -56,6 +58,17 @@ def with_way_names(
         islands=namer.islands(),
         class_islands=namer.class_islands(rejected),
     )
+
+
+def class_names_text(texts: Sequence[str], scene: Scene) -> Iterator[str]:
+    """Yield a sentence that explains the names of classes in some texts, if there are any."""
+    found = [one for text in texts for one in re.findall(r"\b([ps])(\d+)\b", text)]
+    letters = dict.fromkeys((side, int(number)) for side, number in found)
+    meanings = _WayNamer(scene, {}, ()).meanings(letters)
+    if any(re.search(r"\bclass(es)? [^:;]*\be\b", text) for text in texts):
+        meanings.append("e stands for none of the letters")
+    if meanings:
+        yield f"in names of classes, {', '.join(meanings)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +133,17 @@ class _WayNamer:
         known = spelled & set(self._rays.island.tolist())
         numbers = known - (self._used - set(self._names))
         return tuple(self._numbered(island) for island in sorted(numbers))
+
+    def meanings(self, letters: Iterable[tuple[str, int]]) -> list[str]:
+        """Say what the first few letters of class names mean: "p2 leaves Palawan to port"."""
+        known = set(self._rays.island.tolist())
+        sides = {"p": "port", "s": "starboard"}
+        return [
+            f"{side}{island} leaves {self._catalogue_name(island) or 'the island'} at "
+            f"{self._scene.place_text(self._point(island))} to {sides[side]}"
+            for side, island in letters
+            if island in known
+        ][:_MAX_LETTERS]
 
     def _numbered(self, island: int, name: str = "") -> NumberedIsland:
         """Return an island with its number, name and position."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, PlaceName, RouteMetrics, Scene, SeasonPlan
 from pipeline.stages.comparing.islands import islands
-from pipeline.stages.comparing.way_names import with_way_names
+from pipeline.stages.comparing.way_names import class_names_text, with_way_names
 from tests.strategies import examples
 
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
@@ -233,3 +234,17 @@ def test_without_an_island_beside_it_a_way_has_no_name() -> None:
     evaluation = named(scene, planned(scene, classes=1))
     assert [row.way for row in evaluation.routes] == [""]
     assert evaluation.islands == ()
+
+
+def test_names_of_classes_in_a_refusal_are_explained_by_places() -> None:
+    small, large = shapely.box(-250, -50, -150, 50), shapely.box(100, -100, 300, 100)
+    scene = plane_scene([small, large], (-400, 0), (400, 0))
+    texts = ["classes s2.p1, e and 3 more: too narrow; class p1 would do", "season 'p9'"]
+    (found,) = class_names_text(texts, scene)
+    assert re.findall(r"([ps]\d) leaves the island at .*? to (\w+)", found) == [
+        ("s2", "starboard"),
+        ("p1", "port"),
+    ]
+    assert found.endswith("e stands for none of the letters")
+    assert found.index("0.0018 W") < found.index("0.0018 E")
+    assert list(class_names_text(["no water at the start"], scene)) == []
