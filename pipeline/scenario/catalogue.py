@@ -226,7 +226,7 @@ def names(section: Section) -> tuple[str, ...]:
 
 @cache
 def _names_in(folder: Path) -> tuple[str, ...]:
-    """Names of the entries in a folder: it is asked for each season of a scenario."""
+    """Names of the entries in a folder; cached, because each season of a scenario asks for them."""
     return tuple(sorted(path.stem for path in folder.glob("*.toml")))
 
 

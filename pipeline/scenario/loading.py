@@ -260,7 +260,8 @@ def with_currents(
 ) -> tuple[dict[str, Any], list[str]]:
     """Replace the currents of a scenario's seasons by the sources that --currents names.
 
-    Tables hold some seasons only: the others are left out, each with a note, unless that is all.
+    Embedded tables hold some seasons only. The other seasons are left out, each with a note, unless
+    no season would remain.
     """
     if "plane" in data:
         raise RequestError(
@@ -285,7 +286,7 @@ def with_currents(
 
 
 def _is_in_no_table(season: object, currents: Sequence[str | list[str]]) -> bool:
-    """Whether all sources are embedded tables without a (valid) season."""
+    """Whether a valid season has only embedded tables as sources, and is in none of them."""
     tables = [catalogue.source(one) for one in currents if isinstance(one, str)]
     try:
         valid = Season.model_validate(season)

@@ -99,7 +99,7 @@ def _as_files(given: object) -> object:
 
 
 def _usable_files(given: str | tuple[str, ...], info: ValidationInfo) -> str | tuple[str, ...]:
-    """Refuse texts that can't be paths; not inside the union, which adds a fault per member."""
+    """Refuse texts that can't be paths, after the union: inside, each of its types adds a fault."""
     return (
         given if isinstance(given, str) else tuple(strict.usable_path(text, info) for text in given)
     )
@@ -330,7 +330,7 @@ class Season(StrictModel):
     def departing(self, departure: datetime, label: str) -> Self:
         """Return the season, by another name, with its departure chosen."""
         chosen = {"name": label, "departure": departure, "departures": None, "to_within": None}
-        if label != self.name:  # its title says among which departures it was to be chosen
+        if label != self.name:  # the title is that of the window of departures
             chosen["title"] = ""
         if self.speed is None:
             chosen["arrive_by"] = None

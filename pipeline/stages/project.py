@@ -193,7 +193,8 @@ def _cell_m(grid: CurrentGrid) -> float:
 def fill_gaps(field: FloatArray) -> FloatArray:
     """Fill the NaN of a field (ny, nx, 2) outward from its values, ring by ring.
 
-    A filled cell is the mean of its known neighbours, of eight. Known values stay unchanged.
+    A filled cell is the mean of those of its eight neighbours that are known. Known values stay
+    unchanged.
     """
     field = np.array(field, dtype=float)
     known = np.isfinite(field).all(axis=-1)

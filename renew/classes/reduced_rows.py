@@ -21,8 +21,8 @@ from renew.kernels.capsules import Segment
 _IMPOSSIBLE, UNKNOWN = -2, -1
 # From here downwards: a row that is still to be made; see `followed`.
 TO_BE_MADE = -3
-# Largest number of last triangles of a row from which the goal can't be reached without turning
-# back.
+# Largest number of triangles at the end of a row from which a path has to turn back to reach the
+# goal.
 _MAX_ASTRAY = 2
 # Number of triangles up to which rows that can't lead to the goal are recognised: among more, k
 # classes are found long before such rows are looked at.
@@ -74,7 +74,7 @@ class Words(NamedTuple):
 
 @kernel
 def first_row(task: Task) -> IntArray:
-    """Rows with one among them: the start's triangle alone."""
+    """Return the table of rows with its first row, the start's triangle."""
     rows = np.full((_CAPACITY, _LONGER + 3), UNKNOWN)
     rows[0, _TRIANGLE], rows[0, _ENTRY] = task.graph.triangle[START], 3
     rows[0, WORD], rows[0, _ASTRAY] = 0, 0
@@ -92,13 +92,13 @@ def _note(
 
 @kernel
 def no_words() -> Words:
-    """Words with one among them: the empty one."""
+    """Return the table of words with its first word, which is empty."""
     return Words([-1], [0], {0: 0})
 
 
 @kernel
 def with_room(array: npt.NDArray[_Number], size: int) -> npt.NDArray[_Number]:
-    """The array, with room for `size` rows: doubled until it has."""
+    """Return an array with room for at least `size` rows, by doubling its length."""
     while len(array) < size:
         array = np.concatenate((array, np.full_like(array, UNKNOWN)))
     return array
@@ -121,8 +121,8 @@ def row_after(
 def followed(graph: Roadmap, rows: IntArray, row: int, leg: int) -> int:
     """Row after a leg, negative where there can be none.
 
-    Where it is not known: TO_BE_MADE less three times the last known row, less the edge by which
-    that is left.
+    If the row is not known yet, returns TO_BE_MADE - 3 r - e: r is the last known row, and e the
+    edge by which the leg leaves it.
     """
     for k in range(graph.first_crossed[leg], graph.first_crossed[leg + 1]):
         out = graph.crossed[k] % 3
@@ -135,10 +135,10 @@ def followed(graph: Roadmap, rows: IntArray, row: int, leg: int) -> int:
 
 @kernel
 def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) -> int:
-    """Lengthen a row by the triangle across an edge, as row `new`; returns how many were made.
+    """Lengthen a row by the triangle across an edge, as row `new`; return 1, or 0 if it can't be.
 
-    Where the triangle may not be entered none is made, and that is noted. `place` is three times
-    the row that is lengthened, and the corner opposite to the edge.
+    If the triangle may not be entered, the table of rows notes it. `place` is three times the row
+    that is lengthened, plus the corner opposite to the edge.
     """
     mesh, rays = task.graph.mesh, task.rays
     row, out = divmod(place, 3)
@@ -176,7 +176,7 @@ def word_changes(task: Task) -> BoolArray:
                 first, last, step = rays_between(rays.x, leg.ax, leg.bx)
                 for i in range(first, last, step):
                     if is_crossed(rays.x[i], rays.y[i], leg):
-                        # From the other side rounding may say otherwise.
+                        # Noted for both directions: by rounding, the test may differ between them.
                         changes[3 * triangle + out] = True
                         changes[3 * after + mesh.back[triangle, out]] = True
     return changes
@@ -282,7 +282,7 @@ def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
 
 @kernel
 def may_end(task: Task, rows: IntArray, row: int) -> bool:
-    """Whether the goal may be reached by the last triangle of a row, as that is entered."""
+    """Whether a path may go to the goal from a row's last triangle, by the edge that it entered."""
     return not task.blocked[rows[row, _TRIANGLE], rows[row, _ENTRY], 3]
 
 
@@ -290,10 +290,9 @@ def may_end(task: Task, rows: IntArray, row: int) -> bool:
 def number_of_classes(
     task: Task, words: Words, rows: IntArray, most: int
 ) -> tuple[int, IntArray, int]:
-    """Number of rows to the goal, at most `most`: with the last one found the search may end.
+    """Return the number of rows to the goal, at most `most`, the rows made, and their number.
 
-    Also returned are all rows made for that, and their number. Among many triangles nothing is
-    counted.
+    Among many triangles nothing is counted, and the number is `most`.
     """
     found, waiting = 0, [0]
     used = len(waiting)  # not 1: for a literal the compiler would make `_lengthened` once more

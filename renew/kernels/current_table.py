@@ -4,8 +4,9 @@ The search for paths needs the current millions of times, so it reads a table, m
 The figures that a plan reports are computed in the field itself. A changing current has one slice
 of nodes per time, and is linear between slices; a steady current has one slice.
 
-Between two slices the velocity is linear in time, so its square is a parabola. The current is
-weaker than the level in one interval between the two roots.
+Overpowered spells are the hours when a current is too strong. Between two slices the velocity is
+linear in time, so its square is a parabola. Between the parabola's two roots the current is weaker
+than a given level.
 """
 
 import math

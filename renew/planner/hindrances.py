@@ -72,9 +72,10 @@ def with_clearance(
     pieces = padded.select(yields).cut(_SPACING * clearance)
     apart = np.minimum(_apart(pieces, tree, reach), reach)
     kept = pieces.at_least(share * apart)
-    # Others lie in the padding of their whole edge, and would shut the way out of it at an end.
+    # A piece with no more padding than its edge adds nothing, and at a start or goal it would shut
+    # the way out of the padding.
     kept = kept.select(kept.padding > pieces.padding)
-    # Each edge's first row has its padding for turns, which may grow.
+    # The whole edges come first: their padding, which is for turns, may grow later.
     first = padded.at_least(np.where(yields, 0.0, clearance))
     return PaddedEdges.stacked([first, kept])
 
@@ -88,8 +89,8 @@ def _middles_of_narrows(
 ) -> FloatArray:
     """Return the middles (n, 2) of the sections and ends of a voyage with less room than clearance.
 
-    Sections in narrows are as close as the least room there, down to `least` m, so that no narrow
-    lies between two.
+    In narrows, sections are no further apart than the least room there, or than `least` m. So no
+    narrow is missed between two sections.
     """
     spacing = _SPACING * clearance
     middles, room = _narrow_sections(clearance, channel, voyage, triangulation, spacing)
@@ -112,7 +113,7 @@ def _narrow_sections(
     A section is narrow if none of its places keeps the clearance.
     """
     sections = sections_of(channel, voyage.start, voyage.goal, spacing, _ANGLE)
-    # Most sections have room at one of few places.
+    # A few places are tried first: most sections have room at one of them.
     for places in (_FEW_PLACES, _PLACES):
         points = sections.points(np.broadcast_to(places, (len(sections.left), len(places))))
         room = _room(points, triangulation, clearance)

@@ -1,10 +1,9 @@
 """Find paths of a class by the paper's sampling; the harmonic mean of their fuel ranks classes.
 
-A shortcut keeps the chain's class: it crosses the rays of the islands (see
-:mod:`renew.classes.h_signature`) like the part of the chain that it replaces.
-
 The published figures are of smoothed paths, and hardly any raw chain can be steered. So each chain
-is smoothed before it is checked and counted in the harmonic mean.
+is smoothed by shortcuts before it is checked and counted in the harmonic mean. A shortcut keeps the
+chain's class: it crosses the rays of the islands (see :mod:`renew.classes.h_signature`) like the
+part of the chain that it replaces.
 """
 
 import math
@@ -148,7 +147,7 @@ def _leg_time(leg: Segment, begin: float, longest: float, water: _Water) -> floa
     for piece in range(pieces):
         for within in _GAUSS:
             place = (piece + within) / pieces
-            # The part from the last point, at the slowness of the present one.
+            # Time to this point, at the slowness of the point before.
             begin += last * (place - behind) * length
             u, v = velocity(water.table, leg.ax + place * dx, leg.ay + place * dy, begin)
             last, behind = slowness(u, v, dx / length, dy / length, water.polar), place

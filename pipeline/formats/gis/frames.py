@@ -135,7 +135,7 @@ def write_layer(
 ) -> None:
     """Write a frame as a new layer, or append it to one.
 
-    SQLite does not wait for the disk: files are flushed before their folder takes its name.
+    SQLite does not wait for the disk here: all files are flushed together, when they are complete.
     """
     from pyogrio import set_gdal_config_options
 

@@ -258,7 +258,7 @@ def continued(land: Geometries, surroundings: Geometries) -> Geometries:
 def _projected(
     scene: model.Scene, polygons: Sequence[shapely.Polygon]
 ) -> Iterator[shapely.Polygon]:
-    """Yield polygons in the plane, but for those that reach too far for it, as across a pole."""
+    """Yield polygons in the plane; skip those that the plane can't hold, such as around a pole."""
     for polygon in polygons:
         with contextlib.suppress(RequestError):
             yield scene.projection.geometry_to_plane(polygon)
