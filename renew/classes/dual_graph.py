@@ -54,7 +54,7 @@ def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
 
 @kernel
 def without_dead_ends(neighbours: IntArray, first: int, last: int) -> BoolArray:
-    """Triangles (t,) but for dead ends, which no row without repeats leads through.
+    """Whether each triangle (t,) is in no dead end: no row without repeats crosses a dead end.
 
     `neighbours` (t, 3) are those of :class:`renew.classes.triangulation.Triangulation`.
     """
@@ -82,7 +82,7 @@ def without_dead_ends(neighbours: IntArray, first: int, last: int) -> BoolArray:
 def simple_paths(
     triangulation: Triangulation, first: int, last: int, max_steps: int
 ) -> Iterator[list[int]]:
-    """Rows of triangles, none twice, as a depth-first search meets them.
+    """Rows of triangles without repeats, as a depth-first search meets them.
 
     A triangle is only entered if the last one can still be reached from it without triangles of the
     row: otherwise the search would spend most of its time in dead ends. It gives up after having
@@ -98,7 +98,8 @@ def simple_paths(
         elif after == last:
             yield [*row, last]
         else:
-            # Where there is no other way on, the goal is reached by this one.
+            # The goal could be reached from the last triangle. If this is its only way on, the
+            # goal is reached this way.
             is_only_way = sum(node not in used for node in beside[row[-1]]) == 1
             reached = {last} if is_only_way else _flooded(beside, after, used, last)
             max_steps -= len(reached)
@@ -109,7 +110,7 @@ def simple_paths(
 
 
 def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: int) -> set[int]:
-    """Triangles that are met from one on, without the used ones, until another is met."""
+    """Triangles that a search from `start` reaches without used ones, before it meets `until`."""
     reached, waiting = {start}, [start]
     while waiting and until not in reached:
         found = [node for node in beside[waiting.pop()] if node not in used and node not in reached]
@@ -119,7 +120,7 @@ def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: in
 
 
 def widest_gap(triangulation: Triangulation, one: int, other: int) -> float:
-    """Width (m) of the narrowest passing edge on the way whose narrowest is the widest."""
+    """Width (m) of the widest way: of its narrowest passing edge."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -163,7 +164,7 @@ def _beside(
     nearest: dict[int, int],
     among: Container[int] | None = None,
 ) -> list[int]:
-    """Triangles next to the outermost ones, added to the nearest; all, or only some."""
+    """Add the triangles next to the outermost ones to `nearest`, if they are `among` some."""
     found: dict[int, int] = {}
     for triangle in outermost:
         for beside in triangulation.neighbours[triangle].tolist():

@@ -11,8 +11,8 @@ from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
 from renew.kernels.current_table import CurrentTable, largest_speed, table_of, velocities
 
-# Number of cells a side of the first table, which are halved while it is not fine, and of the last
-# one, of 16 MB.
+# Number of cells along each side of the first table. Cells are halved until the table is fine, or
+# until it has the largest number, and 16 MB.
 _MIN_CELLS, _MAX_CELLS = 64, 1024
 # Ratio of a table's error to the coarser table's above which refining stops: it is a quarter in a
 # smooth field, and more in a field that has a step.
@@ -21,11 +21,11 @@ _MAX_ERROR_RATIO = 0.5
 _MAX_NODES = 8_000_000
 # Number of slices of a changing current at which a table is made, to find how fine it must be.
 _PROBES = 5
-# Share of the strongest current up to which the cubics through the nodes may differ from the field,
-# to stand for it between nodes; the error of a fine table may be ten times that.
+# Between nodes, cubics through the nodes stand for the field if they differ from it by at most this
+# share of the strongest current. The error of a fine table may be ten times as large.
 _CUBIC_TOLERANCE = 1e-4
-# Number of points at random at which the cubics are checked, about twice as many as the first table
-# takes, and the ratio of the error there to the table's above which they are not trusted.
+# Number of random points at which the cubics are checked, about twice as many as the first table
+# has nodes. The cubics are rejected if the error there exceeds the table's error by this factor.
 _RANDOM_POINTS, _MAX_EXCESS = 16_384, 1.5
 
 
@@ -37,7 +37,7 @@ def tabulated(
 
 
 class _Made(NamedTuple):
-    """A table, and the number of cells a side at whose nodes the field was asked; cubic between."""
+    """A table, and the number of cells a side at whose nodes it has the field, not the cubics."""
 
     table: CurrentTable
     cells_asked: int
@@ -54,7 +54,7 @@ def _made(
     x, y = _axes(bounds, cells)
     uv = for_kernels(field(_mesh(x, y)))
     while True:
-        # Every second node is one of this table, the others are its cells' and edges' middles.
+        # Every second node is a node of this table; the others are middles of its cells and edges.
         finer_x, finer_y = _axes(bounds, 2 * cells)
         middles = _middles(uv)
         if not cells_asked:

@@ -178,8 +178,8 @@ def _near_rough_or_bulging(
     """Return the corridor and the least-fuel path (n, 2) near the rough path of the class.
 
     In three cases the path near the best one within the channel is also searched, and the cheaper
-    of both is returned: the first path needs much more padding, which then stays; padding pushes
-    the first path away from the rough one; or tacking pays.
+    of both is returned: padding pushes the first path away from the rough one, tacking pays, or the
+    first path needs much more padding, which the second path then has, too.
     """
     near = path_from(corridor, near_rough, growth)
     is_doubtful = _is_much_wider(near[0], corridor) or _pays_tacking(*near)
@@ -206,7 +206,7 @@ def _path_near(
     rough_path: Callable[[Corridor], FloatArray],
     growth: PaddingGrowth,
 ) -> tuple[Corridor, FloatArray]:
-    """Return the path near a rough one; if more padding shuts that, near another rough path."""
+    """Return the path near a rough one or, if more padding shuts that way, near another one."""
     fitted = growth.fitted(corridor, rough)
     if fitted is corridor:
         return _refined(corridor, rough)

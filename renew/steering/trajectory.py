@@ -20,8 +20,9 @@ from renew.voyage.voyage import shares
 _ARC_STEP = math.radians(2)
 # Number of samples on all straight legs: the heading follows a changing current.
 _LEG_SAMPLES = 256
-# Factor by which arcs are wider than needed at the corner itself, because the current changes along
-# them; growth beyond the excess of their heading rate over ω; and number of times they may grow.
+# Arcs are wider by this factor than the corner itself needs, because the current changes along
+# them. While the heading turns faster than ω on an arc, its radius grows by that excess and this
+# factor, up to this number of times.
 _MARGIN, _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 1.003, 20
 # Length of a leg that counts as 0, as a share of the path.
 _NO_LENGTH = 1e-9
@@ -195,7 +196,7 @@ def _crab_along(
 ) -> FloatArray:
     """Return the trajectory (m, 4) along a curve: crab headings, times by the trapezoidal rule.
 
-    It begins at the first time (m,), s, of a guess that shortens the search for the other times.
+    The times (m,), s, are a guess: the first is the departure, and the others shorten the search.
     Legs are sailed at speeds (m - 1,) through water; where these change, the heading is that of
     their mean.
     """

@@ -22,8 +22,8 @@ from renew.voyage.fuel import Pieces, passage
 # Share of the vessel's speed by which the current may change in a step of the clock, the number of
 # steps that a way across the chart has at most, and a change (m/s²) that counts as none.
 _CHANGE, _MAX_STEPS, _SLOWEST_CHANGE = 0.1, 2000, 1e-12
-# Where a path passes a via point again, closer by no more than this share of v/ω, the first time
-# counts.
+# A path may come near a via point several times. It passes the point the first time, unless it
+# comes closer later by more than this share of v/ω.
 _AS_CLOSE = 0.01
 
 
@@ -113,8 +113,8 @@ class Voyage:
     def clock(self) -> Clock:
         """When the voyage begins, and how closely the search for paths follows the clock.
 
-        The current changes by no more than a share of the vessel's speed in one step, unless it is
-        only known less often; the number of steps across the chart is limited.
+        In one step the current changes by no more than a share of the vessel's speed. But no step
+        is shorter than the time between slices, and their number across the chart is limited.
         """
         table, speed = self.table, self.vessel.speed
         if table.is_steady:
@@ -164,7 +164,7 @@ class Voyage:
             part = self.part(at, departure)
             yield part, piece
             duration = part.duration(piece)
-            # Where no way can be made the clock stops.
+            # A part that can't be sailed takes no time.
             departure += duration if math.isfinite(duration) else 0.0
 
     def cut(self, path: FloatArray) -> list[FloatArray]:
@@ -297,10 +297,10 @@ class Voyage:
         return end - self.departure if math.isfinite(end) else math.inf
 
     def reading_times(self, path: FloatArray) -> FloatArray:
-        """Times (n,), s, at which the current at a path's points (n, 2) is to be read, nearly.
+        """Times (n,), s, at about which the current at a path's points (n, 2) is to be read.
 
         They are times of passage by the schedule, or else by the table; in a steady current all are
-        the departure. Where no way can be made the clock stops.
+        the departure. A leg that can't be sailed takes no time.
         """
         if self.current.is_steady:
             return np.full(len(path), self.departure)

@@ -19,7 +19,7 @@ from renew.voyage.fuel import passage, speeds_along
 # Maximum length, true metres, of a piece of a leg that is taken to have one scale of the plane and
 # one course: the planner's straight line is then as long as the geodesic, to a millionth.
 _PIECE_M = 10_000.0
-# Number of pieces, at least, into which a line is cut that is sailed at several speeds.
+# A line that is sailed at several speeds is cut into at least this number of pieces.
 _PIECES = 500
 
 # Difference from the planned arrival that counts as none, as a share of the time under way (a
@@ -29,7 +29,7 @@ _IN_TIME, _ROUNDS = 1e-6, 6
 
 @dataclass(frozen=True)
 class Legs:
-    """A route's n vertices, each with the leg that leaves it; NaN for the goal's, which has none.
+    """A route's n vertices, each with the leg that leaves it; NaN at the goal, which no leg leaves.
 
     `lonlat` (n, 2) degrees; `course_deg` (n,) true, at the leg's start; `length_m` (n,) true metres
     along the planned line; `time_s` (n,) seconds since departure; `speed_m_s` (n,) mean speed over
@@ -103,7 +103,7 @@ def times_at(
 def steps(points: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
     """Steps between points (n, 2) of a route's path; their true times add up to its duration.
 
-    In a changing current the planner's own times count, since it read the current at them.
+    In a changing current they are the planner's own times, at which it read the current.
     """
     scene, drift = result.scene, result.scenario.planner.drift
     found = sailed(*at_speeds_sailed(points, ranked), scene, ranked.season, drift)

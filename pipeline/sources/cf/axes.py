@@ -158,16 +158,17 @@ def is_same_axis(own: FloatArray, other: FloatArray) -> bool:
 
 # Time that a field stands for if it is the only one in its file.
 _SINGLE_STEP = timedelta(days=1)
-# Length of a long step in median ones: a long month has 31 days, the median one 30.4.
+# A step may be longer than the median step by this factor: a month has up to 31 days, the median
+# month 30.4.
 _LONG_STEP = 1.04
 # Calendars with the days of the real one.
 _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
-# Last year of a step; times near the last year of all can't be calculated with.
+# Latest year of a step: near Python's last year, 9999, times can't be calculated with.
 _MAX_YEAR = 9000
 # Reference year of a time's units: "days since 0001-01-15" are a climatology's, of no real year.
 _SINCE = re.compile(r"\bsince\s+(-?\d+)-")
 _STANDARD_NAME = "forecast_reference_time"
-# Global attributes that hold it: of CF's own name, of Copernicus Marine's files, of others.
+# Global attributes that hold it: with the name in CF, in Copernicus Marine's files, and in others.
 _ATTRIBUTES = ("forecast_reference_time", "bulletin_date", "forecast_reference", "reference_time")
 _DIGITS = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2})?)?")
 
@@ -176,8 +177,8 @@ _DIGITS = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2})?)?")
 class TimeSteps:
     """The steps of a file: their valid times (UTC, ascending), or a climatology's months.
 
-    Neither where the file gives no time; then there is one step. `labels` are the steps in writing,
-    `width` is how long one lasts, where the file has bounds.
+    A file that gives no time has one step, with neither a time nor a month. `labels` are the steps
+    in writing, `width` is how long one lasts, where the file has bounds.
     """
 
     moments: tuple[datetime, ...] = ()
@@ -348,7 +349,7 @@ def _month_start(moment: datetime) -> datetime:
 
 
 def reference_time(datasets: "Iterable[xr.Dataset]") -> datetime | None:
-    """Return the newest reference time (aware, UTC) of open files; None where one says none."""
+    """Return the newest reference time (aware, UTC) of open files; None if a file has none."""
     times = [_from_variable(dataset) or _from_attributes(dataset) for dataset in datasets]
     known = [time for time in times if time is not None]
     return max(known) if known and len(known) == len(times) else None

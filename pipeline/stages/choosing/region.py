@@ -187,7 +187,7 @@ def opened(bounds: Bounds, distance_m: float, limits: Bounds) -> Bounds:
 
 
 def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) -> Bounds:
-    """Move the given sides outward, at most to the limits; return small changes unchanged."""
+    """Move the given sides outward, at most to the limits, unless they would hardly move."""
     up = metres / METRES_PER_DEGREE
     widest = max(abs(bounds[1]), abs(bounds[3]))
     aside = up / float(np.cos(np.radians(min(widest, 89.0))))
