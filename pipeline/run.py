@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.formats.shared.result import RunResult, addressed
-from pipeline.formats.shared.text import gap_figure, season_name, season_text
+from pipeline.formats.shared.text import season_name, season_text
 from pipeline.geo.lonlat import position_text
 from pipeline.machine.interpreters import cores, python_command, python_environment
 from pipeline.machine.store import Made, Store, artefact_key, file_hash
@@ -129,7 +129,7 @@ class Outcome:
                 f"{row.fuel:.1f}",
                 f"{row.length_m / 1000:.1f}",
                 f"{row.clearance_m / 1000:.2f}",
-                gap_figure(row.optimality_gap),
+                self.result.gap_figure(row),
                 f"{row.collisions} of {row.trials:,}",
             )
             for row in self.evaluation.routes

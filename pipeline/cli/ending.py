@@ -12,6 +12,7 @@ from pipeline.cli.progress import progress
 from pipeline.cli.terminal import say, table, terminal_width
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_json, note_texts, rejections
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import json_value
 from pipeline.machine.paths import short_path
 from pipeline.model import ClockWorth, RouteMetrics
@@ -73,7 +74,7 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
                 seen.add(row.main_passage)
                 passed.update(name for passage in row.passages for name in passage.islands)
                 best = next(one for one in outcome.evaluation.routes if one.season == row.season)
-                rows.append(_row(row, best.fuel, 1.0 if unit == "m" else 1000.0))
+                rows.append(_row(outcome.result, row, best.fuel, 1.0 if unit == "m" else 1000.0))
     lines = [*_passages(outcome), *_unused_currents(outcome), *_unknown_currents(outcome)]
     lines += [f"{text.capitalised(choice)}." for choice in outcome.choices]
     lines += [""] * bool(outcome.choices)
@@ -134,7 +135,7 @@ def _unknown_currents(outcome: Outcome) -> Iterator[str]:
         yield f"Current NOT known{about}; nothing is proven of the real one\n"
 
 
-def _row(row: RouteMetrics, least_fuel: float, unit_m: float) -> tuple[str, ...]:
+def _row(result: RunResult, row: RouteMetrics, least_fuel: float, unit_m: float) -> tuple[str, ...]:
     """Return one route's cells; the last is "collisions/all" of the simulated hard-over turns.
 
     The fuel of the season's best route is a figure, another route's is what it needs more.
@@ -149,7 +150,7 @@ def _row(row: RouteMetrics, least_fuel: float, unit_m: float) -> tuple[str, ...]
         kept,
         text.number(row.fuel) if row.rank == 1 else f"{100 * (row.fuel / least_fuel - 1):+.1f} %",
         f"{row.fuel_per_distance:.3f}",
-        text.gap_figure(row.optimality_gap) if math.isfinite(row.optimality_gap) else "-",
+        result.gap_figure(row) if math.isfinite(row.optimality_gap) else "-",
         f"{row.collisions}/{row.trials:,}" if row.has_land else "-",
     )
 

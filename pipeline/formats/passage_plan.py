@@ -29,7 +29,6 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns
 from pipeline.formats.shared.text import (
-    gap_figure,
     moment_text,
     speed_over_ground,
     speed_range,
@@ -115,8 +114,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
     turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
     least = distance_text(planned.clearance_m)
-    is_proven = not result.lacks_current(planned.season)
-    gap = f"Optimality gap: {gap_figure(planned.optimality_gap) if is_proven else 'not proven'}."
+    gap = f"Optimality gap: {result.gap_figure(planned)}."
     passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
     return [
         f"Vessel: {ship}; {through} through the water, turns at {turn_rate} a second.",

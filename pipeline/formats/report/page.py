@@ -44,7 +44,7 @@ _FETCHING_RULE = re.compile(r"[^{}]*\{[^{}]*url\([^{}]*\}")
 Notice = tuple[str, tuple[tuple[str, str], ...]]
 """What a reader must know before the answer: a title, and items that are each about a season."""
 _FILTERS = (
-    *("number", "fuel", "hours", "days", "percent", "share", "plain", "gap_figure"),
+    *("number", "fuel", "hours", "days", "percent", "share", "plain"),
     "capitalised",
 )
 

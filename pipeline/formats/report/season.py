@@ -91,7 +91,6 @@ class SeasonPart:
     how_fast: tuple[str, ...] = ()
     trade_off_plot: Markup | str = ""
     speeds: tuple[float, float] | None = None
-    lacks_current: bool = False
 
     @property
     def best(self) -> RouteMetrics | None:
@@ -129,7 +128,6 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
         picture=season_svg(result, entry.season, identity=anchor, label=f"Map of {label}"),
         profile=profile,
         padding=padding,
-        lacks_current=result.lacks_current(entry.season),
         **_departure(result, entry.season, anchor),
         **_how_fast(result, entry.season, anchor),
     )

@@ -13,7 +13,7 @@ import renew
 from pipeline import model
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.formats.shared.text import capitalised, planner_text, season_name
+from pipeline.formats.shared.text import capitalised, gap_figure, planner_text, season_name
 from pipeline.model import ShoreCrossing
 from pipeline.model.inputs import Note, Place, of_seasons
 from pipeline.scenario.model import Scenario
@@ -178,6 +178,10 @@ class RunResult:
         if grid is None or best is None:
             return False
         return grid.is_left_out or best.filled_share >= 1 - _NONE
+
+    def gap_figure(self, row: model.RouteMetrics) -> str:
+        """A route's optimality gap for readers: none is proven where the current is not known."""
+        return "not proven" if self.lacks_current(row.season) else gap_figure(row.optimality_gap)
 
     def crossings(self, season: str, rank: int) -> FloatArray:
         """Middles (n, 2), lon/lat degrees, of a route's parts over the second shoreline's land."""

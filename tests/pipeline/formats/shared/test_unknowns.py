@@ -76,6 +76,8 @@ def test_a_current_that_is_not_known_at_all_is_told_first() -> None:
     assert [still.lacks_current(season) for season in ("summer", "winter")] == [False, True]
     winter = still.season_routes("winter")[0].metrics
     assert note_texts(route_unknowns(still, winter))[0].startswith("no current was used")
+    assert still.gap_figure(winter) == "not proven"
+    assert still.gap_figure(still.season_routes("summer")[0].metrics).endswith(" %")
     partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
     assert not partly.lacks_current("summer")
 
