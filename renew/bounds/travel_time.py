@@ -11,15 +11,14 @@ it solved again with the slowness of some cells lowered.
 """
 
 import heapq
+import itertools
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-import shapely
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
-from renew.inputs.chart import Chart
 from renew.kernels.current_table import CurrentTable, node_velocity
 from renew.kernels.ground_speed import Polar, ground_speed
 
@@ -29,9 +28,18 @@ TOLERANCE = 1e-4
 BEYOND = 1.02
 """Multiple of the goal's time beyond which no times are computed."""
 
+HELPFUL, MEAN = False, True
+"""In which current a leg is sailed: the most helpful of its triangle's, or the mean on its way."""
+
 # Lowest ground speed of the travel times, as a share of v: keeps them finite upstream of currents
 # as strong as the vessel. No part of the proof.
 _MIN_SPEED = 0.05
+# A place beside an end of a segment, as a share of it.
+_BESIDE = 1 / 16
+# The two sides of a place among the nodes of an axis: they differ where it is a node.
+_SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
+# Neighbours of a node, as rows and columns from it, in order around it.
+_RING = np.array([[0, 1], [1, 1], [1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1]])
 
 
 class TravelGrid(NamedTuple):
@@ -84,9 +92,14 @@ def source(grid: TravelGrid, start: FloatArray) -> tuple[FloatArray, BoolArray]:
 
 
 def locate(grid: TravelGrid, point: FloatArray) -> Place:
-    """Cell that holds a point, and the point's place in it."""
-    column = int(np.clip(np.searchsorted(grid.x, point[0]) - 1, 0, grid.x.size - 2))
-    row = int(np.clip(np.searchsorted(grid.y, point[1]) - 1, 0, grid.y.size - 2))
+    """Cell that holds a point, one with water if there is any, and the point's place in it."""
+    columns, rows = (
+        np.unique(
+            np.clip([np.searchsorted(axis, at, side) - 1 for side in _SIDES], 0, len(axis) - 2)
+        ).tolist()
+        for axis, at in ((grid.x, point[0]), (grid.y, point[1]))
+    )
+    row, column = max(itertools.product(rows, columns), key=lambda cell: bool(grid.wet[cell]))
     s = float(np.clip((point[0] - grid.x[column]) / (grid.x[column + 1] - grid.x[column]), 0, 1))
     t = float(np.clip((point[1] - grid.y[row]) / (grid.y[row + 1] - grid.y[row]), 0, 1))
     rising = [1 - max(s, t), max(s - t, 0.0), max(t - s, 0.0), min(s, t)]
@@ -145,20 +158,27 @@ def _arrival(
     best = min(first, second)
     place, least = 0.5, np.inf
     step, side = 0.5, 0.0
-    for k in range(7):
-        # The middle, then a step of a quarter, an eighth, a sixteenth: towards the side that was
-        # better last, and only if that is no better to the other.
-        if k % 2 == 1:
+    for k in range(-1, 7):
+        # Beside the better end: if it is no better there, the end is best. Then the middle, then a
+        # step of a quarter, an eighth, a sixteenth: towards the side that was better last, and only
+        # if that is no better to the other.
+        if k > 0 and k % 2 == 1:
             step /= 2
             is_better = False
         elif k > 0 and is_better:
             continue
         s = place + side * step
+        if k < 0:
+            s = _BESIDE if first <= second else 1 - _BESIDE
         dx = (1 - s) * legs[0, 0] + s * legs[1, 0]
         dy = (1 - s) * legs[0, 1] + s * legs[1, 1]
         value = (1 - s) * times[0] + s * times[1]
         value += stretch * _passage(dx, dy, corner_currents, deviation, polar)
-        if k == 0:
+        if k < 0:
+            if value >= best:
+                return float(best)
+            best = value
+        elif k == 0:
             least, side = value, 1.0 if second < first else -1.0
         elif value < least:
             place, least, is_better = s, value, True
@@ -169,11 +189,17 @@ def _arrival(
 
 @kernel
 def solve(
-    time: FloatArray, dirty: BoolArray, stretch: FloatArray, grid: TravelGrid, cell: FloatArray
+    time: FloatArray,
+    dirty: BoolArray,
+    stretch: FloatArray,
+    grid: TravelGrid,
+    cell: FloatArray,
+    current: bool,
 ) -> None:
     """Lower the times (ny, nx) until no triangle improves any; starts from dirty nodes.
 
     It ends a little after `cell`, a view of some of the times, is known; later nodes stay dirty.
+    Legs are sailed in the HELPFUL or the MEAN current.
 
     Dijkstra's order, but a node whose time is improved later is settled again: with currents, the
     quickest way to a node may come through a node that is reached after it.
@@ -192,87 +218,37 @@ def solve(
         dirty[row, column] = False
         times[0] = now
         clock = grid.departure + now
-        corner_currents[0] = node_velocity(table, row, column, clock)
-        for quadrant in range(4):
-            dr, dc = 2 * (quadrant // 2) - 1, 2 * (quadrant % 2) - 1
-            cell_row, cell_column = row + min(dr, 0), column + min(dc, 0)
-            inside = 0 <= cell_row < rows - 1 and 0 <= cell_column < columns - 1
-            if not (inside and grid.wet[cell_row, cell_column]):
+        own = node_velocity(table, row, column, clock)
+        for way in range(16):
+            # To each neighbour, from the segments to the nodes beside this one on its ring.
+            to_row, to_column = row + _RING[way // 2, 0], column + _RING[way // 2, 1]
+            beside = (way // 2 + 3 + 2 * (way % 2)) % 8
+            by_row, by_column = to_row + _RING[beside, 0], to_column + _RING[beside, 1]
+            r, c = min(row, to_row, by_row), min(column, to_column, by_column)
+            inside = 0 <= r < rows - 1 and 0 <= c < columns - 1
+            inside = inside and max(row, to_row, by_row) < rows
+            inside = inside and max(column, to_column, by_column) < columns
+            if not (inside and grid.wet[r, c]) or time[to_row, to_column] <= now:
                 continue
-            # Every triangle of this node, another corner that is reached, and a third.
-            for pair in range(9):
-                i, j = pair // 3 + 1, pair % 3 + 1
-                to_row, to_column = row + dr * (i // 2), column + dc * (i % 2)
-                if i == j or time[to_row, to_column] <= now:
-                    continue
-                by_row, by_column = row + dr * (j // 2), column + dc * (j % 2)
-                times[1] = time[by_row, by_column]
-                if dirty[by_row, by_column] and times[1] > now:
-                    times[1] = np.inf  # its turn comes, and this triangle's with it
-                corner_currents[1] = node_velocity(table, by_row, by_column, clock)
-                corner_currents[2] = node_velocity(table, to_row, to_column, clock)
-                legs[0, 0] = grid.x[to_column] - grid.x[column]
-                legs[0, 1] = grid.y[to_row] - grid.y[row]
-                legs[1, 0] = grid.x[to_column] - grid.x[by_column]
-                legs[1, 1] = grid.y[to_row] - grid.y[by_row]
-                arrival = _arrival(
-                    legs,
-                    times,
-                    corner_currents,
-                    grid.deviation[cell_row, cell_column],
-                    stretch[cell_row, cell_column],
-                    grid.polar,
-                )
-                known = time[to_row, to_column]
-                if known == np.inf or arrival < known - TOLERANCE * (known - now):
-                    time[to_row, to_column] = arrival
-                    dirty[to_row, to_column] = True
-                    heapq.heappush(queue, (arrival, to_row, to_column))
-
-
-def wet_cells(chart: Chart, x: FloatArray, y: FloatArray) -> BoolArray:
-    """Cells (ny - 1, nx - 1) that hold water; a sliver along their sides is none."""
-    from scipy.ndimage import label
-
-    near_shore = _near_lines(chart.open_water.boundary, x, y)
-    # A region apart from all shores is all water or all land: one point tells which.
-    regions, count = label(~near_shore)
-    one_of = np.zeros(count + 1, dtype=np.int64)
-    one_of[regions.ravel()] = np.arange(regions.size)
-    row, column = np.divmod(one_of, regions.shape[1])
-    middle_x, middle_y = (x[column] + x[column + 1]) / 2, (y[row] + y[row + 1]) / 2
-    wet = shapely.contains_xy(chart.open_water, middle_x, middle_y)[regions]
-    # Land whose shore runs along a line of the grid leaves no cells of water on its own side.
-    shrink = 10 * chart.precision
-    row, column = np.nonzero(near_shore)
-    cells = shapely.box(
-        x[column] + shrink, y[row] + shrink, x[column + 1] - shrink, y[row + 1] - shrink
-    )
-    water = shapely.get_parts(chart.open_water)
-    holds_water = np.zeros(len(cells), dtype=bool)
-    holds_water[shapely.STRtree(cells).query(water, predicate="intersects")[1]] = True
-    wet[near_shore] = holds_water
-    return np.asarray(wet)
-
-
-def _near_lines(lines: shapely.Geometry, x: FloatArray, y: FloatArray) -> BoolArray:
-    """Cells (ny - 1, nx - 1) that the bounding box of a piece of some lines touches."""
-    points, line = shapely.get_coordinates(shapely.get_parts(lines), return_index=True)
-    joined = line[:-1] == line[1:]
-    low, high = (
-        np.minimum(points[:-1], points[1:])[joined],
-        np.maximum(points[:-1], points[1:])[joined],
-    )
-    # A box that ends on a line of the grid touches the cells on both sides of it.
-    count = np.zeros((len(y) + 1, len(x) + 1), dtype=np.int64)
-    left, right = np.searchsorted(x, low[:, 0]) - 1, np.searchsorted(x, high[:, 0], "right")
-    below, above = np.searchsorted(y, low[:, 1]) - 1, np.searchsorted(y, high[:, 1], "right")
-    left, below = np.maximum(left, 0), np.maximum(below, 0)
-    for rows, columns, step in (
-        (below, left, 1),
-        (below, right, -1),
-        (above, left, -1),
-        (above, right, 1),
-    ):
-        np.add.at(count, (rows, columns), step)
-    return np.asarray(count.cumsum(axis=0).cumsum(axis=1)[:-2, :-2] > 0)
+            times[1] = time[by_row, by_column]
+            if dirty[by_row, by_column] and times[1] > now:
+                times[1] = np.inf  # its turn comes, and this triangle's with it
+            corner_currents[0] = own
+            corner_currents[1] = node_velocity(table, by_row, by_column, clock)
+            corner_currents[2] = node_velocity(table, to_row, to_column, clock)
+            deviation = grid.deviation[r, c]
+            if current == MEAN:
+                deviation = 0.0
+                for k in range(2):
+                    ends = corner_currents[0, k] + corner_currents[1, k]
+                    corner_currents[:, k] = ends / 4 + corner_currents[2, k] / 2
+            legs[0, 0] = grid.x[to_column] - grid.x[column]
+            legs[0, 1] = grid.y[to_row] - grid.y[row]
+            legs[1, 0] = grid.x[to_column] - grid.x[by_column]
+            legs[1, 1] = grid.y[to_row] - grid.y[by_row]
+            arrival = _arrival(legs, times, corner_currents, deviation, stretch[r, c], grid.polar)
+            known = time[to_row, to_column]
+            if known == np.inf or arrival < known - TOLERANCE * (known - now):
+                time[to_row, to_column] = arrival
+                dirty[to_row, to_column] = True
+                heapq.heappush(queue, (arrival, to_row, to_column))

@@ -371,7 +371,7 @@ def _fuel_ratio(
     path = scene.projection.to_plane(result.scene.projection.to_lonlat(best.path))
     strip = strip_across(island, shapely.LineString(path), [], scene, _WIDTH)
     if strip is not None:
-        fuel = fuel_elsewhere(strip, scene, plan, result.scenario.planner, (_CELLS,), math.inf)
+        fuel = fuel_elsewhere(strip, scene, plan, result.scenario.planner, _CELLS, math.inf)
         table = as_field(scene.currents[plan.season]).table(scene.chart.bounds)
         fastest = scene.vessel.speed + table.strongest
         seconds = side.length_m / scene.projection.scale / fastest

@@ -33,13 +33,13 @@ from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 # Number of lines that are drawn from the island in all directions. Each is widened to a strip, and
 # the suitable strip with the least area is used.
 _DIRECTIONS = 72
-# Numbers of cells of the bound's grid, tried in turn until the side is proven. With few cells, the
-# front passes through narrow islands: the bound stays valid, but is lower. Around Palawan, 16,000
-# cells prove no season, and the larger number proves the summer.
-_CELLS = (16_000, 160_000)
-# Width of the strip, as a share of the square root of the chart's area: three cells of the finer
+# Number of cells of the bound's finest grid, which is refined until the side is proven; and where
+# speeds are chosen in a changing current, as the bound is loose on any grid there. With few cells,
+# the front passes through narrow islands: the bound stays valid, but is lower.
+_CELLS, _CELLS_AT_CHOICE = 160_000, 16_000
+# Width of the strip, as a share of the square root of the chart's area: three cells of the finest
 # grid.
-_WIDTH = 3 / math.sqrt(_CELLS[-1])
+_WIDTH = 3 / math.sqrt(_CELLS)
 # Minimum size of the land on either side of a strait, as a share of the distance from start to
 # goal.
 _PART_SHARE = 0.01
@@ -94,9 +94,8 @@ def _bound(
     strip = strip_across(shapely.Point(main.x, main.y), paths[0], others, scene, _WIDTH)
     if strip is None:
         return math.inf
-    # With chosen speeds in a changing current the bound is loose on any grid.
     is_loose = _choice(scene, plan) != NO_CHOICE and plan.season in scene.departures
-    cells = _CELLS[:1] if is_loose else _CELLS
+    cells = _CELLS_AT_CHOICE if is_loose else _CELLS
     return fuel_elsewhere(strip, scene, plan, options, cells, plan.ranked_routes[0].fuel)
 
 
@@ -105,12 +104,12 @@ def fuel_elsewhere(
     scene: Scene,
     plan: SeasonPlan,
     options: PlannerOptions,
-    cells: Sequence[int],
+    cells: int,
     enough: float,
 ) -> float:
     """Return a lower bound on the fuel of ways that avoid a strip; inf if there is none.
 
-    Grids with these numbers of cells are tried in turn until the bound is above `enough`. Like the
+    A grid is refined to this number of cells, or until the bound is above `enough`. Like the
     optimality gap's bound, this one uses the land without margin or padding.
     """
     extent = scene.chart.extent
@@ -128,14 +127,9 @@ def fuel_elsewhere(
             via=scene.via,
             choice=_choice(scene, plan),
         )
-        proven = 0.0
-        for count in cells:
-            proven = max(proven, fuel_lower_bound(voyage, count, enough))
-            if proven > enough:
-                break
+        return fuel_lower_bound(voyage, cells, enough)
     except PlanningError:
         return math.inf
-    return proven
 
 
 def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:

@@ -12,9 +12,12 @@ import shapely
 
 import renew
 from renew._types import BoolArray, FloatArray
-from renew.bounds import fuel_lower_bound as bounds
+from renew.bounds import grids, refinement
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
-from renew.bounds.travel_time import TravelGrid, wet_cells
+from renew.bounds.march import march
+from renew.bounds.refinement import Front, drop
+from renew.bounds.travel_time import TravelGrid
+from renew.bounds.wet_cells import wet_cells
 from tests.bounded_scenes import SEEDS, bounded_scene, stored_fuels
 
 NEAREST = (2, 267, 300, 220, 283, 365, 22, 342, 43, 326, 144, 146, 260, 341, 65, 102, 143, 245, 205)
@@ -22,6 +25,9 @@ NEAREST = (2, 267, 300, 220, 283, 365, 22, 342, 43, 326, 144, 146, 260, 341, 65,
 
 NARROW = (232, 275, 307)
 """Scenes in which the best way leads through a gap that is narrower than a cell."""
+
+SOONER = 0.97
+"""Share of U from which on cells are dropped in a proof that is broken on purpose."""
 
 FUELS = stored_fuels()
 
@@ -44,26 +50,39 @@ def test_no_bound_is_above_the_oracle(seed: int) -> None:
 
 
 def test_rates_that_are_a_percent_too_low_are_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = bounds._march
-
     def lowered(
-        time: FloatArray, grid: TravelGrid, low: float, high: float
-    ) -> tuple[FloatArray, float]:
-        rates, proven = real(time, grid, low, high)
-        return 0.99 * rates, proven / 0.99
+        time: FloatArray, grid: TravelGrid, counts: BoolArray, low: float, top: float
+    ) -> tuple[FloatArray, FloatArray]:
+        rates, reached = march(time, grid, counts, low, top)
+        return 0.99 * rates, reached / 0.99
 
-    monkeypatch.setattr(bounds, "_march", lowered)
-    caught = [fuel_lower_bound(bounded_scene(one).voyage) > FUELS[one] for one in NEAREST[:8]]
-    assert sum(caught) > 4
+    monkeypatch.setattr(refinement, "march", lowered)
+    assert sum(is_above(one) for one in NEAREST[:8]) > 4
 
 
-def test_cells_dropped_that_a_route_may_cross_are_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    def dropped(chart: renew.Chart, x: FloatArray, y: FloatArray) -> BoolArray:
+def test_land_that_a_route_may_cross_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    def dropped(
+        chart: renew.Chart, x: FloatArray, y: FloatArray, among: BoolArray | None = None
+    ) -> BoolArray:
         west, south = np.meshgrid(x[:-1], y[:-1])
         east, north = np.meshgrid(x[1:], y[1:])
         shore = shapely.intersects(chart.open_water.boundary, shapely.box(west, south, east, north))
-        return np.asarray(wet_cells(chart, x, y) & ~shore)
+        return np.asarray(wet_cells(chart, x, y, among) & ~shore)
 
-    monkeypatch.setattr(bounds, "wet_cells", dropped)
-    caught = [fuel_lower_bound(bounded_scene(one).voyage) > FUELS[one] for one in NARROW]
-    assert all(caught)
+    monkeypatch.setattr(grids, "wet_cells", dropped)
+    assert all(is_above(one) for one in NARROW)
+
+
+def test_cells_dropped_that_a_better_route_may_cross_are_caught(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def dropped(counts: BoolArray, there: Front, back: Front, most: float) -> None:
+        drop(counts, there, back, SOONER * most)
+
+    monkeypatch.setattr(refinement, "drop", dropped)
+    assert sum(is_above(one) for one in NEAREST[:8]) > 4
+
+
+def is_above(seed: int) -> bool:
+    """Whether a scene's bound is above the oracle's fuel, and so false."""
+    return fuel_lower_bound(bounded_scene(seed).voyage) > FUELS[seed]

@@ -13,16 +13,20 @@ from shapely import Polygon, box
 
 import renew
 from renew._types import FloatArray
-from renew.bounds import fuel_lower_bound as bounds
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.bounds.grids import whole_grid
 from renew.bounds.growth_rate import projected_rate
-from renew.bounds.travel_time import wet_cells
+from renew.bounds.refinement import Front
+from renew.bounds.wet_cells import wet_cells
 from renew.inputs.options import Drift
 from renew.voyage.fuel import ground_speed
 from renew.voyage.voyage import Voyage, Waters
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import CORNER, FIELDS, OPPOSITE, in_triangles
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre, voyage_on
+
+CELLS = 16_000
+"""Number of cells of a grid that is looked at cell by cell."""
 
 STILL = renew.UniformCurrent(0.0, 0.0)
 DRIFTS: tuple[Drift, Drift] = ("projected", "crab")
@@ -54,6 +58,8 @@ def test_cells_are_wet_that_meet_water(seed: int, count: int) -> None:
     east, north = np.meshgrid(x[1:] - sliver, y[1:] - sliver)
     expected = shapely.intersects(shapely.box(west, south, east, north), chart.open_water)
     assert np.array_equal(wet_cells(chart, x, y), expected)
+    some = np.random.default_rng(seed).random(expected.shape) < 0.5
+    assert np.array_equal(wet_cells(chart, x, y, some), expected & some)
 
 
 def test_a_bound_that_is_enough_is_made_no_better() -> None:
@@ -74,8 +80,13 @@ def test_a_bound_that_is_enough_is_made_no_better() -> None:
 def test_no_direction_at_any_place_breaks_the_inequality(name: str, drift: Drift) -> None:
     field, rng = FIELDS[name], np.random.default_rng(5)
     chart = renew.Chart(box(0, 0, 100, 100), [box(40, 30, 70, 60)])
-    grid = bounds._grid(voyage_on(chart, CORNER, OPPOSITE, field, drift))
-    *_, (time, rate, _) = bounds._rounds(grid, CORNER, OPPOSITE)
+    grid = whole_grid(voyage_on(chart, CORNER, OPPOSITE, field, drift), CELLS)
+    front = Front(grid, CORNER, OPPOSITE)
+    for _ in range(2):
+        front.advance(grid.wet)
+        front.relax()
+    front.advance(grid.wet)
+    time, rate = front.known, front.rates
     angle = np.linspace(0, 2 * np.pi, 180, endpoint=False)
     tangents = np.column_stack([np.cos(angle), np.sin(angle)])
     below_rising, below_falling = in_triangles(rng, 12)
@@ -122,7 +133,7 @@ def test_cells_that_a_route_may_touch_count_as_water() -> None:
     extent = Polygon([(0, 0), (100, 0), (100, 30), (55, 48), (30, 100), (0, 100)])
     island = shapely.Point(30, 30).buffer(12)
     chart = renew.Chart(extent, [island])
-    grid = bounds._grid(voyage_on(chart, CORNER))
+    grid = whole_grid(voyage_on(chart, CORNER), CELLS)
     west, south = np.meshgrid(grid.x[:-1], grid.y[:-1])
     east, north = np.meshgrid(grid.x[1:], grid.y[1:])
     touched = shapely.area(shapely.intersection(shapely.box(west, south, east, north), chart.water))
@@ -209,7 +220,7 @@ def test_it_holds_in_a_narrow_extent() -> None:
 
 def test_an_extremely_long_extent_has_no_larger_grid() -> None:
     chart = renew.Chart(box(0, 0, 3e6, 1))
-    grid = bounds._grid(voyage_on(chart, (10.0, 0.5), (2.9e6, 0.5)))
+    grid = whole_grid(voyage_on(chart, (10.0, 0.5), (2.9e6, 0.5)), CELLS)
     assert grid.wet.size < 250_000
     assert grid.y.size > 4
 

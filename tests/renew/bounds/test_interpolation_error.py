@@ -7,7 +7,7 @@ import pytest
 from shapely import box
 
 import renew
-from renew.bounds import fuel_lower_bound as bounds
+from renew.bounds.grids import whole_grid
 from renew.bounds.interpolation_error import deviation_radius
 from tests.renew.bounds.fields import FIELDS, OPPOSITE, in_triangles
 from tests.strategies import voyage_on
@@ -17,7 +17,7 @@ from tests.strategies import voyage_on
 def test_the_current_stays_within_its_radius_of_the_interpolant(name: str) -> None:
     field, rng = FIELDS[name], np.random.default_rng(6)
     chart = renew.Chart(box(0, 0, 100, 100))
-    grid = bounds._grid(voyage_on(chart, (33.3, 77.7), OPPOSITE, field))
+    grid = whole_grid(voyage_on(chart, (33.3, 77.7), OPPOSITE, field), 16_000)
     west, south = np.meshgrid(grid.x[:-1], grid.y[:-1])
     width, height = np.meshgrid(np.diff(grid.x), np.diff(grid.y))
     c = grid.current.uv[0]

@@ -11,8 +11,9 @@ from shapely import box
 
 import renew
 from renew._types import FloatArray
-from renew.bounds import fuel_lower_bound as bounds
-from renew.bounds.travel_time import TravelGrid, locate, solve, source, wet_cells
+from renew.bounds.grids import sampled
+from renew.bounds.travel_time import HELPFUL, TravelGrid, locate, solve, source
+from renew.bounds.wet_cells import wet_cells
 from renew.kernels.ground_speed import Polar, ground_speed
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import FIELDS
@@ -33,7 +34,7 @@ def grid_over(
     return TravelGrid(
         x,
         y,
-        bounds._sampled(current, x, y),
+        sampled(current, x, y, np.ones((nodes, nodes), dtype=bool)),
         0.0,
         np.zeros((nodes - 1, nodes - 1)),
         wet_cells(chart, x, y),
@@ -44,7 +45,7 @@ def grid_over(
 def times_from_start(grid: TravelGrid) -> FloatArray:
     """Travel times (ny, nx) from the start to all nodes that can be reached."""
     time, dirty = source(grid, START)
-    solve(time, dirty, np.ones(grid.wet.shape), grid, EVERYWHERE)
+    solve(time, dirty, np.ones(grid.wet.shape), grid, EVERYWHERE, HELPFUL)
     return time
 
 
@@ -92,6 +93,6 @@ def test_interpolation_is_exact_where_times_are_linear() -> None:
 def test_the_compiler_changes_no_time(name: str) -> None:
     grid = grid_over(EMPTY, FIELDS[name], nodes=11)
     time, dirty = source(grid, START)
-    uncompiled(solve)(time, dirty, np.ones(grid.wet.shape), grid, EVERYWHERE)
+    uncompiled(solve)(time, dirty, np.ones(grid.wet.shape), grid, EVERYWHERE, HELPFUL)
     assert times_from_start(grid) == pytest.approx(time)
     assert np.isfinite(time).all()

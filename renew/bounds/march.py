@@ -1,0 +1,177 @@
+"""The proof's inequality on a grid: λ of its cells, level by level of u, and what they prove.
+
+See :mod:`renew.bounds.fuel_lower_bound` for what λ, Λ and φ are.
+"""
+
+import math
+
+import numpy as np
+
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.bounds.growth_rate import growth_rate
+from renew.bounds.travel_time import TOLERANCE, TravelGrid
+from renew.kernels.current_table import next_slice, node_velocity
+
+LEVELS = 2_000
+"""Number of levels of u at which Λ is tabulated."""
+
+# Least Λ in a current that changes.
+_LEAST_RATE = 0.8
+# Least λ that counts; smaller ones are raised to it, which is on the safe side, so that no 1/λ is
+# lost to rounding.
+_SMALLEST = 0.1
+
+
+@kernel
+def _rate_in_window(
+    px: float,
+    py: float,
+    nodes: IntArray,
+    first: float,
+    last: float,
+    deviation: float,
+    grid: TravelGrid,
+    corner_currents: FloatArray,
+) -> float:
+    """λ of a triangle with nodes (3, 2) in a window of time, s: at its ends and slices between."""
+    largest, now = -math.inf, first
+    while True:
+        for k in range(3):
+            corner_currents[k] = node_velocity(grid.current, nodes[k, 0], nodes[k, 1], now)
+        largest = max(largest, growth_rate(px, py, corner_currents, deviation, grid.polar))
+        if now >= last or len(grid.current.times) == 1:
+            return largest
+        now = min(next_slice(grid.current, now), last)
+
+
+@kernel
+def march(
+    time: FloatArray, grid: TravelGrid, counts: BoolArray, low: float, high: float
+) -> tuple[FloatArray, FloatArray]:
+    """λ of the cells that count (ny - 1, nx - 1), 0 elsewhere, and φ (LEVELS + 1,), s, by level.
+
+    Level by level of u from low to high: a cell's λ is worked out when its lowest corner is
+    reached, for the times from the present φ to the largest φ that its highest corner can have.
+    """
+    rows, columns = grid.wet.shape
+    rates, reached = np.zeros((rows, columns)), np.zeros(LEVELS + 1)
+    step = (high - low) / LEVELS
+    if not step > 0.0:
+        return rates, reached
+    # Where speeds are chosen u doesn't tell the time: that may be any up to the deadline.
+    is_any_time = grid.polar.least < grid.polar.speed
+    least = _SMALLEST if is_any_time or len(grid.current.times) == 1 else _LEAST_RATE
+    first, order = _by_level(time, counts, low, step)
+    largest = np.zeros(LEVELS + 1)
+    clock, k = 0.0, 0
+    corner_currents, nodes = np.empty((3, 2)), np.empty((3, 2), dtype=np.int64)
+    for level in range(LEVELS + 1):
+        while k < len(order) and first[order[k]] <= level:
+            r, c = order[k] // columns, order[k] % columns
+            k += 1
+            south, north = max(time[r, c], time[r, c + 1]), max(time[r + 1, c], time[r + 1, c + 1])
+            highest = max(south, north)
+            lasts = max(highest - (low + level * step), 0.0) / least
+            begin = grid.departure + clock
+            # A current that repeats itself has nothing new after a period.
+            end = begin + min(lasts, grid.current.period)
+            if is_any_time:
+                begin, end = grid.hours[0, r, c], grid.hours[1, r, c]
+                if end < begin:
+                    continue
+            rates[r, c] = _cell_rate(time, grid, r, c, begin, end, nodes, corner_currents)
+            # One level more on either side covers rounding.
+            last = math.floor((min(highest, high) - low) / step) + 1
+            for above in range(level, min(last, LEVELS) + 1):
+                largest[above] = max(largest[above], rates[r, c])
+        if level < LEVELS:
+            if largest[level] > 0.0:
+                clock += step / max(largest[level], least)
+            reached[level + 1] = clock
+    return rates, reached
+
+
+@kernel
+def _by_level(
+    time: FloatArray, counts: BoolArray, low: float, step: float
+) -> tuple[IntArray, IntArray]:
+    """Level of u at which each cell (c,) begins to count; the cells that count, in that order.
+
+    Cells out of reach of the start don't count: no route gets there. Cells beyond the last level
+    come last.
+    """
+    rows, columns = counts.shape
+    first = np.full(rows * columns, LEVELS + 1)
+    # Sorted by counting: where the cells of each level begin.
+    begin = np.zeros(LEVELS + 2, dtype=np.int64)
+    for r in range(rows):
+        for c in range(columns):
+            if counts[r, c] and time[r, c] < np.inf:
+                south, north = (
+                    min(time[r, c], time[r, c + 1]),
+                    min(time[r + 1, c], time[r + 1, c + 1]),
+                )
+                level = math.floor((min(south, north) - low) / step) - 1
+                level = min(max(level, 0), LEVELS)
+                first[r * columns + c] = level
+                begin[level + 1] += 1
+    for level in range(LEVELS + 1):
+        begin[level + 1] += begin[level]
+    order = np.empty(begin[LEVELS + 1], dtype=np.int64)
+    for cell in range(rows * columns):
+        level = first[cell]
+        if level <= LEVELS:
+            order[begin[level]] = cell
+            begin[level] += 1
+    return first, order
+
+
+@kernel
+def _cell_rate(
+    time: FloatArray,
+    grid: TravelGrid,
+    r: int,
+    c: int,
+    first: float,
+    last: float,
+    nodes: IntArray,
+    corner_currents: FloatArray,
+) -> float:
+    """λ of a cell, cut along its better diagonal, in a window of time, s.
+
+    `nodes` (3, 2) and `corner_currents` (3, 2) are written to.
+    """
+    wide, high = grid.x[c + 1] - grid.x[c], grid.y[r + 1] - grid.y[r]
+    best = np.inf
+    for falling in range(2):
+        worst = 0.0
+        for north in range(2):
+            # A triangle has a side along x, in the cell's south or north, and one along
+            # y: across the diagonal from it.
+            east = north if falling else 1 - north
+            px = (time[r + north, c + 1] - time[r + north, c]) / wide
+            py = (time[r + 1, c + east] - time[r, c + east]) / high
+            nodes[0, 0], nodes[0, 1] = r + north, c + east
+            nodes[1, 0], nodes[1, 1] = r + north, c + 1 - east
+            nodes[2, 0], nodes[2, 1] = r + 1 - north, c + east
+            rate = _rate_in_window(
+                px, py, nodes, first, last, grid.deviation[r, c], grid, corner_currents
+            )
+            worst = max(worst, rate)
+            if worst >= best:
+                break
+        best = min(best, worst)
+        if best <= 1.0:
+            break
+    return max(best, _SMALLEST)
+
+
+def relax(rate: FloatArray, stretch: FloatArray, dirty: BoolArray) -> None:
+    """Lower the slowness of each cell that broke (1) by its λ; mark its nodes."""
+    broken = rate > 1 + TOLERANCE
+    stretch[broken] /= rate[broken]
+    dirty[:-1, :-1] |= broken
+    dirty[1:, :-1] |= broken
+    dirty[:-1, 1:] |= broken
+    dirty[1:, 1:] |= broken
