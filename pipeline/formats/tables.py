@@ -19,7 +19,6 @@ from pipeline.formats.passage.waypoints import (
     Waypoints,
     duration as duration_text,
     time_after,
-    waypoint_name,
     wrapped_longitude,
 )
 from pipeline.formats.shared.departures_and_speeds import TradeOff, trade_offs
@@ -256,7 +255,7 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
         if departure is not None:
             passed = f"{to_minute(time_after(departure, seconds)):%Y-%m-%d %H:%M}"
         row = Row(
-            name=waypoint_name(index, len(points.lonlat)),
+            name=points.names[index],
             latitude=position(float(latitude), "NS", 2),
             longitude=position(float(longitude), "EW", 3),
             to_go_nm=f"{to_go[index]:.1f}",

@@ -18,7 +18,7 @@ from pipeline.formats.gis.frames import (
     to_lonlat,
 )
 from pipeline.formats.passage.tracks import tracks
-from pipeline.formats.passage.waypoints import Waypoints, season_waypoints, waypoint_name
+from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
 from pipeline.formats.shared.result import RunResult, continued
 from pipeline.formats.shared.route_profile import Legs, legs as planned_legs
 from pipeline.model import Zone
@@ -123,7 +123,7 @@ def waypoint_frame(found: Sequence[Waypoints]) -> frames.GeoDataFrame:
         {
             **frames.route_key([points.ranked for points in found]),
             "sequence": [np.arange(count) + 1 for count in counts],
-            "name": [[waypoint_name(at, count) for at in range(count)] for count in counts],
+            "name": [points.names for points in found],
             **_leg_columns(found),
             "turn_radius_m": [points.radius_m for points in found],
             **frames.columns_of(found, "port_m", "starboard_m"),

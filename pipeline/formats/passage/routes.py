@@ -42,7 +42,6 @@ from pipeline.formats.passage.waypoints import (
     season_waypoints,
     split_at_antimeridian,
     time_after,
-    waypoint_name,
     wrapped_longitude,
 )
 from pipeline.formats.shared.palette import season_colour
@@ -105,7 +104,7 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
         number=ranked.rank,
     )
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        name = f"{ranked.season} {ranked.rank} {waypoint_name(index, count)}"
+        name = f"{ranked.season} {ranked.rank} {points.names[index]}"
         point = gpxpy.gpx.GPXRoutePoint(
             latitude=float(latitude),
             longitude=wrapped_longitude(longitude),
@@ -118,8 +117,8 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
             point.extensions = [_opencpn("rte_properties", planned_speed=speed)]
         route.points.append(point)
     told = {
-        "start": waypoint_name(0, count),
-        "end": waypoint_name(count - 1, count),
+        "start": points.names[0],
+        "end": points.names[-1],
         "planned_speed": _knots(speed_over_ground(points.metrics)),
     }
     if departure is not None:
@@ -223,7 +222,7 @@ def _waypoints(points: Waypoints, departure: datetime | None) -> Iterator[dict[s
     count = len(points.lonlat)
     for index, (longitude, latitude) in enumerate(points.lonlat):
         yield {
-            "name": waypoint_name(index, count),
+            "name": points.names[index],
             "description": leg_text(points, index) if index + 1 < count else "end of the route",
             "passed": departure and time_after(departure, points.time_s[index]),
             "place": (wrapped_longitude(longitude), latitude),

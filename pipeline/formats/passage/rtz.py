@@ -23,7 +23,6 @@ from pipeline.formats.passage.waypoints import (
     season_waypoints,
     time_after,
     vessel_name,
-    waypoint_name,
     wrapped_longitude,
 )
 from pipeline.formats.shared.note_words import note_texts
@@ -106,12 +105,11 @@ def write_rtz(
 
 def _waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes, _Attributes]]:
     """Yield each waypoint, its position, and the leg that leads to it (empty for the first)."""
-    count = len(points.lonlat)
     for index, (longitude, latitude) in enumerate(points.lonlat):
         waypoint = {
             "id": str(index + 1),
             "revision": "0",
-            "name": waypoint_name(index, count),
+            "name": points.names[index],
             "radius": _miles(points.radius_m[index]),
         }
         place = {"lat": f"{latitude:.8f}", "lon": f"{wrapped_longitude(longitude):.8f}"}

@@ -89,6 +89,7 @@ class Waypoints:
     """
 
     ranked: RankedRoute
+    names: tuple[str, ...]
     lonlat: FloatArray
     curve: Curve
     course_deg: FloatArray
@@ -203,6 +204,7 @@ def _described(
     nothing = np.array([np.nan])
     return Waypoints(
         ranked=ranked,
+        names=waypoint_names(scene.projection.to_plane(lonlat), scene.via),
         lonlat=lonlat,
         curve=curve,
         course_deg=np.append(initial_course_deg(lonlat[:-1], lonlat[1:], curve), nothing),
@@ -317,11 +319,15 @@ def limits_text(result: RunResult, metrics: RouteMetrics) -> str:
     return f"{capitalised(found)}." if found else ""
 
 
-def waypoint_name(index: int, count: int) -> str:
-    """Name of a waypoint among those of its route: Start, WP02 and so on, Goal."""
-    if index == 0:
-        return "Start"
-    return "Goal" if index == count - 1 else f"WP{index + 1:02d}"
+def waypoint_names(places: FloatArray, via: FloatArray) -> tuple[str, ...]:
+    """Names of waypoints at places (n, 2) that include via points: Start, WP02, WP03 via, Goal."""
+    at_via = {int(np.linalg.norm(places - point, axis=1).argmin()) for point in via}
+    inner = range(1, len(places) - 1)
+    return (
+        "Start",
+        *(f"WP{index + 1:02d}{' via' * (index in at_via)}" for index in inner),
+        "Goal",
+    )
 
 
 def leg_text(points: Waypoints, leg: int) -> str:

@@ -14,7 +14,7 @@ from pipeline.formats.passage.waypoints import (
     leg_text,
     season_waypoints,
     time_after,
-    waypoint_name,
+    waypoint_names,
     wrapped_longitude,
 )
 from pipeline.formats.shared.result import RunResult
@@ -66,8 +66,11 @@ def test_times_are_in_utc_and_whole_seconds() -> None:
         time_after(departure.replace(tzinfo=None), 0)
 
 
-def test_waypoints_are_named_by_their_position() -> None:
-    assert [waypoint_name(i, 3) for i in range(3)] == ["Start", "WP02", "Goal"]
+def test_waypoints_are_named_by_their_position_and_via_points_as_such() -> None:
+    places = np.array([[0.0, 0.0], [1.0, 2.0], [3.0, 2.0], [4.0, 0.0]])
+    assert waypoint_names(places, np.empty((0, 2))) == ("Start", "WP02", "WP03", "Goal")
+    # Positions of waypoints are rounded to a millimetre.
+    assert waypoint_names(places, np.array([[3.001, 2.0]])) == ("Start", "WP02", "WP03 via", "Goal")
 
 
 def test_limits_are_a_mile_at_most_and_due_north_is_000() -> None:
