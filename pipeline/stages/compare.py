@@ -1,17 +1,21 @@
 """Sixth stage: compare the routes of all seasons, and name the way that each takes."""
 
+import itertools
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
+import shapely
 
+import renew
 from pipeline.formats.shared.departures_and_speeds import speed_notes
 from pipeline.formats.shared.result import RunResult, addressed
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.machine.store import Made, Store, artefact_key
-from pipeline.model import Note, Place, Say
+from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan
 from pipeline.stages.choose import Chosen, narrows_notes
-from pipeline.stages.comparing import cautions
 from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.places import shut_notes
@@ -74,8 +78,8 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
         *safety_notes(result),
         *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),
-        *cautions.waiting_notes(result.scene, result.plans),
-        *cautions.unresolved_strait_notes(result),
+        *waiting_notes(result.scene, result.plans),
+        *unresolved_strait_notes(result),
         *result.unknowns,
     )
 
@@ -100,3 +104,82 @@ def _first_place(result: RunResult, season: str) -> Place:
     """Return the first place on a season's best route from which a hard-over turn met no-go."""
     turns = result.evaluation.contingency[season, 1]
     return result.scene.place(np.asarray(turns.points)[np.asarray(turns.collided)][0])
+
+
+# Minimum number of cells across a strait for the grid to resolve its tide.
+_MIN_CELLS = 2.0
+# A point within this distance of a coast counts as on it, planar metres.
+_ON_COAST = 1e-6
+
+
+def waiting_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> Iterator[Note]:
+    """Yield notes on the hours when the current blocks ways of routes or of rejected classes."""
+    for plan in plans:
+        routes = {f"route {rank}": one for rank, one in enumerate(plan.ranked_routes, start=1)}
+        rejected = plan.plan.rejected if plan.plan else ()
+        classes = {f"class {one.homotopy}": one for one in rejected}
+        for kind, ways in (("routes-shut-for-hours", routes), ("classes-shut-for-hours", classes)):
+            shut = tuple(
+                Note.of("way-shut", way=name, places=_places(one.overpowered, scene, plan.season))
+                for name, one in ways.items()
+                if one.overpowered
+            )
+            if shut:
+                yield Note.of(kind, ways=shut).about(plan.season)
+
+
+def _places(hours: Iterable[renew.OverpoweredHours], scene: Scene, season: str) -> tuple[Note, ...]:
+    """Return the places where the current blocks a way, each with its hours."""
+    return tuple(
+        Note.of(
+            "place-shut",
+            place=scene.place(one.place),
+            begin=scene.moment(season, one.begin),
+            until=scene.moment(season, one.end),
+        )
+        for one in hours
+    )
+
+
+def unresolved_strait_notes(result: RunResult) -> Iterator[Note]:
+    """Yield a note for each season's best route on the worst strait with an unresolved tide."""
+    for grid in result.fetched.currents:
+        if not grid.changes:
+            continue
+        for best in result.season_routes(grid.season)[:1]:
+            straits = [
+                (width_m * _MIN_CELLS / cell, width_m, cell, middle)
+                for width_m, middle in straits_of(best.route, result.scene)
+                if (cell := _cell_m(grid, middle[1])) * _MIN_CELLS > width_m
+            ]
+            if straits:
+                _, width_m, cell, middle = min(straits, key=lambda one: one[0])
+                yield Note.of(
+                    "strait-unresolved", place=Place(*middle), width_m=width_m, cell_m=cell
+                ).about(grid.season)
+
+
+def straits_of(route: renew.Route, scene: Scene) -> Iterator[tuple[float, tuple[float, float]]]:
+    """Yield the straits on a route: true width (m), and the middle (lon, lat), degrees.
+
+    A strait is a triangle's side that the route crosses and that joins two islands.
+    """
+    if not scene.chart.no_go:
+        return
+    coasts = shapely.STRtree(scene.chart.no_go)
+    channel = route.channel
+    for here, ahead in itertools.pairwise(channel):
+        side = here[(here[:, None] == ahead[None]).all(axis=-1).any(axis=1)]
+        if len(side) != 2:
+            continue
+        end, coast = coasts.query(shapely.points(side), predicate="dwithin", distance=_ON_COAST)
+        one, other = (set(coast[end == i].tolist()) for i in (0, 1))
+        if one and other and not one & other:
+            lon, lat = scene.projection.to_lonlat(side.mean(axis=0)).tolist()
+            yield scene.projection.geodesic_length_m(side), (lon, lat)
+
+
+def _cell_m(grid: CurrentGrid, lat: float) -> float:
+    """Return the longer side of a cell at a latitude, true metres."""
+    across = float(np.median(np.diff(grid.lon)) * np.cos(np.radians(lat)))
+    return max(across, float(np.median(np.diff(grid.lat)))) * METRES_PER_DEGREE

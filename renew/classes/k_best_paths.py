@@ -129,8 +129,7 @@ def k_best_paths(
         times = with_room(times, len(labels))
         for leg in range(graph.first[node], graph.first[node + 1]):
             other, time = graph.head[leg], now + graph.time[leg]
-            # At the end of most legs a label with the same word is quicker. The row of such a leg
-            # is not needed.
+            # Most legs end where a label with the same word is quicker: they need no row.
             if time + to_go[other] > latest or (
                 keeps_word(graph, changes, leg)
                 and _known(labels, times, newest[other], rows[row, WORD], time, count) == _BEATEN

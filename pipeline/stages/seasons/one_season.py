@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline._types import Geometries
+from pipeline._types import FloatArray, Geometries
 from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.geo.lonlat import share_without
 from pipeline.geo.projection import densified
@@ -28,7 +28,6 @@ from pipeline.model import (
     planning,
 )
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.comparing.cautions import SecondShoreline
 from pipeline.stages.places import is_shut_in
 from renew.errors import TooLateError
 from renew.inputs.options import Drift
@@ -294,3 +293,35 @@ def _polygons(geometries: Geometries) -> list[shapely.Polygon]:
         for part in shapely.get_parts(shapely.get_parts(geometries))
         if isinstance(part, shapely.Polygon) and not part.is_empty
     ]
+
+
+# Minimum length of a crossing, true metres: a shorter one only grazes the shore.
+_LEAST_M = 1.0
+
+
+class SecondShoreline:
+    """The land of a scene's second shoreline, with a spatial index.
+
+    This shoreline, GSHHG, is older and in places coarser. A route that crosses its land may be
+    right, but the crossing is a reason to check an official chart.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._projection = scene.projection
+        self._shore = np.array(scene.second_shore, dtype=object)
+        self._tree = shapely.STRtree(self._shore)
+
+    def crossings(self, path: FloatArray, season: str, rank: int) -> tuple[ShoreCrossing, ...]:
+        """Return where a path (n, 2), planar metres, crosses the second shoreline's land."""
+        line = shapely.LineString(path)
+        # Polygons that are valid in degrees may be invalid in the plane.
+        crossed = shapely.make_valid(self._shore[self._tree.query(line, predicate="intersects")])
+        over = shapely.get_parts(shapely.intersection(line, shapely.union_all(crossed)))
+        found = []
+        for part in over:
+            length_m = self._projection.geodesic_length_m(shapely.get_coordinates(part))
+            if length_m >= _LEAST_M:
+                middle = shapely.line_interpolate_point(part, 0.5, normalized=True)
+                lon, lat = self._projection.to_lonlat(shapely.get_coordinates(middle)[0])
+                found.append(ShoreCrossing(season, rank, float(lon), float(lat), length_m))
+        return tuple(found)

@@ -14,7 +14,8 @@ import shapely
 import renew
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import Credit, CurrentGrid, SeasonPlan
-from pipeline.stages.comparing.cautions import overpowering_notes, waiting_notes
+from pipeline.stages.compare import waiting_notes
+from pipeline.stages.fetch import overpowering_notes
 from tests.pipeline.formats import small_run
 from tests.renew.planner.test_overpowered_hours import STRAIT, tide
 from tests.strategies import PAPER_VESSEL

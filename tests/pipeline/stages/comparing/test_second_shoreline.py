@@ -15,7 +15,7 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import crossing_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, ShoreCrossing
-from pipeline.stages.comparing.cautions import SecondShoreline
+from pipeline.stages.seasons.one_season import SecondShoreline
 
 REGION = shapely.box(23.0, 36.0, 25.0, 38.0)
 # Two islands of the second shoreline; the northern one is in two overlapping pieces.

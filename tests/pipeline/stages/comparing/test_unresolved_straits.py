@@ -11,7 +11,7 @@ import shapely
 
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.text import distance
-from pipeline.stages.comparing.cautions import straits_of, unresolved_strait_notes
+from pipeline.stages.compare import straits_of, unresolved_strait_notes
 from tests.pipeline.tidal_run import planned, run, tide
 
 GEOD = pyproj.Geod(ellps="WGS84")
