@@ -18,7 +18,7 @@ from pipeline.cli import check_machine
 from pipeline.cli.check_machine import Finding
 from pipeline.errors import PipelineError
 from pipeline.machine.paths import folder_to_write
-from pipeline.sources.copernicus.account import PASSWORD, USERNAME, has_account, login_fault
+from pipeline.sources.copernicus.client import PASSWORD, USERNAME, has_account, login_fault
 
 _REINSTALL = "install the package again"
 # Time limit for answers of the service and the scheduler, s.

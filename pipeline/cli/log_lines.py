@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, MutableMapping
 from typing import TYPE_CHECKING, Any, TextIO
 
-from pipeline.sources.copernicus.account import without_secrets
+from pipeline.sources.copernicus.client import without_secrets
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -10,7 +10,7 @@ from pipeline.formats.shared.note_words import note_json
 from pipeline.formats.shared.text import json_value, season_text
 from pipeline.run import STAGES, Event, EventHandler, ignore
 from pipeline.scenario.model import Scenario
-from pipeline.sources.copernicus.account import without_secrets
+from pipeline.sources.copernicus.client import without_secrets
 
 _DESCRIPTIONS = {
     "fetch": "Fetching land and currents",

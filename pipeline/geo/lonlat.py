@@ -3,7 +3,7 @@
 Exact lengths are geodesics, by pyproj.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,13 +46,6 @@ def cell_bounds(lon: FloatArray, lat: FloatArray, cell_deg: tuple[float, float])
     """Outer edges of the cells around a grid's ascending nodes: half a cell beyond these."""
     nodes = (float(lon[0]), float(lat[0]), float(lon[-1]), float(lat[-1]))
     return widened(nodes, cell_deg[0] / 2, cell_deg[1] / 2)
-
-
-def around_missing(steps: Sequence[str], missing: str) -> str:
-    """Say between which steps, by their ascending labels, one is missing; empty at an end."""
-    before = [step for step in steps if step < missing]
-    after = [step for step in steps if step > missing]
-    return f", between {before[-1]} and {after[0]}" if before and after else ""
 
 
 def sides_beyond(region: Bounds, grid: Bounds) -> list[str]:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.scenario.catalogue import CopernicusSpec
-from pipeline.sources.copernicus.account import PASSWORD, USERNAME
 from pipeline.sources.copernicus.adapter import Copernicus
+from pipeline.sources.copernicus.client import PASSWORD, USERNAME
 from tests.loopback_store import world
 from tests.loopback_store.server import LOGIN, Fault
 

@@ -23,7 +23,7 @@ from pipeline.model import Credit, CurrentGrid, Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
-from pipeline.sources.copernicus.account import (
+from pipeline.sources.copernicus.client import (
     PASSWORD as PASSWORD_VARIABLE,
     USERNAME as USERNAME_VARIABLE,
 )

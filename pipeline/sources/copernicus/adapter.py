@@ -27,7 +27,7 @@ from pipeline.model.inputs import CurrentSource, Issue
 from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.copernicus.acceptance import AcceptedFields, Expected, accept
-from pipeline.sources.copernicus.account import LOGIN, has_account
+from pipeline.sources.copernicus.client import LOGIN, has_account
 from pipeline.sources.copernicus.download import (
     CachedDownload,
     SelectedSteps,

@@ -32,8 +32,7 @@ from pipeline.machine.store import file_hash
 from pipeline.scenario.catalogue import CopernicusSpec, StepKind, StepLength
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import Period
-from pipeline.sources.copernicus.account import LOGIN, without_secrets
-from pipeline.sources.copernicus.subset import NO_ANSWER
+from pipeline.sources.copernicus.client import LOGIN, NO_ANSWER, without_secrets
 
 _BY_HOUR = "%Y-%m-%dT%H"
 _LABEL_FORMATS = {"month": "%Y-%m", "day": "%Y-%m-%d", "6 hours": _BY_HOUR, "hour": _BY_HOUR}
@@ -283,8 +282,8 @@ def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
 
 def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | _Failure:
     """Call the client once."""
-    module = "pipeline.sources.copernicus.subset"
-    result = run_python(["-m", module], json.dumps(request), deadline_s)
+    module = "pipeline.sources.copernicus.client"
+    result = run_python(["-m", module, "download"], json.dumps(request), deadline_s)
     message = _presentable(_last_message(result.stderr))
     if result.exit_code is None:
         last = f" (last message: {message})" if message else ""

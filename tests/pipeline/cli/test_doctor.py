@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 from pipeline.cli import check_machine, doctor
 from pipeline.cli.check_machine import Finding
 from pipeline.cli.main import app
-from pipeline.sources.copernicus.account import login_fault
+from pipeline.sources.copernicus.client import login_fault
 from pipeline.sources.land.osm import cache_file
 from tests.loopback_store import world
 from tests.loopback_store.server import PASSWORD, USERNAME, Fault

@@ -9,7 +9,7 @@ from urllib.parse import quote
 import pytest
 
 from pipeline.cli.log_lines import json_lines
-from pipeline.sources.copernicus.account import PASSWORD, USERNAME
+from pipeline.sources.copernicus.client import PASSWORD, USERNAME
 
 # With characters that JSON and addresses each spell in their own way.
 SECRETS = ("sailor@sea", 'p"a\\ss/wörd&')

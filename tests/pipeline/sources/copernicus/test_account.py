@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.sources.copernicus.account import PASSWORD, USERNAME, without_secrets
+from pipeline.sources.copernicus.client import PASSWORD, USERNAME, without_secrets
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.machine.store import Store
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import load_scenario
-from pipeline.sources.copernicus.account import PASSWORD, USERNAME
 from pipeline.sources.copernicus.adapter import Copernicus
+from pipeline.sources.copernicus.client import PASSWORD, USERNAME
 from pipeline.stages.fetch import fetch
 from tests.loopback_store import world
 from tests.loopback_store.world import LAND, REGION, season, spec

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.sources.copernicus.subset import AnswerLog
+from pipeline.sources.copernicus.client import AnswerLog
 from tests.pipeline.processes import ends_within
 
 
@@ -19,7 +19,7 @@ def test_a_download_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
     # Its sleep stands for anything that the client may wait for.
     download = (
         "import os, threading, time\n"
-        "from pipeline.sources.copernicus.subset import exit_with_parent\n"
+        "from pipeline.sources.copernicus.client import exit_with_parent\n"
         "threading.Thread(target=exit_with_parent, args=(os.getppid(),), daemon=True).start()\n"
         f"open({str(pid_file)!r}, 'w').write(str(os.getpid()))\n"
         "time.sleep(60)\n"

@@ -1,12 +1,17 @@
-"""A single download by the Copernicus Marine client, run as a process of its own.
+"""The Copernicus Marine client in processes of its own: the check of the login, and a download.
 
-Reads the request as JSON from standard input: the dataset, the labels of the time steps, whether
-the last of them `may_lack`, and the other arguments of `copernicusmarine.subset`. It looks up the
-dataset's own time axis, downloads exactly those steps, and writes as JSON to standard output what
-it got, or its `error`. Without `subset` it only looks which steps there are. Exit code
-NO_ANSWER: the client returned nothing and raised nothing, as it does without credentials.
+The client takes seconds to import, waits for answers without a limit of time, and may never end. So
+this file is run as a module: with `login` it says by its exit code whether the service takes the
+account. With `download` it reads a request as JSON from standard input: the dataset, the labels of
+the time steps, whether the last of them `may_lack`, and the other arguments of
+`copernicusmarine.subset`. It looks up the dataset's own time axis, downloads exactly those steps,
+and writes as JSON to standard output what it got, or its `error`. Without `subset` it only looks
+which steps there are. Exit code NO_ANSWER: the client returned nothing and raised nothing, as it
+does without credentials.
 """
 
+import base64
+import binascii
 import contextlib
 import json
 import logging
@@ -17,10 +22,94 @@ import threading
 import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import quote, quote_plus, urlsplit
 
-from pipeline.geo.lonlat import Bounds, around_missing
+from pipeline.machine.interpreters import run_python
+
+USERNAME = "COPERNICUSMARINE_SERVICE_USERNAME"
+PASSWORD = "COPERNICUSMARINE_SERVICE_PASSWORD"  # noqa: S105 - the variable's name
+LOGIN = f"{USERNAME} and {PASSWORD}, or run `copernicusmarine login`"
+"""The client's means to sign in, for a message behind "set" or "check"."""
+# The client's own file, under COPERNICUSMARINE_CREDENTIALS_DIRECTORY or the home directory.
+_FOLDER, _FILE = ".copernicusmarine", ".copernicusmarine-credentials"
+# Credentials in addresses: the client puts the user name into every address, and the address of a
+# proxy may have a password.
+_IN_ADDRESSES = re.compile(r"(?<=x-cop-user=)[^&\s'\"]+|(?<=://)[^/@\s'\"]+(?=@)")
+_HIDDEN = "***"
+
+
+def has_account() -> bool:
+    """Whether the client will find a user name and a password."""
+    return bool(os.environ.get(USERNAME) and os.environ.get(PASSWORD)) or (
+        credentials_file().is_file()
+    )
+
+
+def credentials_file() -> Path:
+    """Path of the file in which `copernicusmarine login` stores the credentials."""
+    folder = os.environ.get("COPERNICUSMARINE_CREDENTIALS_DIRECTORY")
+    return (Path(folder) if folder else Path.home()) / _FOLDER / _FILE
+
+
+def without_secrets(text: str) -> str:
+    """Replace in a text all credentials that are known here, and any in an address."""
+    secrets = _secrets()
+    # As they are, and as an address or a form encodes them.
+    encoded = {encode(secret) for secret in secrets for encode in (str, quote, quote_plus)}
+    for secret in sorted(encoded, key=len, reverse=True):
+        text = text.replace(secret, _HIDDEN)
+    return _IN_ADDRESSES.sub(_HIDDEN, text)
+
+
+def _secrets() -> set[str]:
+    """User names and passwords of the environment and of the client's own file."""
+    found = {os.environ.get(USERNAME, ""), os.environ.get(PASSWORD, "")}
+    try:
+        stored = base64.standard_b64decode(credentials_file().read_bytes()).decode("utf-8")
+    except (OSError, binascii.Error, UnicodeDecodeError):
+        stored = ""
+    # As configparser reads it; in a damaged file, every line.
+    for line in stored.splitlines():
+        name, _, value = line.replace(":", "=", 1).partition("=")
+        found.add(value.strip() if value else name.strip("[] "))
+    return found - {"", "credentials"}
+
+
+_VALID, _REFUSED, _UNREACHABLE = 0, 3, 4
+# Maximum length of the client's message in a fault, characters.
+_MAX_MESSAGE_LENGTH = 200
+_REACH = "check the connection to auth.marine.copernicus.eu, and the proxy"
+
+
+def login_fault(deadline_s: float) -> tuple[str, str]:
+    """Return why the account can't be used now, and the remedy; two empty texts if it can."""
+    result = run_python(["-m", __name__, "login"], "", deadline_s)
+    if result.exit_code is None:
+        return f"no answer within {deadline_s:g} s", _REACH
+    last = without_secrets(result.stderr.strip().rpartition("\n")[2])[:_MAX_MESSAGE_LENGTH]
+    return {
+        _VALID: ("", ""),
+        _REFUSED: (
+            "the service refuses the user name or the password",
+            f"check {LOGIN}",
+        ),
+        _UNREACHABLE: ("the service can't be reached", _REACH),
+    }.get(result.exit_code, (f"the client failed: {last}", "install copernicusmarine again"))
+
+
+def check_login() -> int:
+    """Ask the service; return the exit code."""
+    import copernicusmarine
+
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            is_valid = copernicusmarine.login(check_credentials_valid=True)
+    except copernicusmarine.CouldNotConnectToAuthenticationSystem:
+        return _UNREACHABLE
+    return _VALID if is_valid else _REFUSED
+
 
 NO_ANSWER = 3
 # Interval at which the process checks that its parent still runs, s.
@@ -62,7 +151,7 @@ class AnswerLog(logging.Handler):
             sys.stderr.flush()
 
 
-def main() -> int:
+def answer_request() -> int:
     """Download what standard input asks for; return the exit code."""
     request = json.load(sys.stdin)
     parent = request["parent_pid"]
@@ -174,7 +263,7 @@ def _with_labels(
     return found
 
 
-def _chunk_box(part: Any, store: str, index: tuple[int, ...]) -> Bounds:  # noqa: ANN401 - the same
+def _chunk_box(part: Any, store: str, index: tuple[int, ...]) -> tuple[float, float, float, float]:  # noqa: ANN401 - the same
     """Bounds of a chunk, degrees: the centres of its outermost cells."""
     for service in part.services:
         # The bucket's name may be part of the path or of the host name.
@@ -193,8 +282,15 @@ def _chunk_range(axis: Any, index: int) -> tuple[float, float]:  # noqa: ANN401 
     return (float(values[0]), float(values[-1]))
 
 
+def around_missing(steps: Sequence[str], missing: str) -> str:
+    """Say between which steps, by their ascending labels, one is missing; empty at an end."""
+    before = [step for step in steps if step < missing]
+    after = [step for step in steps if step > missing]
+    return f", between {before[-1]} and {after[0]}" if before and after else ""
+
+
 if __name__ == "__main__":
-    code = main()
+    code = check_login() if sys.argv[1] == "login" else answer_request()
     sys.stdout.flush()
     sys.stderr.flush()
     # Not `sys.exit`, which waits for the client's threads; some of them retry for minutes.
