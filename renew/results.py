@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from renew._types import FloatArray
-from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.bounds.fuel_bound import FuelBound
 from renew.classes.dual_graph import Channel, visits
 from renew.errors import (
     MomentSpelling,
@@ -24,7 +24,6 @@ from renew.errors import (
     in_seconds,
 )
 from renew.inputs.chart import ShutArea
-from renew.voyage.voyage import Voyage
 
 # Width of the map, CSS pixels; its height follows, up to twice as much.
 _WIDTH = 420.0
@@ -32,25 +31,6 @@ _WIDTH = 420.0
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 # Number of routes that are drawn and listed.
 _MAX_ROUTES = len(_COLOURS)
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class FuelBound:
-    """The fuel that no route of a voyage can stay below, of any class, however close to land.
-
-    It is computed from the voyage when first asked for, unless it is known already.
-    """
-
-    source: Voyage | float
-
-    @cached_property
-    def value(self) -> float:
-        """The lower bound (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
-        return fuel_lower_bound(self.source) if isinstance(self.source, Voyage) else self.source
-
-    def __reduce__(self) -> "tuple[type[FuelBound], tuple[float]]":
-        """Pickle the bound instead of its source: a current may be any function."""
-        return FuelBound, (self.value,)
 
 
 class OverpoweredHours(NamedTuple):
@@ -142,8 +122,16 @@ class Route:
 
         The bound knows no padding and no turning circle: the gap includes what safety costs.
         """
-        bound = self.fuel_bound.value
-        return max(0.0, self.fuel / bound - 1) if bound > 0 else math.inf
+        return self.fuel_bound.gap(self.fuel)
+
+    @property
+    def gap_at_clearance(self) -> float:
+        """Share by which the fuel exceeds the bound on routes that are as safe, 0 to the other gap.
+
+        They keep the same clearance, and at each edge of land the least padding that the rule can
+        give there on any heading.
+        """
+        return self.fuel_bound.gap_at_clearance(self.fuel)
 
 
 def unite_soft_no_go(routes: Sequence[Route]) -> None:

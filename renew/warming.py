@@ -111,7 +111,7 @@ def rehearse_half(half: int) -> None:
     start, goal = problem.voyage.start, problem.voyage.goal
     midlines = [found.midline(start, goal) for found in scout.channels(2)]
     scout.channels_beside(midlines, 1)
-    _ = problem.fuel_bound.value
+    _ = problem.fuel_bound.value, problem.fuel_bound.at_clearance
 
 
 def _ask(route: Route, chart: Chart, current: CurrentLike) -> None:
@@ -119,4 +119,4 @@ def _ask(route: Route, chart: Chart, current: CurrentLike) -> None:
     contingency(route, chart, current, _VESSEL)
     tightest(route, current, _VESSEL)
     fuel(route.path, current, _VESSEL)
-    _ = (route.channel, route.soft_no_go, route.optimality_gap)
+    _ = (route.channel, route.soft_no_go, route.gap_at_clearance)

@@ -89,6 +89,11 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
         lines.append(f"\nPassed: {'; '.join(places)}.")
     no_go = outcome.fetched.land.no_go_name
     lines += [
+        f"\n{text.season_name(row.season)}: {text.kept_gap_text(row.gap_at_clearance)}"
+        for row in outcome.evaluation.routes
+        if row.rank == 1 and math.isfinite(row.gap_at_clearance) and row.has_land
+    ]
+    lines += [
         f"\n{text.season_name(one.season)}: {text.gap_text(one, no_go)}"
         for one in outcome.evaluation.gap_shares
     ]
@@ -208,6 +213,7 @@ def _route(
         "departure": passage[0].isoformat() if passage else None,
         "arrival": passage[1].isoformat() if passage else None,
         "optimality_gap": _finite(row.optimality_gap),
+        "gap_at_clearance": _finite(row.gap_at_clearance),
         "filled_share": row.filled_share,
         "uncharted_share": _finite(row.uncharted_share),
         "files": [

@@ -32,7 +32,8 @@ from pipeline.scenario.loading import scenario_text
 # planner's scaled units, every other `_m` in true metres.
 _FIELDS = (
     *("season", "rank", "way", "homotopy", "fuel", "fuel_per_distance", "length", "length_m"),
-    *("clearance_m", "duration_s", "speed_m_s", "optimality_gap", "trials", "collisions"),
+    *("clearance_m", "duration_s", "speed_m_s", "optimality_gap", "gap_at_clearance"),
+    *("trials", "collisions"),
     *("land_m", "land_lon", "land_lat", "filled_share", "uncharted_share"),
 )
 _RENAMED = {"length": "length_planner_m", "speed_m_s": "speed_through_water_m_s"}

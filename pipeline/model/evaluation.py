@@ -73,6 +73,7 @@ class RouteMetrics:
     duration_s: float
     speed_m_s: float
     optimality_gap: float
+    gap_at_clearance: float
     trials: int
     collisions: int
     land_m: float

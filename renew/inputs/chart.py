@@ -1,5 +1,6 @@
 """The chart: an extent of water with its hard no-go zone L, and areas that are shut for a time."""
 
+import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -86,6 +87,12 @@ class Chart:
         land = shapely.union_all(np.array(sum(self.islands, ()), dtype=object))
         apart = tuple(one for one in merged if not shapely.intersects(one, land))
         other.islands = (*self.islands, apart)
+        return other
+
+    def off(self, area: shapely.Geometry) -> "Chart":
+        """Return the chart for a bound on fuel that keeps off an area (m), and off all of L."""
+        other = copy.copy(self)
+        vars(other)["open_water"] = self.less(self.water, area)
         return other
 
     @cached_property

@@ -7,6 +7,7 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
+from renew.bounds.fuel_bound import FuelBound
 from renew.classes.class_enumerator import ClassEnumerator, ViaEnumerator
 from renew.classes.h_signature import VIA, Rays, Word, rays_that_matter
 from renew.classes.triangulation import (
@@ -17,7 +18,7 @@ from renew.classes.triangulation import (
 )
 from renew.inputs.options import PlanOptions
 from renew.paths.corridor import SLACK
-from renew.results import FuelBound
+from renew.turns.least_padding import voyage_at_clearance
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.voyage import Voyage
 
@@ -77,8 +78,12 @@ class Problem:
 
     @cached_property
     def fuel_bound(self) -> FuelBound:
-        """Lower bound on the fuel of any route."""
-        return FuelBound(self.voyage)
+        """Lower bounds on the fuel of any route."""
+        return FuelBound(self.voyage, self._voyage_at_clearance)
+
+    def _voyage_at_clearance(self) -> Voyage:
+        """Return the voyage in the water that the rule of padding leaves to any route."""
+        return voyage_at_clearance(self.voyage, self.triangulation, self.options, self.reach)
 
     @property
     def likely_width(self) -> float:

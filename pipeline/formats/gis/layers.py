@@ -97,7 +97,8 @@ _MAX_TURNS = 2_000
 # Figures of a route in its row, by their names in its metrics.
 _MEASURED = (
     *("homotopy", "way", "fuel", "fuel_per_distance", "length_m", "clearance_m", "duration_s"),
-    *("speed_m_s", "optimality_gap", "trials", "collisions", "filled_share", "uncharted_share"),
+    *("speed_m_s", "optimality_gap", "gap_at_clearance", "trials", "collisions", "filled_share"),
+    "uncharted_share",
 )
 
 

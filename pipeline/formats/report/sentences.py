@@ -260,7 +260,8 @@ def _bound(best: RouteMetrics) -> str:
     return (
         "By the same law of fuel no route within the chart, of any class and however close "
         f"to {best.no_go_name}, needs less than {fuel(bound)}; this one is within "
-        f"{text.percent(best.optimality_gap)} of that bound."
+        f"{text.percent(best.optimality_gap)} of that bound. "
+        f"{text.kept_gap_text(best.gap_at_clearance)}"
     )
 
 

@@ -179,9 +179,10 @@ class RunResult:
             return False
         return grid.is_left_out or best.filled_share >= 1 - _NONE
 
-    def gap_figure(self, row: model.RouteMetrics) -> str:
-        """A route's optimality gap for readers: none is proven where the current is not known."""
-        return "not proven" if self.lacks_current(row.season) else gap_figure(row.optimality_gap)
+    def gap_figure(self, row: model.RouteMetrics, *, at_clearance: bool = False) -> str:
+        """A route's gap for readers: none is proven where the current is not known."""
+        share = row.gap_at_clearance if at_clearance else row.optimality_gap
+        return "not proven" if self.lacks_current(row.season) else gap_figure(share)
 
     def crossings(self, season: str, rank: int) -> FloatArray:
         """Middles (n, 2), lon/lat degrees, of a route's parts over the second shoreline's land."""

@@ -204,6 +204,16 @@ def zone_text(zone: Zone) -> str:
     return f"{name}: {zone.rule}" if zone.rule else name
 
 
+def kept_gap_text(share: float) -> str:
+    """Say in a sentence how near a route is to the bound on routes that are as safe."""
+    if share > USEFUL_GAP:
+        return "There is no useful bound for routes that keep the same clearance."
+    return (
+        f"Any route that keeps the same clearance, and the least padding that hard-over turns ask "
+        f"for on any heading, saves at most {percent(share / (1 + share))}."
+    )
+
+
 def gap_text(shares: GapShares, no_go: str) -> str:
     """Say in a sentence what an optimality gap is made of; `no_go` is a name for no-go areas."""
     whole = shares.chart + shares.padding + shares.bound

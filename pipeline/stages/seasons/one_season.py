@@ -183,6 +183,7 @@ class _RouteEvaluator:
             duration_s=planning.true_duration_s(route, self._scene, self._season),
             speed_m_s=mean_speed_m_s(route),
             optimality_gap=route.optimality_gap,
+            gap_at_clearance=route.gap_at_clearance,
             trials=turns.trials,
             collisions=turns.collisions,
             land_m=land_m,

@@ -89,6 +89,7 @@ def test_every_class_is_in_its_seasons_table(page: Page, result: RunResult) -> N
             assert row["Clearance"] == texts.clearance(m.clearance_m)
             assert row["Turns that met land"] == f"{m.collisions} of {m.trials}"
             assert row["Optimality gap"] == f"{100 * m.optimality_gap:.1f} %"
+            assert row["At the clearance kept"] == f"{100 * m.gap_at_clearance:.1f} %"
             assert row["Class"] == m.homotopy
             if m.rank > 1:
                 excess = 100 * (m.fuel / metrics[0].fuel - 1)

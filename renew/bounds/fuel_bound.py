@@ -1,0 +1,55 @@
+"""The bounds on fuel that the routes of a plan share, computed when first asked for."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.voyage.voyage import Voyage
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class FuelBound:
+    """The fuel that no route of a voyage can stay below, of any class.
+
+    It is computed from the voyage when first asked for, unless it is known already. `kept` is the
+    bound on routes that keep the plan's clearance, or gives the voyage in their water.
+    """
+
+    source: Voyage | float
+    kept: Callable[[], Voyage] | float
+
+    @cached_property
+    def value(self) -> float:
+        """The bound on any route (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
+        return fuel_lower_bound(self.source) if isinstance(self.source, Voyage) else self.source
+
+    @cached_property
+    def at_clearance(self) -> float:
+        """The bound (fuel units) on any route that keeps the plan's clearance and least padding.
+
+        See :mod:`renew.turns.least_padding`.
+        """
+        if not callable(self.kept):
+            return self.kept
+        voyage = self.kept()
+        return self.value if voyage is self.source else fuel_lower_bound(voyage)
+
+    def __reduce__(self) -> "tuple[type[FuelBound], tuple[float, float]]":
+        """Pickle the bounds instead of their sources: a current may be any function."""
+        return FuelBound, (self.value, self.at_clearance)
+
+    def gap(self, fuel: float) -> float:
+        """Share by which fuel exceeds the bound on any route, >= 0."""
+        return _gap(fuel, self.value)
+
+    def gap_at_clearance(self, fuel: float) -> float:
+        """Share by which fuel exceeds the bound on routes that keep the plan's clearance, >= 0."""
+        # The bound in less water may be looser, but holds there as well.
+        return _gap(fuel, max(self.value, self.at_clearance))
+
+
+def _gap(fuel: float, bound: float) -> float:
+    """Share by which fuel exceeds a bound on it, >= 0."""
+    return max(0.0, fuel / bound - 1) if bound > 0 else math.inf

@@ -1,0 +1,260 @@
+"""The least padding that the rule can give an edge, and the water that it leaves to every route.
+
+The rule (:mod:`renew.turns.padding_model`) pads an edge e for each triangle t that a path crosses
+near it, by a quantile of the reach of drawn turns from t towards e, on a heading that depends on
+the path. So a path in t keeps at least the least quantile over all headings, g(t, e), off e; and
+whoever is nearer to e than P(e) = min over t of max(distance of t from e, g(t, e)) breaks the rule.
+
+g is bounded by the turns that are drawn at least an angle γ off the heading, to one side. As none
+is off by more than 20°, such turns to the one side or to the other begin at an angle β from the
+normal of e with γ <= |β| <= 180° - γ, whatever the heading. A turn away from that side reaches
+
+    h(|β|) = v/ω (√(1 - r²) + sin |β|) + δ (arccos r + |β|)/ω,    r = -δ/v,
+
+δ being the drift towards e. h rises up to |β| = arccos r and falls from there, so it is least at
+either end; and it never falls as δ rises. So if more turns to a side than the risk allows drift by
+δ or more, the quantile is no less than h at the worse end.
+
+The claims on routes are proven in `docs/explanation/lower-bound.md`.
+"""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from renew._compiled import kernel
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.classes.dual_graph import without_dead_ends
+from renew.classes.triangulation import Triangulation
+from renew.inputs.current import CurrentStatistics
+from renew.inputs.options import PlanOptions
+from renew.turns.turn_reach import DrawnAside, TurnReach, TurnSampler
+from renew.voyage.voyage import Voyage, Waters
+
+# Largest padding that counts, in multiples of v/ω: edges have few triangles as near.
+_MOST = 1.5
+# Distance, as a share of an edge, within which a triangle lies on its line.
+_FLAT = 1e-9
+# Share by which paddings are lowered: a path may touch a triangle without crossing it.
+_ROUNDING = 1e-6
+# Share of a width that the water straight off an edge has to be off other land: else the edge lies
+# behind others. Places on a long edge from which that is looked at, and the one on a short edge.
+_FREE, _PLACES, _MIDDLE = 0.99, (0.02, 0.5, 0.98), 0.5
+# Multiple of a turn's reach from a stop within which edges demand nothing: padding that has grown
+# there may hold the stop.
+_GROWN = 2.0
+# Places on a section, as shares, one of which keeps the clearance if the section is not narrow.
+_SHARES = (0.5, 0.25, 0.75)
+# Segments per quadrant of buffers, which lie within the true ones.
+_SEGMENTS = 4
+# Length of pieces of shore with reduced clearance, as a share of it.
+_PIECE = 0.25
+
+
+def voyage_at_clearance(
+    voyage: Voyage, triangulation: Triangulation, options: PlanOptions, reach: TurnReach
+) -> Voyage:
+    """Return the voyage in the least water that holds every route that the rule accepts.
+
+    It is the water off the no-go zone, less the padding and the clearance that every route keeps
+    off each edge of land. `reach` bounds the turns of the vessel.
+    """
+    chart = voyage.chart
+    if len(chart.islands) > 1:
+        # Areas that are shut for a while are land to this plan, but not to all routes.
+        return voyage
+    edges = triangulation.constrained_edges
+    radius, clearance = voyage.vessel.turning_radius, options.clearance
+    away = _GROWN * float(reach(voyage.stops).max()) + clearance / options.narrow_share
+    lines = shapely.linestrings(edges) if len(edges) else np.array([], dtype=object)
+    stops = shapely.multipoints(voyage.stops)
+    width = max(options.min_width, radius if options.is_adaptive else 0.0)
+    keep = _outermost(triangulation, width) & ~shapely.dwithin(lines, stops, away)
+    lines, edges = lines[keep], edges[keep]
+    padding = (1 - _ROUNDING) * _paddings(voyage, triangulation, options, edges)
+    zone = [*shapely.buffer(lines[padding > 0], padding[padding > 0], quad_segs=_SEGMENTS)]
+    if clearance > 0:
+        if options.narrow_share < 1:
+            yields = clearance / options.narrow_share + _PIECE * clearance
+            lines = shapely.difference(lines, _narrows(voyage, triangulation, clearance, yields))
+        zone += [*shapely.buffer(lines, (1 - _ROUNDING) * clearance, quad_segs=_SEGMENTS)]
+    if not zone and chart.open_water is chart.water:
+        return voyage
+    return replace(voyage, waters=Waters(chart.off(shapely.union_all(zone)), voyage.current))
+
+
+def _outermost(triangulation: Triangulation, width: float) -> BoolArray:
+    """Which constrained edges (e,) have water straight off that is as far from all other land."""
+    edges = triangulation.constrained_edges
+    along = edges[:, 1] - edges[:, 0]
+    # Water is on the left of an edge.
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    normal *= width / np.linalg.norm(along, axis=1, keepdims=True)
+    free = np.zeros(len(edges), dtype=bool)
+    is_long = np.linalg.norm(along, axis=1) > width
+    for place in _PLACES:
+        at = np.flatnonzero(is_long & ~free) if place != _MIDDLE else np.flatnonzero(~free)
+        points = edges[at, 0] + place * along[at] + normal[at]
+        near = triangulation.constrained_edge_tree.query(
+            shapely.points(points), predicate="dwithin", distance=_FREE * width
+        )[0]
+        free[np.delete(at, near)] = True
+    return free
+
+
+def _narrows(
+    voyage: Voyage, triangulation: Triangulation, clearance: float, reach: float
+) -> shapely.Geometry:
+    """Area around triangles with sections, maybe, none of whose places keeps the clearance (m).
+
+    Within `reach` (m) of such triangles the clearance may yield
+    (:func:`renew.planner.hindrances.with_clearance`).
+    """
+    ends = [triangulation.locate(stop) for stop in voyage.stops]
+    inside = np.zeros(len(triangulation.triangles), dtype=bool)
+    for first, last in itertools.pairwise(ends):
+        inside |= without_dead_ends(triangulation.neighbours, first, last)
+    corners, narrow = triangulation.corners, np.zeros(len(inside), dtype=bool)
+    for pivot in range(3):
+        one, other = (pivot + 1) % 3, (pivot + 2) % 3
+        # A section leads from the pivot, between two passing edges, to the edge opposite.
+        is_fan = (triangulation.neighbours[:, [one, other]] >= 0).all(axis=1)
+        left = np.flatnonzero(inside & is_fan & ~narrow)
+        for share in _SHARES:
+            own = corners[left]
+            across = own[:, [pivot]] + share * (own[:, [one, other]] - own[:, [pivot]])
+            near = triangulation.constrained_edge_tree.query(
+                shapely.linestrings(across), predicate="dwithin", distance=clearance
+            )[0]
+            left = left[np.unique(near)]
+        narrow[left] = True
+    narrow[ends] = True
+    around = shapely.buffer(shapely.polygons(corners[narrow]), reach / math.cos(math.pi / 32))
+    return shapely.union_all(around)
+
+
+def _paddings(
+    voyage: Voyage, triangulation: Triangulation, options: PlanOptions, edges: FloatArray
+) -> FloatArray:
+    """Return a lower bound (e,), m, on the rule's padding of edges (e, 2, 2); 0 where none is."""
+    if not options.is_adaptive:
+        return np.full(len(edges), options.fixed_width)
+    if voyage.choice.least < math.inf:
+        # The padding is for speeds that the vessel may choose.
+        return np.zeros(len(edges))
+    vessel, sampler = voyage.vessel, TurnSampler.for_risk(options.seed, options.risk)
+    aside, *both = sampler.aside(options.risk)
+    if not voyage.current.is_steady:
+        # No turn in a current of at most that speed drifts further off than that.
+        strongest = voyage.table.strongest + voyage.table.error
+        sure = all(one.weight[one.speed <= 0].sum() > one.least for one in both)
+        reach = _least_reach(-strongest, aside, vessel.speed, vessel.turn_rate) if sure else 0.0
+        return np.full(len(edges), reach)
+    most = _MOST * vessel.turning_radius
+    tree = shapely.STRtree(shapely.linestrings(edges) if len(edges) else [])
+    shapes = shapely.polygons(triangulation.corners)
+    triangle, edge = tree.query(shapes, predicate="dwithin", distance=most)
+    apart = shapely.distance(shapes[triangle], tree.geometries[edge])
+    met, row = np.unique(triangle, return_inverse=True)
+    corners = triangulation.corners[met]
+    padding = np.full(len(edges), most)
+    statistics = voyage.waters.quick_current.statistics(corners)
+    for drawn in both:
+        _lower(
+            padding, row, edge, apart, edges, corners, statistics, drawn, aside, vessel.speed,
+            vessel.turn_rate,
+        )  # fmt: skip
+    return padding
+
+
+@kernel
+def _least_reach(drift: float, aside: float, speed: float, turn_rate: float) -> float:
+    """Return h at its worse end, m, for a drift (m/s) towards the edge."""
+    ratio = min(max(-drift / speed, -1.0), 1.0)
+    furthest = speed / turn_rate * (math.sqrt(1.0 - ratio * ratio) + math.sin(aside))
+    last = aside if drift >= 0 else math.pi - aside
+    turn = furthest + drift * (math.acos(ratio) + last) / turn_rate
+    return max(turn, drift * 2 * math.pi / turn_rate, 0.0)
+
+
+@kernel
+def _lower(
+    padding: FloatArray,
+    row: IntArray,
+    edge: IntArray,
+    apart: FloatArray,
+    edges: FloatArray,
+    corners: FloatArray,
+    current: CurrentStatistics,
+    drawn: DrawnAside,
+    aside: float,
+    speed: float,
+    turn_rate: float,
+) -> None:
+    """Lower the padding (e,), m, of edges to what each triangle `row[p]`, `apart[p]` m off, gives.
+
+    The rows ascend.
+    """
+    count = len(drawn.speed)
+    # The drift at which the reach is the padding.
+    least_drift = np.full(len(padding), np.inf)
+    u, v, drift = np.empty(count), np.empty(count), np.empty(count)
+    known = -1
+    for p in range(len(row)):
+        e, t = edge[p], row[p]
+        if apart[p] >= padding[e]:
+            continue
+        if t != known:
+            known = t
+            for k in range(count):
+                strength = max(0.0, current.speed[t] + current.speed_std[t] * drawn.speed[k])
+                towards = current.direction[t] + current.direction_std[t] * drawn.turn[k]
+                u[k], v[k] = strength * math.cos(towards), strength * math.sin(towards)
+        nx, ny, is_left, is_right = _sides(edges[e], corners[t])
+        # Turns are looked at along the normal that leads away from the triangle.
+        for sign, is_there in ((-1.0, is_left), (1.0, is_right)):
+            if not is_there:
+                continue
+            drift[:] = sign * (u * nx + v * ny)
+            sure = _sure_drift(drift, drawn, least_drift[e])
+            reach = _least_reach(sure, aside, speed, turn_rate) if sure > -np.inf else 0.0
+            if max(apart[p], reach) < padding[e]:
+                padding[e] = max(apart[p], reach)
+                least_drift[e] = sure if reach > apart[p] else np.inf
+
+
+@kernel
+def _sides(edge: FloatArray, corners: FloatArray) -> tuple[float, float, bool, bool]:
+    """Normal of an edge (2, 2) to its left, and whether a triangle (3, 2) has points on each side.
+
+    One that is flat on the edge's line counts on both.
+    """
+    nx, ny = edge[0, 1] - edge[1, 1], edge[1, 0] - edge[0, 0]
+    length = math.hypot(nx, ny)
+    nx, ny = nx / length, ny / length
+    off = (corners[:, 0] - edge[0, 0]) * nx + (corners[:, 1] - edge[0, 1]) * ny
+    is_left, is_right = off.max() > _FLAT * length, off.min() < -_FLAT * length
+    is_flat = not (is_left or is_right)
+    return nx, ny, is_left or is_flat, is_right or is_flat
+
+
+@kernel
+def _sure_drift(drift: FloatArray, drawn: DrawnAside, enough: float) -> float:
+    """Drift (m/s) that more of the draws (d,) reach than the risk allows; -inf if there is none.
+
+    Infinite if that many reach `enough`. The drifts are written to.
+    """
+    if drawn.weight[drift >= enough].sum() > drawn.least:
+        return math.inf
+    beyond = 0.0
+    while True:
+        # Compiling a sort would take two seconds.
+        k = drift.argmax()
+        largest = drift[k]
+        beyond += drawn.weight[k]
+        if beyond > drawn.least or largest == -np.inf:
+            return float(largest)
+        drift[k] = -np.inf
