@@ -138,6 +138,8 @@ class Season:
         """Say how much fuel a better route could save, and how much knowing the current saves."""
         best = self.best
         sentences = [_bound(best)] if math.isfinite(best.optimality_gap) else []
+        if best.has_land and math.isfinite(best.gap_at_clearance):
+            sentences.append(text.kept_gap_text(best.gap_at_clearance))
         if self.gap is not None:
             sentences.append(text.gap_text(self.gap, best.no_go_name))
         if self.worth is not None:
@@ -260,8 +262,7 @@ def _bound(best: RouteMetrics) -> str:
     return (
         "By the same law of fuel no route within the chart, of any class and however close "
         f"to {best.no_go_name}, needs less than {fuel(bound)}; this one is within "
-        f"{text.percent(best.optimality_gap)} of that bound. "
-        f"{text.kept_gap_text(best.gap_at_clearance)}"
+        f"{text.percent(best.optimality_gap)} of that bound."
     )
 
 

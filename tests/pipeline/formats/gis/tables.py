@@ -39,7 +39,8 @@ LAYERS = {
 
 ROUTE_COLUMNS = {
     *("season", "rank", "homotopy", "way", "fuel", "fuel_per_distance", "length_m"),
-    *("clearance_m", "duration_s", "optimality_gap", "trials", "collisions"),
+    *("clearance_m", "duration_s", "optimality_gap", "gap_at_clearance"),
+    *("trials", "collisions"),
     *("filled_share", "uncharted_share"),
 }
 
