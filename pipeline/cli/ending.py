@@ -91,7 +91,10 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
     lines += [
         f"\n{text.season_name(row.season)}: {text.kept_gap_text(row.gap_at_clearance)}"
         for row in outcome.evaluation.routes
-        if row.rank == 1 and math.isfinite(row.gap_at_clearance) and row.has_land
+        if row.rank == 1
+        and row.has_land
+        and math.isfinite(row.gap_at_clearance)
+        and not outcome.result.lacks_current(row.season)
     ]
     lines += [
         f"\n{text.season_name(one.season)}: {text.gap_text(one, no_go)}"
