@@ -19,7 +19,6 @@ from pipeline.formats.passage.waypoints import (
     Waypoints,
     attribution,
     document_title,
-    duration,
     route_name,
     season_waypoints,
     time_after,
@@ -29,6 +28,7 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS, season_colour
 from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns
 from pipeline.formats.shared.text import (
+    duration,
     moment_text,
     speed_over_ground,
     speed_range,

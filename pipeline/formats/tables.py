@@ -17,14 +17,13 @@ from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
     Waypoints,
-    duration as duration_text,
     time_after,
     wrapped_longitude,
 )
 from pipeline.formats.shared.departures_and_speeds import TradeOff, trade_offs
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import coast_index, cumulative, steps_along_legs
-from pipeline.formats.shared.text import to_minute, write_json
+from pipeline.formats.shared.text import duration as duration_text, to_minute, write_json
 from pipeline.model import DepartureChoice, RouteMetrics
 from pipeline.scenario.loading import scenario_text
 

@@ -17,7 +17,6 @@ from pipeline.formats.passage.waypoints import (
     Waypoints,
     attribution,
     document_title,
-    duration,
     leg_text,
     limits_text,
     season_waypoints,
@@ -27,7 +26,7 @@ from pipeline.formats.passage.waypoints import (
 )
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult, route_unknowns
-from pipeline.formats.shared.text import shortened, xml_environment
+from pipeline.formats.shared.text import duration, shortened, xml_environment
 
 _Attributes: TypeAlias = dict[str, str]
 

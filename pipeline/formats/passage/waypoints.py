@@ -35,7 +35,7 @@ from pipeline.formats.shared.route_profile import (
     mean_speed,
     steps_along_legs,
 )
-from pipeline.formats.shared.text import capitalised
+from pipeline.formats.shared.text import capitalised, duration
 from pipeline.model import RouteMetrics
 from renew.results import unite_soft_no_go
 from renew.voyage.fuel import speeds_along
@@ -346,12 +346,6 @@ def leg_text(points: Waypoints, leg: int) -> str:
         f"{speed:.2f} kn{through_water}, {duration(points.time_s[leg + 1] - points.time_s[leg])}; "
         f"cross-track limits {port} m to port, {starboard} m to starboard"
     )
-
-
-def duration(seconds: float) -> str:
-    """Format a duration to the minute: 3 h 54 min."""
-    hours, minutes = divmod(round(seconds / 60), 60)
-    return f"{hours} h {minutes:02d} min"
 
 
 def time_after(departure: datetime, seconds: float) -> datetime:

@@ -55,6 +55,12 @@ def plain(value: float) -> str:
     return f"{value:,.6g}"
 
 
+def duration(seconds: float) -> str:
+    """Format a duration to the minute: 3 h 54 min."""
+    hours, minutes = divmod(round(seconds / 60), 60)
+    return f"{hours} h {minutes:02d} min"
+
+
 def distance(metres: float | None) -> str:
     """Format true metres: 712.1 km, 3.46 km, 820.4 m, 12.6 m."""
     if metres is None or not math.isfinite(metres):

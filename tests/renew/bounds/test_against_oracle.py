@@ -12,12 +12,11 @@ import shapely
 
 import renew
 from renew._types import BoolArray, FloatArray
-from renew.bounds import grids, refinement
-from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.bounds import fuel_lower_bound as bound, grids
+from renew.bounds.fuel_lower_bound import Front, drop, fuel_lower_bound
+from renew.bounds.grids import wet_cells
 from renew.bounds.march import march
-from renew.bounds.refinement import Front, drop
 from renew.bounds.travel_time import TravelGrid
-from renew.bounds.wet_cells import wet_cells
 from tests.bounded_scenes import SEEDS, bounded_scene, stored_fuels
 
 NEAREST = (2, 267, 300, 220, 283, 365, 22, 342, 43, 326, 144, 146, 260, 341, 65, 102, 143, 245, 205)
@@ -56,7 +55,7 @@ def test_rates_that_are_a_percent_too_low_are_caught(monkeypatch: pytest.MonkeyP
         rates, reached = march(time, grid, counts, low, top)
         return 0.99 * rates, reached / 0.99
 
-    monkeypatch.setattr(refinement, "march", lowered)
+    monkeypatch.setattr(bound, "march", lowered)
     assert sum(is_above(one) for one in NEAREST[:8]) > 4
 
 
@@ -79,7 +78,7 @@ def test_cells_dropped_that_a_better_route_may_cross_are_caught(
     def dropped(counts: BoolArray, there: Front, back: Front, most: float) -> None:
         drop(counts, there, back, SOONER * most)
 
-    monkeypatch.setattr(refinement, "drop", dropped)
+    monkeypatch.setattr(bound, "drop", dropped)
     assert sum(is_above(one) for one in NEAREST[:8]) > 4
 
 

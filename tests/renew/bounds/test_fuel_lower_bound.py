@@ -13,11 +13,9 @@ from shapely import Polygon, box
 
 import renew
 from renew._types import FloatArray
-from renew.bounds.fuel_lower_bound import fuel_lower_bound
-from renew.bounds.grids import whole_grid
-from renew.bounds.growth_rate import projected_rate
-from renew.bounds.refinement import Front
-from renew.bounds.wet_cells import wet_cells
+from renew.bounds.fuel_lower_bound import Front, fuel_lower_bound
+from renew.bounds.grids import wet_cells, whole_grid
+from renew.bounds.march import projected_rate
 from renew.inputs.options import Drift
 from renew.voyage.fuel import ground_speed
 from renew.voyage.voyage import Voyage, Waters

@@ -7,8 +7,7 @@ import pytest
 from shapely import box
 
 import renew
-from renew.bounds.grids import whole_grid
-from renew.bounds.interpolation_error import deviation_radius
+from renew.bounds.grids import deviation_radius, whole_grid
 from tests.renew.bounds.fields import FIELDS, OPPOSITE, in_triangles
 from tests.strategies import voyage_on
 

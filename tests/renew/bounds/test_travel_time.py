@@ -11,9 +11,8 @@ from shapely import box
 
 import renew
 from renew._types import FloatArray
-from renew.bounds.grids import sampled
+from renew.bounds.grids import sampled, wet_cells
 from renew.bounds.travel_time import HELPFUL, TravelGrid, locate, solve, source
-from renew.bounds.wet_cells import wet_cells
 from renew.kernels.ground_speed import Polar, ground_speed
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import FIELDS

@@ -10,7 +10,6 @@ import pytest
 
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
-    duration,
     leg_text,
     season_waypoints,
     time_after,
@@ -18,6 +17,7 @@ from pipeline.formats.passage.waypoints import (
     wrapped_longitude,
 )
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.text import duration
 from pipeline.stages.write import formats_of
 from tests.pipeline.formats import runs
 
