@@ -11,9 +11,15 @@ from pipeline.machine.store import Store
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
+from tests.pipeline.kept_land_mask import keep_land_mask
 
 # A region across the middle of Palawan: the island divides it from edge to edge.
 ACROSS_BOX = [118.3, 9.3, 119.2, 10.4]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _kept_land_mask() -> None:
+    keep_land_mask()
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import functools
 import importlib
 import json
 import os
@@ -42,8 +41,9 @@ def load() -> None:
         importlib.import_module(name)
     from pipeline.sources.current_field import LandMask
     from pipeline.sources.land import osm
+    from tests.pipeline.kept_land_mask import keep_land_mask
 
-    LandMask.world = functools.cache(LandMask.world)  # type: ignore[method-assign]
+    keep_land_mask()
     LandMask.world()
     osm.land(shapely.box(118.0, 9.0, 119.0, 10.0))
 

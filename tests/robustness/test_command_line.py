@@ -17,7 +17,7 @@ from tests.robustness.limits import MAX_CPU_S, MAX_MEMORY_BYTES
 from tests.robustness.renew_processes import CODES, NIGHT_CODES, Renew
 from tests.robustness.typed_commands import restore, typed_command
 
-SAMPLE = range(6, 11)  # none of them waits for a network
+SAMPLE = range(6, 9)  # none of them waits for a network
 EXIT_CODES = {0, 1, 2, 130, 143}
 # Time after which a run counts as hung, s: it may wait for the processor, and for a scheduler.
 _HUNG_S = 150

@@ -69,7 +69,7 @@ def plane(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return Bench.prepare(tmp_path_factory.mktemp("plane"), earlier, _PLANE)
 
 
-@pytest.mark.gate_share(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stage", "fraction", "number", "places"),
     [

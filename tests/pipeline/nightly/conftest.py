@@ -27,9 +27,18 @@ def dask_cluster(folder: Path, workers: int = 1) -> Iterator[str]:
         wait_until(lambda: file.exists() and file.read_text(), 120)
         for _ in range(workers):
             worker = (*dask, "worker", "--scheduler-file", str(file), "--nworkers", "1")
+            preload = ("--preload", "tests.pipeline.kept_land_mask")
             held.enter_context(
                 started(
-                    *(*worker, "--nthreads", "1", "--memory-limit", "2GiB", "--no-dashboard"),
+                    *(
+                        *worker,
+                        *preload,
+                        "--nthreads",
+                        "1",
+                        "--memory-limit",
+                        "2GiB",
+                        "--no-dashboard",
+                    ),
                     variables=silent,
                 )
             )

@@ -118,8 +118,8 @@ with ending_promptly():
 
 
 @pytest.mark.gate_share(2)
-@pytest.mark.parametrize("what", ["Deaf(); time.sleep(30)", "import atexit; atexit.register(Deaf)"])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("what", ["Deaf(); time.sleep(30)", "import atexit; atexit.register(Deaf)"])
 def test_a_signal_in_a_destructor_leaves_no_traceback(number: int, what: str) -> None:
     with started(sys.executable, "-c", _LOST.format(number=int(number), what=what)) as process:
         _, errors = process.communicate(timeout=30)

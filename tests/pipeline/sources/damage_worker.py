@@ -5,7 +5,6 @@ It is told a kind and a path in each line of its input, and answers with one lin
 
 from __future__ import annotations
 
-import functools
 import json
 import resource
 import sys
@@ -23,6 +22,7 @@ from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.registry import land_source
+from tests.pipeline.kept_land_mask import keep_land_mask
 
 # Regions that the undamaged charts and currents cover.
 VECTOR_REGION = shapely.box(118.0, 9.0, 120.0, 11.0)
@@ -80,7 +80,7 @@ def main() -> None:
     """Answer line by line."""
     resource.setrlimit(resource.RLIMIT_AS, (_MAX_MAPPED, _MAX_MAPPED))
     # The mask takes seconds to load, for each file anew.
-    LandMask.world = functools.cache(LandMask.world)  # type: ignore[method-assign]
+    keep_land_mask()
     LandMask.world()
     for line in sys.stdin:
         kind, path = json.loads(line)

@@ -348,7 +348,7 @@ def test_a_run_on_a_file_gives_its_credit(
     path = write(tmp_path / "field.nc", dataset(palawan, names=("ugos", "vgos"), standard=("", "")))
     code, errors, notes = run(tmp_path)
     assert (code, errors) == (0, [])
-    assert "summer: the currents are geostrophic" in notes
+    assert "note: the currents are geostrophic" in notes
     manifest = json.loads((tmp_path / "outputs" / "mine" / "manifest.json").read_text())
     (source,) = manifest["current_sources"]
     assert (source["name"], source["valid"]) == ("A sea made up for a test", "2024-07-01")
