@@ -27,6 +27,8 @@ import shapely
 
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
+from renew.bounds.grids import turned_round, whole_grid, widened
+from renew.bounds.travel_time import MEAN, locate, solve, source
 from renew.classes.dual_graph import without_dead_ends
 from renew.classes.triangulation import Triangulation
 from renew.inputs.current import CurrentStatistics
@@ -43,6 +45,9 @@ _ROUNDING = 1e-6
 # Share of a width that the water straight off an edge has to be off other land: else the edge lies
 # behind others. Places on a long edge from which that is looked at, and the one on a short edge.
 _FREE, _PLACES, _MIDDLE = 0.99, (0.02, 0.5, 0.98), 0.5
+# Number of cells on which ways past land are timed, and multiple of the best way's time up to which
+# the padding there counts.
+_CELLS, _SLACK = 16_000, 1.01
 # Multiple of a turn's reach from a stop within which edges demand nothing: padding that has grown
 # there may hold the stop.
 _GROWN = 2.0
@@ -72,7 +77,8 @@ def voyage_at_clearance(
     lines = shapely.linestrings(edges) if len(edges) else np.array([], dtype=object)
     stops = shapely.multipoints(voyage.stops)
     width = max(options.min_width, radius if options.is_adaptive else 0.0)
-    keep = _outermost(triangulation, width) & ~shapely.dwithin(lines, stops, away)
+    keep = _worth(voyage, edges[:, 0]) & ~shapely.dwithin(lines, stops, away)
+    keep[keep] = _outermost(triangulation, width, edges[keep])
     lines, edges = lines[keep], edges[keep]
     padding = (1 - _ROUNDING) * _paddings(voyage, triangulation, options, edges)
     zone = [*shapely.buffer(lines[padding > 0], padding[padding > 0], quad_segs=_SEGMENTS)]
@@ -86,9 +92,29 @@ def voyage_at_clearance(
     return replace(voyage, waters=Waters(chart.off(shapely.union_all(zone)), voyage.current))
 
 
-def _outermost(triangulation: Triangulation, width: float) -> BoolArray:
-    """Which constrained edges (e,) have water straight off that is as far from all other land."""
-    edges = triangulation.constrained_edges
+def _worth(voyage: Voyage, points: FloatArray) -> BoolArray:
+    """Which points (n, 2) a way past is so quick that their padding may raise the bound.
+
+    Times are no more than estimates: without padding elsewhere the bound is no less true.
+    """
+    if not voyage.current.is_steady or len(voyage.via):
+        return np.ones(len(points), dtype=bool)
+    grid, ends = whole_grid(voyage, _CELLS), (voyage.start, voyage.goal)
+    whole = np.zeros((grid.y.size, grid.x.size))
+    for own, (begin, end) in ((grid, ends), (turned_round(grid, 0.0), ends[::-1])):
+        time, dirty = source(own, begin)
+        at_end = locate(own, end).corners(time)
+        solve(time, dirty, np.ones(grid.wet.shape), own, at_end, MEAN)
+        whole += time
+    best = locate(grid, voyage.goal).corners(whole).min()
+    nodes = widened(whole <= _SLACK * best, 1)
+    column = np.clip(np.searchsorted(grid.x, points[:, 0]), 0, grid.x.size - 1)
+    row = np.clip(np.searchsorted(grid.y, points[:, 1]), 0, grid.y.size - 1)
+    return np.asarray(nodes[row, column])
+
+
+def _outermost(triangulation: Triangulation, width: float, edges: FloatArray) -> BoolArray:
+    """Which edges (e, 2, 2) have water straight off that is as far from all other land."""
     along = edges[:, 1] - edges[:, 0]
     # Water is on the left of an edge.
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
