@@ -52,7 +52,7 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
     if not is_switched_on():
         return function
     options = {"nopython": True, "boundscheck": None, "error_model": "numpy", "nogil": True}
-    # Small kernels make no arrays, and need not count who holds those that they read.
+    # Small kernels make no arrays, and need not count references to the arrays that they read.
     options |= {"forceinline": True, "_nrt": False} if forceinline else {}
     compiled: Any = KernelDispatcher(function, None, options)
     compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
@@ -69,9 +69,9 @@ def small_kernel(function: FunctionT) -> FunctionT:
 
 
 def for_kernels(array: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Floats in C order that may be written to: for all else kernels would be compiled once more.
+    """Return an array as floats in C order that can be written to; copied only if needed.
 
-    A copy only where it has to be one.
+    For any other kind of array the kernels would be compiled once more.
     """
     return np.require(array, np.float64, ["C", "W"])
 

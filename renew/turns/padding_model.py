@@ -24,12 +24,13 @@ from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import segment_distance
 from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, furthest_reach, normals_away
 
-# Number of triangles by which a path may bulge out of its channel, or of the path it is found by.
+# A path may bulge by this number of triangles out of its channel, or out of the triangles of the
+# path by which its class was found.
 _LAYERS = 2
 # Number of triangles that are surveyed besides the ones asked for: fewer cost no less time.
 _BATCH = 128
-# Factor by which edges are looked for further off than a reach asks for where the current changes:
-# the reach may be larger in the next window of time.
+# Where the current changes, edges are searched for up to the reach times this factor, because the
+# reach may be larger in the next window of time.
 _ROOM = 1.5
 
 
@@ -207,8 +208,9 @@ class PaddingModel:
 
         Where a path bulges out of the channel for which the padding was set, it meets other edges,
         or meets edges on another heading. It is assumed to cross each of its triangles from one
-        passing edge's midpoint to the next's, as in its channel; where it comes back through the
-        edge by which it went, its own heading counts. None where nothing is short.
+        passing edge's midpoint to the next's, as in its channel; where it leaves a triangle through
+        the edge by which it came, its own heading is taken. Returns None if no padding is too
+        small.
         """
         if self._current.is_steady and np.array_equal(path.triangle, channel.triangles):
             return None
@@ -230,14 +232,14 @@ class PaddingModel:
         for crossing in crossings:
             edges, needed = self._known[crossing]
             wanted[edges] = np.maximum(wanted[edges], needed)
-        # Of each edge, the first row is padded for turns; others may keep a clearance off it.
+        # The first row of an edge has its padding for turns; further rows may be for the clearance.
         edges, first = np.unique(padded.edge, return_index=True)
         short = wanted[edges] - padded.padding[first]
         found = np.flatnonzero(short > 0)
         return (edges[found], short[found]) if len(found) else None
 
     def _steps(self, windows: FloatArray) -> list[tuple[int, int]]:
-        """First and last step of the clock of windows (n, 2), s: each lies in its steps."""
+        """First and last step of the clock for windows (n, 2), s, which lie between the two."""
         if self._current.is_steady:
             return [(0, 0)] * len(windows)
         first = np.floor(windows[:, 0] / self._clock_step).astype(int)
@@ -245,7 +247,7 @@ class PaddingModel:
         return list(zip(first.tolist(), last.tolist(), strict=True))
 
     def _passing(self, triangles: IntArray, beside: IntArray, otherwise: FloatArray) -> FloatArray:
-        """Midpoints (n, 2) of the edges that triangles (n,) share with others, where they do."""
+        """Midpoints (n, 2) of the edges shared with triangles `beside`; `otherwise` without any."""
         triangulation = self._triangulation
         shared = triangulation.neighbours[triangles] == beside[:, None]
         edges = triangulation.edge_vertices(triangles, shared.argmax(axis=1))

@@ -281,8 +281,8 @@ def _draw_number(axes: Axes, position: FloatArray, number: int) -> None:
     )
 
 
-# Characters of a reason, and least number in a line; mean width of a letter as a share of its size,
-# with an allowance for the box's edges.
+# Maximum number of characters of a reason, and minimum number in one of its lines; mean width of a
+# letter as a share of its size, with an allowance for the box's edges.
 _MAX_REASON, _MIN_LETTERS, _LETTER_SHARE = 300, 20, 0.65
 
 

@@ -243,11 +243,11 @@ def _padded(size: int) -> int:
 _START_S, _FILE_S = 60.0, 2.0
 # CPU time of the process, and for each file, s, where the system can limit it.
 _START_CPU_S, _FILE_CPU_S = 5.0, 0.2
-# Number of values of a variable up to which all are read, as an axis's are.
+# A variable with at most this number of values is read whole, as an axis is.
 _MAX_VALUES = 10_000
 
 
-# How each file, of some size and time of change, is fatal to the library; empty if it isn't.
+# By path, size and time of change of a file: how it is fatal to the library; empty if it isn't.
 _found: dict[tuple[Path, int, int], str] = {}
 
 

@@ -35,7 +35,7 @@ from renew.turns.turn_reach import TurnReach
 
 MIN_LATENESS_S = 3600.0
 """Minimum of the times by which turns are checked early and late in changing currents, s."""
-# Share of the refused straits' padding that hardly any padding of a strait is below.
+# Hardly any strait has less padding than this share of the least padding of the refused straits.
 _SURE = 0.95
 # Spacing of the points at which hard-over turns begin: at least this many planar metres, as
 # published, and at least this many turning radii, because nearer turns are almost the same.
@@ -88,7 +88,7 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
 def _least_padding(
     error: renew.UnreachableError, scene: Scene, season: str, options: renew.PlanOptions
 ) -> float:
-    """Return a width, planar metres, below which hardly any padding of the refused classes is."""
+    """Return a width, planar metres; hardly any padding of the refused classes is narrower."""
     paddings = [max(one.padding_left, one.padding_right) for one in error.straits]
     likely = options.likely_width(scene.vessel_in(season).turning_radius)
     return max(likely, _SURE * min(paddings, default=0.0))
