@@ -89,10 +89,10 @@ class Chart:
         other.islands = (*self.islands, apart)
         return other
 
-    def off(self, area: shapely.Geometry) -> "Chart":
-        """Return the chart for a bound on fuel that keeps off an area (m), and off all of L."""
+    def with_open_water(self, water: shapely.Geometry) -> "Chart":
+        """Return the chart for a bound on fuel that holds in other water (m)."""
         other = copy.copy(self)
-        vars(other)["open_water"] = self.less(self.water, area)
+        vars(other)["open_water"] = water
         return other
 
     @cached_property

@@ -89,7 +89,8 @@ def voyage_at_clearance(
         zone += [*shapely.buffer(lines, (1 - _ROUNDING) * clearance, quad_segs=_SEGMENTS)]
     if not zone and chart.open_water is chart.water:
         return voyage
-    return replace(voyage, waters=Waters(chart.off(shapely.union_all(zone)), voyage.current))
+    own = chart.with_open_water(chart.less(chart.water, shapely.union_all(zone)))
+    return replace(voyage, waters=Waters(own, voyage.current))
 
 
 def _worth(voyage: Voyage, points: FloatArray) -> BoolArray:

@@ -314,9 +314,11 @@ def _bounded(side: FarSide, scene: Scene | None, result: RunResult) -> BoundedSi
     if scene is None:
         return BoundedSide(side, "", math.nan)
     island = shapely.Point(scene.projection.to_plane(np.array([side.lon, side.lat])))
-    ratios = [
-        ratio for plan in result.plans for ratio in _fuel_ratio(side, island, plan, scene, result)
-    ]
+    ratios = list[float]()
+    for plan in result.plans:
+        # Only a season with a lower bound than the others' counts.
+        enough = min(ratios, default=math.inf)
+        ratios += _fuel_ratio(side, island, plan, scene, result, enough)
     return BoundedSide(side, _name(island, scene), min(ratios, default=math.nan))
 
 
@@ -359,21 +361,31 @@ def _name(island: shapely.Point, scene: Scene) -> str:
 
 
 def _fuel_ratio(
-    side: FarSide, island: shapely.Point, plan: SeasonPlan, scene: Scene, result: RunResult
+    side: FarSide,
+    island: shapely.Point,
+    plan: SeasonPlan,
+    scene: Scene,
+    result: RunResult,
+    enough: float,
 ) -> Iterator[float]:
     """Yield a bound on fuel on an island's far side, in fuel of a season's best route.
 
-    At one speed, no way takes less time than its length with the strongest current behind.
+    At one speed, no way takes less time than its length with the strongest current behind. A bound
+    above `enough` is made no better.
     """
     if not plan.ranked_routes or len(scene.via):
         return
     best = plan.ranked_routes[0]
     path = scene.projection.to_plane(result.scene.projection.to_lonlat(best.path))
     strip = strip_across(island, shapely.LineString(path), [], scene, _WIDTH)
-    if strip is not None:
-        fuel = fuel_elsewhere(strip, scene, plan, result.scenario.planner, _CELLS, math.inf)
-        table = as_field(scene.currents[plan.season]).table(scene.chart.bounds)
-        fastest = scene.vessel.speed + table.strongest
-        seconds = side.length_m / scene.projection.scale / fastest
-        is_at_one_speed = plan.season not in scene.speeds
-        yield max(fuel / best.fuel, is_at_one_speed * seconds / best.duration)
+    if strip is None:
+        return
+    table = as_field(scene.currents[plan.season]).table(scene.chart.bounds)
+    fastest = scene.vessel.speed + table.strongest
+    seconds = side.length_m / scene.projection.scale / fastest
+    by_length = 0.0 if plan.season in scene.speeds else seconds / best.duration
+    fuel = 0.0
+    if by_length < enough:
+        wanted = enough * best.fuel
+        fuel = fuel_elsewhere(strip, scene, plan, result.scenario.planner, _CELLS, wanted)
+    yield max(fuel / best.fuel, by_length)

@@ -11,7 +11,6 @@ import shapely
 from shapely import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
-import renew
 from pipeline._types import FloatArray, Geometries
 from pipeline.machine.interpreters import cores
 from pipeline.model import (
@@ -26,7 +25,7 @@ from pipeline.model import (
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.comparing.islands import narrow_gaps
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
-from renew.errors import PlanningError, Strait
+from renew.errors import Strait
 from renew.inputs.current import as_field
 from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 
@@ -112,24 +111,18 @@ def fuel_elsewhere(
     A grid is refined to this number of cells, or until the bound is above `enough`. Like the
     optimality gap's bound, this one uses the land without margin or padding.
     """
-    extent = scene.chart.extent
-    water = shapely.difference(scene.chart.open_water, strip)
-    try:
-        voyage = Voyage(
-            Waters(
-                renew.Chart(extent, [shapely.difference(extent, water)]),
-                as_field(scene.currents[plan.season]),
-            ),
-            scene.vessel_in(plan.season),
-            scene.start,
-            scene.goal,
-            options.drift,
-            via=scene.via,
-            choice=_choice(scene, plan),
-        )
-        return fuel_lower_bound(voyage, cells, enough)
-    except PlanningError:
-        return math.inf
+    chart = scene.chart
+    elsewhere = chart.with_open_water(chart.less(chart.open_water, strip))
+    voyage = Voyage(
+        Waters(elsewhere, as_field(scene.currents[plan.season])),
+        scene.vessel_in(plan.season),
+        scene.start,
+        scene.goal,
+        options.drift,
+        via=scene.via,
+        choice=_choice(scene, plan),
+    )
+    return fuel_lower_bound(voyage, cells, enough)
 
 
 def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:
