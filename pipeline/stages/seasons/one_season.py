@@ -30,7 +30,7 @@ from pipeline.model import (
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.places import is_shut_in
 from renew.errors import TooLateError
-from renew.inputs.options import Drift
+from renew.inputs.options import MAX_STATIONS, Drift
 from renew.turns.turn_reach import TurnReach
 
 MIN_LATENESS_S = 3600.0
@@ -196,12 +196,14 @@ class _RouteEvaluator:
     def turns(self, route: renew.Route) -> renew.Contingency:
         """Simulate the hard-over turns of a route against the original land within their reach."""
         vessel = self._scene.vessel_in(self._season)
+        # On the longest ways only as near as there may be points, rounding apart.
+        least = max(_MIN_SPACING, 1.000001 * route.length / MAX_STATIONS)
         return renew.contingency(
             route,
             self._near_land,
             self._current,
             vessel,
-            spacing=max(_MIN_SPACING, _SPACING_RADII * vessel.turning_radius),
+            spacing=max(least, _SPACING_RADII * vessel.turning_radius),
             seed=self._seed,
             drift=self._drift,
             lateness=self._lateness,

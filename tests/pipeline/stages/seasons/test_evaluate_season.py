@@ -16,11 +16,13 @@ from pipeline.geo.lonlat import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, Scene, SeasonPlan
 from pipeline.run import Outcome
+from pipeline.stages.seasons import one_season
 from pipeline.stages.seasons.one_season import (
     combine_seasons,
     evaluate_season,
     land_within_reach,
 )
+from renew.inputs import options
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.fuel import passage
 from tests.pipeline.formats import small_run
@@ -156,6 +158,16 @@ def test_a_route_over_land_is_detected(
     assert f"m of the original land, the most at {row.land_lon:.4f} E {row.land_lat:.4f} N" in fault
     assert row.clearance_m == 0
     assert row.collisions > 0
+
+
+def test_on_the_longest_ways_turns_begin_as_near_as_there_may_be_points(
+    planned: tuple[Scene, shapely.Polygon, SeasonPlan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, _, plan = planned
+    for module in (one_season, options):
+        monkeypatch.setattr(module, "MAX_STATIONS", 50)
+    rows = evaluate_season(scene, plan, SCALE, seed=0).routes
+    assert len(rows) == 2
 
 
 def test_a_season_without_a_plan_has_no_rows() -> None:
