@@ -175,6 +175,7 @@ def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) ->
         port_m=each,
         starboard_m=each,
         time_s=np.linspace(0, 1e5, 60),
+        names=("Start", *(f"WP{number:02d}" for number in range(2, 60)), "Goal"),
     )
     cached = {"summer": (long,), "winter": season_waypoints(result, "winter")}
     other = replace(result)
