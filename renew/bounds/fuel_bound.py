@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.voyage.voyage import Voyage
@@ -19,18 +18,35 @@ class FuelBound:
 
     source: Voyage | float
     kept: Callable[[], Voyage] | float
+    _known: dict[str, float] = field(default_factory=dict, init=False)
 
-    @cached_property
+    @property
     def value(self) -> float:
         """The bound on any route (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
-        return fuel_lower_bound(self.source) if isinstance(self.source, Voyage) else self.source
+        return self._once("value", self._value)
 
-    @cached_property
+    @property
     def at_clearance(self) -> float:
         """The bound (fuel units) on any route that keeps the plan's clearance and least padding.
 
         See :mod:`renew.turns.least_padding`.
         """
+        return self._once("at_clearance", self._at_clearance)
+
+    def _once(self, name: str, bound: Callable[[], float]) -> float:
+        """Return a bound, computed at the first call.
+
+        A `cached_property` has one lock for all instances before Python 3.12: threads that plan
+        several voyages would wait for each other's bounds.
+        """
+        if name not in self._known:
+            self._known[name] = bound()
+        return self._known[name]
+
+    def _value(self) -> float:
+        return fuel_lower_bound(self.source) if isinstance(self.source, Voyage) else self.source
+
+    def _at_clearance(self) -> float:
         if not callable(self.kept):
             return self.kept
         voyage = self.kept()
