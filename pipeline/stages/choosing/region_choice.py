@@ -275,7 +275,8 @@ class BoundedSide:
     @property
     def note(self) -> Note:
         """The note on it for a reader."""
-        has_bound = self.fuel_ratio >= 1.0
+        # Where the wider chart has no way on that side, its length on the coarse grid says enough.
+        has_bound = 1.0 <= self.fuel_ratio < math.inf
         return Note.of(
             "side-left-out",
             island=self.name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from pipeline.model import Note
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field
-from pipeline.stages.choosing.region_choice import are_on_both_sides
+from pipeline.stages.choosing.region_choice import BoundedSide, FarSide, are_on_both_sides
 from tests.pipeline.synthetic_currents import dataset
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -100,3 +101,8 @@ def test_paths_on_one_side_of_a_place_are_told_from_paths_on_both() -> None:
     assert are_on_both_sides([south, north], place)
     assert not are_on_both_sides([north, round_it], place)
     assert not are_on_both_sides([south], place)
+
+
+def test_a_side_without_a_way_on_the_chart_is_named_by_its_length() -> None:
+    side = FarSide(119.0, 10.0, 9e5, 3.3, (118.0, 9.0, 120.0, 11.0), (110.0, 0.0, 130.0, 20.0))
+    assert "at least 3.3 times as long" in note_text(BoundedSide(side, "Palawan", math.inf).note)
