@@ -1,4 +1,4 @@
-"""A run whose vessel chooses her speed from leg to leg: an island in a steady current, planned."""
+"""A run whose vessel chooses its speed from leg to leg: an island in a steady current, planned."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 
+import renew
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import CurrentGrid, Fetched, Land, Scene, Simplified, SpeedChoice
 from pipeline.stages.comparing.way_names import with_way_names
@@ -27,7 +28,7 @@ def choice() -> SpeedChoice:
 
 
 def stream(season: str) -> CurrentGrid:
-    """A current along the parallels that sets against the vessel first, and then with her."""
+    """A current along the parallels that sets against the vessel first, and then with it."""
     west, south, east, north = BBOX
     lon, lat = (
         np.linspace(west - 0.02, east + 0.02, 29),
@@ -68,6 +69,22 @@ def run() -> RunResult:
 def planned() -> RunResult:
     """Run, once per test session."""
     return run()
+
+
+def plan_by_renew(result: RunResult, arrive_by_s: float) -> renew.Plan:
+    """Plan the run's voyage with `renew` itself, to arrive by a time, s."""
+    scene = result.scene
+    return renew.plan(
+        scene.chart,
+        scene.currents["chosen"],
+        scene.vessel,
+        scene.start,
+        scene.goal,
+        **{**result.scenario.planner.model_dump(), "clearance": 100.0},
+        min_lateness=3600.0,
+        speed=SPEEDS,
+        arrive_by=arrive_by_s,
+    )
 
 
 def stretched(scene: Scene) -> Scene:

@@ -75,19 +75,10 @@ def test_the_files_hold_the_curve_and_the_chosen_arrival(result: RunResult, tmp_
 
 def test_another_arrival_costs_what_the_curve_says(result: RunResult, found: TradeOff) -> None:
     """A plan for another arrival needs the fuel that the trade-off has there, nearly."""
-    scene, asked = result.scene, {**result.scenario.planner.model_dump(), "clearance": 100.0}
+    by = result.plans[0].arrive_by_s
+    assert by is not None
     for share in (0.75, 1.3):
-        plan = renew.plan(
-            scene.chart,
-            scene.currents["chosen"],
-            scene.vessel,
-            scene.start,
-            scene.goal,
-            **asked,
-            min_lateness=3600.0,
-            speed=chosen_speeds.SPEEDS,
-            arrive_by=share * result.plans[0].arrive_by_s,
-        )
+        plan = chosen_speeds.plan_by_renew(result, share * by)
         assert found.fuel_after(share * found.duration_s) == pytest.approx(plan.best.fuel, rel=5e-3)
 
 

@@ -37,19 +37,10 @@ def test_every_route_is_in_time_at_true_scale_and_the_best_one_just_so(result: R
 
 
 def test_the_routes_are_those_of_renew(result: RunResult) -> None:
-    scene, entry = result.scene, result.plans[0]
+    entry = result.plans[0]
     assert entry.plan is not None
-    plan = renew.plan(
-        scene.chart,
-        scene.currents["chosen"],
-        scene.vessel,
-        scene.start,
-        scene.goal,
-        **{**result.scenario.planner.model_dump(), "clearance": 100.0},
-        min_lateness=3600.0,
-        speed=chosen_speeds.SPEEDS,
-        arrive_by=entry.arrive_by_s,
-    )
+    assert entry.arrive_by_s is not None
+    plan = chosen_speeds.plan_by_renew(result, entry.arrive_by_s)
     assert entry.plan.best.fuel == plan.best.fuel
     assert np.ptp(plan.best.speeds) > 0
     for row, route in zip(result.evaluation.routes, entry.plan.routes, strict=False):
