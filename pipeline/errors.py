@@ -117,7 +117,7 @@ class StageError(PipelineError):
 
 
 def one_line(error: BaseException) -> str:
-    """Return an error's text in one line; an unexpected error's has its type and place, too."""
+    """Return an error's text in one line, for an unexpected error with its type and place."""
     text = " ".join(str(error).split())
     if isinstance(error, PipelineError):
         return text

@@ -175,7 +175,7 @@ def run(
         Address of a Dask scheduler whose workers have access to the same files; default:
         DASK_SCHEDULER_ADDRESS, or else the cores of this machine.
     limit_s
-        Time limit of a season, s; if it takes longer it fails, and the others are written.
+        Time limit of a season, s; a season that takes longer fails, and the others are written.
     origin
         The file that the scenario was loaded from; results of another file are not replaced.
     on_event

@@ -134,19 +134,19 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
 
 
 def _unknown_currents(outcome: Outcome) -> Iterator[str]:
-    """Yield one line on the seasons of which no current is known, if there are any."""
+    """Yield one line on the seasons whose current is not known, if there are any."""
     seasons = [grid.season for grid in outcome.fetched.currents]
     lacking = [one for one in seasons if outcome.result.lacks_current(one)]
     if lacking:
         names = ", ".join(map(text.season_name, lacking)) if len(seasons) > 1 else ""
         about = f": {names}" if names else ""
-        yield f"Current NOT known{about}; nothing is proven of the real one\n"
+        yield f"Current NOT known{about}; nothing is proven for the real one\n"
 
 
 def _row(result: RunResult, row: RouteMetrics, least_fuel: float, unit_m: float) -> tuple[str, ...]:
     """Return one route's cells; the last is "collisions/all" of the simulated hard-over turns.
 
-    The fuel of the season's best route is a figure, another route's is what it needs more.
+    The season's best route has its fuel, each other route the percentage that it needs more.
     """
     kept = text.clearance(row.clearance_m) if row.has_land else "-"
     return (
@@ -240,5 +240,5 @@ def _clock_worth(worth: ClockWorth) -> dict[str, object]:
 
 
 def _finite(value: float) -> float | None:
-    """Return a number, or None if it is not finite, as the clearance without any land."""
+    """Return a number, or None if it is not finite, such as a clearance without any land."""
     return value if math.isfinite(value) else None

@@ -11,7 +11,7 @@ from pipeline.cli.usage import GroupedCommand
 if TYPE_CHECKING:
     from pipeline.scenario.model import Scenario
 
-# Stand for positions that are missing, or can't be told from values of unknown options.
+# Placeholders for positions that are missing, or that may be values of unknown options.
 _ANYWHERE = ("0N 0E", "0N 1E")
 
 

@@ -119,5 +119,5 @@ def freed(output: Path, *, older: str, everything: bool) -> str:
         f"MB remain in {output / '.artefacts'}"
     )
     if everything and (land := remove_cached()):
-        text += f". The world's land went from the user's cache, too ({land / _MB:,.1f} MB)"
+        text += f". The world's land was removed from the user's cache, too ({land / _MB:,.1f} MB)"
     return text

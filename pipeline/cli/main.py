@@ -56,7 +56,7 @@ def main() -> None:
 
 
 def _open_missing_streams() -> None:
-    """Open streams that the caller closed (`2>&-`); a file would get their numbers otherwise."""
+    """Open streams that the caller closed (`2>&-`); else the next files get their numbers."""
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)
@@ -84,7 +84,7 @@ def root(
     del version
 
 
-# Minimum of a season's time limit, s: starting its process takes as long.
+# Smallest allowed time limit of a season, s: starting its process takes about as long.
 _MIN_LIMIT_S = 1.0
 
 
@@ -92,7 +92,7 @@ class ScenarioCommand(Command):
     """A command that takes a scenario, charts and currents."""
 
     def check_request(self, values: dict[str, Any]) -> None:
-        """Raise RequestError with the faults of the scenario as the options change it."""
+        """Raise RequestError with the faults of the scenario and the options."""
         names = ("scenario", "output", "charts", "currents")
         if all(name in values for name in names):
             _wanted(*(values[name] for name in names), seasons=values.get("season") or ())
@@ -115,7 +115,7 @@ def run(
         typer.Option(
             min=_MIN_LIMIT_S,
             metavar="SECONDS",
-            help="Time limit of a season; if it takes longer it fails, and the others are written.",
+            help="Time limit of a season; one that takes longer fails, and the others are written.",
         ),
     ] = None,
     scheduler: options.Scheduler = None,

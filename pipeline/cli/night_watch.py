@@ -48,7 +48,7 @@ _HELP = {
 
 
 def night_progress() -> NightEventHandler:
-    """Event handler that logs to standard error."""
+    """Return the event handler that logs to standard error."""
     log = json_lines(sys.stderr)
     said = 0.0
 
@@ -183,7 +183,7 @@ def ping(url: str, what: Ping) -> str:
     thread.join(_DEADLINE_S)
     fault = answers[0] if answers else f"no answer within {_DEADLINE_S:g} s"
     host = f"{parts.hostname}:{parts.port}" if parts.port else parts.hostname
-    return f"--ping: {host} was not told of the {what}: {fault}" if fault else ""
+    return f"--ping: reporting the {what} to {host} failed: {fault}" if fault else ""
 
 
 def _asked(address: str) -> str:

@@ -92,7 +92,7 @@ def run(
         from pipeline.nightly.night import run_night
         from pipeline.nightly.request.config import load_config
 
-        _refuse_no_file(metrics)
+        _require_file(metrics)
         on_event = night_progress()
         # The night's file is loaded inside, so that its faults are reported as a failed night.
         outcome = watched(
@@ -139,7 +139,7 @@ def show(
             typer.echo(line)
 
 
-def _refuse_no_file(metrics: Path | None) -> None:
+def _require_file(metrics: Path | None) -> None:
     """Raise RequestError if the path is a pipe or device, which could block when it is read."""
     # Not Path.exists, which raises an error if a name is too long. A folder gives a note later.
     if metrics is None or not os.path.exists(metrics) or metrics.is_file() or metrics.is_dir():  # noqa: PTH110

@@ -54,7 +54,7 @@ class Command(_WholeWords, TyperCommand):
     """A command that names all faults of its arguments at once."""
 
     def check_request(self, values: dict[str, Any]) -> None:
-        """Raise RequestError with the faults of what these arguments ask for, by their names."""
+        """Raise RequestError with the faults of the request; `values` are its arguments by name."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - see above
         """Parse the arguments; if that fails, look for further faults."""
@@ -104,7 +104,7 @@ class Command(_WholeWords, TyperCommand):
                     return _Parsed(messages, {}, [], are_arguments_known=False)
                 alike = getattr(error, "possibilities", None) or []
                 is_before_word = at + 1 < len(rest) and not rest[at + 1].startswith("-")
-                # The word may be the value of an option that resembles none.
+                # The next word may be the value of an unknown option that resembles no known one.
                 are_arguments_known &= bool(alike) or not is_before_word
                 meant = alike[:1] if is_before_word or "=" in rest[at] else []
                 rest[at : at + 1] = [one + rest[at][len(name) :] for one in meant]

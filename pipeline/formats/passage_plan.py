@@ -101,7 +101,7 @@ def _page(result: RunResult, points: Waypoints, number: str) -> Figure:
 
 
 def _facts(points: Waypoints, result: RunResult) -> list[str]:
-    """Facts of the route, a paragraph each."""
+    """Return facts of the route, a paragraph each."""
     planned, sailed, vessel = points.ranked.metrics, points.metrics, result.scenario.vessel
     knots = speed_over_ground(sailed) * KNOTS_PER_M_S
     speeds = points.through_water_m_s[:-1] * KNOTS_PER_M_S

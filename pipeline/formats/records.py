@@ -3,8 +3,8 @@
 `uo` and `vo` (y, x) at the nodes of the planner's own grid, which is regular in the planner's plane
 and not in degrees: bilinear interpolation between these nodes is the planner's current, and any
 other grid would have another current between its nodes. A current that changes has (time, y, x).
-A file for each season, since seasons may come from different sources on different grids, and GDAL,
-and so QGIS, places a grid only if its lines are evenly spaced.
+Each season has a file of its own, since seasons may come from different sources on different grids,
+and GDAL, and so QGIS, places a grid only if its lines are evenly spaced.
 """
 
 import hashlib
@@ -55,7 +55,7 @@ def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> No
 
 
 def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
-    """Everything that is needed to know, and to check, how a run's figures were made.
+    """Return everything that is needed to know, and to check, how a run's figures were made.
 
     Files are named without their folders, which mean nothing to other users.
     """
@@ -101,7 +101,7 @@ def without_folders(value: object) -> object:
 
 
 def _gap_shares(result: RunResult, season: str) -> dict[str, object]:
-    """The parts of a season's optimality gap, if they were asked for."""
+    """Return the parts of a season's optimality gap, if they were asked for."""
     shares = result.evaluation.gap_shares_of(season)
     if shares is None:
         return {}
@@ -109,7 +109,7 @@ def _gap_shares(result: RunResult, season: str) -> dict[str, object]:
 
 
 def provenance(result: RunResult) -> dict[str, object]:
-    """Sources, credits and versions of a run."""
+    """Return sources, credits and versions of a run."""
     return {
         "scenario": result.scenario.name,
         "created_utc": result.created.isoformat(timespec="seconds"),
@@ -132,7 +132,7 @@ def provenance(result: RunResult) -> dict[str, object]:
 
 
 def _named(argument: str) -> str:
-    """An argument of a command line, without folders."""
+    """Return an argument of a command line, without folders."""
     option, is_option, path = argument.partition("=")
     if is_option and Path(path).is_absolute():
         return f"{option}={Path(path).name}"
@@ -141,7 +141,7 @@ def _named(argument: str) -> str:
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of Python, of the installed packages, and of the C libraries they use."""
+    """Return versions of Python, of the installed packages, and of the C libraries they use."""
     found = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:
@@ -154,7 +154,7 @@ def versions() -> dict[str, str]:
 
 
 def _inputs(result: RunResult) -> dict[str, object]:
-    """Hashes of the inputs; they are equal only if the inputs are."""
+    """Return hashes of the inputs; they are equal only if the inputs are."""
     scenario = json.dumps(
         json_value(result.scenario.model_dump(mode="json")), sort_keys=True, ensure_ascii=True
     )
@@ -188,7 +188,7 @@ def _inputs(result: RunResult) -> dict[str, object]:
 
 
 def _arrays_hash(*arrays: np.ndarray[Any, np.dtype[np.float64]]) -> str:
-    """SHA-256 of arrays, equal on every machine."""
+    """Return the SHA-256 of arrays, equal on every machine."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
@@ -253,7 +253,7 @@ def write_currents(result: RunResult, season: str, path: Path) -> None:
 
 
 def _about(result: RunResult, grid: CurrentGrid) -> dict[str, str]:
-    """Global attributes, without empty ones."""
+    """Return global attributes, without empty ones."""
     made = result.created.strftime("%Y-%m-%dT%H:%M:%SZ")
     software = f"renew-planner {versions().get('renew-planner', '')}".strip()
     scenario, credit, valid = result.scenario, grid.credit, _period(grid)
@@ -367,7 +367,7 @@ def _put_velocity(
 def _put(
     dataset: Dataset, name: str, kind: str, dimensions: tuple[str, ...], about: Mapping[str, object]
 ) -> Dataset:
-    """Return a new compressed variable, all of whose values there will be."""
+    """Return a new compressed variable without a fill value: every node gets a value."""
     variable = dataset.createVariable(
         name, kind, dimensions, compression="zlib", shuffle=True, fill_value=False
     )

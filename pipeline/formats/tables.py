@@ -54,8 +54,8 @@ TRADE_OFF_COLUMNS = ("season", "arrival", "hours", "fuel", "of_chosen", "is_chos
 the fuel as a share of the chosen route's."""
 
 _HEAD = """\
-# As it was asked for, with region and offing as they were chosen: `renew run` with this file gives
-# the same routes.
+# The scenario as requested, with the region and offing that were chosen: `renew run` with this file
+# gives the same routes.
 """
 
 
@@ -115,7 +115,7 @@ def write_departures_json(result: RunResult, path: Path) -> None:
 
 
 def _departure_rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict[str, Any]]:
-    """Yield a row for each departure, with its way if the best departure has that class, too."""
+    """Yield a row for each departure, with its way if a planned route has the same class."""
     ways = {
         one.homotopy: one.way for one in result.evaluation.routes if one.season == choice.season
     }
@@ -232,7 +232,7 @@ _HEADINGS = Row(
 
 
 def headings(points: Waypoints) -> Row:
-    """Headings of a route's table: speeds over ground and through water where speeds are chosen."""
+    """Return the headings of a route's table, with speeds through water if speeds are chosen."""
     two = "Speed, kn\nSOG / STW"
     return _HEADINGS._replace(speed_kn=two) if has_speeds(points) else _HEADINGS
 
@@ -243,7 +243,7 @@ def has_speeds(points: Waypoints) -> bool:
 
 
 def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> list[Row]:
-    """Rows of a route's waypoints, from start to goal."""
+    """Return rows of a route's waypoints, from start to goal."""
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M)
     currents = _currents(drawn, points, result)
@@ -269,7 +269,7 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
 
 
 def _leg(points: Waypoints, leg: int) -> dict[str, str]:
-    """Course, length, speed and limits of a leg."""
+    """Return course, length, speed and limits of a leg."""
     speed_kn = f"{points.speed_m_s[leg] * KNOTS_PER_M_S:.2f}"
     if has_speeds(points):
         speed_kn += f" / {points.through_water_m_s[leg] * KNOTS_PER_M_S:.2f}"
@@ -299,7 +299,7 @@ def distance_text(metres: float) -> str:
 
 
 def _currents(drawn: Tracks, points: Waypoints, result: RunResult) -> list[str]:
-    """Mean current on each leg at the time of passage: direction of set, and speed in knots."""
+    """Return the mean current on each leg when passed: direction of set, and speed in knots."""
     scene = result.scene
     line, ends = drawn.chain
     times = cumulative(steps_along_legs(line, points.ranked, result).planner_s)
@@ -318,7 +318,7 @@ def _currents(drawn: Tracks, points: Waypoints, result: RunResult) -> list[str]:
 
 
 def _nearest_land(line: FloatArray, result: RunResult) -> dict[str, str]:
-    """Least clearance of a leg from the original land, and the point of the leg where it is."""
+    """Return the least clearance of a leg from the original land, and the point where it is."""
     closest = coast_index(result.scene.land).closest_approach(line, result.scene.projection)
     if closest is None:
         return {"clearance": "no land"}

@@ -1,7 +1,7 @@
 """Coasts in the plane: land covered by few vertices, and moved back where the vessel needs water.
 
-Only polygons that overlap afterwards are joined, and there is no limit on vertices: every strait
-stays open that is wider than twice the margin and the tolerance together.
+Only polygons that overlap afterwards are joined, and there is no limit on vertices: a strait stays
+open if it is wider than 2 × (margin + tolerance).
 
 Every ring is simplified by itself (Douglas and Peucker, *Algorithms for the reduction of the number
 of points required to represent a digitized line or its caricature*, 1973). The ring can be deformed
@@ -282,7 +282,7 @@ def widest_way(
         return None
     body = bodies[np.argmax(holds)]
     shell, *holes = shapely.polygons(shapely.segmentize(shapely.get_rings(body), piece_m))
-    # Not as the chart's no-go zone, all of which would be united first, one island with the other.
+    # The land is not the chart's no-go zone here, because all of a no-go zone is united first.
     mesh = triangulate(renew.Chart(shell), closed=shapely.MultiPolygon(holes))
     triangle, corner = np.nonzero(mesh.neighbours >= 0)
     gate = mesh.vertices[mesh.edge_vertices(triangle, corner)]

@@ -37,13 +37,13 @@ MARGIN_CELLS = 2.5
 
 
 def widened(bounds: Bounds, lon_deg: float, lat_deg: float) -> Bounds:
-    """Bounds with a margin on each side."""
+    """Return bounds with a margin on each side."""
     west, south, east, north = bounds
     return west - lon_deg, south - lat_deg, east + lon_deg, north + lat_deg
 
 
 def cell_bounds(lon: FloatArray, lat: FloatArray, cell_deg: tuple[float, float]) -> Bounds:
-    """Outer edges of the cells around a grid's ascending nodes: half a cell beyond these."""
+    """Return outer edges of the cells around a grid's ascending nodes: half a cell beyond these."""
     nodes = (float(lon[0]), float(lat[0]), float(lon[-1]), float(lat[-1]))
     return widened(nodes, cell_deg[0] / 2, cell_deg[1] / 2)
 
@@ -63,7 +63,7 @@ def sides_beyond(region: Bounds, grid: Bounds) -> list[str]:
 
 
 def common_bounds(one: Bounds, other: Bounds) -> Bounds | None:
-    """Bounds of what two bounds have in common; None where that is nothing."""
+    """Return the intersection of two bounds; None if it is empty."""
     west, south = max(one[0], other[0]), max(one[1], other[1])
     east, north = min(one[2], other[2]), min(one[3], other[3])
     return (west, south, east, north) if west < east and south < north else None

@@ -235,13 +235,13 @@ class Evaluation:
     side_bounds: tuple[SideBound, ...] = ()
 
     def clock_worth_of(self, season: str) -> ClockWorth | None:
-        """The worth of the clock in a season, if its current changes."""
+        """Return the worth of the clock in a season, if its current changes."""
         return next((worth for worth in self.clock_worths if worth.season == season), None)
 
     def gap_shares_of(self, season: str) -> GapShares | None:
-        """The parts of a season's gap, if they were asked for."""
+        """Return the parts of a season's gap, if they were asked for."""
         return next((shares for shares in self.gap_shares if shares.season == season), None)
 
     def side_bound_of(self, season: str) -> SideBound | None:
-        """The bound on the other sides of a season, if its routes differ in their side."""
+        """Return the bound on the other sides of a season, if its routes differ in their side."""
         return next((bound for bound in self.side_bounds if bound.season == season), None)

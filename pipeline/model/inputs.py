@@ -1,6 +1,6 @@
 """The interfaces of sources, and what they deliver: land and currents with credits and notes.
 
-A note tells a reader something beside the result, as values without words.
+A note tells a reader something besides the result, as values without words.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -89,10 +89,10 @@ class Credit:
 class Zone:
     """An area of a chart to be shown on maps (lon/lat degrees).
 
-    A `shoal` is too shallow for the vessel, a `hazard` lies in water that is not, an `uncharted`
-    area is covered by no source: all are no-go, and so also among the polygons of their Land. A
-    `restricted` area and a `traffic` scheme may be entered; `rule` is the chart's rule there for a
-    passing vessel, if any. The user's areas are `shut` at the hours of their rule.
+    A `shoal` is too shallow for the vessel, a `hazard` lies in water that is deep enough, an
+    `uncharted` area is covered by no source: all are no-go, and so also among the polygons of their
+    Land. A `restricted` area and a `traffic` scheme may be entered; `rule` is the chart's rule
+    there for a passing vessel, if any. The user's areas are `shut` at the hours of their rule.
     """
 
     kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic", "shut"]
@@ -131,13 +131,13 @@ class PlaceName:
 class Land:
     """All that no route may enter (lon/lat degrees), in the region and a little beyond.
 
-    Land; from charts with depths, also shallow water, hazards and uncharted areas. `accuracy_m` is
-    how far the source's coast may lie from the true one, in metres. `credits` has one entry per
-    source, `notes` are about the chart, `zones` are areas to be shown.
-    `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
-    it, but a route that crosses it does so where the two disagree. `places` are the chart's names
-    of land, where it has any. `depths` says where the chart has depths; None where it has none at
-    all. `depth_areas` are its areas of equal depth, where it has any.
+    With charts that have depths, this includes shallow water, hazards and uncharted areas.
+    `accuracy_m` is how far the source's coast may lie from the true one, in metres. `credits` has
+    one entry per source, `notes` are about the chart, `zones` are areas to be shown. `second_shore`
+    is the land of an independent shoreline, where there is one: no route need avoid it, but a route
+    that crosses it does so where the two disagree. `places` are the chart's names of land, where it
+    has any. `depths` says where the chart has depths; None where it has none at all. `depth_areas`
+    are its areas of equal depth, where it has any.
     """
 
     polygons: tuple[Polygon, ...]
@@ -157,7 +157,7 @@ class Land:
 
 
 def no_go_name(*, has_depths: bool) -> str:
-    """Readers' word for areas that no route may enter: with depths they are more than land."""
+    """Return the readers' word for areas that no route may enter: with depths, not only land."""
     return "no-go areas" if has_depths else "land"
 
 
@@ -249,10 +249,10 @@ class CurrentGrid:
 class Fetched:
     """Data from the sources: land, and one current grid per season.
 
-    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` are
-    about preferred sources that were passed over, and about the others.
-    `surroundings` is land outside the region (lon/lat degrees), coarse and for maps only; empty
-    where no source has the world's land.
+    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` are about
+    the sources that were used, and about preferred ones that were passed over. `surroundings` is
+    land outside the region (lon/lat degrees), coarse and for maps only; empty where no source has
+    the world's land.
     """
 
     land: Land
@@ -267,7 +267,7 @@ class Fetched:
 
 
 def current_notes(currents: Iterable[CurrentGrid]) -> tuple[Note, ...]:
-    """Notes on the currents of all seasons, and on the sources passed over for them."""
+    """Return notes on the currents of all seasons, and on the sources passed over for them."""
     return of_seasons(
         {
             grid.season: (
@@ -313,7 +313,7 @@ class LandSource(Protocol):
 
 
 class CurrentSource(Protocol):
-    """Surface currents for a region and a season; as a rule on this machine, for anybody."""
+    """Surface currents for a region and a season; by default without network and account."""
 
     def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
         """Whether `current` would download, given the files cached in the folder."""
@@ -321,7 +321,7 @@ class CurrentSource(Protocol):
         return False
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """Everything but the region that the current depends on: dataset, time, file hashes."""
+        """Return all that the current depends on except the region: dataset, time, file hashes."""
         ...
 
     def unavailable_reason(self) -> str:

@@ -105,12 +105,12 @@ class Scene:
     speeds: Mapping[str, SpeedChoice] = field(default_factory=dict)
 
     def vessel_in(self, season: str) -> renew.Vessel:
-        """The vessel at the highest speed that it has in a season."""
+        """Return the vessel at the highest speed that it has in a season."""
         choice = self.speeds.get(season)
         return self.vessel if choice is None else replace(self.vessel, speed=choice.most)
 
     def pace(self, season: str, arrive_by_s: float) -> Pace:
-        """Speeds to choose from and the latest arrival (s on the clock), for `renew.plan`."""
+        """Return speeds to choose from and the latest arrival (s, clock), for `renew.plan`."""
         choice = self.speeds.get(season)
         if choice is None:
             return {}
@@ -122,13 +122,13 @@ class Scene:
         return np.vstack([self.start, self.via, self.goal])
 
     def pieces(self, path: FloatArray) -> list[FloatArray]:
-        """Pieces (n, 2) of a path between the via points."""
+        """Return pieces (n, 2) of a path between the via points."""
         from renew.voyage.voyage import cut_at
 
         return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)[0]
 
     def itinerary(self, season: str) -> Itinerary:
-        """Via points and shut areas, as `renew.plan` takes them."""
+        """Return via points and shut areas, as `renew.plan` takes them."""
         return {"via": self.via, "avoid": self.areas.get(season, ())}
 
     def planned(
@@ -156,7 +156,7 @@ class Scene:
         return Place(x, y, self.is_planar)
 
     def moment(self, season: str, seconds: float) -> datetime | float | None:
-        """A moment on a season's clock, s, as a date if its begin is known; None if infinite."""
+        """Return a moment on a season's clock, s, as a date if possible; None if infinite."""
         if not math.isfinite(seconds):
             return None
         departure = self.departures.get(season)
@@ -237,7 +237,7 @@ class DepartureChoice:
         return float(self.durations_s[np.abs(self.departures_s - self.chosen_s).argmin()])
 
     def good_window(self, share: float) -> tuple[float, float]:
-        """First and last departure around the chosen one, s, that need little more fuel.
+        """Return the first and last departure around the chosen one, s, that need little more fuel.
 
         All departures planned between them need at most a share more than the least.
         """

@@ -226,7 +226,7 @@ def names(section: Section) -> tuple[str, ...]:
 
 @cache
 def _names_in(folder: Path) -> tuple[str, ...]:
-    """Names of the entries in a folder; cached, because each season of a scenario asks for them."""
+    """Return the names of a folder's entries; cached, because each season asks for them."""
     return tuple(sorted(path.stem for path in folder.glob("*.toml")))
 
 

@@ -55,7 +55,7 @@ class PlannerOptions(StrictModel):
     )
     clearance: strict.NonNegative | None = Field(
         default=None,
-        description="Minimum padding, planar metres; left out, an offing for the vessel and the "
+        description="Minimum padding, planar metres; by default an offing for the vessel and the "
         "chart, which the notes of a run state, and 0 in a plane. Give metres, 0 or more.",
         examples=[500],
         json_schema_extra={"unit": "planar m"},
@@ -70,7 +70,7 @@ class PlannerOptions(StrictModel):
     )
     distinct_by: Literal["auto"] | strict.NonNegative = Field(
         default="auto",
-        description="Islands smaller than this tell no classes apart, planar metres; automatic: "
+        description="Islands smaller than this distinguish no classes, planar metres; automatic: "
         "only the few largest islands near the route do. Give 'auto', metres, or 0 to count every "
         "island.",
         json_schema_extra={"unit": "planar m"},
@@ -130,7 +130,7 @@ class OutputOptions(StrictModel):
     explain_gap: bool = Field(
         default=False,
         description="Whether to tell what the optimality gap is made of: the chart's share, the "
-        "padding's, the bound's own. It takes up to as long again as planning. Give true or false.",
+        "padding's, the bound's own. It may take as long as planning. Give true or false.",
     )
 
 
@@ -167,7 +167,7 @@ class Scenario(StrictModel):
     )
     region: Region | None = Field(
         default=None,
-        description="The region of a chart scenario; left out, one that has the ways round the "
+        description="The region of a chart scenario; by default one that has the ways round the "
         "islands between start and goal. Add a [region] table, or leave it out.",
     )
     plane: Plane | None = Field(
@@ -313,7 +313,7 @@ class Scenario(StrictModel):
                 )
 
     def vessel_in(self, season: Season) -> VesselSpec:
-        """The vessel with the highest speed that it has in a season."""
+        """Return the vessel with the highest speed that it has in a season."""
         if season.speed is None:
             return self.vessel
         return self.vessel.model_copy(update={"speed_m_s": season.speed.most})
@@ -337,11 +337,11 @@ class Scenario(StrictModel):
         return self.model_copy(update={"seasons": seasons})
 
     def season_if_several(self, season: str) -> tuple[str, ...]:
-        """A season that a note has to name: none where it is the only one."""
+        """Return a season that a note has to name: none where it is the only one."""
         return (season,) if len(self.seasons) > 1 else ()
 
     def passage(self, season: str, duration_s: float) -> tuple[datetime, datetime] | None:
-        """Departure and arrival, UTC, of a voyage in a season; None without a departure."""
+        """Return departure and arrival, UTC, of a voyage in a season; None without a departure."""
         departure = next((one.departure for one in self.seasons if one.name == season), None)
         if departure is None:
             return None

@@ -169,7 +169,7 @@ class ChartSource(StrictModel):
     )
     accuracy_m: NonNegative | None = Field(
         default=None,
-        description="How far the file's coast may lie from the true one, metres; left out, the "
+        description="How far the file's coast may lie from the true one, metres; by default the "
         "accuracy of the catalogue entry, or 50 m without one. Give metres, 0 or more.",
         examples=[5],
     )
@@ -230,14 +230,14 @@ class ChartSpec(StrictModel):
     )
     margin_m: NonNegative | None = Field(
         default=None,
-        description="Margin added to every coast, metres; left out, the chart's accuracy, and "
+        description="Margin added to every coast, metres; by default the chart's accuracy, and "
         "never less than that. Give metres, 0 or more.",
         examples=[60],
     )
     tolerance_m: NonNegative | None = Field(
         default=None,
         description="How far the simplified coast may lie off the land and its margin, metres, "
-        "always on the water's side; left out, chosen by the chart's accuracy, the vessel's "
+        "always on the water's side; by default chosen by the chart's accuracy, the vessel's "
         "turning radius and the size of the region. Give metres, 0 or more.",
         examples=[100],
     )
@@ -256,13 +256,13 @@ class AvoidedArea(StrictModel):
     begin: AwareDatetime | None = Field(
         default=None,
         alias="from",
-        description="Time from which the area is shut; left out, it always was. Give a time with "
-        "its zone, as 2026-07-01T09:00:00Z, or leave it out.",
+        description="Time from which the area is shut; if left out, it always was. Give a time "
+        "with its zone, as 2026-07-01T09:00:00Z, or leave it out.",
         examples=["2026-07-01T09:00:00Z"],
     )
     until: AwareDatetime | None = Field(
         default=None,
-        description="Time until which the area is shut; left out, it stays so. Give a time with "
+        description="Time until which the area is shut; if left out, it stays so. Give a time with "
         "its zone, as 2026-07-01T12:40:00Z, or leave it out.",
         examples=["2026-07-01T12:40:00Z"],
     )

@@ -138,7 +138,7 @@ class Season(StrictModel):
     time_method: TimeMethod | Literal["changing"] | None = Field(
         default=None,
         description="How one field is made from a source's time steps: their mean, the nearest "
-        "step, or linear in time; left out, the mean for a month or a day, the nearest for an "
+        "step, or linear in time; by default the mean for a month or a day, the nearest for an "
         "instant. Or none is made, and the current changes on the way with all steps from "
         "'departure' on. Give 'mean', 'nearest', 'linear' or 'changing', or leave it out.",
         examples=["linear"],
@@ -177,7 +177,7 @@ class Season(StrictModel):
         default=None,
         description="Time that another departure of the window may save, at most, over the best "
         "one found: departures between those given are planned until no path found saves more; "
-        "left out, only those given are. Give an interval, such as '1h', or leave it out.",
+        "by default only those given are. Give an interval, such as '1h', or leave it out.",
         examples=["1h"],
     )
     arrive_by: AwareDatetime | None = Field(
@@ -199,9 +199,9 @@ class Season(StrictModel):
     max_hours: strict.Positive | None = Field(
         default=None,
         le=MAX_HOURS,
-        description="Longest voyage in changing currents: time steps that long after the last "
-        "departure are not read; left out, three times the time of the straight way from start to "
-        "goal, and a day. Give hours, such as 240, or leave it out.",
+        description="Longest voyage in changing currents: time steps further after the last "
+        "departure are not read; by default a day more than three times the time of the straight "
+        "way from start to goal. Give hours, such as 240, or leave it out.",
         examples=[240],
         json_schema_extra={"unit": "hours"},
     )

@@ -66,13 +66,13 @@ def overlay(lands: Sequence[Land]) -> Land:
 
 
 def _depths(lands: Sequence[Land]) -> DepthCover | None:
-    """Where any chart has depths; None if no chart has any."""
+    """Return where any chart has depths; None if no chart has any."""
     found = [land.depths for land in lands if land.depths is not None]
     return DepthCover(tuple(area for one in found for area in one.areas)) if found else None
 
 
 def _uncharted(land: Land) -> shapely.Geometry:
-    """The area that a chart does not cover."""
+    """Return the area that a chart does not cover."""
     return shapely.union_all([zone.area for zone in land.zones if zone.kind == "uncharted"])
 
 
@@ -135,12 +135,12 @@ class SoundedChart:
         )
 
     def _credit(self) -> Credit:
-        """Credit from the file's own attributes."""
+        """Return the credit from the file's own attributes."""
         name = self.file.title or f"{name_of(self.file.path)}, user's file"
         return Credit(name, "land", f"Depths: {name}", self.file.licence)
 
     def _notes(self, heights: Heights, region: shapely.Polygon) -> Iterator[Note]:
-        """Yield a note on water no-go by depth, and one if part of the region has no depths."""
+        """Yield a note on too shallow water, and one if part of the region has no depths."""
         name, cell_m = name_of(self.file.path), _cell_m(heights)
         depth_m = self.safety_depth_m
         yield Note.of("depths-no-go", source=name, safety_depth_m=depth_m, cell_m=cell_m)
@@ -174,7 +174,7 @@ class SoundedChart:
 
 @lru_cache(maxsize=8)
 def _hash(path: Path, size: int, changed_ns: int) -> str:
-    """SHA-256 of a file; of its name, size and time of change where it is large."""
+    """Return the SHA-256 of a file; of its name, size and time of change where it is large."""
     if size <= _MAX_HASHED_BYTES:
         return file_hash(path)
     return hashlib.sha256(f"{path.name} {size} {changed_ns}".encode()).hexdigest()

@@ -86,7 +86,7 @@ class LandMask:
         return cls(is_land, (-np.inf, -90.0, np.inf, 90.0))
 
     def on_grid(self, lon: FloatArray, lat: FloatArray) -> BoolArray:
-        """Which points of the grid lon (nx,), lat (ny,) are land: (ny, nx)."""
+        """Return which points of the grid lon (nx,), lat (ny,) are land: (ny, nx)."""
         found = np.zeros((lat.size, lon.size), dtype=bool)
         # A few rows at a time: the coordinates of all nodes would take 60 times the mask's memory.
         rows = max(1, _POINTS_AT_A_TIME // max(lon.size, 1))
@@ -145,12 +145,12 @@ def _samples(low: float, high: float) -> FloatArray:
 
 
 def _nearest(axis: FloatArray, values: FloatArray) -> IndexArray:
-    """Index of an ascending axis's node that is nearest to each value."""
+    """Return the index of an ascending axis's node that is nearest to each value."""
     return np.asarray(np.searchsorted((axis[1:] + axis[:-1]) / 2, values))
 
 
 def _distance_m(field: Field, points: FloatArray) -> float:
-    """Largest distance of points (n, 2) in lon/lat from the nearest node with data, m."""
+    """Return largest distance of points (n, 2) in lon/lat from the nearest node with data, m."""
     from scipy.spatial import KDTree
 
     if field.gap.all():
@@ -163,8 +163,8 @@ def _distance_m(field: Field, points: FloatArray) -> float:
 
 # Raster points of the land per cell and side; offsets are whole numbers of them.
 _POINTS_PER_CELL = 4
-# Largest trial offset: degrees, but a number of cells within limits: coarse cells are larger, and
-# the raster of a grid of fine ones would not fit in memory.
+# Largest trial offset, degrees; then its limits in cells: coarse cells may be larger than it, and
+# the raster of a grid of fine cells would not fit in memory.
 _MAX_OFFSET_DEG, _MIN_OFFSET_CELLS, _MAX_OFFSET_CELLS = 1.5, 2, 60
 # Number of trial offsets to each side.
 _TRIALS_PER_SIDE = 8
@@ -230,7 +230,7 @@ def find_shift(field: Field, mask: LandMask) -> Shift | None:
 
 
 def _testable_window(field: Field, mask: LandMask) -> tuple[slice, slice, tuple[int, int]] | None:
-    """Rows and columns around which the land is known up to a reach (raster points east, north)."""
+    """Return rows and columns with known land around, up to a reach (raster points east, north)."""
     slices, reaches = [], []
     limits = (mask.bounds[0::2], mask.bounds[1::2])
     axes = zip((field.lon, field.lat), field.cell_deg, limits, strict=True)
@@ -283,7 +283,7 @@ class _LandShares:
         return cls(table, (lat.size, lon.size), reach)
 
     def entirely(self, east: int, north: int) -> tuple[BoolArray, BoolArray]:
-        """Cells (ny, nx) that are entirely land, and entirely water, at a raster offset."""
+        """Return cells (ny, nx) that are entirely land, and entirely water, at a raster offset."""
         ny, nx = self.shape
         size = _POINTS_PER_CELL
         row, column = self.reach[1] + north, self.reach[0] + east

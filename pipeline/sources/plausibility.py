@@ -55,7 +55,7 @@ class Assessment:
     warnings: tuple[str, ...] = ()
 
     def __add__(self, other: "Assessment") -> "Assessment":
-        """Both together."""
+        """Return both assessments together."""
         return Assessment(self.faults + other.faults, self.warnings + other.warnings)
 
 
@@ -165,7 +165,7 @@ def count_misplaced(
 
 
 def dilated(cells: BoolArray, distance: int, *, edge_counts: bool = True) -> BoolArray:
-    """Cells within a distance of a marked one or, as nothing is known outside, of the edge."""
+    """Return the cells within a distance of a marked one or, by default, of the edge."""
     from scipy.ndimage import binary_dilation
 
     square = np.ones((2 * distance + 1,) * 2, dtype=bool)
@@ -211,7 +211,7 @@ def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:
 
 
 def _at_most_times(each: Sequence[Assessment]) -> Assessment:
-    """Take a doubt about the directions of some fields, if it arises at most of their times.
+    """Return a doubt about the directions of fields, if it arises at more than half of the times.
 
     Water that is just turning may look as if it ran the wrong way.
     """
@@ -224,7 +224,7 @@ def _at_most_times(each: Sequence[Assessment]) -> Assessment:
 
 
 def _first_few(messages: Sequence[str]) -> tuple[str, ...]:
-    """The first messages, and how many more there are."""
+    """Return the first messages, and how many more there are."""
     more = len(messages) - _MAX_TIMES
     return (*messages[:_MAX_TIMES], *([f"and so at {more} other times"] if more > 0 else []))
 
@@ -290,7 +290,7 @@ def likeliest_variant(field: Field) -> Variant | None:
 
 
 def _variant(name: str, own: FloatArray, other: FloatArray) -> Variant | None:
-    """Contrast and certainty from block sums (n,); None where too few blocks have moving water."""
+    """Return contrast and certainty from block sums (n,); None with too few moving blocks."""
     used = own + other > 0
     difference, total = (own - other)[used], (own + other)[used]
     count = len(total)
@@ -303,7 +303,7 @@ def _variant(name: str, own: FloatArray, other: FloatArray) -> Variant | None:
 
 
 def _divergence(field: Field, u: FloatArray, v: FloatArray) -> FloatArray:
-    """Divergence (ny - 1, nx - 1) in 1/s at the corners between four cells; NaN beside land."""
+    """Return the divergence (ny - 1, nx - 1), 1/s, at corners between cells; NaN beside land."""
     cosine = np.cos(np.radians(field.lat))[:, None]
     middle = (cosine[1:] + cosine[:-1]) / 2
     east = (u[1:, 1:] + u[:-1, 1:] - u[1:, :-1] - u[:-1, :-1]) / 2
@@ -315,12 +315,12 @@ def _divergence(field: Field, u: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def _block_sums(block: IndexArray, values: FloatArray) -> FloatArray:
-    """Sum of the values in each block (n,)."""
+    """Return the sum of the values in each block (n,)."""
     return np.asarray(np.bincount(block, values, _BLOCKS_PER_SIDE**2), dtype=float)
 
 
 def _variation(field: Field) -> FloatArray:
-    """Squared differences (ny - 1, nx - 1) between the cells around a corner: 0 in still water."""
+    """Return squared differences (ny - 1, nx - 1) of cells around a corner: 0 in still water."""
     total = np.zeros((field.lat.size - 1, field.lon.size - 1))
     for part in (field.u, field.v):
         for other in (part[1:, 1:], part[1:, :-1], part[:-1, 1:]):
@@ -329,6 +329,6 @@ def _variation(field: Field) -> FloatArray:
 
 
 def _block_numbers(shape: tuple[int, int]) -> IndexArray:
-    """Number of the block that each corner lies in: (ny, nx)."""
+    """Return the number of the block that each corner lies in: (ny, nx)."""
     row, column = (np.arange(size) * _BLOCKS_PER_SIDE // size for size in shape)
     return np.asarray(row[:, None] * _BLOCKS_PER_SIDE + column[None, :])

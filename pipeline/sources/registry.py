@@ -123,7 +123,7 @@ class EmbeddedTable(CurrentSource):
         return catalogue.table(self.spec.table).read_bytes()
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """Hash of the table, and the season in it."""
+        """Return the hash of the table, and the season in it."""
         digest = hashlib.sha256(self._bytes).hexdigest()
         part = self.spec.part(season) or season.name
         return (self.spec.name, digest, part, self.spec.model_dump_json())
@@ -184,12 +184,12 @@ class EmbeddedTable(CurrentSource):
         return CurrentGrid(season.name, lon, lat, u[None], v[None], entry.valid, credit, notes)
 
     def _bounds(self, part: str) -> Bounds:
-        """Outer edges of the cells of one of the table's seasons."""
+        """Return the outer edges of the cells of one of the table's seasons."""
         lon, lat, _, _ = self._grid(part)
         return cell_bounds(lon, lat, (float(lon[1] - lon[0]), float(lat[1] - lat[0])))
 
     def _grid(self, season: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where there is no row."""
+        """Return axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where there is no row."""
         points = self._points(season)
         name = self.spec.table
         if not len(points):
@@ -204,7 +204,7 @@ class EmbeddedTable(CurrentSource):
         return lon, lat, u, v
 
     def _points(self, season: str) -> FloatArray:
-        """The season's rows (n, 4) of lon, lat, u, v."""
+        """Return the season's rows (n, 4) of lon, lat, u, v."""
         lines = self._bytes.decode("utf-8").splitlines()
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
         found = [
@@ -216,7 +216,7 @@ class EmbeddedTable(CurrentSource):
 
 
 def _axis(values: FloatArray, name: str) -> tuple[FloatArray, IndexArray]:
-    """Regular axis through all values, and each value's index on it."""
+    """Return the regular axis through all values, and each value's index on it."""
     distinct = np.unique(values)
     if distinct.size < 2:
         raise StageError(f"{name}: only one value, no grid; correct the table")
@@ -245,12 +245,12 @@ class StillWater(CurrentSource):
     spec: StillSpec
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """Its name, as it never changes."""
+        """Return its name, as it never changes."""
         del season
         return (self.spec.name,)
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
-        """Covers everything."""
+        """Return "", as still water covers everything."""
         del region, season
         return ""
 
@@ -261,7 +261,7 @@ class StillWater(CurrentSource):
         return west, south, east, north
 
     def issue(self, season: Season) -> Issue:
-        """Never changes."""
+        """Return an issue that never changes."""
         del season
         return Issue(None, None, None, self.spec.name)
 

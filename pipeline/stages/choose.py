@@ -88,9 +88,9 @@ _REACTION_S = 120.0
 _DISTANCE_SHARE = 1 / 200
 # In narrows, the share of the passage's half-width that its shores keep instead of the offing.
 _NARROW_SHARE = 0.5
-# Spacing of the places of a route whose distance from land is measured, in offings.
+# Spacing of the points of a route at which its distance from land is measured, in offings.
 _SPACING = 0.1
-# Share of the offing below which a route counts as closer; the rest is left for rounding.
+# A route counts as closer than the offing below this share of it, which allows for rounding.
 _CLOSER = 0.99
 
 
@@ -159,8 +159,8 @@ def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
 _T = TypeVar("_T")
 
 # Number of plans between two progress notes.
-_TOLD_EVERY = 5
-# Nobody leaves by the second: departures that are added are whole minutes after the first.
+_PLANS_PER_NOTE = 5
+# Departures that are added are whole minutes after the first: no vessel departs to the second.
 _MINUTE_S = 60.0
 
 
@@ -272,7 +272,7 @@ def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureCho
 
 def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
     """Report progress after every few plans, first of the given departures, then of added ones."""
-    if count % _TOLD_EVERY:
+    if count % _PLANS_PER_NOTE:
         return
     if count < asked:
         say(Note.of("departures-planned", count=count, asked=asked))

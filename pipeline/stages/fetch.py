@@ -178,7 +178,7 @@ class Fetcher:
         return self._stored_land(Overlay((OsmLand(),)))
 
     def surroundings(self, chart: ChartSpec) -> tuple[Polygon, ...]:
-        """Land outside the region, for maps only; none where all charts are the user's own."""
+        """Return land outside the region, for maps only; none if all charts are the user's."""
         if not has_world_land(chart):
             return ()
         from pipeline.sources.land.osm import surroundings

@@ -89,9 +89,9 @@ def not_in_water(
 
 
 def lakes_text(scenario: Scenario) -> str:
-    """Say that a scenario's chart has the sea alone, if it is the world's; empty otherwise."""
+    """Return a remark that the world's chart has no lakes; "" for a chart of the user's."""
     is_sea_alone = not scenario.is_planar and has_world_land(scenario.chart)
-    return " (lakes and rivers are no part of this chart: it has the sea alone)" * is_sea_alone
+    return " (this chart has only the sea, without lakes and rivers)" * is_sea_alone
 
 
 def is_shut_in(scene: Scene, straits: Sequence[Strait], width: float) -> bool:

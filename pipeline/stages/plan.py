@@ -165,8 +165,8 @@ def run_tasks(
     if address is not None:
         run_on_scheduler(tasks, address, on_status)
     else:
-        # Even a single task: a signal handler may raise in the main thread, and compiled code,
-        # called from C, can't handle an exception.
+        # Even a single task runs in a thread: a signal handler may raise in the main one, and
+        # compiled code, called from C, can't handle an exception.
         _run_in_threads(tasks, on_status)
 
 

@@ -39,7 +39,7 @@ SMALL_PT, PLAIN_PT = 8.2, 9.5
 _SHORT_BAR_PT = 45.0
 # Width of a small letter or figure, points.
 _LETTER_PT = 0.6 * SMALL_PT
-# Length of the longest name, in characters, that is drawn whole.
+# Names longer than this number of characters are shortened.
 _MAX_LENGTH = 24
 
 # Parts of matplotlib's SVG that a page must not have: a style rule for every element, which would
@@ -54,7 +54,7 @@ _UNWANTED = (
 
 
 def axes_at(figure: Figure, box_pt: tuple[float, float, float, float]) -> Axes:
-    """Axes without frame, of equal scales, in a box (left, bottom, width, height) in points."""
+    """Return axes without frame, of equal scales, in a box (left, bottom, width, height), pt."""
     figure_width, figure_height = figure.get_size_inches() * POINTS_PER_INCH
     left, bottom, width, height = box_pt
     axes = figure.add_axes(
@@ -66,7 +66,7 @@ def axes_at(figure: Figure, box_pt: tuple[float, float, float, float]) -> Axes:
 
 
 def stroke(path: ArrayLike, colour: str, width_pt: float, zorder: float) -> Line2D:
-    """A path (n, 2) as a line with round corners."""
+    """Return a path (n, 2) as a line with round corners."""
     x, y = np.asarray(path, dtype=float).T
     return Line2D(
         x,
@@ -80,7 +80,7 @@ def stroke(path: ArrayLike, colour: str, width_pt: float, zorder: float) -> Line
 
 
 def lines(edges: FloatArray, colour: str, width_pt: float, zorder: float) -> LineCollection:
-    """Segments (e, 2, 2) as one artist."""
+    """Return segments (e, 2, 2) as one artist."""
     return LineCollection(list(edges), colors=colour, linewidths=width_pt, zorder=zorder)
 
 
@@ -135,7 +135,7 @@ def label(
 
 
 def point(axes: Axes) -> float:
-    """Length in the plane of a typographic point (1/72 inch) on paper."""
+    """Return the length in the plane of a typographic point (1/72 inch) on paper."""
     box = axes.get_position()
     width_in, height_in = axes.figure.bbox.width, axes.figure.bbox.height
     points = POINTS_PER_INCH / axes.figure.dpi
@@ -150,7 +150,7 @@ def point(axes: Axes) -> float:
 
 
 def patch(areas: shapely.Geometry | Geometries, **style: object) -> PathPatch:
-    """One patch of all rings of all areas, so that an SVG has one element per layer."""
+    """Return one patch of all rings of all areas, so that an SVG has one element per layer."""
     rings = shapely.get_rings(shapely.get_parts(areas))
     outlines = [Outline(shapely.get_coordinates(ring), closed=True) for ring in rings]
     whole = Outline.make_compound_path(*outlines) if outlines else Outline(np.empty((0, 2)))
@@ -158,7 +158,7 @@ def patch(areas: shapely.Geometry | Geometries, **style: object) -> PathPatch:
 
 
 def drawable(text: str, limit: int = 60) -> str:
-    """Text that the default font can draw, shortened: no missing glyphs, no control characters."""
+    """Return a shortened text that the default font can draw, without control characters."""
     known = _glyphs()
     shown = "".join(c if c.isprintable() and ord(c) in known else "\N{WHITE SQUARE}" for c in text)
     return shortened(shown, limit)
@@ -176,7 +176,7 @@ def in_season_colour(drawn: Artist, colour: str) -> None:
 
 @cache
 def text_width(text: str, size_pt: float, *, bold: bool = False) -> float:
-    """Width of a text in the default font, points."""
+    """Return the width of a text in the default font, points."""
     font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")
     if not text.strip():
         return 0.0
@@ -185,7 +185,7 @@ def text_width(text: str, size_pt: float, *, bold: bool = False) -> float:
 
 @cache
 def _glyphs() -> frozenset[int]:
-    """Code points that the default font has, in regular and bold."""
+    """Return the code points that the default font has, in regular and bold."""
     plain, bold = (
         FT2Font(font_manager.findfont(f"DejaVu Sans:{weight}")).get_charmap()
         for weight in ("regular", "bold")

@@ -65,7 +65,7 @@ class Margins:
 
     @classmethod
     def of(cls, result: RunResult) -> Self:
-        """Room for the longest labels: a whole one at the left, half of one at the right."""
+        """Return room for the longest labels: a whole one at the left, half of one at the right."""
         scene = result.scene
         grid = graticule(scene.projection, scene.chart.extent, in_metres=result.scenario.is_planar)
         parallels = [text_width(g.label, SMALL_PT) for g in grid if not g.is_meridian]
@@ -135,7 +135,7 @@ def map_figure(
 
 
 def _title_sizes(titles: Sequence[tuple[str, str]], room_pt: float) -> tuple[float, float]:
-    """Sizes of the upper and the lower title, points, at which the titles of all maps fit."""
+    """Return the sizes of the upper and the lower title, points, at which all titles fit."""
     sizes = []
     for line, (size, bold) in enumerate(_TITLES):
         wide = [text_width(drawable(title[line]), size, bold=bold) for title in titles]
@@ -167,7 +167,7 @@ def _draw_titles(
 
 
 def _legend_columns(handles: Sequence[Artist], width_pt: float) -> int:
-    """Number of a legend's columns that fit into a width; entries run down the columns."""
+    """Return number of a legend's columns that fit into a width; entries run down the columns."""
     wide = [text_width(str(Artist.get_label(h)), _LEGEND_TEXT_PT) for h in handles]
     for columns in range(len(wide), 1, -1):
         needed = sum(max(column) for column in np.array_split(wide, columns))
@@ -249,7 +249,7 @@ def _draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
 
 
 def _labelled(axes: Axes, grid: Sequence[GridLine]) -> Sequence[GridLine]:
-    """Meridians that are labelled: as many as have room, all or every second, every third, ..."""
+    """Return the meridians to label, as many as have room: all, every second, every third, ..."""
     meridians = sorted((line for line in grid if line.is_meridian), key=lambda line: line.foot)
     size = point(axes)
     for every in range(1, len(meridians)):
@@ -262,7 +262,7 @@ def _labelled(axes: Axes, grid: Sequence[GridLine]) -> Sequence[GridLine]:
 
 
 def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> float:
-    """Height of one map with its margins, for its width with them, in points."""
+    """Return the height of one map with its margins, points, for a width with its margins."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     ratio = float(np.clip((ymax - ymin) / (xmax - xmin), _MIN_RATIO, _MAX_RATIO))
     return (width_pt - margins.left - margins.right) * ratio + BOTTOM_PT + TOP_PT
@@ -271,7 +271,7 @@ def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> floa
 def _free_side(
     axes: Axes, position: tuple[float, float], text: str, drawn: shapely.Geometry
 ) -> tuple[int, int]:
-    """Side (across, up) of a position where its text is inside the map and off the paths.
+    """Return side (across, up) of a position where its text is inside the map and off the paths.
 
     The first such side of right, left, above and below; else the first one inside the map.
     """
@@ -295,7 +295,7 @@ def _free_side(
 def _map_axes(
     figure: Figure, result: RunResult, box_pt: tuple[float, float, float, float]
 ) -> tuple[Axes, PathPatch]:
-    """Axes over the chart's extent, and its water as a patch to clip layers to."""
+    """Return axes over the chart's extent, and its water as a patch to clip layers to."""
     axes = axes_at(figure, box_pt)
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     axes.set_xlim(xmin, xmax)

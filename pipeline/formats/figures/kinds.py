@@ -27,7 +27,7 @@ class Kind(StrEnum):
 
     @classmethod
     def selected(cls, kinds: "tuple[Kind, ...]") -> "tuple[Kind, ...]":
-        """Selected kinds, each once and in the order above; all kinds if none is selected."""
+        """Return the selected kinds, each once, in the order above; all if none is selected."""
         every = tuple(kind for kind in cls if kind is not cls.ALL)
         return tuple(kind for kind in every if kind in (kinds or every) or cls.ALL in kinds)
 

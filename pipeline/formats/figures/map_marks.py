@@ -1,4 +1,4 @@
-"""What maps draw beside routes: a graticule or a grid in metres, a scale bar, current arrows."""
+"""Marks on maps besides routes: a graticule or a grid in metres, a scale bar, current arrows."""
 
 import math
 from collections.abc import Callable
@@ -45,7 +45,7 @@ class GridLine:
 def graticule(
     projection: Projection, extent: Polygon, *, in_metres: bool = False
 ) -> tuple[GridLine, ...]:
-    """Meridians and parallels at a round step, at least three across the extent's longer side.
+    """Return meridians and parallels at a round step, at least three across the longer side.
 
     With `in_metres`, lines at round numbers of metres along x and y.
     """
@@ -68,7 +68,7 @@ def graticule(
 def scale_bar_m(
     projection: Projection, bounds: tuple[float, float, float, float]
 ) -> tuple[float, float]:
-    """Length of a scale bar in true metres, a round number, and in metres of the plane.
+    """Return the length of a scale bar in true metres, a round number, and in metres of the plane.
 
     At most three tenths of the map's width; true in the middle of the map.
     """
@@ -96,7 +96,7 @@ def _lines(
     to_plane: Callable[[FloatArray], FloatArray],
     label_of: Callable[[float, bool, float], str],
 ) -> tuple[GridLine, ...]:
-    """Lines of constant first, then second coordinate, at multiples of `step` within `bounds`."""
+    """Return lines of constant x, then of constant y, at multiples of `step` within `bounds`."""
     lines = []
     for axis in (0, 1):
         low, high = bounds[axis], bounds[axis + 2]
@@ -164,7 +164,7 @@ class SpeedScale:
     limits: tuple[float, ...]
 
     def classify(self, speed: FloatArray) -> IndexArray:
-        """Index of the class of each speed (n,); speeds above the last limit are in the last."""
+        """Return the index of each speed's class (n,); speeds above all limits are in the last."""
         return np.minimum(np.searchsorted(self.limits, speed), len(self.limits) - 1)
 
     @property
@@ -201,7 +201,7 @@ class Arrows:
 
 
 def speed_scale(result: RunResult) -> SpeedScale:
-    """Classes of equal, round width up to the strongest current drawn in any season."""
+    """Return classes of equal, round width up to the strongest current drawn in any season."""
     strongest = max(float(arrows(result, e.season).speed.max(initial=0.0)) for e in result.plans)
     step = nice_step(max(strongest, _MIN_STRONGEST) / _MAX_CLASSES)
     count = max(1, math.ceil(strongest / step - 1e-9))
@@ -214,7 +214,7 @@ def has_arrows(result: RunResult) -> bool:
 
 
 def arrows(result: RunResult, season: str) -> Arrows:
-    """Arrows of the planner's own current, on a regular, staggered lattice over the water."""
+    """Return arrows of the planner's own current, on a staggered lattice over the water."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     spacing = max(xmax - xmin, ymax - ymin) / _COUNT_ACROSS
     x, y = np.meshgrid(

@@ -1,4 +1,4 @@
-"""Figures of the method, as in the paper: triangles, channels, padding; and plans beside plans.
+"""Figures of the method, as in the paper: triangles, channels, padding, and compared plans.
 
 RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways (AAAI 2026).
 """
@@ -102,7 +102,7 @@ def _triangulation(result: RunResult, season: str) -> Triangulation:
 
 
 def _passing_edges(mesh: Triangulation) -> FloatArray:
-    """Edges (e, 2, 2) that two triangles share."""
+    """Return edges (e, 2, 2) that two triangles share."""
     triangle, corner = np.nonzero(mesh.neighbours > np.arange(len(mesh.triangles))[:, None])
     return np.asarray(mesh.vertices[mesh.edge_vertices(triangle, corner)])
 
@@ -118,7 +118,7 @@ def _best_of_passages(routes: tuple[RankedRoute, ...], count: int) -> list[Ranke
 
 
 def _class_title(ranked: RankedRoute) -> tuple[str, str]:
-    """Title of a class's map, and its route's length and fuel."""
+    """Return the title of a class's map, and its route's length and fuel."""
     metrics = ranked.metrics
     way = metrics.way or f"class {metrics.rank}"
     return f"{metrics.rank}: {way}", f"{distance(metrics.length_m)}, fuel {fuel(metrics.fuel)}"
@@ -170,7 +170,7 @@ class _TightPlace:
 
 
 def _tightest(route: renew.Route) -> list[_TightPlace]:
-    """Places where a route is closest to the edge of its soft no-go zone, the tightest first."""
+    """Return the places where a route is closest to its soft no-go zone, the tightest first."""
     padded = route.padding_used
     if not len(padded):
         return []
@@ -233,14 +233,14 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
 
 
 def _point_at(route: renew.Route, along: float) -> FloatArray:
-    """Point (2,) of a route at a distance from its start, planar metres; its ends beyond them."""
+    """Return the point (2,) of a route at a distance from its start, planar m; else an end."""
     line = shapely.LineString(route.path)
     # Shapely counts a negative distance from the goal.
     return np.asarray(shapely.get_coordinates(line.interpolate(max(along, 0.0)))[0])
 
 
 def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatArray:
-    """Tracks (n, 2, steps, 2) of turns to port and starboard from distances (n,) along a route."""
+    """Return tracks (n, 2, steps, 2) of turns to port and starboard at distances (n,) run."""
     points = np.stack([_point_at(ranked.route, at) for at in along])
     step = ranked.route.length / _STATIONS / 2
     ahead = np.stack(
@@ -336,12 +336,12 @@ def variants_figure(
 
 
 def _ranked(variant: Variant, season: str) -> tuple[RankedRoute, ...]:
-    """A variant's routes, best first."""
+    """Return a variant's routes, best first."""
     return variant.result.season_routes(season) if variant.result else ()
 
 
 def _reason(variant: Variant, season: str) -> str:
-    """Why a variant has no route, without the remedy."""
+    """Return why a variant has no route, without the remedy."""
     reason = variant.failure
     if variant.result is not None:
         failures = (one.failure for one in variant.result.plans if one.season == season)
@@ -371,7 +371,7 @@ def _write_reason(axes: Axes, reason: str) -> None:
 
 
 def _figures(variant: Variant, season: str) -> str:
-    """A variant's fuel, length and clearance, or why it has no route."""
+    """Return a variant's fuel, length and clearance, or why it has no route."""
     ranked = _ranked(variant, season)
     if not ranked:
         return drawable(f"no route: {_reason(variant, season).partition(': ')[0]}")

@@ -50,7 +50,7 @@ def profile_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label:
 
 
 def profile_figure(result: RunResult, ranked: RankedRoute, width_pt: float | None = None) -> Figure:
-    """Figure for `profile_svg`: four panels, or three without land."""
+    """Return the figure for `profile_svg`: four panels, or three without land."""
     profile = route_profile(ranked, result)
     plot = _ProfilePlot(result, ranked, profile, *distance_unit(float(profile.distance_m[-1])))
     draws: list[Callable[[Axes], None]] = [plot.draw_fuel, plot.draw_speed, plot.draw_current]
@@ -153,7 +153,7 @@ class _ProfilePlot:
         plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
 
     def _padding_m(self) -> FloatArray:
-        """Padding (n,), true metres, of the constrained edge that is nearest to each point."""
+        """Return the padding (n,), true metres, of the constrained edge nearest to each point."""
         padded = self.ranked.route.padding_used
         projection = self.result.scene.projection
         if not len(padded):
@@ -165,13 +165,13 @@ class _ProfilePlot:
 
 
 def titled_fuel_unit(maximum: float) -> tuple[float, str]:
-    """Unit for fuel up to a maximum, and its name in a title."""
+    """Return the unit for fuel up to a maximum, and its name in a title."""
     unit, name = fuel_unit(maximum)
     return unit, f" in {name}s" if name else ""
 
 
 def distance_unit(longest_m: float) -> tuple[str, float]:
-    """Unit for distances up to `longest_m`, and its length in metres."""
+    """Return the unit for distances up to `longest_m`, and its length in metres."""
     return ("km", 1000.0) if longest_m >= _KILOMETRES_FROM_M else ("m", 1.0)
 
 
@@ -319,7 +319,7 @@ def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> Mark
 
 
 def departure_figure(choice: DepartureChoice) -> Figure:
-    """Figure for `departure_svg`: time under way by departure, and the bound between them.
+    """Return figure for `departure_svg`: time under way by departure, and the bound between them.
 
     Where speeds are chosen it shows fuel, since each voyage takes nearly all the allowed time.
     """
@@ -369,7 +369,7 @@ def trade_off_svg(found: TradeOff, *, identity: str, label: str) -> Markup | str
 
 
 def trade_off_figure(found: TradeOff) -> Figure:
-    """Figure for `trade_off_svg`: least fuel by time under way, the best route, the deadline."""
+    """Return the figure for `trade_off_svg`: least fuel by time, the best route, the deadline."""
     figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
     longest = float(found.durations_s[-1])
     unit_s, unit = next((size, name) for least, size, name in _UNITS if longest >= least)

@@ -39,9 +39,10 @@ ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
 def chart_layers(
     axes: Axes, result: RunResult, within: shapely.Geometry | None = None
 ) -> list[Artist]:
-    """Hard no-go zone, over it the original land, shoals and hazards; in detail that can be seen.
+    """Return the hard no-go zone and, over it, the original land, shoals and hazards.
 
-    Clipped to an area if one is given. A planar scenario has no no-go zone beside its land.
+    Details too small to see are dropped, and all is clipped to an area if one is given. In a planar
+    scenario the no-go zone is the land itself.
     """
     detail = DETAIL_PT * point(axes)
     no_go = () if result.scenario.is_planar else result.scene.chart.no_go
@@ -73,13 +74,13 @@ def chart_layers(
 
 
 def soft_layer(axes: Axes, area: shapely.Geometry) -> Artist:
-    """A soft no-go zone, translucent."""
+    """Return a soft no-go zone, translucent."""
     visible = shapely.simplify(area, DETAIL_PT * point(axes))
     return patch(visible, facecolor=COLOURS["soft"], edgecolor="none", alpha=SOFT_ALPHA, zorder=3)
 
 
 def route_layers(routes: Sequence[RankedRoute]) -> list[Artist]:
-    """A season's routes: the best thick on a halo, over all others, which are thin."""
+    """Return a season's routes: the best thick on a halo, over all others, which are thin."""
     best = [one.route.path for one in routes if one.rank == 1]
     others = [one.route.path for one in reversed(routes) if one.rank > 1]
     return [
@@ -91,13 +92,13 @@ def route_layers(routes: Sequence[RankedRoute]) -> list[Artist]:
 def haloed(
     path: ArrayLike, colour: str, widths_pt: tuple[float, float] = (4.0, 2.2), zorder: float = 7
 ) -> list[Artist]:
-    """A route as a line on a wider halo."""
+    """Return a route as a line on a wider halo."""
     halo, width = widths_pt
     return [stroke(path, COLOURS["halo"], halo, 6), stroke(path, colour, width, zorder)]
 
 
 def zone_layers(result: RunResult) -> list[Artist]:
-    """Restricted areas and traffic schemes, outlined, over the land."""
+    """Return restricted areas and traffic schemes, outlined, over the land."""
     return [
         patch(
             area,
@@ -112,7 +113,7 @@ def zone_layers(result: RunResult) -> list[Artist]:
 
 
 def zone_handles(result: RunResult) -> list[Artist]:
-    """Legend of the areas that `zone_layers` draws; empty if there are none."""
+    """Return the legend of the areas that `zone_layers` draws; empty if there are none."""
     kinds = {zone.kind for zone, _ in result.open_zones}
     return [
         Patch(
@@ -131,7 +132,7 @@ def zone_handles(result: RunResult) -> list[Artist]:
 
 
 def land_handles(result: RunResult) -> list[Artist]:
-    """Legend of land, of the hard no-go zone, and of shoals and hazards where there are any."""
+    """Return the legend of land, hard no-go zone, and shoals and hazards if there are any."""
     added = [Patch(facecolor=COLOURS["nogo"], label="hard no-go zone")]
     hazards = [Patch(facecolor=COLOURS["hazard"], label="hazards")]
     return [
@@ -143,12 +144,12 @@ def land_handles(result: RunResult) -> list[Artist]:
 
 
 def soft_handle(text: str = "soft no-go: the padding") -> Artist:
-    """Legend of a soft no-go zone."""
+    """Return the legend of a soft no-go zone."""
     return Patch(facecolor=COLOURS["soft"], alpha=SOFT_ALPHA, label=text)
 
 
 def line_handle(role: str, width_pt: float, text: str) -> Artist:
-    """Legend of a line."""
+    """Return the legend of a line."""
     return Line2D([], [], color=COLOURS[role], linewidth=width_pt, label=text)
 
 
@@ -225,7 +226,7 @@ def draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> N
 
 
 def _area_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
-    """Currents, over them the best route's soft no-go zone, and land on top."""
+    """Return currents, over them the best route's soft no-go zone, and land on top."""
     outlines = arrows(result, season).outlines(speed_scale(result))
     return [
         *(
@@ -240,7 +241,7 @@ def _area_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
 
 
 def _handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
-    """Legend of lines, areas and speeds."""
+    """Return the legend of lines, areas and speeds."""
     bests = [
         Line2D(
             [],

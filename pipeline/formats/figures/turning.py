@@ -100,7 +100,7 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
 
 
 def turn_tracks(found: renew.Tightest, vessel: renew.Vessel) -> FloatArray:
-    """Full turns (2, n, points, 2) to port and to starboard from the origin, m, in all draws.
+    """Return full turns (2, n, points, 2) to port and starboard from the origin, m, in all draws.
 
     Closed form: a circle through the water, carried by the current.
     """
@@ -160,7 +160,7 @@ def draw_reaches(
 
 
 def _tightest(result: RunResult, ranked: RankedRoute) -> renew.Tightest:
-    """The tightest place of a route; an error if it has no padding."""
+    """Return the tightest place of a route; an error if it has no padding."""
     found = tightest_place(result, ranked)
     if found is None:
         raise NothingToDrawError(
@@ -171,14 +171,14 @@ def _tightest(result: RunResult, ranked: RankedRoute) -> renew.Tightest:
 
 
 def _at_place(result: RunResult, season: str, found: renew.Tightest) -> renew.Vessel:
-    """The vessel at the speed at which the season's best route passes its tightest place."""
+    """Return the vessel at the speed at which the season's best route passes its tightest place."""
     route = result.season_routes(season)[0].route
     (speed,) = speeds_along(found.point[None], np.asarray(route.path, dtype=float), route.speeds)
     return replace(result.scene.vessel, speed=float(speed))
 
 
 def _axes(width_pt: float | None) -> tuple[Figure, Axes]:
-    """A figure with one plot."""
+    """Return a figure with one plot."""
     width = width_pt or WIDTH_PT
     height = max(_MIN_HEIGHT_PT, _HEIGHT_SHARE * width)
     figure = Figure(
@@ -214,7 +214,7 @@ def padding_svg(
 
 
 def tightest_place(result: RunResult, ranked: RankedRoute) -> renew.Tightest | None:
-    """The place where turns have the least room; None without padding."""
+    """Return the place where turns have the least room; None without padding."""
     return renew.tightest(
         ranked.route,
         result.scene.currents[ranked.season],
@@ -224,7 +224,7 @@ def tightest_place(result: RunResult, ranked: RankedRoute) -> renew.Tightest | N
 
 
 def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
-    """Histogram of the reaches of hard-over turns, with the padding and the distance to the coast.
+    """Return a histogram of turns' reaches, with the padding and the distance to the coast.
 
     `scale` is true metres to a planar metre.
     """

@@ -40,7 +40,7 @@ A straight line of the plane departs from the straight line in degrees by s²/8R
 """
 
 ZONE_STEP_M = 10_000.0
-"""Maximum length, true metres, of a segment of a zone's edge, no more accurate than the chart."""
+"""Maximum length, true metres, of a segment of a zone's edge: the chart is no more accurate."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ def frame(
 ) -> GeoDataFrame:
     """Make the frame of a layer.
 
-    `geometry` has a geometry for each feature, or an array of geometries for each route or season;
-    a column has for each such entry a value, or an array of values. Numbers that are not finite
-    become NaN, which is written as NULL.
+    `geometry` has one geometry per feature, or one array of geometries per route or season. A
+    column has one value, or one array of values, per entry of `geometry`. Numbers that are not
+    finite become NaN, which is written as NULL.
     """
     import geopandas
 
@@ -75,18 +75,18 @@ def frame(
 
 
 def _type_of(column: str) -> type:
-    """Type of a column's values."""
+    """Return the type of a column's values."""
     return _TYPES.get(FIELDS.get(column, {}).get("type", ""), float)
 
 
 def columns_of(records: Sequence[object], *names: str, **renamed: str) -> dict[str, list[Any]]:
-    """Columns of some attributes of records; `renamed` gives the attribute of a column."""
+    """Return columns of some attributes of records; `renamed` gives the attribute of a column."""
     attributes = {**dict(zip(names, names, strict=True)), **renamed}
     return {column: [getattr(one, name) for one in records] for column, name in attributes.items()}
 
 
 def route_key(ranked: Sequence[RankedRoute]) -> dict[str, list[ArrayLike]]:
-    """Columns that identify routes."""
+    """Return columns that identify routes."""
     return columns_of(ranked, "season", "rank")
 
 

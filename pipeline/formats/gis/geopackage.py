@@ -1,8 +1,8 @@
 """Files for a GIS: `routes.gpkg`, with a QGIS project inside, and each season's `.geojson`.
 
-GDAL writes 1.4 by default, which GDAL 3.6, common on desktops, reads only in part. Lines that
-are straight in the planner's plane are split into short pieces first: a GIS, which draws straight
-lines in degrees, then shows and measures the planned line.
+GDAL writes version 1.4 of the format by default; GDAL 3.6, common on desktops, reads it only in
+part. Lines that are straight in the planner's plane are split into short pieces first: a GIS, which
+draws straight lines in degrees, then shows and measures the planned line.
 
 The project opens as a finished map. Its layers are listed in a group per season, with land below;
 land is drawn over the soft no-go zones, as in the paper. It refers to the file by its name: the
@@ -134,7 +134,7 @@ class _ProjectLayer:
         return replace(self, layer=_LAYERS["routes"]).identity
 
     def source(self, file_name: str) -> str:
-        """Data source of its features, relative to the project."""
+        """Return data source of its features, relative to the project."""
         source = f"./{file_name}|layername={self.layer.name}"
         if self.season is None:
             return source
@@ -174,7 +174,7 @@ def qgz(
 
 
 def _project_layers(view: View) -> list[_ProjectLayer]:
-    """All layers of the project in their drawing order, the top one first.
+    """Return all layers of the project in their drawing order, the top one first.
 
     The leading season is below the others, since its best route is wider.
     """
@@ -239,7 +239,7 @@ def _page(name: str, width: float, height: float, crs: MapCrs) -> Page:
 
 
 def _with_ratio(bounds: Bounds, ratio: float) -> Bounds:
-    """Bounds grown about their middle to a ratio of width to height."""
+    """Return bounds grown about their middle to a ratio of width to height."""
     xmin, ymin, xmax, ymax = bounds
     width, height = max(xmax - xmin, ratio * (ymax - ymin)), max(ymax - ymin, (xmax - xmin) / ratio)
     x, y = (xmin + xmax) / 2, (ymin + ymax) / 2
@@ -275,7 +275,7 @@ def _add_records(
     columns: Mapping[str, Sequence[str]],
     file_name: str,
 ) -> None:
-    """Add everything beside the layers: provenance, meanings of columns, styles, the project."""
+    """Add everything besides the layers: provenance, meanings of columns, styles, the project."""
     script = files("pipeline.formats.gis") / "records.sql"
     database.executescript(script.read_text(encoding="utf-8"))
     content = manifest(result, ())
@@ -382,14 +382,14 @@ def write_geojson(result: RunResult, season: str, path: Path) -> None:
 
 
 def _features(kind: str, frame: GeoDataFrame) -> list[dict[str, Any]]:
-    """Features of a kind, their coordinates rounded."""
+    """Return features of a kind, their coordinates rounded."""
     shapes = shapely.transform(frame.geometry.array, lambda points: np.round(points, _DECIMALS))
     frame = frame.set_geometry(shapes).assign(feature=kind)
     return list(frame.iterfeatures(na="null", drop_id=True))
 
 
 def bounding_box(corners: FloatArray) -> list[float]:
-    """West, south, east, north; west is greater than east if the box crosses 180 degrees."""
+    """Return west, south, east, north; west is greater than east if the box crosses 180 degrees."""
     (west, south), (east, north) = corners
     if east - west >= 360:
         west, east = -180.0, 180.0

@@ -25,7 +25,7 @@ from pipeline.model import Zone
 
 
 def coast(result: RunResult) -> GeoDataFrame:
-    """Land before simplification: the no-go areas without shallow, uncharted or hazardous water.
+    """Return the original land: the no-go areas without shallow, uncharted or hazardous water.
 
     Beyond the region it goes on in less detail, so that the map does not show water there.
     """
@@ -41,30 +41,30 @@ def coast(result: RunResult) -> GeoDataFrame:
 
 
 def region_edge(result: RunResult) -> GeoDataFrame:
-    """Edge of the region, or of a plane's extent."""
+    """Return the edge of the region, or of a plane's extent."""
     edge = shapely.boundary(np.array([result.scene.chart.extent], dtype=object))
     return frame([result.scene.projection.geometry_to_lonlat(edge, ZONE_STEP_M)], {})
 
 
 def hazards(result: RunResult) -> GeoDataFrame:
-    """Rocks, wrecks and the like, with the room around them."""
+    """Return rocks, wrecks and the like, with the room around them."""
     return _zones(zone for zone in result.fetched.land.zones if zone.kind == "hazard")
 
 
 def chart_areas(result: RunResult) -> GeoDataFrame:
-    """Shallow, uncharted and restricted areas, and traffic schemes."""
+    """Return shallow, uncharted and restricted areas, and traffic schemes."""
     return _zones(zone for zone in result.fetched.land.zones if zone.kind != "hazard")
 
 
 def depth_areas(result: RunResult) -> GeoDataFrame:
-    """Areas of equal depth."""
+    """Return areas of equal depth."""
     found = result.fetched.land.depth_areas
     columns = columns_of(found, "kind", depth_min_m="least_m", depth_max_m="greatest_m")
     return frame(multi([one.area for one in found]), columns)
 
 
 def islands(result: RunResult) -> GeoDataFrame:
-    """Points on the islands by which ways are told apart."""
+    """Return points on the islands that distinguish the ways."""
     islands = result.evaluation.islands
     places = np.array([[island.x, island.y] for island in islands]).reshape(-1, 2)
     points = shapely.points(result.scene.projection.to_lonlat(places))
@@ -72,18 +72,18 @@ def islands(result: RunResult) -> GeoDataFrame:
 
 
 def no_go(result: RunResult) -> GeoDataFrame:
-    """Hard no-go zone, the same in every season."""
+    """Return the hard no-go zone, the same in every season."""
     return _counted(result.simplified.polygons)
 
 
 def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
-    """Areas of the chart, with their kinds, names and rules."""
+    """Return areas of the chart, with their kinds, names and rules."""
     found = list(zones)
     return frame(multi([zone.area for zone in found]), columns_of(found, "kind", "name", "rule"))
 
 
 def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> GeoDataFrame:
-    """Areas with their numbers of vertices."""
+    """Return areas with their numbers of vertices."""
     vertices = shapely.get_num_coordinates(np.array(polygons, dtype=object))
     return frame(multi(polygons), {"vertices": vertices})
 
@@ -94,7 +94,7 @@ _ERROR_M = 1.0
 # Maximum number of harmless turns shown per route: at true scale turns are simulated every few
 # metres, and all of them would make a file of a gigabyte.
 _MAX_TURNS = 2_000
-# Figures of a route in its row, by their names in its metrics.
+# Figures in a route's row, by the names of its metrics.
 _MEASURED = (
     *("homotopy", "way", "fuel", "fuel_per_distance", "length_m", "clearance_m", "duration_s"),
     *("speed_m_s", "optimality_gap", "gap_at_clearance", "trials", "collisions", "filled_share"),
@@ -103,12 +103,12 @@ _MEASURED = (
 
 
 def passage(result: RunResult) -> frames.GeoDataFrame:
-    """Waypoints of the routes, each with the leg that leaves it; the goal has none."""
+    """Return waypoints of the routes, each with the leg that leaves it; the goal has none."""
     return waypoint_frame(_waypoints(result)).drop(columns=["port_m", "starboard_m"])
 
 
 def legs(result: RunResult) -> frames.GeoDataFrame:
-    """The water within each leg's cross-track limits."""
+    """Return the water within each leg's cross-track limits."""
     found = _waypoints(result)
     frame = waypoint_frame(found).drop(columns=["name", "time_s", "turn_radius_m"])
     frame = frame[frame.course_deg.notna()].reset_index(drop=True)
@@ -117,7 +117,7 @@ def legs(result: RunResult) -> frames.GeoDataFrame:
 
 
 def waypoint_frame(found: Sequence[Waypoints]) -> frames.GeoDataFrame:
-    """Waypoints of some routes, each with the leg that leaves it and its cross-track limits."""
+    """Return waypoints of some routes, each with the leg that leaves it and its limits."""
     counts = [len(points.lonlat) for points in found]
     return frame(
         [shapely.points(points.lonlat) for points in found],
@@ -133,7 +133,7 @@ def waypoint_frame(found: Sequence[Waypoints]) -> frames.GeoDataFrame:
 
 
 def _leg_columns(tables: Sequence[Waypoints] | Sequence[Legs]) -> dict[str, list[FloatArray]]:
-    """Columns of the legs that leave a route's points."""
+    """Return columns of the legs that leave a route's points."""
     return frames.columns_of(
         tables,
         "course_deg",
@@ -145,7 +145,7 @@ def _leg_columns(tables: Sequence[Waypoints] | Sequence[Legs]) -> dict[str, list
 
 
 def _waypoints(result: RunResult) -> list[Waypoints]:
-    """Waypoints of all routes; none of a planar scenario, which lies nowhere on earth."""
+    """Return waypoints of all routes; none of a planar scenario, which lies nowhere on earth."""
     if result.scenario.is_planar:
         return []
     seasons = dict.fromkeys(ranked.season for ranked in result.routes)
@@ -153,7 +153,7 @@ def _waypoints(result: RunResult) -> list[Waypoints]:
 
 
 def _areas(points: Waypoints, result: RunResult) -> Geometries:
-    """Area of each leg between its limits; empty where both are 0."""
+    """Return the area of each leg between its limits; empty where both are 0."""
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M)
     geod, line = pyproj.Geod(ellps="WGS84"), drawn.lonlat
@@ -174,7 +174,7 @@ def _areas(points: Waypoints, result: RunResult) -> Geometries:
 
 
 def _routes(result: RunResult) -> frames.GeoDataFrame:
-    """Routes, one line each."""
+    """Return routes, one line each."""
     ranked = result.routes
     measured = frames.columns_of([r.metrics for r in ranked], *_MEASURED)
     lines = to_lonlat(
@@ -185,7 +185,7 @@ def _routes(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _path_points(result: RunResult) -> frames.GeoDataFrame:
-    """Vertices of the routes, each with the leg that leaves it; the goal has none."""
+    """Return vertices of the routes, each with the leg that leaves it; the goal has none."""
     ranked = result.routes
     tables = [planned_legs(r, result) for r in ranked]
     return frame(
@@ -199,7 +199,7 @@ def _path_points(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _channels(result: RunResult) -> frames.GeoDataFrame:
-    """Channels of triangles, of planned and of rejected classes."""
+    """Return channels of triangles, of planned and of rejected classes."""
     rows: list[tuple[str, int, str, str, FloatArray]] = []
     for entry in result.plans:
         if entry.plan is None:
@@ -227,7 +227,7 @@ def _channels(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
-    """Soft no-go zone of each route that has one, with its least and greatest padding."""
+    """Return soft no-go zone of each route that has one, with its least and greatest padding."""
     ranked = [r for r in result.routes if not r.route.soft_no_go.is_empty]
     scale = result.scene.projection.scale
     paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
@@ -243,7 +243,7 @@ def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _currents(result: RunResult) -> frames.GeoDataFrame:
-    """Current at the points of the source, towards east and north."""
+    """Return current at the points of the source, towards east and north."""
     seasons = [entry.season for entry in result.plans]
     samples = [result.current_samples(season) for season in seasons]
     currents = frame(
@@ -260,7 +260,7 @@ def _currents(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _contingency(result: RunResult) -> frames.GeoDataFrame:
-    """Points from which hard-over turns were simulated, and whether one met land."""
+    """Return points from which hard-over turns were simulated, and whether one met land."""
     ranked, to_lonlat = result.routes, result.scene.projection.to_lonlat
     turns = [result.evaluation.contingency[r.season, r.rank] for r in ranked]
     shown = [_shown(np.asarray(t.collided, dtype=bool)) for t in turns]
@@ -275,7 +275,7 @@ def _contingency(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _shore_crossings(result: RunResult) -> frames.GeoDataFrame:
-    """Middles of the routes' parts over land of the second shoreline."""
+    """Return middles of the routes' parts over land of the second shoreline."""
     found = result.evaluation.shore_crossings
     return frame(
         shapely.points(np.array([[one.lon, one.lat] for one in found]).reshape(-1, 2)),
@@ -288,7 +288,7 @@ def _shore_crossings(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _shown(collided: BoolArray) -> IndexArray:
-    """Indices of the turns to show: each turn that met land, and some of the others, evenly."""
+    """Return the indices of the turns to show: each that met land, and some others, evenly."""
     harmless = np.flatnonzero(~collided)
     step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
     return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))

@@ -153,7 +153,7 @@ def map_crs(result: RunResult) -> MapCrs:
 
 
 def _utm_zone(outline: FloatArray) -> Projection | None:
-    """UTM zone of the middle of an outline (n, 2) in degrees; None if it is not to scale there."""
+    """Return the UTM zone of the middle of an outline (n, 2), degrees; None if not to scale."""
     (west, south), (east, north) = outline.min(axis=0).tolist(), outline.max(axis=0).tolist()
     if south < _UTM_LATITUDES_DEG[0] or north > _UTM_LATITUDES_DEG[1]:
         return None
@@ -165,20 +165,20 @@ def _utm_zone(outline: FloatArray) -> Projection | None:
 
 @lru_cache(maxsize=1)
 def lonlat_system() -> ReferenceSystem:
-    """Reference system of the file, EPSG:4326."""
+    """Return the reference system of the file, EPSG:4326."""
     crs = pyproj.CRS("EPSG:4326")
     return ReferenceSystem(crs.to_wkt(), "EPSG:4326", crs.name)
 
 
 def _bounds(points: FloatArray) -> Bounds:
-    """Bounds of points (n, 2) with a margin."""
+    """Return bounds of points (n, 2) with a margin."""
     (xmin, ymin), (xmax, ymax) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     margin = _MARGIN * max(xmax - xmin, ymax - ymin)
     return xmin - margin, ymin - margin, xmax + margin, ymax + margin
 
 
 def _convergence(projection: Projection, points: FloatArray) -> str:
-    """Convergence of the map's plane as a QGIS expression of longitude and latitude.
+    """Return the convergence of the map's plane as a QGIS expression of longitude and latitude.
 
     Fitted at lon/lat points (n, 2): exact for stereographic, Mercator and Lambert planes, and
     accurate enough for transverse Mercator.
@@ -280,7 +280,7 @@ def colour(hexadecimal: str, opacity: float = 1.0) -> str:
 
 
 def line(line_colour: str, width: float, *, level: int = 0) -> SymbolLayer:
-    """Line in a colour that `colour` gives."""
+    """Return the line in a colour that `colour` gives."""
     return SymbolLayer(
         "SimpleLine",
         {
@@ -300,7 +300,7 @@ def line(line_colour: str, width: float, *, level: int = 0) -> SymbolLayer:
 def fill(
     fill_colour: str, outline: str = "", width: float = 0.0, *, dotted: bool = False
 ) -> SymbolLayer:
-    """Filled area, with an outline if its colour is given."""
+    """Return filled area, with an outline if its colour is given."""
     style = "dot" if dotted else "solid"
     return SymbolLayer(
         "SimpleFill",
@@ -319,7 +319,7 @@ def fill(
 def marker(
     shape: str, fill_colour: str, outline: str, size: float, width: float = 0.0, *, level: int = 0
 ) -> SymbolLayer:
-    """Marker of a shape that QGIS knows, such as circle, diamond or cross2."""
+    """Return the marker of a shape that QGIS knows, such as circle, diamond or cross2."""
     return SymbolLayer(
         "SimpleMarker",
         {
@@ -339,7 +339,7 @@ def marker(
 def arrow(
     fill_colour: str, length_m: float, rotation: str, limits_mm: tuple[float, float]
 ) -> SymbolLayer:
-    """Arrow of a true length (m) within limits on paper, rotated by an expression.
+    """Return the arrow of a true length (m) within limits on paper, rotated by an expression.
 
     The expression gives degrees clockwise from up.
     """
@@ -364,7 +364,7 @@ def rendered(template: str, **values: object) -> str:
 
 
 def clean(text: str) -> str:
-    """Text that is plain text to XML, and to QGIS, which evaluates what is between [% and %]."""
+    """Return a text that is plain to XML and to QGIS, which evaluates text between [% and %]."""
     return xml_text(text).replace("[%", "[\N{WORD JOINER}%")
 
 

@@ -233,7 +233,7 @@ def _currents(view: View) -> Style:
 
 
 def _thinned(season: SeasonView, full_scale: float) -> str:
-    """Condition that leaves out points which would be too close on a map of the whole."""
+    """Return condition that leaves out points which would be too close on a map of the whole."""
     min_spacing_m = _ARROW_MM[0] / 1000 * full_scale
     every = round(min_spacing_m / season.spacing_m + 0.49)
     if season.step_deg is None or every < 2:
@@ -284,7 +284,7 @@ def _by_season(
 
 
 def _of(season: SeasonView) -> str:
-    """Condition that a feature belongs to a season."""
+    """Return the condition that a feature belongs to a season."""
     return f'"season" = {literal(season.name)}'
 
 

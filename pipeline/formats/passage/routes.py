@@ -6,12 +6,13 @@ its points: the speed, and the departure if there is one, are in the extensions 
 
 Google Earth draws straight lines between points as great circles, so legs are drawn in small steps.
 
-The file is a template: simplekml fails on characters that XML forbids, and fastkml takes longer to
-import (128 ms) than the file to write.
+The KML file is a template, because simplekml fails on characters that XML forbids, and importing
+fastkml (128 ms) takes longer than writing the file.
 
-Both hold the same MAVLink commands: go to the start, then for each leg its speed and its end. The
-speed is the speed over ground that the vessel makes there: in the season's current, at its planned
-speed through the water. Altitudes are 0 above home: a surface vessel has none.
+Both files of a mission hold the same MAVLink commands: go to the start, then for each leg its speed
+and its end. The speed is the speed over ground that the vessel makes there: in the season's
+current, at its planned speed through the water. Altitudes are 0 above home: a surface vessel has
+none.
 
 Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED); the Plan file
 format of QGroundControl's developer guide, version 1; MAVLink's file formats, "QGC WPL 110".
@@ -96,7 +97,7 @@ def write_gpx(
 
 
 def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
-    """Waypoints of a route, each describing the leg that leaves it."""
+    """Return waypoints of a route, each describing the leg that leaves it."""
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
         name=xml_text(route_name(ranked, result)),
@@ -116,14 +117,14 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
             speed = _knots(points.speed_m_s[index - 1])
             point.extensions = [_opencpn("rte_properties", planned_speed=speed)]
         route.points.append(point)
-    told = {
+    extensions = {
         "start": points.names[0],
         "end": points.names[-1],
         "planned_speed": _knots(speed_over_ground(points.metrics)),
     }
     if departure is not None:
-        told["planned_departure"] = f"{time_after(departure, 0.0):%Y-%m-%dT%H:%M:%SZ}"
-    route.extensions = [_opencpn(name, text) for name, text in told.items()]
+        extensions["planned_departure"] = f"{time_after(departure, 0.0):%Y-%m-%dT%H:%M:%SZ}"
+    route.extensions = [_opencpn(name, text) for name, text in extensions.items()]
     return route
 
 
@@ -142,7 +143,7 @@ def _knots(speed_m_s: float) -> str:
 def _track(
     ranked: RankedRoute, result: RunResult, departure: datetime | None
 ) -> gpxpy.gpx.GPXTrack:
-    """Path of a route as planned, in small steps."""
+    """Return the path of a route as planned, in small steps."""
     projection = result.scene.projection
     path = np.asarray(ranked.route.path, dtype=float)
     dense = densified(path, _TRACK_STEP_M / projection.scale)
@@ -166,7 +167,7 @@ def _track(
 
 
 def _summary(metrics: RouteMetrics, result: RunResult) -> str:
-    """Way, length, duration and clearance of a route, and what is not known about it."""
+    """Return way, length, duration and clearance of a route, and what is not known about it."""
     known = limits_text(result, metrics)
     return " ".join(part for part in (route_summary(metrics), known) if part)
 
@@ -210,7 +211,7 @@ def write_kml(
 
 
 def _line(points: Waypoints, result: RunResult) -> list[FloatArray]:
-    """The legs of a route as one line (n, 2) in degrees, in parts if it crosses 180 degrees."""
+    """Return a route's legs as one line (n, 2), degrees; in parts if it crosses 180 degrees."""
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M).lonlat
     moved = np.any(np.diff(drawn, axis=0) != 0, axis=1)
@@ -323,6 +324,6 @@ def _commands(points: Waypoints) -> Iterator[_Command]:
 
 
 def _position(points: Waypoints, index: int) -> tuple[float, float]:
-    """Latitude and longitude of a waypoint, degrees."""
+    """Return the latitude and longitude of a waypoint, degrees."""
     longitude, latitude = points.lonlat[index]
     return float(latitude), wrapped_longitude(longitude)

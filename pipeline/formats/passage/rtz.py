@@ -137,7 +137,7 @@ def _schedule(points: Waypoints, departure: datetime | None) -> Iterator[_Attrib
 
 
 def _provenance(result: RunResult, points: Waypoints) -> _Attributes:
-    """The route's origin, what is not known about it, and the credits of its sources."""
+    """Return the route's origin, what is not known about it, and the credits of its sources."""
     texts = {
         "title": document_title(result, points.ranked.season),
         "description": result.scenario.description,
@@ -155,6 +155,6 @@ def _shortened(text: str) -> str:
 
 
 def _miles(metres: float) -> str:
-    """Nautical miles as text, rounded down so that limits are never overstated."""
+    """Return nautical miles as text, rounded down so that limits are never overstated."""
     scale = 10**_MILE_DIGITS
     return f"{math.floor(metres / NAUTICAL_MILE_M * scale) / scale:.{_MILE_DIGITS}f}"

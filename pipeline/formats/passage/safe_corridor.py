@@ -106,10 +106,10 @@ class SafeCorridor:
         return shapely.STRtree(shapely.linestrings(edges_of([self.blocked])))
 
     def clearance(self, geometries: Geometries) -> FloatArray:
-        """Distance (n,) of points or lines from V and land, capped at `wanted_clearance`."""
+        """Return distance (n,) of points or lines from V and land, capped at `wanted_clearance`."""
         clearance = np.full(len(geometries), self.wanted_clearance)
-        # Most lines are far from all. The box of a long one holds thousands of edges, so its pieces
-        # are looked at one by one.
+        # Most lines are far from V and land. The box of a long line contains thousands of edges, so
+        # the line's segments are searched one by one.
         near = np.flatnonzero(shapely.dwithin(self.blocked, geometries, self.wanted_clearance))
         pieces, owner = _pieces(geometries[near])
         (index, _), apart = self._blocked_edges.query_nearest(
@@ -122,7 +122,7 @@ class SafeCorridor:
 def _pieces(
     geometries: Geometries,
 ) -> tuple[Geometries, IntArray]:
-    """Segments of lines (n,), or the points themselves, and the index of the one each is of."""
+    """Return the segments of lines (n,) or the points themselves, and the index of each in (n,)."""
     points, owner = shapely.get_coordinates(geometries, return_index=True)
     inside = owner[:-1] == owner[1:]
     if not inside.any():
@@ -165,7 +165,7 @@ def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) ->
 
 
 def cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Cross products (n,) of planar vectors (n, 2)."""
+    """Return the cross products (n,) of planar vectors (n, 2)."""
     product: FloatArray = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     return product
 
@@ -185,7 +185,7 @@ def _with_exits(
 
 
 def _with_exit(soft: shapely.Geometry, path: FloatArray, margin: float) -> tuple[FloatArray, int]:
-    """Add a vertex where a path that starts in V has left it; returns its index too, else 0."""
+    """Add a vertex where a path that starts in V has left it; also return its index, or else 0."""
     legs = shapely.linestrings(np.stack([path[:-1], path[1:]], axis=1))
     outside = np.flatnonzero(~shapely.intersects(soft, legs))
     leg = int(outside[0]) - 1 if outside.size else len(legs) - 1
@@ -212,7 +212,7 @@ _MAX_HALVINGS = 12
 def cross_track_limits(
     legs: Tracks, soft_no_go: shapely.Geometry, obstacles: Obstacles, cap: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Cross-track limits of each leg to port and to starboard (k,), metres of the plane.
+    """Return cross-track limits of each leg to port and to starboard (k,), metres of the plane.
 
     A limit is the distance from the leg, its ends included, to the nearest point on that side that
     belongs to V, to the hard no-go zone (which covers all land) or to the chart's edge; at most
@@ -235,7 +235,7 @@ def cross_track_limits(
 
 
 def turning_radii(legs: Tracks, corridor: SafeCorridor, radius: float) -> FloatArray:
-    """Radius of the turn at each waypoint between two legs (k - 1,), metres of the plane.
+    """Return radius of the turn at each waypoint between two legs (k - 1,), metres of the plane.
 
     `radius` is halved until the turn stays inside the corridor and takes up at most half of each
     leg; 0 if no such turn is found.
@@ -283,7 +283,7 @@ class _Sides:
 
     @classmethod
     def of(cls, legs: Tracks, width: float) -> Self:
-        """Sides of legs, reaching at least a width away from them."""
+        """Return sides of legs, reaching at least a width away from them."""
         starts = np.flatnonzero(np.diff(legs.leg, prepend=-1))
         ends = np.append(starts[1:], len(legs.leg)) - 1
         chords = np.stack([legs.xy[starts], legs.xy[ends]], axis=1)
@@ -312,7 +312,7 @@ class _Sides:
         return edges[near]
 
     def least_distance(self, side: IndexArray, ends: FloatArray) -> FloatArray:
-        """Lower bound of the distance (n,) of edges (n, 2, 2) from the legs of their sides."""
+        """Return a lower bound (n,) on the distance of edges (n, 2, 2) from their sides' legs."""
         half = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
         begin, chord = self.chords[side, 0], self.chords[side, 1] - self.chords[side, 0]
         way = ends.mean(axis=1) - begin
@@ -322,7 +322,7 @@ class _Sides:
 
 
 def _aside(chords: FloatArray) -> FloatArray:
-    """Unit vectors (k, 2) to port of chords (k, 2, 2)."""
+    """Return the unit vectors (k, 2) to port of chords (k, 2, 2)."""
     along = chords[:, 1] - chords[:, 0]
     ahead = along / np.linalg.norm(along, axis=1)[:, None]
     return np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
@@ -331,7 +331,7 @@ def _aside(chords: FloatArray) -> FloatArray:
 def _side_areas(
     legs: Tracks, starts: IndexArray, ends: IndexArray, reach: FloatArray
 ) -> Geometries:
-    """Area beside each leg (k,), to port, or to starboard with a negative reach (k,).
+    """Return the area beside each leg (k,), to port, or to starboard with a negative reach (k,).
 
     It lies between the leg, extended at both ends, and a parallel of its chord at that reach.
     """

@@ -14,7 +14,7 @@ from pipeline.formats.shared.route_profile import metres_along
 _MIN_BEND_RAD = 0.1
 # Clearance of offset candidates, in wanted clearances: more than wanted, since legs cut corners.
 _OFFSET_CLEARANCE = 1.4
-# Half width, in wanted clearances, of the stretch of path in which only one narrows is looked for.
+# Only one narrows is searched for in each stretch of path of this half width, in wanted clearances.
 _NARROWS_WINDOW = 10
 
 # Costs of a leg, added to the 1 that each leg costs: among chains of equally many legs the shorter
@@ -23,8 +23,8 @@ _NARROWS_WINDOW = 10
 _LENGTH_WEIGHT = 0.5
 _CLEARANCE_WEIGHT = 1.0
 _MIN_CLEARANCE_SHARE = 0.05
-# Number of legs that are looked at together, at least, and as a share of those not yet known: a
-# call takes as long as some dozens of legs.
+# Legs are measured in batches, because a call costs as much as some dozens of legs: minimum number
+# of legs in a batch, and their share of the legs that are not measured yet.
 _MIN_BATCH, _BATCH_SHARE = 60, 0.15
 
 # Maximum number of parts into which a leg is split when its drawn curve leaves the corridor.
@@ -122,7 +122,7 @@ def _with_offsets(
 
 
 def _narrows(corridor: SafeCorridor, begin: float, end: float) -> Candidates:
-    """Points of the path between two distances along it where it is closest to V or land."""
+    """Return points of the path between two distances along it where it is closest to V or land."""
     along = np.linspace(begin, end, max(2, int((end - begin) / corridor.wanted_clearance)))
     points = shapely.line_interpolate_point(shapely.LineString(corridor.path), along)
     clearance = corridor.clearance(points)
@@ -138,7 +138,7 @@ def _narrows(corridor: SafeCorridor, begin: float, end: float) -> Candidates:
 def cheapest_chain(
     candidates: Candidates, own: IntArray, corridor: SafeCorridor, drawing: Drawing
 ) -> Candidates:
-    """Chain of candidates from the path's first point to its last at the least cost of its legs.
+    """Return the chain of candidates, from the path's start to its end, whose legs cost least.
 
     The legs between the path's own points, with indices `own`, are always allowed.
     """
@@ -172,9 +172,9 @@ def cheapest_chain(
 
 
 def _likely_legs(candidates: Candidates, corridor: SafeCorridor) -> tuple[IntArray, IntArray]:
-    """Indices of pairs of candidates that may see each other: most are far apart."""
+    """Return indices of pairs of candidates that may see each other: most are far apart."""
     begin, end = np.triu_indices(len(candidates), 1)
-    # Candidates beside the path have the distance along it of the nearest point.
+    # A candidate beside the path has the distance along it of the path's nearest point.
     onwards = candidates.along[end] > candidates.along[begin]
     begin, end = begin[onwards], end[onwards]
     for share in (0.5, 0.25, 0.75):
@@ -185,13 +185,13 @@ def _likely_legs(candidates: Candidates, corridor: SafeCorridor) -> tuple[IntArr
 
 
 def _clearance_cost(clearance: FloatArray | float, corridor: SafeCorridor) -> FloatArray:
-    """Cost of legs (k,) for a clearance, metres of the plane, below the wanted one."""
+    """Return the cost of legs (k,) for a clearance, metres of the plane, below the wanted one."""
     share = np.maximum(clearance / corridor.wanted_clearance, _MIN_CLEARANCE_SHARE)
     return np.asarray(_CLEARANCE_WEIGHT * (1 / share - 1))
 
 
 def _shortest_path(cost: FloatArray, first: int, last: int) -> tuple[IntArray, FloatArray]:
-    """Cheapest path from node `first` to `last`, by edges (n, n) from lower to higher numbers.
+    """Return the cheapest path from `first` to `last`, by edges (n, n) to ever higher nodes.
 
     Also returns the cost (n, n) of the cheapest path through each edge.
     """
@@ -212,7 +212,7 @@ def _shortest_path(cost: FloatArray, first: int, last: int) -> tuple[IntArray, F
 
 
 def _least(through: FloatArray, unknown: BoolArray) -> tuple[IntArray, IntArray]:
-    """Indices of the unknown legs on the cheapest chains."""
+    """Return indices of the unknown legs on the cheapest chains."""
     begin, end = np.nonzero(unknown)
     batch = min(len(begin), max(_MIN_BATCH, int(_BATCH_SHARE * len(begin))))
     chosen = np.argpartition(through[begin, end], batch - 1)[:batch]
@@ -240,7 +240,7 @@ def _on_same_side(
     foot = np.searchsorted(along, candidates.along)
     for hole in corridor.holes:
         swept = np.unwrap(_direction(dense, hole))[foot]
-        # From the path to the candidate, the short way.
+        # Add the angle from the path to the candidate, between -π and π.
         swept = swept + _wrapped(_direction(candidates.xy, hole) - swept)
         half = _wrapped(_direction(middles, hole) - swept[begin])
         leg = half + _wrapped(swept[end] - _direction(middles, hole))
@@ -249,13 +249,13 @@ def _on_same_side(
 
 
 def _direction(points: FloatArray, origin: FloatArray) -> FloatArray:
-    """Angles (n,) of points (n, 2) as seen from the origin, rad."""
+    """Return angles (n,) of points (n, 2) as seen from the origin, rad."""
     angle: FloatArray = np.arctan2(points[:, 1] - origin[1], points[:, 0] - origin[0])
     return angle
 
 
 def _wrapped(angle: FloatArray) -> FloatArray:
-    """Angles (n,) wrapped to -π to π."""
+    """Return angles (n,) wrapped to -π to π."""
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
@@ -294,13 +294,13 @@ def _split_legs(path: Candidates, region: shapely.Geometry, drawing: Drawing) ->
 
 
 def _interpolated(values: FloatArray, leg: IntArray, share: FloatArray) -> FloatArray:
-    """Values (n, ...) at shares of legs."""
+    """Return values (n, ...) at shares of legs."""
     value: FloatArray = values[leg] + share * (values[leg + 1] - values[leg])
     return value
 
 
 def _split_shares(leg: FloatArray, region: shapely.Geometry, drawing: Drawing) -> FloatArray:
-    """Shares at which equal parts of a leg (2, 2) begin, as few as stay inside the region.
+    """Return shares at which equal parts of a leg (2, 2) begin, as few as stay inside the region.
 
     Only 0 if the leg itself leaves the region.
     """

@@ -101,16 +101,16 @@ class Drawing:
     error_m: float
 
     def lonlat(self, xy: FloatArray) -> FloatArray:
-        """Degrees (n, 2) of planar points, as they will be written."""
+        """Return degrees (n, 2) of planar points, as they will be written."""
         return np.round(self.projection.to_lonlat(xy), DECIMALS)
 
     def lines(self, begin: FloatArray, end: FloatArray) -> Geometries:
-        """Legs from degrees (k, 2) to degrees (k, 2), as lines of the plane."""
+        """Return legs from degrees (k, 2) to degrees (k, 2), as lines of the plane."""
         return tracks(begin, end, self.curve, self.projection, self.error_m).lines
 
 
 def initial_course_deg(begin: FloatArray, end: FloatArray, curve: Curve) -> FloatArray:
-    """True course (k,) in degrees at the start of each leg; constant along a loxodrome."""
+    """Return true course (k,) in degrees at the start of each leg; constant along a loxodrome."""
     if curve == "Orthodrome":
         azimuth = np.asarray(_GEOD.inv(begin[:, 0], begin[:, 1], end[:, 0], end[:, 1])[0])
         return azimuth % 360
@@ -120,7 +120,7 @@ def initial_course_deg(begin: FloatArray, end: FloatArray, curve: Curve) -> Floa
 
 
 def _step_m(begin: FloatArray, end: FloatArray, error_m: float) -> FloatArray:
-    """Length (k,) of chords that are within `error_m` of their leg everywhere."""
+    """Return the length (k,) of chords that are within `error_m` of their leg everywhere."""
     latitude = np.minimum(np.maximum(np.abs(begin[:, 1]), np.abs(end[:, 1])), 89.0)
     bend = (np.tan(np.radians(latitude)) + _PLANE_CURVATURE) / _GEOD.a
     step: FloatArray = np.maximum(np.sqrt(8 * error_m / bend), _MIN_STEP_M)
@@ -130,7 +130,7 @@ def _step_m(begin: FloatArray, end: FloatArray, error_m: float) -> FloatArray:
 def _on_loxodrome(
     begin: FloatArray, end: FloatArray, leg: IntArray, share: FloatArray
 ) -> FloatArray:
-    """Points (m, 2) at shares of some of the loxodromes (k,) from `begin` to `end`."""
+    """Return points (m, 2) at shares of some of the loxodromes (k,) from `begin` to `end`."""
     low, high = _northing(begin[:, 1])[leg], _northing(end[:, 1])[leg]
     latitude = _mercator().transform(
         np.zeros(len(share)), low + share * (high - low), direction="INVERSE"
@@ -142,7 +142,7 @@ def _on_loxodrome(
 def _on_geodesic(
     begin: FloatArray, end: FloatArray, leg: IntArray, share: FloatArray
 ) -> FloatArray:
-    """Points (m, 2) at shares of some of the geodesics (k,) from `begin` to `end`."""
+    """Return points (m, 2) at shares of some of the geodesics (k,) from `begin` to `end`."""
     azimuth, _, distance = _GEOD.inv(begin[:, 0], begin[:, 1], end[:, 0], end[:, 1])
     first = begin[leg]
     longitude, latitude, _ = _GEOD.fwd(
@@ -153,12 +153,12 @@ def _on_geodesic(
 
 
 def _northing(latitude: FloatArray) -> FloatArray:
-    """Mercator's northing in metres; latitudes are limited so that it stays finite."""
+    """Return Mercator's northing in metres; latitudes are limited so that it stays finite."""
     limited = np.clip(latitude, -90 + 1e-9, 90 - 1e-9)
     return np.asarray(_mercator().transform(np.zeros(len(limited)), limited)[1])
 
 
 @lru_cache(maxsize=1)
 def _mercator() -> pyproj.Transformer:
-    """Lon/lat to Mercator's projection of the ellipsoid."""
+    """Return the transformer from lon/lat to Mercator's projection of the ellipsoid."""
     return pyproj.Transformer.from_crs("OGC:CRS84", "+proj=merc +datum=WGS84", always_xy=True)

@@ -109,7 +109,7 @@ class Waypoints:
 
 
 def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
-    """Waypoints of a season's routes, best first.
+    """Return waypoints of a season's routes, best first.
 
     Computed once for each result and cached with it, since every exchange format needs them.
     """
@@ -126,7 +126,7 @@ def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
 
 
 def both_sides(result: RunResult, season: str) -> tuple[Waypoints, ...]:
-    """Waypoints of a season's best route, and of the best on another side of the main island."""
+    """Return the waypoints of a season's best route, and of the best one on another side."""
     best, *others = season_waypoints(result, season)
     side = best.ranked.metrics.main_passage
     return (best, *[other for other in others if other.ranked.metrics.main_passage != side][:1])
@@ -182,7 +182,7 @@ def _described(
     legs: Tracks,
     curve: Curve,
 ) -> Waypoints:
-    """Waypoints with the figures of their legs."""
+    """Return waypoints with the figures of their legs."""
     scene = result.scene
     factor = np.zeros(len(lonlat) - 1)
     np.maximum.at(factor, legs.leg, scene.projection.point_scale(legs.lonlat))
@@ -219,7 +219,7 @@ def _described(
 
 
 def _fuel_along(line: FloatArray, ranked: RankedRoute, result: RunResult) -> float:
-    """Fuel along a line (n, 2) of the plane, in the planner's units."""
+    """Return the fuel along a line (n, 2) of the plane, in the planner's units."""
     pieces, _, speeds = at_speeds_sailed(line, ranked)
     return renew.fuel(
         pieces,
@@ -252,7 +252,7 @@ def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing)
 
 
 def _changes(speeds: FloatArray) -> list[int]:
-    """Indices of the speeds at which a new part of a leg begins."""
+    """Return indices of the speeds at which a new part of a leg begins."""
     changes = list[int]()
     least = most = speeds[0]
     for at, speed in enumerate(speeds):
@@ -264,7 +264,7 @@ def _changes(speeds: FloatArray) -> list[int]:
 
 
 def _at_shares(lonlat: FloatArray, xy: FloatArray, shares: FloatArray) -> FloatArray:
-    """Positions (n, 2) at shares of a line's length in the plane, between its points."""
+    """Return positions (n, 2) at shares of a line's length in the plane, between its points."""
     along = cumulative(np.linalg.norm(np.diff(xy, axis=0), axis=1))
     at = shares * along[-1]
     between = np.stack([np.interp(at, along, lonlat[:, axis]) for axis in (0, 1)], axis=-1)
@@ -279,13 +279,13 @@ _TURN = np.array([360.0, 0.0])
 
 
 def document_title(result: RunResult, season: str) -> str:
-    """Title of a season's file: the scenario's title and the season's."""
+    """Return the title of a season's file: the scenario's title and the season's."""
     scenario = result.scenario
     return f"{scenario.title or scenario.name}: {result.season_title(season)}"
 
 
 def vessel_name(result: RunResult) -> str:
-    """Title of the scenario's vessel, its name where the title is long; at most 32 characters.
+    """Return the vessel's title, or its name if the title has more than 32 characters.
 
     It is "" for a vessel without a title or a name.
     """
@@ -295,13 +295,13 @@ def vessel_name(result: RunResult) -> str:
 
 
 def route_name(ranked: RankedRoute, result: RunResult) -> str:
-    """Name of a route in a plotter's list: "Palawan summer 01 west", sorted by rank.
+    """Return the name of a route in a plotter's list: "Palawan summer 01 west", sorted by rank.
 
     The scenario's name, the season, the rank, and how the route passes the main island.
     """
     digits = len(str(len(result.season_routes(ranked.season))))
     words = re.split(r"[-_\s]+", result.scenario.name)
-    # Beside the season's own name the word says nothing.
+    # After the season's own name the word "season" says nothing.
     place = " ".join(word for word in words if word.lower() != "season")
     rank = f"{ranked.rank:0{digits}d}"
     parts = (capitalised(place), ranked.season, rank, ranked.metrics.main_side)
@@ -309,7 +309,7 @@ def route_name(ranked: RankedRoute, result: RunResult) -> str:
 
 
 def attribution(result: RunResult) -> str:
-    """Credits that the sources' licences demand, in one line."""
+    """Return credits that the sources' licences demand, in one line."""
     return "; ".join(dict.fromkeys(credit.text for credit in result.credits if credit.text))
 
 
@@ -320,7 +320,7 @@ def limits_text(result: RunResult, metrics: RouteMetrics) -> str:
 
 
 def waypoint_names(places: FloatArray, via: FloatArray) -> tuple[str, ...]:
-    """Names of waypoints at places (n, 2) that include via points: Start, WP02, WP03 via, Goal."""
+    """Return names of waypoints (n, 2) that include via points: Start, WP02, WP03 via, Goal."""
     at_via = {int(np.linalg.norm(places - point, axis=1).argmin()) for point in via}
     inner = range(1, len(places) - 1)
     return (
@@ -349,7 +349,7 @@ def leg_text(points: Waypoints, leg: int) -> str:
 
 
 def time_after(departure: datetime, seconds: float) -> datetime:
-    """Time (UTC, whole seconds) at `seconds` after departure.
+    """Return the time (UTC, whole seconds) at `seconds` after departure.
 
     Raises
     ------
@@ -391,10 +391,10 @@ def split_at_antimeridian(points: FloatArray) -> list[FloatArray]:
 
 
 def within_180(points: FloatArray) -> FloatArray:
-    """Points (n, 2) with longitudes from -180 to below 180 degrees."""
+    """Return points (n, 2) with longitudes from -180 to below 180 degrees."""
     return points - np.stack([360.0 * _turns(points[:, 0]), np.zeros(len(points))], axis=-1)
 
 
 def _turns(longitude: FloatArray) -> IntArray:
-    """Whole turns (n,) by which longitudes are beyond -180 to below 180 degrees."""
+    """Return whole turns (n,) by which longitudes are beyond -180 to below 180 degrees."""
     return np.floor((longitude + 180) / 360).astype(np.int64)

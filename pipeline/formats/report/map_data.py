@@ -59,14 +59,14 @@ class Lattice:
         return np.rint((points - self.origin) / self.step).astype(np.int64)
 
     def line(self, points: FloatArray) -> list[int]:
-        """Flat x, y, dx, dy, …: the first point, then the moves between points; no zero moves."""
+        """Return flat x, y, dx, dy, …: the first point, then the moves that are not zero."""
         moves = np.diff(self.to_steps(points), axis=0, prepend=0)
         keep = np.asarray(moves.any(axis=1))
         keep[:1] = True
         return moves[keep].ravel().tolist()
 
     def rings(self, areas: Geometries) -> list[list[int]]:
-        """Every ring of polygonal geometries (n,); outer rings anticlockwise, holes clockwise.
+        """Return every ring of polygons (n,); outer rings anticlockwise, holes clockwise.
 
         Rings are not closed by repeating the first point; those smaller than a step are dropped.
         """
@@ -78,7 +78,7 @@ class Lattice:
 
 
 def series(values: FloatArray) -> dict[str, object]:
-    """Values (n,) as `{"step": s, "moves": [...]}`; moves are None if any value is infinite.
+    """Return values (n,) as `{"step": s, "moves": [...]}`; moves are None if any value is infinite.
 
     The last value is exact unless it is small beside the others.
     """
@@ -120,20 +120,20 @@ def coarser(areas: Geometries, tolerance: float, max_vertices: int) -> Geometrie
 
 
 def json_for_script(data: object) -> str:
-    """JSON for a `<script>` element, without any `<` that could end it or open a comment."""
+    """Return JSON for a `<script>` element, without any `<` that could end it or open a comment."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def place_on_map(result: RunResult, place: FloatArray) -> str:
-    """A place (2,) of the plane for a button: "x,y", in true metres from the lower left corner."""
+    """Return a planar place (2,) for a button: "x,y", true metres from the lower left corner."""
     xmin, ymin, _, _ = result.scene.chart.bounds
     x, y = (np.asarray(place) - [xmin, ymin]) * result.scene.projection.scale
     return f"{x:.0f},{y:.0f}" if max(abs(x), abs(y)) >= 1e4 else f"{x:.6g},{y:.6g}"
 
 
 def positions(result: RunResult, lattice: Lattice) -> dict[str, object] | None:
-    """Longitudes and latitudes at the corners of a grid over the chart; None in a plane.
+    """Return longitudes and latitudes at the corners of a grid over the chart; None in a plane.
 
     Row by row from below, each in units of a thousandth of a minute as the difference to the value
     before. Longitudes run on beyond 180 degrees.
@@ -215,7 +215,7 @@ def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, ob
 
 
 def _areas(result: RunResult, areas: Geometries, lattice: Lattice) -> list[list[int]]:
-    """Rings of planar areas, clipped to the chart."""
+    """Return rings of planar areas, clipped to the chart."""
     if not len(areas):
         return []
     inside = within(areas, result.scene.chart.extent)
@@ -223,7 +223,7 @@ def _areas(result: RunResult, areas: Geometries, lattice: Lattice) -> list[list[
 
 
 def _beyond(result: RunResult, lattice: Lattice) -> dict[str, object]:
-    """What the map shows outside the chart: a sheet of water, and the land on it.
+    """Return what the map shows outside the chart: a sheet of water, and the land on it.
 
     Empty where no land is known outside: no water is drawn there.
     """
@@ -243,7 +243,7 @@ def _beyond(result: RunResult, lattice: Lattice) -> dict[str, object]:
 
 
 def _no_go(result: RunResult, lattice: Lattice) -> list[list[int]]:
-    """Rings of the hard no-go zone, as detailed as a screen; none in a plane: there it is land."""
+    """Return rings of the hard no-go zone in a screen's detail; none in a plane, which has land."""
     if result.scenario.is_planar:
         return []
     no_go = within(np.array(result.scene.chart.no_go, dtype=object), result.scene.chart.extent)
@@ -275,7 +275,7 @@ def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
 
 
 def _grid(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
-    """Meridians and parallels, or a grid in metres, each with the position of its label."""
+    """Return meridians and parallels, or a grid in metres, each with the position of its label."""
     scene, is_planar = result.scene, result.scenario.is_planar
     return [
         {
@@ -289,7 +289,7 @@ def _grid(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
 
 
 def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
-    """Current and routes of each season."""
+    """Return current and routes of each season."""
     soft = _soft_no_go(result)
     return [
         {
@@ -308,7 +308,7 @@ def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
 
 
 def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
-    """Soft no-go zone of each route in the plane, simplified and clipped to the chart."""
+    """Return soft no-go zone of each route in the plane, simplified and clipped to the chart."""
     chart = result.scene.chart
     xmin, ymin, xmax, ymax = chart.bounds
     tolerance = _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin)
@@ -323,7 +323,7 @@ def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
 
 
 def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
-    """A route: its profile along it, and its hard-over turns."""
+    """Return a route: its profile along it, and its hard-over turns."""
     profile = route_profile(ranked, result, points=_POINTS_BEST if ranked.rank == 1 else _POINTS)
     whole = lattice.to_steps(result.scene.projection.to_plane(profile.lonlat))
     turns, hits = _turns(result, ranked)
@@ -347,7 +347,7 @@ def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str
 
 
 def _turns(result: RunResult, ranked: RankedRoute) -> tuple[FloatArray, FloatArray]:
-    """Points (n, 2) from which hard-over turns begin: some of the harmless ones, and all others."""
+    """Return points (n, 2) where hard-over turns begin: all harmful ones, some of the harmless."""
     found = result.evaluation.contingency.get((ranked.season, ranked.rank))
     if found is None:
         return np.empty((0, 2)), np.empty((0, 2))
@@ -357,12 +357,12 @@ def _turns(result: RunResult, ranked: RankedRoute) -> tuple[FloatArray, FloatArr
 
 
 def _shores(result: RunResult, ranked: RankedRoute) -> FloatArray:
-    """Middles (n, 2) of a route's parts over land of the second shoreline."""
+    """Return middles (n, 2) of a route's parts over land of the second shoreline."""
     return result.scene.projection.to_plane(result.crossings(ranked.season, ranked.rank))
 
 
 def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, object] | None:
-    """The planner's own current on a regular lattice over the water, in whole cm/s.
+    """Return the planner's own current on a regular lattice over the water, in whole cm/s.
 
     A changing current is given at departure. `u` and `v` are along the plane's axes, row by
     row from below; 0, 0 is land or still water.
@@ -390,7 +390,7 @@ def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, obje
 
 
 def _min_spacing(field: object) -> float:
-    """Spacing of arrows below which they show no more than the current's grid; 0 without one."""
+    """Return the spacing of arrows at which they show all of the current's grid; 0 without one."""
     if isinstance(field, renew.VaryingCurrent):
         return _min_spacing(field.slices[0]) if field.slices else 0.0
     if not isinstance(field, renew.GriddedCurrent):

@@ -144,7 +144,7 @@ def gather(result: RunResult) -> Report:
 
 
 def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
-    """Every source with its use, land first."""
+    """Return every source with its use, land first."""
     seasons: dict[Credit, list[str]] = {}
     for grid in result.fetched.currents:
         seasons.setdefault(grid.credit, []).append(result.season_title(grid.season))
@@ -155,7 +155,7 @@ def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
 
 
 def _notices(result: RunResult) -> Iterator[Notice]:
-    """Yield what stands above the answer: doubtful currents, and land of another shoreline."""
+    """Yield the notices above the answer: doubtful currents, and land of another shoreline."""
     requested = {spec.name: spec.title or spec.valid for spec in result.scenario.seasons}
     grids = result.fetched.currents
     titles = {grid.season: result.season_title(grid.season) for grid in grids}
@@ -193,12 +193,12 @@ def _stand_in(result: RunResult, grid: CurrentGrid, requested: str) -> str:
 
 
 def _lacking(grid: CurrentGrid) -> str:
-    """Say why nothing is known of a current."""
+    """Say why a current is not known."""
     if grid.is_left_out:
         return "planned without a current. Fuel, times and bounds are those of still water."
     return (
-        f"{grid.credit.name} has no figure on the whole of the best route. The current was filled "
-        "from the water around; nothing is proven of the real one."
+        f"{grid.credit.name} has no values anywhere on the best route. The current was filled "
+        "from the water around; nothing is proven for the real one."
     )
 
 
@@ -215,7 +215,7 @@ def _crossed(result: RunResult, season: str) -> str:
 
 
 def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
-    """Each season's best route, followed by the season's published routes.
+    """Return each season's best route, followed by the season's published routes.
 
     `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
     `clearance_m` true metres; unknown figures are None.
@@ -262,7 +262,7 @@ def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
 
 
 def _published_ratio(row: PublishedRow) -> float | None:
-    """F/D as published, or from fuel and length."""
+    """Return F/D as published, or from fuel and length."""
     if row.fuel_per_distance is None and row.fuel is not None and row.length is not None:
         return row.fuel / row.length
     return row.fuel_per_distance
@@ -270,7 +270,7 @@ def _published_ratio(row: PublishedRow) -> float | None:
 
 @cache
 def script() -> str:
-    """Leaflet, then our own files in one scope."""
+    """Return Leaflet, then our own files in one scope."""
     leaflet = (_LEAFLET / "leaflet.js").read_text(encoding="utf-8")
     own = "\n".join(
         (_HERE / "scripts" / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS
@@ -280,11 +280,11 @@ def script() -> str:
 
 @cache
 def leaflet_style() -> str:
-    """Leaflet's style sheet without the rules that fetch images."""
+    """Return Leaflet's style sheet without the rules that fetch images."""
     return _FETCHING_RULE.sub("", (_LEAFLET / "leaflet.css").read_text(encoding="utf-8"))
 
 
 def content_hash(text: str) -> str:
-    """Hash of a script as in a Content-Security-Policy: `sha256-…`."""
+    """Return the hash of a script as in a Content-Security-Policy: `sha256-…`."""
     digest = hashlib.sha256(text.encode()).digest()
     return f"sha256-{base64.b64encode(digest).decode()}"

@@ -134,7 +134,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
 
 
 def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
-    """When to leave, as text and plot; nothing if the departure was given."""
+    """Return when to leave, as text and plot; nothing if the departure was given."""
     choice = result.departure_choice(season)
     if choice is None:
         return {}
@@ -144,7 +144,7 @@ def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
 
 
 def _how_fast(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
-    """How fast to go, as text and plot; nothing if the speed was given."""
+    """Return how fast to go, as text and plot; nothing if the speed was given."""
     found = departures_and_speeds.trade_off(result, season)
     if found is None:
         return {}
@@ -207,7 +207,7 @@ def _map_label(metrics: list[RouteMetrics], no_go: str) -> str:
 
 
 def _current(result: RunResult, season: str) -> str:
-    """Name of the source of a season's current."""
+    """Return the name of the source of a season's current."""
     if (grid := result.grid_of(season)) is not None:
         return grid.credit.name
     return "given in the scenario" if season in result.scene.currents else "none found"
@@ -250,7 +250,7 @@ def _rejected(result: RunResult, entry: SeasonPlan) -> tuple[RejectedGroup, ...]
 
 
 def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
-    """Warnings about the best route: its start and goal, and areas that it passes through."""
+    """Return warnings about the best route: its start and goal, and areas that it passes."""
     remarks = []
     ends = [
         name
@@ -288,7 +288,7 @@ def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
 
 
 def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> Markup:
-    """An `<svg>` element in the page's colours; the first route is in the season's colour.
+    """Return an `<svg>` element in the page's colours; the first route is in the season's colour.
 
     `label` says what the picture shows, and is escaped here.
     """
@@ -333,7 +333,7 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> Ma
 
 
 def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, float, float, float]:
-    """The chart's bounds; if one side is much longer, it is cropped to what the routes need."""
+    """Return the chart's bounds; a much longer side is cropped to what the routes need."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     paths = shapely.MultiLineString([shapely.LineString(one.route.path) for one in shown])
     low, high = np.array([xmin, ymin]), np.array([xmax, ymax])
@@ -348,5 +348,5 @@ def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, floa
 
 
 def _line(points: FloatArray) -> str:
-    """Points (n, 2) as the data of a path."""
+    """Return points (n, 2) as the data of a path."""
     return "M" + "L".join(f"{x:g} {y:g}" for x, y in points)

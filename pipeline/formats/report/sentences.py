@@ -21,8 +21,8 @@ class Season:
 
     `routes`, at least one, are best first; `current_speed` is the current's mean over the water,
     m/s. For the best route, `gap` has the parts of its optimality gap, `worth` what it saves by
-    knowing how the current changes, and `sides` how little fuel other sides can need, if known. If
-    it `lacks_current`, nothing is known of the current on the way, and so nothing is proven.
+    knowing how the current changes, and `sides` a lower bound on fuel on other sides, if known. If
+    the route `lacks_current`, the current on the way is not known, so nothing is proven.
     """
 
     routes: Sequence[RouteMetrics]
@@ -147,7 +147,7 @@ class Season:
         return sentences
 
     def _rival_name(self, rival: RouteMetrics) -> str:
-        """What the rival is called."""
+        """Return what the rival is called."""
         if rival.main_passage != self.best.main_passage:
             return f"the best way {rival.main_passage}"
         return "the next best route"
@@ -240,7 +240,7 @@ def _sailed(fuel: float, worth: ClockWorth) -> str:
 
 
 def _safety(best: RouteMetrics) -> str:
-    """Clearance of the best route, and the result of its hard-over turns."""
+    """Return the clearance of the best route, and the result of its hard-over turns."""
     no_go = best.no_go_name
     safe = (
         f"It keeps at least {text.clearance(best.clearance_m)} from {no_go}"
@@ -267,7 +267,7 @@ def _bound(best: RouteMetrics) -> str:
 
 
 def _gain(route: RouteMetrics) -> float:
-    """Mean speed that the current adds, m/s; 0 where a route has no duration."""
+    """Return the mean speed that the current adds, m/s; 0 where a route has no duration."""
     gain = text.speed_over_ground(route) - route.speed_m_s
     return gain if math.isfinite(gain) else 0.0
 

@@ -120,16 +120,16 @@ class TradeOff:
     fastest: float
 
     def fuel_after(self, duration_s: float) -> float:
-        """Least fuel to reach the goal within a duration, s; NaN if that is too short."""
+        """Return least fuel to reach the goal within a duration, s; NaN if that is too short."""
         return float(np.interp(duration_s, self.durations_s, self.fuels, left=np.nan))
 
     def moment(self, duration_s: float) -> datetime:
-        """Time (UTC) after a duration, s."""
+        """Return the time (UTC) after a duration, s."""
         return self.departure + timedelta(seconds=round(duration_s))
 
 
 def trade_off(result: RunResult, season: str) -> TradeOff | None:
-    """The trade-off of a season; None where no speeds were chosen, or no route was found."""
+    """Return the trade-off of a season; None where no speeds were chosen, or no route was found."""
     choice, ranked = result.scene.speeds.get(season), result.season_routes(season)
     plan, departure = result.plan_of(season), result.spec_of(season).departure
     if choice is None or not ranked or plan is None or plan.trade_off is None or departure is None:
@@ -153,7 +153,7 @@ def trade_off(result: RunResult, season: str) -> TradeOff | None:
 
 
 def trade_offs(result: RunResult) -> tuple[TradeOff, ...]:
-    """The trade-offs of all seasons that have one."""
+    """Return the trade-offs of all seasons that have one."""
     found = (trade_off(result, season.name) for season in result.scenario.seasons)
     return tuple(one for one in found if one is not None)
 
@@ -213,7 +213,7 @@ def _worth(found: TradeOff) -> Iterator[str]:
 
 
 def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:
-    """Speed at which a route would be sailed in still water, m/s.
+    """Return the speed at which a route would be sailed in still water, m/s.
 
     Where speeds are chosen: the route's mean speed over ground, within the allowed speeds.
     """
@@ -224,7 +224,7 @@ def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:
 
 
 def still_fuel_per_metre(result: RunResult, metrics: RouteMetrics) -> float:
-    """Fuel per metre of the planner's plane that a route would take in still water."""
+    """Return the fuel per metre of the planner's plane that a route would take in still water."""
     vessel = result.scene.vessel
     speed = still_speed_m_s(result, metrics)
     return float(vessel.fuel_coefficient * speed ** (vessel.fuel_exponent - 1))

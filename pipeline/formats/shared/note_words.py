@@ -1,7 +1,7 @@
 """The words of notes, and how a note's values are put into them.
 
 A note's words are a sentence for `str.format`, or a function of its values where the sentence
-depends on them. Beside the usual formats there are `{x:distance}` and `{x:hours}` for quantities,
+depends on them. Besides the usual formats there are `{x:distance}` and `{x:hours}` for quantities,
 `{n:route|routes}` for a count with its noun, `{list:, }` for a list with its separator, and
 `{list:, /3/ and # more}` for a list of which only three entries are named.
 """
@@ -21,7 +21,7 @@ from renew.errors import Strait
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None
-_NO_FIGURE = "the source of the current has no figure on the whole of the best route"
+_NO_FIGURE = "the source of the current has no values anywhere on the best route"
 MORE_CURRENTS = (
     "give a file of currents (--currents FILE, or its path in 'currents'), or plan without any "
     '(--currents still, or currents = ["still"])'
@@ -168,7 +168,8 @@ def _ends(ends: Sequence[Note]) -> str:
 
 def _region_chosen(bounds: Sequence[float], ends: Sequence[Note]) -> str:
     rest = f"; {_ends(ends)}" if ends else ""
-    return f"region {text.box(bounds)}, chosen to hold the ways round what lies between{rest}"
+    chosen = "chosen to hold the ways round the land between start and goal"
+    return f"region {text.box(bounds)}, {chosen}{rest}"
 
 
 def _island(island: str, place: Place, **_: object) -> str:
@@ -226,8 +227,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "current-lacking": _current_lacking,
     "current-stands-in": "planned on {source}, valid {valid}",
     "current-unknown": lambda left_out: (
-        f"{'no current was used' if left_out else _NO_FIGURE}: fuel and times may differ on the "
-        "sea, and no choice of a way is proven"
+        f"{'no current was used' if left_out else _NO_FIGURE}: real fuel and times may "
+        "differ, and no choice of a way is proven"
     ),
     "current-without-tide": "the currents are without tide",
     "source-passed-over": "{reason}",
@@ -323,7 +324,7 @@ def _rejection(result: RunResult, season: str, rejected: renew.Rejected) -> dict
 
 
 def _strait(result: RunResult, strait: Strait) -> dict[str, object]:
-    """The gap that padding fills: its banks, its width, and both paddings, in true metres."""
+    """Return the gap that padding fills: its banks, width and both paddings, true metres."""
     scale = result.scene.projection.scale
     return {
         "banks": [note_value(result.scene.place(bank)) for bank in strait.gap],

@@ -61,12 +61,12 @@ SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000",
 
 
 def season_colour(index: int) -> str:
-    """Colour of the scenario's season `index`, from 0; colours repeat if there are more seasons."""
+    """Return the colour of the scenario's season `index`, from 0; colours repeat if need be."""
     return SEASON_COLOURS[index % len(SEASON_COLOURS)]
 
 
 def style_colours() -> dict[str, object]:
-    """Colours by the names that `report.css` takes them by."""
+    """Return colours by the names that `report.css` takes them by."""
     return {
         "light": COLOURS,
         "dark": DARK,

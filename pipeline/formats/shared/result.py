@@ -37,9 +37,9 @@ class RankedRoute:
 class RunResult:
     """All artefacts of a run; `created` is the time of writing (UTC), `timings` are in seconds.
 
-    The scenario is complete: `choices` say what was chosen for the parts that it left out, and are
-    among the notes of `fetched`, too. `straits` are the shut straits, the widest first.
-    `departures` are the choices of when to leave, for the seasons that leave it open.
+    The scenario is complete: `choices` say what was chosen for the parts that the request left
+    open; they are among the notes of `fetched`, too. `straits` are the shut straits, the widest
+    first. `departures` are the choices of when to leave, for the seasons that leave it open.
     """
 
     scenario: Scenario
@@ -75,7 +75,7 @@ class RunResult:
 
     @cached_property
     def unknowns(self) -> tuple[model.Note, ...]:
-        """Notes of what is not known about the routes, which are among all notes, too.
+        """Notes on what is not known about the routes; they are among all notes, too.
 
         There are none in a planar scenario.
         """
@@ -96,23 +96,23 @@ class RunResult:
         return addressed(found, self.scenario)
 
     def departure_choice(self, season: str) -> model.DepartureChoice | None:
-        """When to leave in a season, and the alternatives; None if the departure was given."""
+        """Return when to leave in a season, and alternatives; None if the departure was given."""
         return next((one for one in self.departures if one.season == season), None)
 
     def spec_of(self, season: str) -> Season:
-        """A season as the scenario describes it."""
+        """Return a season as the scenario describes it."""
         return next(one for one in self.scenario.seasons if one.name == season)
 
     def plan_of(self, season: str) -> renew.Plan | None:
-        """A season's plan; None if it could not be planned."""
+        """Return a season's plan; None if it could not be planned."""
         return next((entry.plan for entry in self.plans if entry.season == season), None)
 
     def grid_of(self, season: str) -> model.CurrentGrid | None:
-        """A season's current on its source's grid; None if it is a formula, or was not found."""
+        """Return a season's current on its source's grid; None for a formula, or if not found."""
         return next((grid for grid in self.fetched.currents if grid.season == season), None)
 
     def season_routes(self, season: str) -> tuple[RankedRoute, ...]:
-        """One season's routes, best first; empty where the season could not be planned."""
+        """Return one season's routes, best first; empty where the season could not be planned."""
         return tuple(ranked for ranked in self.routes if ranked.season == season)
 
     @property
@@ -151,7 +151,7 @@ class RunResult:
         return self._zones_in_chart({"restricted", "traffic", "shut"})
 
     def _zones_in_chart(self, kinds: set[str]) -> tuple[tuple[model.Zone, shapely.Geometry], ...]:
-        """Zones of some kinds that lie at least partly in the chart, with planar areas."""
+        """Return zones of some kinds that lie at least partly in the chart, with planar areas."""
         zones = [zone for zone in self.fetched.land.zones if zone.kind in kinds]
         areas = self.scene.projection.geometry_to_plane(
             np.array([zone.area for zone in zones], dtype=object)
@@ -171,7 +171,7 @@ class RunResult:
     def lacks_current(self, season: str) -> bool:
         """Whether the current on a season's best route is not known at all.
 
-        It was left out, or its source has no figure on the whole route.
+        It was left out, or its source has no values anywhere on the route.
         """
         grid = self.grid_of(season)
         best = next((row for row in self.evaluation.routes if row.season == season), None)
@@ -180,12 +180,12 @@ class RunResult:
         return grid.is_left_out or best.filled_share >= 1 - _NONE
 
     def gap_figure(self, row: model.RouteMetrics, *, at_clearance: bool = False) -> str:
-        """A route's gap for readers: none is proven where the current is not known."""
+        """Return a route's gap for readers: none is proven where the current is not known."""
         share = row.gap_at_clearance if at_clearance else row.optimality_gap
         return "not proven" if self.lacks_current(row.season) else gap_figure(share)
 
     def crossings(self, season: str, rank: int) -> FloatArray:
-        """Middles (n, 2), lon/lat degrees, of a route's parts over the second shoreline's land."""
+        """Return middles (n, 2), lon/lat, of a route's parts over the second shoreline's land."""
         found = [
             (one.lon, one.lat)
             for one in self.evaluation.shore_crossings
@@ -194,11 +194,11 @@ class RunResult:
         return np.array(found, dtype=float).reshape(-1, 2)
 
     def season_index(self, season: str) -> int:
-        """Position of a season among the scenario's, from 0; it sets the season's colour."""
+        """Return position of a season among the scenario's, from 0; it sets the season's colour."""
         return [entry.season for entry in self.plans].index(season)
 
     def season_title(self, season: str) -> str:
-        """The season's name for readers, with its title if that adds anything.
+        """Return the season's name for readers, with its title if that adds anything.
 
         A stand-in has no title: "July 2024" would be wrong for it.
         """
@@ -210,7 +210,7 @@ class RunResult:
         return title if says_name else f"{name} ({title})"
 
     def valid_text(self, season: str) -> str:
-        """Period that a season's current represents; empty if the source does not state it."""
+        """Return the period that a season's current represents; empty if not stated."""
         grid = self.grid_of(season)
         if grid is None or not grid.valid:
             return ""
@@ -218,16 +218,16 @@ class RunResult:
         return f"valid {self.period_text(season)}{shown}"
 
     def period_text(self, season: str) -> str:
-        """Dates of a season's current, "2024-01-03 to 2024-01-28"; empty if not stated."""
+        """Return dates of a season's current, "2024-01-03 to 2024-01-28"; empty if not stated."""
         grid = self.grid_of(season)
         return grid.valid.replace("/", " to ") if grid is not None else ""
 
     def rejection_reason(self, season: str, rejected: renew.Rejected) -> str:
-        """Why a class of a season has no route, as text for readers."""
+        """Return why a class of a season has no route, as text for readers."""
         return planner_text(rejected.text, self.scene, season)
 
     def current_samples(self, season: str) -> tuple[FloatArray, FloatArray]:
-        """Points of a season's current, lon/lat degrees (n, 2), and its velocity there (n, 2).
+        """Return points of a season's current, lon/lat degrees (n, 2), and its velocity (n, 2).
 
         A changing current is sampled at departure. Velocity is in m/s towards east and north. The
         points are those of the source's grid that have data, or 25 by 25 over the chart if there
@@ -300,7 +300,7 @@ def route_unknowns(result: RunResult, metrics: model.RouteMetrics) -> tuple[Note
 
 
 def _of_currents(result: RunResult, seasons: Collection[str]) -> Iterator[Note]:
-    """Yield a note on each season of which the current is not known at all."""
+    """Yield a note on each season whose current is not known at all."""
     for grid in result.fetched.currents:
         if grid.season in seasons and result.lacks_current(grid.season):
             yield Note.of("current-unknown", left_out=grid.is_left_out).about(grid.season)

@@ -61,7 +61,7 @@ class Steps:
 
 
 def legs(ranked: RankedRoute, result: RunResult) -> Legs:
-    """Legs of a route as planned; they add up to the route's length and duration."""
+    """Return legs of a route as planned; they add up to the route's length and duration."""
     projection = result.scene.projection
     path = np.asarray(ranked.route.path, dtype=float)
     longest = _PIECE_M / projection.scale
@@ -83,7 +83,7 @@ def legs(ranked: RankedRoute, result: RunResult) -> Legs:
 
 
 def planned_times(ranked: RankedRoute, result: RunResult) -> FloatArray:
-    """Seconds since departure (n,) at which each vertex of a route's path is reached."""
+    """Return seconds since departure (n,) at which each vertex of a route's path is reached."""
     path = np.asarray(ranked.route.path, dtype=float)
     return times_at(metres_along(path), path, ranked, result)
 
@@ -91,7 +91,7 @@ def planned_times(ranked: RankedRoute, result: RunResult) -> FloatArray:
 def times_at(
     along: FloatArray, path: FloatArray, ranked: RankedRoute, result: RunResult
 ) -> FloatArray:
-    """Seconds since departure (n,) at distances `along` (n,) a path (m, 2), in planar metres.
+    """Return seconds since departure (n,) at distances `along` (n,) a path (m, 2), planar m.
 
     The path is the route's own, or has more points; the goal is reached at the route's duration.
     """
@@ -101,7 +101,7 @@ def times_at(
 
 
 def steps(points: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
-    """Steps between points (n, 2) of a route's path; their true times add up to its duration.
+    """Return steps between points (n, 2) of a route's path; true times add up to its duration.
 
     In a changing current they are the planner's own times, at which it read the current.
     """
@@ -119,7 +119,7 @@ def sailed(
     season: str,
     drift: Drift,
 ) -> Steps:
-    """Steps sailed in a season's current; each begins at its `first` (n - 1,) piece.
+    """Return steps sailed in a season's current; each begins at its `first` (n - 1,) piece.
 
     The pieces' ends (m, 2) are in the plane; their speeds (m - 1,) are through water. Where the
     plane is stretched, a planar metre takes less true time.
@@ -144,7 +144,7 @@ def sailed(
 def at_speeds_sailed(
     points: FloatArray, ranked: RankedRoute
 ) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Steps between points (n, 2) along a route, cut where speeds differ on the way.
+    """Return steps between points (n, 2) along a route, cut where speeds differ on the way.
 
     Returns the pieces' ends (m, 2), the first piece (n - 1,) of each step, and the speed (m - 1,)
     through water at which each piece is sailed, m/s.
@@ -156,17 +156,17 @@ def at_speeds_sailed(
 
 
 def metres_along(path: FloatArray) -> FloatArray:
-    """Metres (n,) from the start of a path (n, 2) to each of its vertices."""
+    """Return metres (n,) from the start of a path (n, 2) to each of its vertices."""
     return cumulative(np.linalg.norm(np.diff(path, axis=0), axis=1))
 
 
 def cumulative(steps: FloatArray) -> FloatArray:
-    """Sums (n + 1,) of steps (n,), from 0."""
+    """Return sums (n + 1,) of steps (n,), from 0."""
     return np.append(0.0, np.cumsum(steps))
 
 
 def mean_speed(length_m: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Mean speed over ground (n - 1,), m/s, of legs between times (n,); NaN if no time passes."""
+    """Return the mean speed over ground (n - 1,), m/s, of legs; NaN if no time passes."""
     passage = np.diff(time_s)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed: FloatArray = np.where(passage > 0, length_m / passage, np.nan)
@@ -174,7 +174,7 @@ def mean_speed(length_m: FloatArray, time_s: FloatArray) -> FloatArray:
 
 
 def steps_along_legs(line: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
-    """Steps between points (n, 2) of the plane along a route's legs, as it can be sailed."""
+    """Return steps between points (n, 2) of the plane along a route's legs, as it can be sailed."""
     pieces, first, speeds = at_speeds_sailed(line, ranked)
 
     def at(speeds: FloatArray) -> Steps:
@@ -311,7 +311,7 @@ class CoastIndex:
     def clearance_m(
         self, sampled: FloatArray, projection: Projection, *, crosses_land: bool
     ) -> FloatArray:
-        """True metres (n,) from points (n, 2) to the coast; 0 on land, if the route crosses any."""
+        """Return true metres (n,) from points (n, 2) to the coast; 0 on land if `crosses_land`."""
         if not len(self.edges):
             return np.full(len(sampled), math.inf)
         points = shapely.points(sampled)
@@ -330,7 +330,7 @@ class CoastIndex:
     def closest_approach(
         self, sampled: FloatArray, projection: Projection
     ) -> ClosestApproach | None:
-        """Closest approach to the coast of the line through points (n, 2); None without a coast.
+        """Return the closest approach to the coast of a line (n, 2); None without a coast.
 
         The nearest coast in the plane need not be the nearest on earth, so all gaps that are nearly
         as small are measured.
@@ -354,7 +354,7 @@ class CoastIndex:
 
 
 def edges_of(areas: Sequence[shapely.Geometry]) -> FloatArray:
-    """Endpoints (n, 2, 2) of the edges of all rings of areas."""
+    """Return endpoints (n, 2, 2) of the edges of all rings of areas."""
     rings = shapely.get_rings(shapely.get_parts(np.array(areas, dtype=object)))
     points, ring = shapely.get_coordinates(rings, return_index=True)
     return np.asarray(np.stack([points[:-1], points[1:]], axis=1)[ring[:-1] == ring[1:]])
@@ -377,7 +377,7 @@ def _with_point(line: FloatArray, point: FloatArray, same: float) -> FloatArray:
 
 
 def _segments(line: FloatArray) -> Geometries:
-    """LineStrings (n - 1,) between the points (n, 2) of a line."""
+    """Return LineStrings (n - 1,) between the points (n, 2) of a line."""
     return np.asarray(shapely.linestrings(np.stack([line[:-1], line[1:]], axis=1)))
 
 

@@ -28,11 +28,10 @@ USEFUL_GAP = 1.0
 # Distances, metres, from which kilometres are given with one decimal, and with two.
 _ONE_DECIMAL_FROM_M, _KILOMETRES_FROM_M = 100_000.0, 1_000.0
 _DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0
-# Least fuel for each name of a unit: fuel may be any number, since the vessel's rate sets its unit.
 # Minimum fuel, unit, and name of the unit: fuel may be any number, since the vessel's rate sets its
 # unit.
 _FUEL_UNITS = ((1e9, 1e9, "billion"), (1e6, 1e6, "million"), (1e5, 1e3, "thousand"))
-# Share of the last place that is rounding of the figure itself.
+# Part of the last decimal place that counts as the value's own rounding error.
 _EXACT = 1e-4
 
 
@@ -83,12 +82,12 @@ def clearance(metres: float | None) -> str:
 
 
 def rounded_down(value: float, decimals: int) -> float:
-    """Round down, so that the result is not above a value of which it is the least."""
+    """Round a lower limit down, so that it stays a lower limit."""
     return math.floor(value * 10.0**decimals + _EXACT) / 10.0**decimals
 
 
 def rounded_up(value: float, decimals: int) -> float:
-    """Round up, so that the result is not below a value of which it is the most."""
+    """Round an upper limit up, so that it stays an upper limit."""
     return math.ceil(value * 10.0**decimals - _EXACT) / 10.0**decimals
 
 
@@ -108,7 +107,7 @@ def fuel(value: float) -> str:
 
 
 def fuel_unit(value: float) -> tuple[float, str]:
-    """Unit for a fuel figure, and its name: million; 1 and no name for a small one."""
+    """Return the unit for a fuel figure, and its name: million; 1 and no name for a small one."""
     return next((unit[1:] for unit in _FUEL_UNITS if unit[0] <= value < math.inf), (1.0, ""))
 
 
@@ -189,7 +188,7 @@ def shortened(text: str, limit: int) -> str:
 
 
 def speed_over_ground(metrics: RouteMetrics) -> float:
-    """Mean speed over ground, m/s; NaN without a duration."""
+    """Return the mean speed over ground, m/s; NaN without a duration."""
     return metrics.length_m / metrics.duration_s if metrics.duration_s > 0 else math.nan
 
 
@@ -203,7 +202,7 @@ def route_summary(metrics: RouteMetrics) -> str:
 
 
 def zone_text(zone: Zone) -> str:
-    """Name of a restricted area, traffic scheme or shut area, with its rule if there is one."""
+    """Return the name of a restricted area, traffic scheme or shut area, with any rule of it."""
     if zone.kind == "shut":
         return f"{zone.name}, {zone.rule}"
     name = zone.name or ("Restricted area" if zone.kind == "restricted" else "Traffic scheme")

@@ -128,20 +128,20 @@ class CaseTable(StrictModel):
     )
     seasons: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="Seasons of the scenario to plan; left out, all. Give a list of their names.",
+        description="Seasons of the scenario to plan; by default all. Give a list of their names.",
     )
     pairs: str | None = Field(
         default=None,
-        description="CSV file of start–goal pairs; left out, the scenario's own. Give its path.",
+        description="CSV file of start–goal pairs; by default the scenario's own. Give its path.",
     )
     vessels: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="Vessels of the catalogue; left out, the scenario's own. Give a list of their "
+        description="Vessels of the catalogue; by default the scenario's own. Give a list of their "
         "names.",
     )
     departures: DepartureSpec | None = Field(
         default=None,
-        description="Departures, each planned with the currents at its time; left out, each "
+        description="Departures, each planned with the currents at its time; by default each "
         "season's own time. Give a table as { first = '06:00Z', every = '6h', count = 4 }.",
     )
     members: Annotated[_MEMBERS, Field(min_length=1)] | None = Field(
@@ -191,7 +191,7 @@ class NightTable(StrictModel):
         default=None,
         ge=1,
         le=1024,
-        description="Number of worker processes of a local cluster; left out, one per core. Give "
+        description="Number of worker processes of a local cluster; by default one per core. Give "
         "a whole number, 1 or more.",
     )
     # With 0.5 GB a worker can load its libraries and plan in a plane; a chart needs more.

@@ -53,7 +53,7 @@ class CfFiles(CurrentSource):
     paths: tuple[str, ...]
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """Hashes of the files that contain the season's steps; "nothing" where there are none."""
+        """Return hashes of the files that contain the season's steps; "nothing" without any."""
         try:
             contents, slices = self._selected(season)
         except (RequestError, ValueError):
@@ -152,7 +152,7 @@ class CfFiles(CurrentSource):
 
 
 def _file_hashes(contents: Contents, slices: SelectedSlices) -> tuple[tuple[str, str], ...]:
-    """Name and hash of each file that contains selected steps."""
+    """Return the name and hash of each file that contains selected steps."""
     steps = {step for weights in slices.weights for step in weights}
     parts = [contents.u[contents.u_index[step][0]] for step in steps]
     parts += [contents.v[contents.v_index[step][0]] for step in steps]
@@ -168,7 +168,7 @@ def _read_version(files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
 
 
 def _stamp(file: Path) -> str:
-    """Size and time of change; for a Zarr store, of each of its files.
+    """Return the size and time of change; for a Zarr store, of each of its files.
 
     Any other folder is not looked through, and is refused when it is opened.
     """
@@ -184,9 +184,9 @@ def _stamp(file: Path) -> str:
 
 @lru_cache(maxsize=512)
 def _hash(file: Path, stamp: str) -> str:
-    """SHA-256 of a file; for a Zarr store, of its stamp and its metadata.
+    """Return the SHA-256 of a file; for a Zarr store, of its stamp and its metadata.
 
-    Its chunks enter by name, size and time of change only: a store may have terabytes.
+    Of its chunks only name, size and time of change are hashed: a store may have terabytes.
     """
     if not file.is_dir():
         return file_hash(file)
@@ -198,13 +198,13 @@ def _hash(file: Path, stamp: str) -> str:
 
 
 def _with_margin(contents: Contents, region: Bounds) -> Bounds:
-    """Bounds of a region with a margin of a few cells."""
+    """Return bounds of a region with a margin of a few cells."""
     lon_deg, lat_deg = contents.largest_cell
     return widened(region, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
 
 
 def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:
-    """Bounds of the window in which a file is checked; they contain the bounds given."""
+    """Return bounds of the window in which a file is checked; they contain the bounds given."""
     west, south, east, north = bounds
     lon_half, lat_half = (
         min(_MAX_CHECK_DEG, _CHECK_CELLS * float(np.median(np.abs(np.diff(axis)))))
@@ -220,7 +220,7 @@ def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:
 
 
 def _credit(contents: Contents) -> Credit:
-    """Credit from the files' global attributes."""
+    """Return the credit from the files' global attributes."""
     given = {key.lower(): " ".join(value.split()) for key, value in contents.attributes.items()}
     name = given.get("title") or f"{name_of(contents.files)}, user's file"
     text = [given[key] for key in ("title", "institution", "credit", "source") if given.get(key)]
@@ -241,7 +241,7 @@ _SPEED_LIMIT_M_S = 10.0
 # Share of the region's open water without data above which a file is refused; smaller gaps are
 # filled from the water around.
 _GAP_FAULT_SHARE = 0.2
-# Share of the cells far inland with data from which the field's gaps do not show its position.
+# If at least this share of the cells far inland has data, a shift of the field can't be detected.
 _FILLED_LAND_SHARE = 0.5
 # Zeros mean "no data" where at least this share of land and at most this share of water is zero.
 _MIN_ZERO_LAND_SHARE, _MAX_ZERO_WATER_SHARE = 0.9, 0.01
@@ -300,7 +300,7 @@ def read_checked_fields(
 
 
 def _cropped(field: Field, bounds: Bounds) -> Field:
-    """Part of a field inside bounds."""
+    """Return the part of a field inside bounds."""
     west, south, east, north = bounds
     x = (field.lon >= west) & (field.lon <= east)
     y = (field.lat >= south) & (field.lat <= north)
@@ -310,9 +310,10 @@ def _cropped(field: Field, bounds: Bounds) -> Field:
 def _zeros_on_land(
     fields: Sequence[Field], mask: LandMask
 ) -> tuple[BoolArray | None, tuple[Note, ...]]:
-    """Cells (ny, nx) whose zeros stand for land, as they would slow the water beside it; a note.
+    """Return the cells (ny, nx) whose zeros stand for land, with a note; else None.
 
-    Such cells are zero in each of some fields: water stands still for a while where it turns.
+    As currents, these zeros would slow the water beside the land. A cell must be zero in several
+    fields, because turning water stands still for a while.
     """
     zero = np.logical_and.reduce([(field.u == 0) & (field.v == 0) for field in fields])
     if not zero.any():
@@ -327,7 +328,7 @@ def _zeros_on_land(
 
 
 def _without(field: Field, cells: BoolArray | None) -> Field:
-    """A field with gaps in place of some cells (ny, nx)."""
+    """Return a field with gaps in place of some cells (ny, nx)."""
     if cells is None:
         return field
     u, v = (np.where(cells, np.nan, part) for part in (field.u, field.v))

@@ -1,10 +1,10 @@
 """The axes of a variable by the CF conventions: what each is, whether they make a grid, time steps.
 
 Not by cf-xarray (0.11), which was tried: it would replace `axis_role` alone, 25 lines, for 50 ms of
-import. It does not know a time by its units before it is decoded, which damaged files can't be;
-where attributes contradict each other it names an axis twice; and by names it takes `latent` for a
-latitude. Scale, offset and fill values are xarray's work here as well, calendars and units of time
-cftime's; units of speed would need pint besides.
+import. It does not recognise a time by its units until it is decoded, which fails for damaged
+files. It names an axis twice if attributes contradict each other, and takes the name `latent` for a
+latitude. As with cf-xarray, xarray decodes scale, offset and fill values here, and cftime decodes
+times; units of speed would need pint in addition.
 """
 
 import calendar
@@ -106,7 +106,7 @@ def time_axis(dataset: "xr.Dataset", dim: str) -> "tuple[xr.DataArray | None, Fl
 
 
 def _bounds(dataset: "xr.Dataset", dim: str, size: int) -> FloatArray | None:
-    """Bounds (n, 2) of a coordinate; None where it has none."""
+    """Return bounds (n, 2) of a coordinate; None where it has none."""
     name = dataset[dim].attrs.get("bounds", "")
     bounds = dataset.variables.get(name)
     if bounds is None or bounds.shape != (size, 2):
@@ -165,10 +165,10 @@ _LONG_STEP = 1.04
 _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
 # Latest year of a step: near Python's last year, 9999, times can't be calculated with.
 _MAX_YEAR = 9000
-# Reference year of a time's units: "days since 0001-01-15" are a climatology's, of no real year.
+# Reference year in a time's units: "days since 0001-01-15" is of no real year, but a climatology's.
 _SINCE = re.compile(r"\bsince\s+(-?\d+)-")
 _STANDARD_NAME = "forecast_reference_time"
-# Global attributes that hold it: with the name in CF, in Copernicus Marine's files, and in others.
+# Global attributes that hold this time: by its name in CF, in Copernicus Marine's files, in others.
 _ATTRIBUTES = ("forecast_reference_time", "bulletin_date", "forecast_reference", "reference_time")
 _DIGITS = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2})?)?")
 
@@ -195,7 +195,7 @@ class TimeSteps:
         return timedelta(seconds=float(np.median(seconds)))
 
     def nearest(self, moment: datetime) -> tuple[int, timedelta]:
-        """Index of the step nearest to a moment, and its distance in time."""
+        """Return the index of the step nearest to a moment, and its distance in time."""
         distances = [abs(own - moment) for own in self.moments]
         index = min(range(len(distances)), key=distances.__getitem__)
         return index, distances[index]
@@ -297,7 +297,7 @@ def label(moment: datetime) -> str:
 
 
 def _months(time: "xr.DataArray", values: FloatArray, units: str) -> tuple[int, ...]:
-    """Months of a climatology; empty where the time has real years."""
+    """Return months of a climatology; empty where the time has real years."""
     if " since " not in units:
         numbers = tuple(round(value) for value in values)
         is_month = "month" in f"{time.name} {units}".lower() and set(numbers) <= set(range(1, 13))
@@ -309,7 +309,7 @@ def _months(time: "xr.DataArray", values: FloatArray, units: str) -> tuple[int, 
 
 
 def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[datetime]:
-    """Moments in UTC, rounded to the second: days in float32 are not more exact."""
+    """Return moments in UTC, rounded to the second: days in float32 are not more exact."""
     import netCDF4
 
     name = str(time.attrs.get("calendar", "standard")).lower()
@@ -339,12 +339,12 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
 
 
 def _month_names(months: Sequence[int]) -> tuple[str, ...]:
-    """Names of months by their numbers."""
+    """Return names of months by their numbers."""
     return tuple(calendar.month_name[month] for month in months)
 
 
 def _month_start(moment: datetime) -> datetime:
-    """First moment of a moment's month."""
+    """Return the first moment of a moment's month."""
     return moment.replace(day=1, hour=0, minute=0, second=0, microsecond=0)
 
 

@@ -1,7 +1,7 @@
 """Opening the user's files of currents, NetCDF or Zarr: damage gets one line, sizes are limited.
 
-The libraries below raise errors of many kinds about damaged files, and read as much as a file
-declares. So each call of them is made here or inside `reading`, and sizes are checked before.
+The libraries below raise errors of many kinds about damaged files, and read any size that a file
+declares. So they are called only here or inside `reading`, and sizes are checked before.
 
 The library reads zeros beyond the end of a truncated NetCDF file of a classic format. So its header
 is read here, which states where each variable begins; see "File Format Specifications" in the
@@ -9,9 +9,9 @@ NetCDF User's Guide (CDF-1, CDF-2 and CDF-5). All numbers are big endian, and al
 to 4 bytes. No library does this: SciPy, which maps the whole file, does not know CDF-5.
 
 On a damaged NetCDF 4 file HDF5 may hang, or crash. So such a file is first opened in a process of
-its own, for which this file is run as a module. That process opens the files that its input names,
-one a line, and says on its error stream which one it has begun, so that its end, or its deadline,
-tells which one is damaged.
+its own, for which this file is run as a module. That process opens the files that its standard
+input names, one a line, and first reports each one on standard error. If it crashes or exceeds its
+deadline, the file reported last is damaged.
 """
 
 import contextlib
@@ -64,7 +64,8 @@ def is_hdf5(path: Path) -> bool:
 def reading() -> Iterator[None]:
     """Turn errors of libraries about a file into a ValueError."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        # Doubts of the libraries about attributes; the values are checked themselves.
+        # Libraries warn of doubtful attributes; what matters here are the values, which are
+        # checked.
         warnings.simplefilter("ignore")
         try:
             yield
@@ -235,7 +236,7 @@ def missing_bytes(path: Path) -> int:
 
 
 def _padded(size: int) -> int:
-    """Size of an item with its padding."""
+    """Return the size of an item with its padding."""
     return -(-size // 4) * 4
 
 

@@ -1,4 +1,4 @@
-"""Reading a season's current from the user's files: which steps, and of each no more than a window.
+"""Reading a season's current from the user's files: the steps it needs, and a window of each.
 
 The window is cut out of each step before the steps are summed, some megabytes at a time.
 """
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-# Distance between steps, in median distances, from which one is missing between them.
+# Steps that are further apart than this multiple of the median interval have a hole between them.
 _MISSING_STEP = 1.5
 # Number of faults of one kind that a message names.
 _MAX_FAULTS = 3
@@ -56,7 +56,7 @@ def select_slices(contents: Contents, season: Season) -> SelectedSlices:
     Raises
     ------
     ValueError
-        There are none, or they are no series without holes around the voyage.
+        There are none, or steps are missing during the voyage.
     """
     if season.is_changing:
         return _all_steps(contents, season.period)
@@ -222,7 +222,7 @@ def _descending(contents: Contents, chosen: Sequence[int]) -> Iterator[str]:
 _CHUNK_BYTES = 32 << 20
 # Largest number of nodes in a region: checks and planning take some 600 bytes for each.
 _MAX_NODES = 2_000_000
-# Spacing of neighbouring nodes in largest steps of the axis, above which there is a gap between.
+# Neighbouring nodes further apart than this multiple of the axis's largest step have a gap between.
 _GAP_STEPS = 1.5
 # Number of files that are open at a time: one for each component.
 _MAX_OPEN = 2
@@ -261,7 +261,7 @@ def find_window(lon: FloatArray, lat: FloatArray, bounds: Bounds) -> Window:
 
 
 def _runs(indices: IndexArray, step: int) -> tuple[slice, ...]:
-    """Divide indices into runs that go on by a step of 1 or -1, as slices; one at least."""
+    """Divide indices into runs with a step of 1 or -1; return them as slices, at least one."""
     ends = np.flatnonzero(np.diff(indices) != step) + 1
     return tuple(
         slice(int(run[0]), stop if (stop := int(run[-1]) + step) >= 0 else None, step)
@@ -353,7 +353,7 @@ class FieldReader:
         index: Sequence[tuple[int, int]],
         weights: Mapping[int, float],
     ) -> FloatArray:
-        """Weighted sum (ny, nx) of a component's steps in m/s."""
+        """Return the weighted sum (ny, nx) of a component's steps in m/s."""
         by_file: dict[int, dict[int, float]] = {}
         for step, weight in weights.items():
             file, step_in_file = index[step]

@@ -36,10 +36,10 @@ _STANDARD_NAMES = {
 # Deviation of an axis's steps from the cell size, as a share of it, that rounding to float32 may
 # cause: 6e-6 degrees at 122 degrees.
 _STEP_TOLERANCE = 1e-3
-# How far a cell may stand out from all of its neighbours, as one with a flipped bit does: speed in
-# m/s, and multiple of the differences among the neighbours; but in no case above that share of the
-# speed limit. Of 1.7 million cells of real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree)
-# none exceeds 0.2 m/s and 3 times at once, and none 0.6 m/s.
+# How far a cell may stand out from all of its neighbours, as one with a flipped bit does: the
+# larger of a speed, m/s, and a multiple of the differences among the neighbours, but at most this
+# share of the speed limit. Of 1.7 million cells of real fields (GLO12, DUACS, OCM at 1, 1/4 and
+# 1/10 degree) none exceeds 0.2 m/s and 3 times at once, and none 0.6 m/s.
 _SPIKE_M_S, _SPIKE_RATIO, _SPIKE_SHARE = 0.3, 4.0, 0.25
 # Least number of neighbours with data that a cell is compared with.
 _MIN_NEIGHBOURS = 5
@@ -155,7 +155,7 @@ def _read(dataset: "xr.Dataset", expected: Expected) -> tuple[list[str], Accepte
 def _read_fields(
     dataset: "xr.Dataset", expected: Expected, window: Window
 ) -> tuple[list[str], FloatArray, FloatArray]:
-    """Both components of the fields (nt, ny, nx), and the first faulty step's faults.
+    """Return both components of the fields (nt, ny, nx), and the first faulty step's faults.
 
     Step by step, so that a month of hours need not fit in memory where its mean is the field.
     """
@@ -194,14 +194,14 @@ def _read_fields(
         field, weight = (0, expected.weights[step]) if expected.weights else (step, 1.0)
         u_fields[field] += weight * u
         v_fields[field] += weight * v
-    # Where they vary, a gap at one time is one at all times, as in a mean.
+    # In fields that change, a gap at one time becomes a gap at all times, as it does in a mean.
     gap = np.logical_not(np.isfinite(u_fields).all(axis=0))
     u_fields[:, gap] = v_fields[:, gap] = np.nan
     return [], u_fields, v_fields
 
 
 def largest_spike(values: FloatArray, limit_m_s: float) -> float:
-    """How far a cell stands out from all of its neighbours, m/s; 0 where that is within limits."""
+    """Return how far any cell stands out from all its neighbours, m/s; 0 within the limits."""
     from scipy.ndimage import convolve, maximum_filter
 
     neighbours = np.ones((3, 3), dtype=int)

@@ -65,13 +65,13 @@ class Copernicus(CurrentSource):
     spec: CopernicusSpec
 
     def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
-        """Unless the season's file is in the cache."""
+        """Whether the season's file is not in the cache."""
         request = self._request(region, season)
         cached = self.cached_download(region, season, folder)
         return self._fresh_metadata(request, cached) is None
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """Dataset, version and time; and today's date while the data may still change."""
+        """Return dataset, version and time; and today's date while the data may still change."""
         now = datetime.now(UTC)
         try:
             is_settled = self._is_settled(self.select_steps(season), now)
@@ -167,7 +167,7 @@ class Copernicus(CurrentSource):
         )
 
     def subset_arguments(self, region: Polygon) -> dict[str, Any]:
-        """Arguments of `copernicusmarine.subset` except version, times and output file."""
+        """Return arguments of `copernicusmarine.subset` except version, times and output file."""
         lowest, highest = self.spec.latitudes
         margin = self._margin_deg
         west, south, east, north = widened(region.bounds, margin, margin)
@@ -227,12 +227,12 @@ class Copernicus(CurrentSource):
         return self.spec.kind == "climatology" or moment >= settled
 
     def _request(self, region: Polygon, season: Season) -> _Request:
-        """The request for a season."""
+        """Return the request for a season."""
         steps = self.select_steps(season)
         return _Request(self.subset_arguments(region), self.spec.version, steps)
 
     def _fresh_metadata(self, request: _Request, cached: CachedDownload) -> dict[str, Any] | None:
-        """Sidecar of a cached file that is valid and not out of date; else None."""
+        """Return the sidecar of a cached file that is valid and not out of date; else None."""
         metadata = cached.metadata(request.record)
         if metadata is None:
             return None
@@ -261,7 +261,7 @@ class Copernicus(CurrentSource):
             return fields, cached.save(staged, metadata)
 
     def _metadata(self, request: _Request, answer: dict[str, Any]) -> dict[str, Any]:
-        """Content and origin of a file; no credentials."""
+        """Return the content and origin of a file; no credentials."""
         return {
             "source": self.spec.name,
             "product": self.spec.product,
@@ -277,14 +277,14 @@ class Copernicus(CurrentSource):
         }
 
     def _expected(self, region: Polygon, request: _Request, metadata: dict[str, Any]) -> Expected:
-        """The content that a file must have."""
+        """Return the content that a file must have."""
         steps = _obtained(request, metadata)
         boxes = tuple(tuple(box) for box in metadata["missing_boxes"])
         label_format = self._resolution.label_format
         return Expected(self.spec, steps.labels, steps.weights, label_format, region, boxes)
 
     def _valid(self, season: Season, steps: SelectedSteps) -> str:
-        """The time that the fields are valid for, which may be near the one asked for."""
+        """Return the time that the fields are valid for, which may be near the one asked for."""
         if steps.are_fields:
             ends = (self._resolution.valid_time(steps.starts[i]) for i in (0, -1))
             return "/".join(f"{end:%Y-%m-%dT%H:%MZ}" for end in ends)
@@ -293,7 +293,7 @@ class Copernicus(CurrentSource):
         return season.valid if len(steps.labels) > 1 else steps.labels[0]
 
     def _times_s(self, season: Season, steps: SelectedSteps) -> FloatArray:
-        """Times (nt,) of the fields, seconds since departure; 0 for a single one."""
+        """Return times (nt,) of the fields, seconds since departure; 0 for a single one."""
         if not steps.are_fields:
             return np.zeros(1)
         moments = [self._resolution.valid_time(start) for start in steps.starts]

@@ -31,7 +31,7 @@ from pipeline.machine.interpreters import run_python
 USERNAME = "COPERNICUSMARINE_SERVICE_USERNAME"
 PASSWORD = "COPERNICUSMARINE_SERVICE_PASSWORD"  # noqa: S105 - the variable's name
 LOGIN = f"{USERNAME} and {PASSWORD}, or run `copernicusmarine login`"
-"""The client's means to sign in, for a message behind "set" or "check"."""
+"""How to sign in with the client; messages put it after "set" or "check"."""
 # The client's own file, under COPERNICUSMARINE_CREDENTIALS_DIRECTORY or the home directory.
 _FOLDER, _FILE = ".copernicusmarine", ".copernicusmarine-credentials"
 # Credentials in addresses: the client puts the user name into every address, and the address of a
@@ -48,7 +48,7 @@ def has_account() -> bool:
 
 
 def credentials_file() -> Path:
-    """Path of the file in which `copernicusmarine login` stores the credentials."""
+    """Return the path of the file in which `copernicusmarine login` stores the credentials."""
     folder = os.environ.get("COPERNICUSMARINE_CREDENTIALS_DIRECTORY")
     return (Path(folder) if folder else Path.home()) / _FOLDER / _FILE
 
@@ -64,7 +64,7 @@ def without_secrets(text: str) -> str:
 
 
 def _secrets() -> set[str]:
-    """User names and passwords of the environment and of the client's own file."""
+    """Return user names and passwords of the environment and of the client's own file."""
     found = {os.environ.get(USERNAME, ""), os.environ.get(PASSWORD, "")}
     try:
         stored = base64.standard_b64decode(credentials_file().read_bytes()).decode("utf-8")
@@ -222,7 +222,7 @@ def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | No
 
 
 def _time_axis(part: Any, variable: str) -> list[datetime]:  # noqa: ANN401 - the client has no types
-    """All time steps of a variable, UTC."""
+    """Return all time steps of a variable, UTC."""
     for service in part.services:
         for found in service.variables:
             for axis in found.coordinates:
@@ -232,7 +232,7 @@ def _time_axis(part: Any, variable: str) -> list[datetime]:  # noqa: ANN401 - th
 
 
 def _values(axis: Any) -> list[Any]:  # noqa: ANN401 - the same
-    """Values of an axis that the catalogue lists, or gives by its limits and its step."""
+    """Return values of an axis that the catalogue lists, or gives by its limits and its step."""
     if axis.values:
         return list(axis.values)
     count = round((axis.maximum_value - axis.minimum_value) / axis.step) + 1
@@ -240,7 +240,7 @@ def _values(axis: Any) -> list[Any]:  # noqa: ANN401 - the same
 
 
 def _utc(value: float | str) -> datetime:
-    """A time of the catalogue, which is given in milliseconds since 1970 or as text."""
+    """Return a time of the catalogue, which is given in milliseconds since 1970 or as text."""
     if isinstance(value, str):
         moment = datetime.fromisoformat(value)
         return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
@@ -250,7 +250,7 @@ def _utc(value: float | str) -> datetime:
 def _with_labels(
     times: Sequence[datetime], label_format: str, labels: Sequence[str]
 ) -> list[datetime]:
-    """The times of the steps with these labels; NotCoveredError where one is not there."""
+    """Return the times of the steps with these labels; NotCoveredError where one is not there."""
     wanted = set(labels)
     found = [time for time in times if time.strftime(label_format) in wanted]
     lacking = sorted(wanted - {time.strftime(label_format) for time in found})
@@ -264,7 +264,7 @@ def _with_labels(
 
 
 def _chunk_box(part: Any, store: str, index: tuple[int, ...]) -> tuple[float, float, float, float]:  # noqa: ANN401 - the same
-    """Bounds of a chunk, degrees: the centres of its outermost cells."""
+    """Return bounds of a chunk, degrees: the centres of its outermost cells."""
     for service in part.services:
         # The bucket's name may be part of the path or of the host name.
         if urlsplit(service.uri).path.endswith(store):
@@ -276,7 +276,7 @@ def _chunk_box(part: Any, store: str, index: tuple[int, ...]) -> tuple[float, fl
 
 
 def _chunk_range(axis: Any, index: int) -> tuple[float, float]:  # noqa: ANN401 - the same
-    """First and last value of an axis in one of its chunks."""
+    """Return the first and last value of an axis in one of its chunks."""
     length = int(axis.chunking_length)
     values = _values(axis)[index * length : (index + 1) * length]
     return (float(values[0]), float(values[-1]))

@@ -53,7 +53,7 @@ class TimeResolution:
         return "%m" if self.kind == "climatology" else _LABEL_FORMATS[self.length]
 
     def start(self, moment: datetime) -> datetime:
-        """Start of the step that a moment lies in."""
+        """Return the start of the step that a moment lies in."""
         day = moment.replace(hour=0, minute=0, second=0, microsecond=0)
         if self.length == "month":
             return day.replace(day=1)
@@ -61,13 +61,13 @@ class TimeResolution:
         return day + timedelta(hours=moment.hour // hours * hours)
 
     def next_start(self, start: datetime) -> datetime:
-        """Start of the step that follows."""
+        """Return the start of the step that follows."""
         if self.length == "month":
             return (start + timedelta(days=31)).replace(day=1)
         return start + timedelta(hours=_HOURS[self.length])
 
     def valid_time(self, start: datetime) -> datetime:
-        """The time that a step's field is valid for: of a mean, the middle."""
+        """Return the time for which a step's field is valid: the middle of a mean."""
         return start if self.kind == "instant" else start + (self.next_start(start) - start) / 2
 
 
@@ -232,7 +232,7 @@ def download(
     Raises
     ------
     StageError
-        All attempts failed, each of them within its deadline, or one for good.
+        All attempts failed or exceeded their deadlines, or one failed with a permanent error.
     """
     request = {
         "parent_pid": os.getpid(),
@@ -266,7 +266,7 @@ def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
     Raises
     ------
     StageError
-        The service does not answer, or not that.
+        The service does not answer, or its answer does not state them.
     """
     request = {
         "parent_pid": os.getpid(),
@@ -312,13 +312,13 @@ def _explained(message: str) -> _Failure:
 
 
 def _last_message(text: str) -> str:
-    """Last line that is not mere information."""
+    """Return the last line that is not mere information."""
     lines = (line.strip() for line in reversed(text.splitlines()))
     return next((line for line in lines if line and not line.startswith("INFO ")), "")
 
 
 def _presentable(text: str) -> str:
-    """A text without credentials, cut to a limited length."""
+    """Return a text without credentials, cut to a limited length."""
     return without_secrets(text)[:_MAX_MESSAGE_LENGTH]
 
 
@@ -358,7 +358,7 @@ class CachedDownload:
         }
         staged_sidecar = staged.with_suffix(".json")
         staged_sidecar.write_text(json.dumps(metadata, indent=2) + "\n", encoding="utf-8")
-        # Killed between the two moves, neither is used: the old sidecar does not match the file.
+        # If killed between the two moves, the file is not used: the old sidecar does not match it.
         staged.replace(self.file)
         staged_sidecar.replace(self.sidecar)
         return metadata

@@ -5,9 +5,9 @@ GSHHG, an older shoreline of other origin, too: land to compare routes with.
 
 The package carries each of its shorelines as one WKB MultiPolygon: OpenStreetMap's has 745,676
 whole polygons (cut at 180 degrees only), 9.6 million vertices, 154 MB. To unpack it and walk
-through it takes seconds and a gigabyte. So this is done once. The polygons go, as they are, into a
-file in the user's cache, behind a table of their bounds and of whether each is valid: to find that
-out again for a continent would take a second. From the file a region is read in some 70 ms.
+through it takes seconds and a gigabyte. So this is done once. The unchanged polygons go into a file
+in the user's cache, after a table of their bounds and validity: checking the validity of a
+continent's polygons again would take a second. From the file a region is read in some 70 ms.
 
 FlatGeobuf was measured (GDAL 3.12): a region is read as fast, but the file has no checksum, so that
 a flipped bit would be land in another place. GDAL takes the whole in one piece only: making the

@@ -281,7 +281,7 @@ def _notes(
 
 
 def _poor(parts: Sequence[_Part]) -> Geometries:
-    """Areas in which the survey is poor or unassessed."""
+    """Return areas in which the survey is poor or unassessed."""
     found: list[Geometries] = [np.empty(0, dtype=object)]
     for part in parts:
         quality = part.cell.objects.get("M_QUAL")

@@ -271,7 +271,7 @@ def chart_fault(path: Path, fault: str) -> RequestError:
 
 
 def layer_name(path: Path, name: str) -> str:
-    """Name of the layer to read."""
+    """Return the name of the layer to read."""
     pyogrio = vector_library()
 
     names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
@@ -291,7 +291,7 @@ def layer_name(path: Path, name: str) -> str:
 
 
 def crs_of(path: Path, layer: str, crs: str) -> pyproj.CRS:
-    """CRS of a layer: the one given, or the file's own."""
+    """Return CRS of a layer: the one given, or the file's own."""
     pyogrio = vector_library()
 
     given = crs or pyogrio.read_info(path, layer=layer)["crs"]

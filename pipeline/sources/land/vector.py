@@ -103,7 +103,7 @@ class VectorLayer:
         return tuple(found)
 
     def bounds(self) -> tuple[float, float, float, float] | None:
-        """Bounds of the whole layer, in its own CRS; None where no feature has a geometry."""
+        """Return the layer's bounds in its own CRS; None if no feature has a geometry."""
         extents = self.extents[:, ~self._is_blank]
         if not extents.size:
             return None

@@ -33,7 +33,7 @@ from pipeline.stages.choosing.region_choice import (
     widened_by,
 )
 
-# Least extent of the world's land that matters to the choice, as a share of the direct line's.
+# Smaller land does not matter to the choice: its extent as a share of the direct line's length.
 _LEAST_LAND = 1 / 600
 SIDES = ("west", "south", "east", "north")
 """The sides of bounds, in their order."""
@@ -55,8 +55,7 @@ _MAX_WIDENINGS = 3
 class ChosenRegion:
     """Bounds of a region in degrees, the coverage that limits them, and notes for the report.
 
-    `far_sides` are sides of islands that the bounds leave out, and `largest` are sides that routes
-    may leave out (see `RegionChoice`).
+    `far_sides` and `largest` are as in `RegionChoice`.
     """
 
     bounds: Bounds

@@ -42,9 +42,9 @@ from renew.inputs.current import as_field
 # minimum, m.
 MARGIN_SHARE = 0.1
 _MIN_MARGIN_M = 2_000.0
-# Distance from the direct line up to which the first search looks for ways: a share of the distance
-# between start and goal, and its minimum, m. The number of searches, and the factor by which each
-# further search reaches further.
+# The first search looks for ways up to this distance from the direct line: a share of the distance
+# between start and goal, and at least some metres. Then the number of searches, and the factor by
+# which the distance grows for each further search.
 _REACH_SHARE, _MIN_REACH_M = 1.0, 10_000.0
 _SEARCHES, _FURTHER = 4, 2.5
 # Longest way round an island that is considered, in lengths of the shortest way.
@@ -52,11 +52,11 @@ _LONGEST_WAY = 2.5
 FAR_WAY = 1.5
 """Longest way on the far side of an island that the region would not hold: its length or least
 fuel, as a multiple of the best way's. Longer ones are left out."""
-# Largest ratio of a way in steps to eight neighbours to the shortest way.
+# Largest factor by which a shortest way in steps between eight neighbours is too long.
 _DETOUR = 1 / math.cos(math.pi / 8)
-# Number of the largest islands on the direct line for which ways on both sides are searched, at
-# 0.1 s each; smaller islands lie almost completely inside the region anyway. Also the number of
-# islands that are considered of those that the region would not hold.
+# Number of the largest islands on the direct line for which ways on both sides are searched, each
+# in 0.1 s; smaller islands lie almost completely inside the region anyway. The same number limits
+# the islands that are considered because the region would not hold them.
 _MAX_ISLANDS = 5
 # Number of points on the direct line.
 _DIRECT_POINTS = 1000
@@ -98,7 +98,7 @@ class FarSide(NamedTuple):
 
     `lon`, `lat` are a place on the island, degrees. On a coarse grid of the land in the bounds
     `searched`, each way on that side is at least `length_m` long, `ratio` times as long as the
-    shortest way, and `around` has the shortest of them and the island.
+    shortest way. `around` are the bounds of the island and of the shortest way on that side.
     """
 
     lon: float
@@ -112,8 +112,9 @@ class FarSide(NamedTuple):
 class RegionChoice(NamedTuple):
     """Bounds of a region, degrees, and the sides of islands that it leaves out.
 
-    `largest` are far sides that may be at most `FAR_WAY` times as long, of the largest islands up
-    to the first where that is certain: all routes may pass an island on the near side.
+    `largest` are far sides of the largest islands, with a way that may be at most `FAR_WAY` times
+    as long as the shortest. They end with the first side whose way certainly is: every route may
+    pass an island on its near side.
     """
 
     bounds: Bounds
@@ -143,7 +144,7 @@ def choose_region(
         if start is not None and goal is not None and (ways := grid.ways(start, goal)):
             return _around_ways(voyage, grid, (start, goal), ways[0], searched, limits)
         reach_m *= _FURTHER
-    # The coarse grid has no way, as through a canal; the planner may find one on the real coast.
+    # The coarse grid has no way, for example through a canal; the real coast may have one.
     return RegionChoice(_region(voyage, [bounds_of(voyage.direct)], limits))
 
 
@@ -191,7 +192,7 @@ def _around_ways(
 
 
 def _up_to_short(sides: Iterable[FarSide]) -> Iterator[FarSide]:
-    """Yield sides that may be short, up to the first that certainly is."""
+    """Yield the sides whose way may be short, up to the first whose way certainly is short."""
     for side in sides:
         if side.ratio <= FAR_WAY:
             yield side
@@ -264,8 +265,8 @@ _WIDTH = 3 / math.sqrt(_CELLS)
 class BoundedSide:
     """A far side, the island's name or "", and a lower bound on fuel there.
 
-    `fuel_ratio` is the bound in terms of the best route's fuel: the least of all seasons, NaN if
-    there is no bound. Below 1 it is of no use to a reader.
+    `fuel_ratio` is the bound divided by the best route's fuel: the least of all seasons, NaN if
+    there is no bound. A ratio below 1 is of no use to a reader.
     """
 
     side: FarSide
@@ -317,7 +318,7 @@ def _bounded(side: FarSide, scene: Scene | None, result: RunResult) -> BoundedSi
     island = shapely.Point(scene.projection.to_plane(np.array([side.lon, side.lat])))
     ratios = list[float]()
     for plan in result.plans:
-        # Only a season with a lower bound than the others' counts.
+        # Only a season whose bound is lower than the others' matters.
         enough = min(ratios, default=math.inf)
         ratios += _fuel_ratio(side, island, plan, scene, result, enough)
     return BoundedSide(side, _name(island, scene), min(ratios, default=math.nan))
@@ -369,10 +370,10 @@ def _fuel_ratio(
     result: RunResult,
     enough: float,
 ) -> Iterator[float]:
-    """Yield a bound on fuel on an island's far side, in fuel of a season's best route.
+    """Yield a bound on fuel on an island's far side, divided by a season's best route's fuel.
 
-    At one speed, no way takes less time than its length with the strongest current behind. A bound
-    above `enough` is made no better.
+    At one speed, a way takes at least its length divided by the sum of the speed and the strongest
+    current. A bound above `enough` is not improved.
     """
     if not plan.ranked_routes or len(scene.via):
         return

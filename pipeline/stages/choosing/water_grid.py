@@ -125,7 +125,7 @@ class WaterGrid:
         return [one for one in large if one in beyond]
 
     def around_island(self, start: Cell, goal: Cell) -> FloatArray:
-        """Return lengths, m, by the islands' numbers: no way round one's far side is shorter.
+        """Return a length, m, for each island's number: no way round its far side is shorter.
 
         Such a way and the shortest one enclose each cell of the island. So it is no shorter than
         two straight lines, from the start to the cell and on to the goal.
@@ -185,7 +185,7 @@ class WaterGrid:
 
     @cached_property
     def _steps(self) -> tuple[IndexArray, IndexArray, FloatArray]:
-        """Cells from which and to which steps lead (n,), numbered row by row, and lengths, m."""
+        """First and last cell of each step (n,), numbered row by row, and the steps' lengths, m."""
         number = np.arange(self.is_water.size).reshape(self.is_water.shape)
         up = float(self.lat[1] - self.lat[0]) * METRES_PER_DEGREE
         across = float(self.lon[1] - self.lon[0]) * np.cos(np.radians(self.lat)) * METRES_PER_DEGREE

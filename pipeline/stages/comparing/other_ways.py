@@ -32,9 +32,9 @@ from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 # Number of lines that are drawn from the island in all directions. Each is widened to a strip, and
 # the suitable strip with the least area is used.
 _DIRECTIONS = 72
-# Number of cells of the bound's finest grid, which is refined until the side is proven; and where
-# speeds are chosen in a changing current, as the bound is loose on any grid there. With few cells,
-# the front passes through narrow islands: the bound stays valid, but is lower.
+# Number of cells of the bound's finest grid; the grid is refined until the side is proven. The
+# second number is for speeds chosen in a changing current, where the bound is loose on any grid.
+# With few cells, the front passes through narrow islands: the bound stays valid, but is lower.
 _CELLS, _CELLS_AT_CHOICE = 160_000, 16_000
 # Width of the strip, as a share of the square root of the chart's area: three cells of the finest
 # grid.
@@ -242,7 +242,8 @@ class _StraitFinder:
         """Return the straits at which classes were rejected, each once with all its seasons.
 
         Only straits wider than `needed_m` are returned, because `shut` finds the narrower ones. A
-        strait wider than its own banks need is left out, because padding of other land shuts it.
+        strait that is wide enough for the padding of its own banks is left out, because other land
+        shuts it.
         """
         found: list[ShutStrait] = []
         for plan in plans:

@@ -93,8 +93,9 @@ class _WayNamer:
         self._scene, self._routes, self._places = scene, routes, places
         self._catalogued = island_places(scene)
         self._rays = Rays.of(scene.chart)
-        # Winding number: how often a route passes north of an island eastward, less westward. Two
-        # routes pass an island on different sides if and only if their winding numbers differ.
+        # Winding number: how often a route passes north of an island eastward, minus how often
+        # westward. Two routes pass an island on different sides if and only if their winding
+        # numbers differ.
         self._windings = {
             key: self._winding_numbers_of(route.path) for key, route in routes.items()
         }
@@ -125,7 +126,7 @@ class _WayNamer:
         )
 
     def class_islands(self, rejected: set[int]) -> tuple[NumberedIsland, ...]:
-        """Return the numbered islands of class names and of `rejected` that no way's name has.
+        """Return the islands in class names or in `rejected` that are in no way's name.
 
         Class names also number water with an overpowering current, which is left out here.
         """

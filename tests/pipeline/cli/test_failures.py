@@ -249,7 +249,7 @@ def test_clean_says_what_it_freed(
     assert land.exists()
     cleaned = CliRunner().invoke(app, ["clean", "--output", output, "--all"])
     assert "; 0.0 MB remain in" in cleaned.stdout
-    assert "The world's land went from the user's cache, too (2.0 MB)" in cleaned.stdout
+    assert "The world's land was removed from the user's cache, too (2.0 MB)" in cleaned.stdout
     assert not land.exists()
     assert not list((tmp_path / "outputs" / ".artefacts").rglob("*.artefact"))
     assert (tmp_path / "outputs" / "quick" / "report.html").exists()

@@ -40,7 +40,7 @@ def test_what_is_told_follows_from_the_exit_code(code: int, what: Ping | None) -
 def test_an_answer_that_refuses_is_said_without_the_address(service: Service) -> None:
     said = ping(f"{service.url}/unknown/{SECRET}", "success")
     host = service.url.removeprefix("http://")
-    assert said == f"--ping: {host} was not told of the success: it answered 404"
+    assert said == f"--ping: reporting the success to {host} failed: it answered 404"
 
 
 def test_nobody_there_is_said_and_nothing_raised() -> None:
@@ -48,7 +48,7 @@ def test_nobody_there_is_said_and_nothing_raised() -> None:
         taken.bind(("127.0.0.1", 0))  # and doesn't listen
         port = taken.getsockname()[1]
         said = ping(f"http://127.0.0.1:{port}/{SECRET}", "start")
-    assert said == f"--ping: 127.0.0.1:{port} was not told of the start: Connection refused"
+    assert said == f"--ping: reporting the start to 127.0.0.1:{port} failed: Connection refused"
 
 
 def test_a_silent_service_costs_little_time(
@@ -57,13 +57,13 @@ def test_a_silent_service_costs_little_time(
     monkeypatch.setattr(night_watch, "_TIMEOUT_S", 0.3)
     began = time.monotonic()
     said = ping(f"{service.url}/silent/{SECRET}", "success")
-    assert said.endswith("was not told of the success: TimeoutError")
+    assert said.endswith(" failed: TimeoutError")
     assert time.monotonic() - began < 5
     # What knows no timeout of its own, as a name that is looked up, is left behind.
     monkeypatch.setattr(night_watch, "_TIMEOUT_S", 15.0)
     monkeypatch.setattr(night_watch, "_DEADLINE_S", 0.3)
     said = ping(f"{service.url}/silent/{SECRET}", "success")
-    assert said.endswith("was not told of the success: no answer within 0.3 s")
+    assert said.endswith(" failed: no answer within 0.3 s")
     assert SECRET not in said
 
 
