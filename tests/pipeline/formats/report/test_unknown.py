@@ -39,9 +39,7 @@ def test_an_unknown_current_and_land_of_another_shoreline_stand_above_the_answer
     ]  # fmt: skip
     text = notice.flat_text
     assert "Summer (July 2024): planned without a current." in text
-    lacking = (
-        f"Winter (December): {winter.credit.name} has no values anywhere on the best route."
-    )
+    lacking = f"Winter (December): {winter.credit.name} has no values anywhere on the best route."
     assert lacking in text
     assert "Summer (July 2024): 2.46 km of the best route, at 2 places." in text
     assert "Winter (December): none of the best route, but parts of 1 other route." in text

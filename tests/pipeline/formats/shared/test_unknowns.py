@@ -69,9 +69,7 @@ def test_a_current_that_is_not_known_at_all_is_told_first() -> None:
     result = with_shares(small_run.parts(), {1: 1.0, 2: 0.2})
     assert [result.lacks_current(season) for season in ("summer", "winter")] == [True, False]
     first = note_texts(result.unknowns)[0]
-    assert first.startswith(
-        "summer: the source of the current has no values anywhere on the best"
-    )
+    assert first.startswith("summer: the source of the current has no values anywhere on the best")
     still = without_current(with_shares(small_run.parts(), {}), "winter")
     assert [still.lacks_current(season) for season in ("summer", "winter")] == [False, True]
     winter = still.season_routes("winter")[0].metrics
