@@ -60,7 +60,7 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
 
 
 def small_kernel(function: FunctionT) -> FunctionT:
-    """A kernel that is put into the kernels that call it.
+    """Compile a kernel that is inlined into the kernels that call it.
 
     For lookups that are made millions of times: a call that takes arrays counts the references to
     each of them, which takes longer than the lookup.
@@ -78,7 +78,7 @@ def for_kernels(array: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 @cache
 def cache_folder() -> Path:
-    """Folder into which machine code is written: the first of the possible ones that allows it."""
+    """Return the folder to write machine code to: the first possible one that allows it."""
     for folder in _lasting_folders():
         with contextlib.suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
@@ -98,7 +98,7 @@ def cache_is_temporary() -> bool:
 
 @cache
 def _lasting_folders() -> tuple[Path, ...]:
-    """Folders where the cache may lie and outlive a reboot, in order of preference."""
+    """Return folders where the cache may outlive a reboot, in order of preference."""
     folders = [_PACKAGE / "__pycache__" / _name()]
     if (asked := _asked()) is not None:
         folders.insert(0, asked / _name())
@@ -108,7 +108,7 @@ def _lasting_folders() -> tuple[Path, ...]:
 
 
 def _asked() -> Path | None:
-    """Folder that NUMBA_CACHE_DIR names.
+    """Return the folder that NUMBA_CACHE_DIR names.
 
     Not what Numba says: it reads a `.numba_config.yaml` in the working directory too, and machine
     code is not to be loaded from wherever a downloaded folder points.
@@ -118,14 +118,14 @@ def _asked() -> Path | None:
 
 
 def user_cache() -> Path | None:
-    """Folder of RENEW in the user's cache, whether it exists or not; None without a home."""
+    """Return RENEW's folder in the user's cache, whether it exists or not; None without a home."""
     with contextlib.suppress(RuntimeError):  # no home
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "renew"
     return None
 
 
 def _open_as_package(*folders: Path) -> None:
-    """Let everybody who may look into the package look into folders of this user."""
+    """Give new folders of this user the package's permissions to read."""
     mode = stat.S_IMODE(_PACKAGE.stat().st_mode)
     for folder in folders:
         state = folder.stat()
@@ -134,7 +134,7 @@ def _open_as_package(*folders: Path) -> None:
 
 
 def _temporary_folder() -> Path:
-    """A folder for this user alone: machine code is loaded from it, so no other may write there.
+    """Return a folder that only this user may write to: machine code is loaded from it.
 
     Where none can be made, the answer is a folder that can't exist, and nothing is saved.
     """
@@ -156,7 +156,7 @@ def _temporary_folder() -> Path:
 
 @cache
 def _name() -> str:
-    """Name of the folder: it changes with every edit of a source that has kernels, and Numba."""
+    """Return the folder's name; it changes with each edit of a source with kernels, and Numba."""
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         source = path.read_bytes()
@@ -191,7 +191,7 @@ def _holds_code(folder: Path) -> bool:
 
 
 def processor() -> str:
-    """Name of the processor that code is made for: this machine's, or that of NUMBA_CPU_NAME."""
+    """Return the processor that code is made for: this machine's, or that of NUMBA_CPU_NAME."""
     return str(cpu_target.target_context.codegen().magic_tuple()[1])
 
 
@@ -208,12 +208,12 @@ def _noting_failures() -> Iterator[None]:
 
 
 def save_failures() -> tuple[OSError, ...]:
-    """Why machine code could not be saved in this process; empty where all could."""
+    """Return why machine code could not be saved in this process; empty if all was saved."""
     return tuple(_failures)
 
 
 def load_failures() -> tuple[OSError, ...]:
-    """Faults of the cache: files that can't be read or are damaged, and so count as missing."""
+    """Return the cache's faults: files that can't be read or are damaged; they count as missing."""
     found = list[OSError]()
     for folder in dict.fromkeys((cache_folder(), *_lasting_folders())):
         try:
@@ -252,7 +252,7 @@ class _CacheFiles(IndexDataCacheFile):
         return self._load(self._data_path(name))
 
     def _load(self, path: str) -> object:
-        """The saved content of a file; None where it can't be read or is damaged."""
+        """Return the saved content of a file; None where it can't be read or is damaged."""
         try:
             return pickle.loads(_content(Path(path)))  # noqa: S301 - as Numba does
         except OSError:
@@ -288,15 +288,15 @@ class _Locator(_CacheLocator):
         return cls(py_func.__module__)
 
     def get_cache_path(self) -> str:
-        """Folder of the machine code."""
+        """Return folder of the machine code."""
         return str(cache_folder())
 
     def get_source_stamp(self) -> str:
-        """Stamp that must be equal for cached code to hold."""
+        """Return a stamp that must be equal for cached code to be valid."""
         return _name()
 
     def get_disambiguator(self) -> str:
-        """Text that tells functions of one name in different modules apart."""
+        """Return a text that distinguishes functions of one name in different modules."""
         return self._module
 
 
@@ -324,7 +324,7 @@ class _KernelCache(FunctionCache):
         for files in self._read_only:
             if found is None and (data := files.load(index_key)) is not None:
                 found = self._impl.rebuild(target_context, data)
-                # A folder that was asked for is to hold all, so that it can be shipped.
+                # A folder that NUMBA_CACHE_DIR names must hold all code, so that it can be shipped.
                 if cache_folder().parent == _asked():
                     with _noting_failures():
                         self._cache_file.save(index_key, data)

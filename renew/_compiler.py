@@ -42,11 +42,11 @@ class KernelDispatcher(CPUDispatcher):
         self._part = CPUDispatcher(py_func, locals or {}, options, compiler)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:  # noqa: ANN401 - types of Numba's
-        """Types of a call by another kernel: those of the part. Overrides Numba's method."""
+        """Return the part's types, for a call by another kernel. Overrides Numba's method."""
         return self._part.get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:  # noqa: ANN401 - types of Numba's
-        """What another kernel links to: the code of the part. Overrides Numba's method."""
+        """Return the code of the part, to which other kernels link. Overrides Numba's method."""
         return self._part.get_overload(sig)
 
 
@@ -102,7 +102,7 @@ class _Part(JITCodeLibrary):
         return _NoMachineCode()
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Address of a function: none."""
+        """Return the address of a function: none."""
         del name
         self._ensure_finalized()
         return 0
@@ -158,6 +158,6 @@ def _values(config: Any) -> dict[str, Any]:  # noqa: ANN401
 
 @cache
 def _defaults(kind: Hashable) -> dict[str, Any]:
-    """Default values of all options in a class of options."""
+    """Return default values of all options in a class of options."""
     options: Any = kind.options  # type: ignore[attr-defined]
     return {name: option.default for name, option in options.items()}

@@ -1,4 +1,4 @@
-"""Every way in which a plan can be refused, and the first check of what callers give.
+"""Every way in which a plan can be refused, and the first check of callers' arguments.
 
 A message names the value, the limit it broke and what to change.
 """
@@ -114,7 +114,7 @@ class Text:
 
 
 def _values_in(text: Text) -> Iterator[FloatArray | Moment | Length]:
-    """Places, moments and lengths of a text, and of the texts inside it."""
+    """Yield places, moments and lengths of a text, and of the texts inside it."""
     for value in text.values:
         if isinstance(value, Text):
             yield from _values_in(value)
@@ -158,11 +158,11 @@ class PlanningError(Exception):
         moment: MomentSpelling = in_seconds,
         length: LengthSpelling = str,
     ) -> str:
-        """Text of the message with its places, moments and lengths spelled in another way."""
+        """Return the message with its places, moments and lengths spelled in another way."""
         return self.text.spelled(place, moment, length)
 
     def __reduce__(self) -> "tuple[type[PlanningError], tuple[Text]]":
-        """Survive the way back from a worker process."""
+        """Pickle the text: the error can then come back from a worker process."""
         return type(self), (self.text,)
 
 
@@ -187,7 +187,7 @@ class ViaInNoGoError(PlanningError):
 
 
 class ArrivalError(PlanningError):
-    """No voyage begun when asked arrives in time."""
+    """No voyage from the requested departure arrives in time."""
 
 
 class CurrentTooStrongError(PlanningError):
@@ -250,7 +250,7 @@ class InfeasibleError(PlanningError):
     def at_strait(
         cls, strait: Strait, blocked: Iterable[tuple[int, int, int]] = ()
     ) -> "InfeasibleError":
-        """Blame one of all blocked gaps, with the width that its paddings take."""
+        """Return the error for one of all blocked gaps, with the width that its paddings take."""
         error = cls(
             "blocked at {0}, between {1} and {2}: the gap is {3} wide, and the padding takes {4} "
             "on the left and {5} on the right bank",
@@ -267,15 +267,15 @@ class InfeasibleError(PlanningError):
 class TooSharpError(InfeasibleError):
     """Corners of the class's path leave the vessel too little room to turn in.
 
-    `excess` (n,) is, at each point of the path, the length that arcs need of a leg beside it
-    divided by the length that the leg has: at most 1 where there is room enough.
+    `excess` (n,) is the length of a leg beside each point that arcs need, divided by the length of
+    that leg: at most 1 if there is enough room.
     """
 
     excess: FloatArray
 
     @classmethod
     def at_points(cls, path: FloatArray, asked: FloatArray, length: FloatArray) -> "TooSharpError":
-        """Blame the leg of a path (n, 2) that lacks most of the length (n - 1,), m, asked of it."""
+        """Return the error for the leg of a path (n, 2) that lacks most of the length asked, m."""
         worst = int((asked - length).argmax())
         error = cls(
             "the corners beside the leg at {0} need {1} to turn in; it has {2}",
@@ -296,7 +296,7 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 100
 
 
 def shown(value: object) -> str:
-    """A value as Python writes it, on one line; a long value without its middle."""
+    """Return a value as Python writes it, on one line; a long value without its middle."""
     return " ".join(_SHORT.repr(value).split())
 
 

@@ -27,7 +27,7 @@ from renew.inputs.chart import ShutArea
 
 # Width of the map, CSS pixels; its height follows, up to twice as much.
 _WIDTH = 420.0
-# Colours of the routes, best first (Okabe and Ito: told apart by colour-blind readers, too).
+# Colours of the routes, best first (Okabe and Ito: distinguishable with any colour vision).
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 # Number of routes that are drawn and listed.
 _MAX_ROUTES = len(_COLOURS)
@@ -36,10 +36,10 @@ _MAX_ROUTES = len(_COLOURS)
 class OverpoweredHours(NamedTuple):
     """Water that the current shuts for a while, on the way of a class.
 
-    At `place` (2,), m, it is nearly as strong as the vessel is fast, or stronger, from `begin`
-    until `end` (s): part of the time in which the vessel may be there, or comes there and has to
-    wait. In a stretch of such water, `place` is where these hours last longest. The times are
-    infinite where the current is held before its first time or after its last.
+    From `begin` until `end` (s) the current at `place` (2,), m, is nearly as strong as the vessel
+    is fast, or stronger, and the vessel may be there or may have to wait there. In a stretch of
+    such water, `place` is where these hours last longest. The times are infinite where the current
+    is held before its first time or after its last.
     """
 
     place: FloatArray
@@ -126,7 +126,7 @@ class Route:
 
     @property
     def gap_at_clearance(self) -> float:
-        """Share by which the fuel exceeds the bound on routes that are as safe, 0 to the other gap.
+        """Share by which fuel exceeds the bound on equally safe routes, 0 to `optimality_gap`.
 
         They keep the same clearance, and at each edge of land the least padding that the rule can
         give there on any heading.
@@ -162,14 +162,12 @@ class Rejected:
 
     Attributes
     ----------
-    homotopy : its name.
-    reason : why, as a sentence; `located_reason` spells its places in another way.
-    channel : (t, 3, 2) metres, its triangles from start to goal.
-    strait : where padding fills a whole gap, if that is the reason.
-    cause : the error behind the reason; its places are in metres.
-    overpowered : water on its way that the current shuts for a while.
-    ways : its channels in which no path was found; unpickled, none.
-    fuel_source : `unpadded_fuel`, or a function that computes it.
+    homotopy : its name. reason : why, as a sentence; `located_reason` spells its places in another
+    way. channel : (t, 3, 2) metres, its triangles from start to goal. strait : where padding fills
+    a whole gap, if that is the reason. cause : the error behind the reason; its places are in
+    metres. overpowered : water on its way that the current shuts for a while. ways : its channels
+    in which no path was found; empty after unpickling. fuel_source : `unpadded_fuel`, or a function
+    that computes it.
     """
 
     homotopy: str
@@ -185,7 +183,8 @@ class Rejected:
     def unpadded_fuel(self) -> float:
         """Fuel that the class would need without any padding; inf if it has no path even then.
 
-        Computed when first asked for. Beside the routes' fuel, it shows what the padding costs.
+        Computed when first asked for. Compared with the routes' fuel, it shows what the padding
+        costs.
         """
         return self.fuel_source() if callable(self.fuel_source) else self.fuel_source
 
@@ -195,7 +194,7 @@ class Rejected:
         return self.cause.text if self.cause else Text(self.reason)
 
     def located_reason(self, place: PlaceSpelling, moment: MomentSpelling = in_seconds) -> str:
-        """The reason, with places (2,), m, and moments spelled by functions, such as in lon/lat."""
+        """Return the reason, with places (2,), m, and moments spelled by functions."""
         return self.text.spelled(place, moment)
 
     def __reduce__(self) -> "tuple[type[Rejected], tuple[object, ...]]":
@@ -214,8 +213,8 @@ class TradeOff:
         later arrival saves no more fuel.
     fuels : (n,) fuel units, falling: for each arrival the fuel of the plan's cheapest path, at its
         best speeds for that arrival. Where the current changes, only the first few paths are tried.
-        Another path may be a little cheaper at arrivals near the planned one, and more so far from
-        it: 5 % has been seen at the last arrival.
+        Another path may be a little cheaper at arrivals near the planned one, and much cheaper at
+        distant ones: 5 % has been seen at the last arrival.
     """
 
     arrivals: FloatArray

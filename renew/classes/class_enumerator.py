@@ -41,7 +41,7 @@ from renew.voyage.voyage import Voyage
 # Largest number of steps of a search: a few seconds. It is reached only where fewer than k classes
 # exist in a chart full of islands.
 _MAX_STEPS = 1_000_000
-# Least size, in cells, of the islands by which paths differ in a closer look.
+# Least size, in cells, of the islands that distinguish paths in a search on a finer roadmap.
 _WIDE = 2.0
 # Largest number of steps of the depth-first search, which looks at triangles one by one.
 _MAX_DEPTH_FIRST_STEPS = 100_000
@@ -67,18 +67,18 @@ class _Roads:
         return np.asarray(time_to_go(self.everywhere))
 
     def beside(self, paths: Sequence[FloatArray], voyage: Voyage) -> tuple[Roadmap, float]:
-        """Nodes beside paths (n, 2), closer together, and a cell's size (m)."""
+        """Return nodes beside paths (n, 2), closer together, and a cell's size (m)."""
         whole = resolution_for(voyage, self.triangulation)
         resolution, tube = closer_look(paths, voyage, whole)
         return self._roadmap(voyage, resolution, tube), tube.cell
 
     def stream(self, voyage: Voyage) -> Stream:
-        """The current by which legs are timed. Order "length" takes the water as still."""
+        """Return the current in which legs are timed; still water for order "length"."""
         table = voyage.table if self.order == "fuel" else STILL_WATER
         return Stream(table, voyage.polar, voyage.clock)
 
     def _roadmap(self, voyage: Voyage, resolution: Resolution, tube: Tube | None = None) -> Roadmap:
-        """Nodes over the water, or in a tube."""
+        """Return nodes over the water, or in a tube."""
         return roadmap(
             voyage,
             self.triangulation,
@@ -95,7 +95,7 @@ class ClassEnumerator:
 
     Passing edges are only crossed at places `clearance` m or more from the land at their ends.
     Order "length" takes the water as still. The roadmaps are those of the first departure. Channels
-    that need more than `dearest` times as much as the best, at first sight, are left out.
+    whose estimated cost is more than `dearest` times the best estimate are left out.
     """
 
     _voyage: Voyage
@@ -114,7 +114,7 @@ class ClassEnumerator:
         *,
         clearance: float = 0.0,
     ) -> "ClassEnumerator":
-        """Enumerate the classes that rays tell apart.
+        """Return the enumerator of the classes that rays distinguish.
 
         UnreachableError where no row of triangles joins start and goal.
         """
@@ -136,15 +136,15 @@ class ClassEnumerator:
 
     @property
     def has_many_triangles(self) -> bool:
-        """Whether there are too many to count the classes: the first may not hold the best one."""
+        """Whether there are too many triangles to count classes: the first may lack the best."""
         return len(self._triangulation.triangles) > MAX_FLOODED
 
     def by_rays(self, rays: Rays) -> "ClassEnumerator":
-        """Return the enumerator of the classes that other rays tell apart."""
+        """Return the enumerator of the classes that other rays distinguish."""
         return replace(self, _rays=rays)
 
     def up_to(self, dearest: float) -> "ClassEnumerator":
-        """Return the enumerator without channels that need `dearest` times as much as the best."""
+        """Return the enumerator without channels that cost over `dearest` times the best one."""
         return replace(self, _dearest=dearest)
 
     def leaving(self, voyage: Voyage) -> "ClassEnumerator":
@@ -152,14 +152,14 @@ class ClassEnumerator:
         return replace(self, _voyage=voyage)
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
-        """The first `count` channels that make no blocked transition."""
+        """Return the first `count` channels that make no blocked transition."""
         if self._roads.order == "depth-first":
             return list(itertools.islice(self._depth_first(frozenset(blocked)), count))
         graph, to_go = self._roads.everywhere, self._roads.time_to_go
         return self._quickest(graph, to_go, self._rays, count, blocked)
 
     def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
-        """The first `count` channels of paths beside some (n, 2), looked at closer.
+        """Return the first `count` channels of paths beside others (n, 2), on a finer roadmap.
 
         They differ by islands that are wider than two cells; among smaller islets each path takes
         the best sides.
@@ -176,7 +176,7 @@ class ClassEnumerator:
         count: int,
         blocked: Collection[Transition] = (),
     ) -> list[Channel]:
-        """Channels of the quickest paths on a roadmap that rays tell apart."""
+        """Return the channels of the quickest paths on a roadmap that rays distinguish."""
         # Without rays all channels are one class, which needn't be looked for everywhere.
         count = count if len(rays.x) else 1
         columns = RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0))
@@ -189,13 +189,13 @@ class ClassEnumerator:
         ]
 
     def _channel(self, row: IntArray, path: RoughPath | None = None) -> Channel:
-        """Channel of a row of triangles (n,), found by a path."""
+        """Return the channel of a row of triangles (n,), found by a path."""
         channel = Channel.of(self._triangulation, row)
         middle = channel.midline(self._voyage.start, self._voyage.goal)
         return replace(channel, word=self._rays.word(middle), found_by=path)
 
     def _depth_first(self, blocked: frozenset[Transition]) -> Iterator[Channel]:
-        """Simple paths of the dual graph as a depth-first search meets them (the paper's order)."""
+        """Yield channels as a depth-first search of the dual graph meets them (paper's order)."""
         stops = self._voyage.start, self._voyage.goal
         first, last = map(self._triangulation.locate, stops)
         if first == last:  # networkx yields nothing then
@@ -209,7 +209,7 @@ class ClassEnumerator:
                 yield channel
 
     def _excluded(self, blocked: Collection[Transition]) -> BoolArray:
-        """Transitions as the compiled search takes them: (t, 4, 4)."""
+        """Return transitions as the compiled search takes them: (t, 4, 4)."""
         neighbours = self._triangulation.neighbours
         excluded = np.zeros((len(neighbours), 4, 4), dtype=bool)
         for before, triangle, after in blocked:
@@ -243,11 +243,11 @@ class ViaEnumerator:
         return any(part.has_many_triangles for part in self.parts)
 
     def by_rays(self, rays: Rays) -> "ViaEnumerator":
-        """Return the enumerator of the classes that other rays tell apart."""
+        """Return the enumerator of the classes that other rays distinguish."""
         return replace(self, parts=tuple(part.by_rays(rays) for part in self.parts))
 
     def up_to(self, dearest: float) -> "ViaEnumerator":
-        """See :class:`ClassEnumerator`; in each part."""
+        """Return the enumerator with this limit in each part; see :class:`ClassEnumerator`."""
         return replace(self, parts=tuple(part.up_to(dearest) for part in self.parts))
 
     def leaving(self, voyage: Voyage) -> "ViaEnumerator":
@@ -255,18 +255,18 @@ class ViaEnumerator:
         return replace(self, voyage=voyage)
 
     def channels(self, count: int, blocked: Collection[Transition] = ()) -> list[Channel]:
-        """The first `count` channels that make no blocked transition."""
+        """Return the first `count` channels that make no blocked transition."""
         return self._combined(count, lambda _, part: part.channels(count, blocked))
 
     def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
-        """The first `count` channels of paths beside some (n, 2), looked at closer."""
+        """Return the first `count` channels of paths beside others (n, 2), on a finer roadmap."""
         pieces = [self.voyage.cut(path) for path in paths]
         return self._combined(
             count, lambda at, part: part.channels_beside([one[at] for one in pieces], count)
         )
 
     def _combined(self, count: int, look: _Looking) -> list[Channel]:
-        """The `count` best combinations; each part departs at the earliest arrival before it."""
+        """Return the `count` best combinations; each part departs at the earliest arrival."""
         combined: list[tuple[float, tuple[Channel, ...]]] = [(0.0, ())]
         for at, part in enumerate(self.parts):
             earliest = combined[0][0]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def dual_graph(triangulation: Triangulation) -> "nx.Graph[int]":
-    """Dual graph; each of its edges has the passing edge's `midpoint` (2,) and `width`, m."""
+    """Return the dual graph, whose edges have the passing edges' `midpoint` (2,) and `width`, m."""
     import networkx as nx
 
     graph: nx.Graph[int] = nx.Graph()
@@ -54,7 +54,7 @@ def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
 
 @kernel
 def without_dead_ends(neighbours: IntArray, first: int, last: int) -> BoolArray:
-    """Whether each triangle (t,) is in no dead end: no row without repeats crosses a dead end.
+    """Return which triangles (t,) are in no dead end, which rows without repeats never cross.
 
     `neighbours` (t, 3) are those of :class:`renew.classes.triangulation.Triangulation`.
     """
@@ -82,7 +82,7 @@ def without_dead_ends(neighbours: IntArray, first: int, last: int) -> BoolArray:
 def simple_paths(
     triangulation: Triangulation, first: int, last: int, max_steps: int
 ) -> Iterator[list[int]]:
-    """Rows of triangles without repeats, as a depth-first search meets them.
+    """Yield rows of triangles without repeats, as a depth-first search meets them.
 
     A triangle is only entered if the last one can still be reached from it without triangles of the
     row: otherwise the search would spend most of its time in dead ends. It gives up after having
@@ -110,7 +110,7 @@ def simple_paths(
 
 
 def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: int) -> set[int]:
-    """Triangles that a search from `start` reaches without used ones, before it meets `until`."""
+    """Return triangles that a search from `start` reaches without used ones, up to `until`."""
     reached, waiting = {start}, [start]
     while waiting and until not in reached:
         found = [node for node in beside[waiting.pop()] if node not in used and node not in reached]
@@ -120,7 +120,7 @@ def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: in
 
 
 def widest_gap(triangulation: Triangulation, one: int, other: int) -> float:
-    """Width (m) of the widest way: of its narrowest passing edge."""
+    """Return the width (m) of the narrowest passing edge on the widest way."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -143,7 +143,7 @@ def widest_gap(triangulation: Triangulation, one: int, other: int) -> float:
 def surroundings(
     triangulation: Triangulation, row: list[int], layers: int, crossed: Container[int] = ()
 ) -> dict[int, int]:
-    """Triangles around a row, each with the place in it that it is nearest to.
+    """Return triangles around a row, each with the nearest place in the row.
 
     They are at most `layers` edges away from the row, or from the triangles that a path crosses
     beside it. The row's own come first, in their order.
@@ -164,7 +164,7 @@ def _beside(
     nearest: dict[int, int],
     among: Container[int] | None = None,
 ) -> list[int]:
-    """Add the triangles next to the outermost ones to `nearest`, if they are `among` some."""
+    """Add the triangles next to the outermost ones to `nearest`, if they are in `among`."""
     found: dict[int, int] = {}
     for triangle in outermost:
         for beside in triangulation.neighbours[triangle].tolist():
@@ -207,7 +207,7 @@ class Channel:
 
     @classmethod
     def joined(cls, parts: "Sequence[Channel]", via: FloatArray) -> "Channel":
-        """Channel through via points (s - 1, 2), m, of the parts (s,) between them.
+        """Return the channel through via points (s - 1, 2), m, of the parts (s,) between them.
 
         In the triangle of a via point the row has a passing edge of no length there.
         """
@@ -232,7 +232,7 @@ class Channel:
 
     @classmethod
     def of(cls, triangulation: Triangulation, row: IntArray, word: Word = ()) -> "Channel":
-        """Channel of a row of triangles (n,)."""
+        """Return the channel of a row of triangles (n,)."""
         beside = triangulation.neighbours[row[:-1]]
         corners = (beside == row[1:, None]).argmax(axis=1)
         # Leaving an anticlockwise triangle across its edge (first, second): first is on the right.
@@ -251,11 +251,11 @@ class Channel:
         return list(zip(row[:-2], row[1:-1], row[2:], strict=True))
 
     def midline(self, start: FloatArray, goal: FloatArray) -> FloatArray:
-        """Start, the passing edges' midpoints, goal: shape (n + 1, 2)."""
+        """Return start, the passing edges' midpoints, goal: shape (n + 1, 2)."""
         return np.vstack([start, (self.left + self.right) / 2, goal])
 
     def rough_path(self, start: FloatArray, goal: FloatArray) -> FloatArray:
-        """The rough path by which the class was found, or the midline: shape (n, 2)."""
+        """Return the rough path by which the class was found, or the midline: shape (n, 2)."""
         return self.midline(start, goal) if self.found_by is None else self.found_by.points
 
 

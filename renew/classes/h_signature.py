@@ -6,11 +6,11 @@ islands. Two paths with the same start and goal can be deformed into each other 
 island exactly when their words are equal (Bhattacharya, Likhachev & Kumar, 2012). An island that
 touches the end of the chart can't be passed on that side and has no ray.
 
-Islands can be left without a ray, so that classes which part only around a rock get the same word:
-islands below a given size, or all but the few by which a navigator tells the ways of a voyage
-apart. Among hundreds of islets all of the best classes pass the same large islands on the same
-side. The few are the largest on the way, as many as it takes for k classes by passing each on
-either side. The largest one counts, however small it is.
+Some islands get no ray, so that classes which differ only around a rock have the same word: islands
+below a given size, or all but the few largest on the way, by which a navigator distinguishes ways.
+Otherwise, among hundreds of islets, all of the best classes would pass the large islands on the
+same side. The few are as many as give k classes if each is passed on either side. The largest
+island has a ray, however small it is.
 """
 
 import math
@@ -29,7 +29,7 @@ from renew.kernels.capsules import Segment
 Word: TypeAlias = tuple[int, ...]
 """Signed island numbers from 1: +i crosses island i's ray towards +x, -i towards -x.
 
-Each via point parts the word: there stands a `VIA`.
+At each via point there is a `VIA` in the word.
 """
 
 VIA = 0
@@ -40,8 +40,8 @@ IDENTITY = "e"
 
 # Longest name, in characters, that a sentence quotes whole.
 _MAX_LENGTH = 60
-# An island lies on the way where going by it makes the way longer by this share at most, and
-# matters where it is at least such a share of the way wide.
+# An island lies on the way if a detour to it lengthens the way by at most the first share, and it
+# matters if its size is at least the second share of the way's length.
 _DETOUR, _SIZE = 0.25, 1 / 50
 
 
@@ -61,7 +61,7 @@ class Rays:
 
     @classmethod
     def of(cls, chart: Chart, overpowered: shapely.Geometry | None = None) -> "Rays":
-        """Rays of all islands; overpowered water has some as well, numbered after the islands'."""
+        """Return rays of all islands, and of overpowered water, numbered after the islands'."""
         kinds = [np.array(polygons, dtype=object) for polygons in chart.islands]
         if overpowered is not None:
             kinds.append(shapely.get_parts(overpowered))
@@ -71,7 +71,7 @@ class Rays:
         return cls(x[order], y[order], order + 1, _sizes(islands)[order])
 
     def only(self, chosen: BoolArray) -> "Rays":
-        """Some of the rays (i,), under their numbers."""
+        """Return some of the rays (i,), under their numbers."""
         return Rays(
             self.x[chosen],
             self.y[chosen],
@@ -94,13 +94,13 @@ class Rays:
         return tuple(reduced)
 
     def word(self, path: FloatArray) -> Word:
-        """Reduced word of a path (n, 2)."""
+        """Return reduced word of a path (n, 2)."""
         letters = _word(self.x, self.y, self.island, for_kernels(path))
         return tuple(letters.tolist())
 
 
 def _islands(polygons: npt.NDArray[np.object_], chart: Chart) -> npt.NDArray[np.object_]:
-    """Islands among polygons: they can be passed on either side. The largest comes first."""
+    """Return islands among polygons: they can be passed on either side. The largest comes first."""
     # Land that touches the extent's edge belongs to the outside. So does land that touches such
     # land, but the chart's union has already merged both.
     outside = shapely.dwithin(polygons, chart.extent.exterior, 4 * chart.precision)
@@ -110,14 +110,14 @@ def _islands(polygons: npt.NDArray[np.object_], chart: Chart) -> npt.NDArray[np.
 
 
 def _sizes(islands: npt.NDArray[np.object_]) -> FloatArray:
-    """Extent (i,) of islands along the wider axis, m."""
+    """Return the extent (i,) of islands along the wider axis, m."""
     bounds = shapely.bounds(islands).reshape(-1, 4)
     return np.asarray((bounds[:, 2:] - bounds[:, :2]).max(axis=1, initial=0.0))
 
 
 @kernel
 def rays_between(x: FloatArray, ax: float, bx: float) -> tuple[int, int, int]:
-    """Rays first, first + step, ... before last that stand between ax and bx, in a leg's order.
+    """Return first, last and step of the rays between ax and bx, in a leg's order; last excluded.
 
     A leg crosses a ray whose origin lies below the leg: see :func:`is_crossed`. Half-open on the
     west, so that a path through a point right above an origin counts once.
@@ -136,7 +136,7 @@ def is_crossed(ray_x: float, ray_y: float, leg: Segment) -> bool:
 
 @kernel
 def _word(x: FloatArray, y: FloatArray, island: IntArray, path: FloatArray) -> IntArray:
-    """Reduced word of a path (n, 2)."""
+    """Return reduced word of a path (n, 2)."""
     word = np.empty(16, dtype=np.int64)
     length = 0
     for k in range(len(path) - 1):
@@ -172,7 +172,7 @@ def name(word: Word) -> str:
 
 
 def shortened(name: str) -> str:
-    """A class's name for a sentence: the middle of a long one is left out."""
+    """Return a class's name for a sentence: the middle of a long one is left out."""
     return (
         name
         if len(name) <= _MAX_LENGTH
@@ -181,7 +181,7 @@ def shortened(name: str) -> str:
 
 
 def rays_that_matter(rays: Rays, path: FloatArray, count: int) -> Rays:
-    """Rays of the islands by which `count` classes around a path (n, 2), m, are to differ."""
+    """Return the rays of the islands that distinguish `count` classes around a path (n, 2), m."""
     length = float(shapely.length(shapely.LineString(path)))
     origins = np.column_stack([rays.x, rays.y])
     through_it = sum(np.linalg.norm(origins - end, axis=1) for end in path[[0, -1]])

@@ -56,7 +56,7 @@ _NODE, _ROW, _WORD, _PARENT, _OLDER, _SETTLED = range(6)
 
 @kernel
 def time_to_go(graph: Roadmap) -> FloatArray:
-    """Least time (n,) in s from each node to the goal, at any hour; inf where no leg leads on."""
+    """Return the least time (n,), s, from each node to the goal, at any hour; inf without a way."""
     time = np.full(len(graph.points), np.inf)
     time[GOAL] = 0.0
     done = np.zeros(len(time), dtype=np.bool_)
@@ -77,7 +77,7 @@ def time_to_go(graph: Roadmap) -> FloatArray:
 
 @kernel
 def _first_label(nodes: int) -> tuple[IntArray, FloatArray, IntArray]:
-    """Labels and their times, with the start's label filled in, and each node's newest label."""
+    """Return labels and their times, with the start's filled in, and each node's newest label."""
     labels, times = np.zeros((_CAPACITY, 6), dtype=np.int64), np.zeros(_CAPACITY)
     labels[0, _NODE], labels[0, _PARENT], labels[0, _OLDER] = START, -1, -1
     newest = np.full(nodes, -1, dtype=np.int64)
@@ -94,7 +94,7 @@ def k_best_paths(
     max_steps: int,
     dearest: float = math.inf,
 ) -> tuple[list[IntArray], list[IntArray]]:
-    """Rows of triangles, and nodes (n,), of the `count` quickest paths with different words.
+    """Return rows of triangles, and nodes (n,), of the `count` quickest paths with different words.
 
     `to_go` (n,) is :func:`time_to_go`. Where the current of the `stream` changes, legs are timed by
     the clock of the `stream`. No row has a triangle twice.
@@ -159,7 +159,7 @@ def k_best_paths(
 def _by_clock(
     graph: Roadmap, node: int, other: int, now: float, least: float, stream: Stream
 ) -> float:
-    """Time (s) since departure at the end of a leg begun now; in a steady current the least one."""
+    """Return the time (s) since departure at the end of a leg begun now; the least if steady."""
     if len(stream.table.times) == 1:
         return least
     (ax, ay), (bx, by) = graph.points[node], graph.points[other]
@@ -178,14 +178,14 @@ def _no_rows() -> list[IntArray]:
 
 @kernel
 def _queued(entries: list[tuple[int, int]], label: int, older: int) -> int:
-    """Number of a new entry for a label; it leads to the older ones of its bucket."""
+    """Return the number of a new entry for a label; it leads to the older ones of its bucket."""
     entries.append((label, older))
     return len(entries) - 1
 
 
 @kernel
 def _bucket_of(ratio: float) -> int:
-    """Bucket of labels whose whole time is some multiple of the least."""
+    """Return the bucket of labels whose whole time is some multiple of the least."""
     return min(max(int(math.log(ratio) / _BUCKET_SIZE), 0), _BUCKETS - 1)
 
 
@@ -200,7 +200,7 @@ def _note(
 
 @kernel
 def _first_filled(bucket: IntArray, at: int) -> int:
-    """First bucket, from `at` on, that holds a label; the number of buckets if all are empty."""
+    """Return the first bucket, from `at` on, that holds a label, or else the number of buckets."""
     while at < len(bucket) and bucket[at] < 0:
         at += 1
     return at
@@ -228,7 +228,7 @@ def _known(
 
 @kernel
 def triangles_crossed(graph: Roadmap, nodes: IntArray) -> IntArray:
-    """Triangles (c,) that a path over nodes (n,) leaves in turn, and the last node's triangle.
+    """Return the triangles (c,) that a path over nodes (n,) leaves, and the last node's triangle.
 
     Unlike a row of triangles, they include the triangles from which the path turns back.
     """

@@ -1,7 +1,8 @@
 """Straight legs between points, followed from triangle to triangle and timed.
 
-A leg has its time with the clock running, and the least time at any hour. By the least time it is
-judged whether a leg leads on to one of the k best paths; in a steady current both are equal.
+A leg has two times: the one when it is sailed, with the clock running, and the least one at any
+hour. The least time decides whether the leg can be part of one of the k best paths. In a steady
+current both are equal.
 """
 
 import math
@@ -30,7 +31,7 @@ _MIN_SPEED = 0.1
 
 @kernel
 def time_along(leg: Segment, begin: float, table: CurrentTable, polar: Polar) -> float:
-    """Time (s) along a leg that is begun at a time, by Simpson's rule."""
+    """Return the time (s) along a leg that is begun at a time, by Simpson's rule."""
     dx, dy = leg.bx - leg.ax, leg.by - leg.ay
     length = math.hypot(dx, dy)
     if length == 0.0:
@@ -39,7 +40,7 @@ def time_along(leg: Segment, begin: float, table: CurrentTable, polar: Polar) ->
     halves = 2 * _panels(leg, table)
     total, slowness, now = 0.0, 0.0, begin
     for k in range(halves + 1):
-        # When the vessel is there, at its pace at the place before.
+        # The time here if the vessel keeps its speed at the previous point.
         now += slowness * length / halves
         u, v = velocity(table, leg.ax + k / halves * dx, leg.ay + k / halves * dy, now)
         slowness = 1.0 / max(slowest, ground_speed(u, v, dx / length, dy / length, polar))
@@ -49,7 +50,7 @@ def time_along(leg: Segment, begin: float, table: CurrentTable, polar: Polar) ->
 
 @small_kernel
 def _panels(leg: Segment, table: CurrentTable) -> int:
-    """Number of parts of a leg to each of which Simpson's rule is applied."""
+    """Return the number of parts of a leg to each of which Simpson's rule is applied."""
     columns = abs(leg.bx - leg.ax) * (len(table.x) - 1) / (table.x[-1] - table.x[0])
     rows = abs(leg.by - leg.ay) * (len(table.y) - 1) / (table.y[-1] - table.y[0])
     return max(1, math.ceil(float(max(columns, rows)) / _PANEL))
@@ -57,7 +58,7 @@ def _panels(leg: Segment, table: CurrentTable) -> int:
 
 @small_kernel
 def _simpson_weight(k: int, halves: int) -> float:
-    """Weight of point k of 0 to `halves` in Simpson's rule, which sums them to 3 `halves`."""
+    """Return the weight of point k in Simpson's rule; points 0 to `halves` sum to 3 `halves`."""
     if k in (0, halves):
         return 1.0
     return 4.0 if k % 2 else 2.0
@@ -65,7 +66,7 @@ def _simpson_weight(k: int, halves: int) -> float:
 
 @kernel
 def currents_between(extremes: Extremes, points: FloatArray) -> FloatArray:
-    """Least and largest velocities (n, 4), m/s, at points (n, 2): u, v and u, v."""
+    """Return the least and largest velocities (n, 4), m/s, at points (n, 2): u, v and u, v."""
     least, largest, are_equal = extremes
     currents = np.empty((len(points), 4))
     for k in range(len(points)):
@@ -81,7 +82,7 @@ def currents_between(extremes: Extremes, points: FloatArray) -> FloatArray:
 def least_times(
     leg: Segment, here: FloatArray, there: FloatArray, extremes: Extremes, polar: Polar
 ) -> tuple[float, float]:
-    """Least times (s) along a leg and back, by Simpson's rule, at whatever time it is sailed.
+    """Return the least times (s) along a leg and back at any hour, by Simpson's rule.
 
     `here` and `there` (4,) are the least and the largest velocities at its ends.
     """
@@ -112,9 +113,10 @@ def least_times(
 def _fastest(
     low_u: float, low_v: float, high_u: float, high_v: float, tx: float, ty: float, polar: Polar
 ) -> float:
-    """Largest speed over ground (m/s) along the unit tangent t in currents between two extremes.
+    """Return the largest speed over ground (m/s) along unit tangent t in currents of a range.
 
-    The current taken helps at least as much along t as any other, and lies no more across it.
+    It assumes a current that helps along t at least as much as any of these, and hinders across t
+    no more than any.
     """
     along = max(tx * low_u, tx * high_u) + max(ty * low_v, ty * high_v)
     low = min(tx * low_v, tx * high_v) - max(ty * low_u, ty * high_u)
@@ -146,7 +148,7 @@ def legs_between(
     extremes: Extremes,
     polar: Polar,
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, IntArray, IntArray]:
-    """Legs between pairs (p, 2) of nodes that see each other: a roadmap's columns from `first`."""
+    """Return legs between pairs (p, 2) of nodes: the columns of a `Roadmap` from `first` on."""
     bounds, edges = _crossings(points, triangle, pairs, mesh)
     first = np.zeros(len(points) + 1, dtype=np.int64)
     for k in range(len(pairs)):
@@ -179,7 +181,7 @@ def legs_between(
 def _crossings(
     points: FloatArray, triangle: IntArray, pairs: IntArray, mesh: Mesh
 ) -> tuple[IntArray, IntArray]:
-    """Edges that the lines between pairs of nodes cross, and where each line's (p,) begin.
+    """Return edges that the lines between pairs of nodes cross, and where each line's (p,) begin.
 
     The edges of a line end where the next line's begin; -1 stands for a line that can't be sailed.
     """
@@ -200,7 +202,7 @@ def _crossings(
 
 @kernel
 def _crossed(mesh: Mesh, leg: Segment, triangle: int, last: int, edges: IntArray) -> int:
-    """Number of edges that a leg from one triangle to the last crosses, noted in `edges`.
+    """Return number of edges that a leg from one triangle to the last crosses, noted in `edges`.
 
     -1 where one of them can't be passed.
     """
@@ -220,7 +222,7 @@ def _crossed(mesh: Mesh, leg: Segment, triangle: int, last: int, edges: IntArray
 def _by_leg(
     pair: IntArray, leads_back: BoolArray, begin: IntArray, edges: IntArray, mesh: Mesh
 ) -> tuple[IntArray, IntArray]:
-    """Edges that legs cross, from their pairs' edges, and where each leg's begin (m + 1,)."""
+    """Return edges that legs cross, from the pairs' edges, and where each leg's begin (m + 1,)."""
     end = begin[1:].copy()
     for k in range(len(end) - 2, -1, -1):
         if end[k] < 0:
@@ -244,7 +246,7 @@ def _by_leg(
 
 @kernel
 def _crossed_edge(mesh: Mesh, triangle: int, entry: int, leg: Segment) -> tuple[int, bool]:
-    """Edge by which a leg leaves a triangle, as the corner opposite to it; -1 for none.
+    """Return the edge by which a leg leaves a triangle, as the corner opposite to it; -1 for none.
 
     `entry` is the corner opposite to the edge by which it came in, -1 at its beginning. Also
     whether the edge may be crossed there.

@@ -19,7 +19,7 @@ from renew.kernels.capsules import Segment
 
 # A row of triangles that is not allowed: it enters a triangle twice, or makes a blocked transition.
 _IMPOSSIBLE, UNKNOWN = -2, -1
-# From here downwards: a row that is still to be made; see `followed`.
+# Numbers from here downwards stand for rows that must still be made; see `followed`.
 TO_BE_MADE = -3
 # Largest number of triangles at the end of a row from which a path has to turn back to reach the
 # goal.
@@ -85,7 +85,7 @@ def first_row(task: Task) -> IntArray:
 def _note(
     rows: IntArray, new: int, stem: int, triangle: int, entry: int, word: int, astray: int
 ) -> None:
-    """Fill in the columns of a row, but for the columns of longer rows."""
+    """Fill in the columns of a row, except those of longer rows."""
     rows[new, _STEM], rows[new, _TRIANGLE], rows[new, _ENTRY] = stem, triangle, entry
     rows[new, WORD], rows[new, _ASTRAY] = word, astray
 
@@ -108,7 +108,7 @@ def with_room(array: npt.NDArray[_Number], size: int) -> npt.NDArray[_Number]:
 def row_after(
     task: Task, words: Words, rows: IntArray, used: int, row: int, leg: int
 ) -> tuple[int, IntArray, int]:
-    """Row after a leg, negative where there can be none; all rows, and their number."""
+    """Return the row after a leg, negative where there can be none; all rows, and their number."""
     onwards = followed(task.graph, rows, row, leg)
     while onwards <= TO_BE_MADE:
         rows = with_room(rows, used + 1)
@@ -119,7 +119,7 @@ def row_after(
 
 @kernel
 def followed(graph: Roadmap, rows: IntArray, row: int, leg: int) -> int:
-    """Row after a leg, negative where there can be none.
+    """Return the row after a leg, negative where there can be none.
 
     If the row is not known yet, returns TO_BE_MADE - 3 r - e: r is the last known row, and e the
     edge by which the leg leaves it.
@@ -164,7 +164,7 @@ def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) 
 
 @kernel
 def word_changes(task: Task) -> BoolArray:
-    """Edges (3 t,) across which a row's word changes: three times a triangle, and a corner."""
+    """Return which edges (3 t,), numbered 3 triangle + corner, change a row's word."""
     mesh, rays = task.graph.mesh, task.rays
     changes = np.zeros(mesh.neighbours.size, dtype=np.bool_)
     for triangle in range(len(mesh.neighbours)):
@@ -193,7 +193,7 @@ def keeps_word(graph: Roadmap, changes: BoolArray, leg: int) -> bool:
 
 @kernel
 def _across(mesh: Mesh, triangle: int, out: int) -> tuple[Segment, Segment]:
-    """Legs from a triangle's middle to that of one of its edges, and on to the next one's."""
+    """Return legs from a triangle's middle to that of an edge, and on to the next triangle's."""
     ax, ay = _middle(mesh, triangle)
     bx, by = _middle(mesh, mesh.neighbours[triangle, out])
     p, q = mesh.corners[triangle, (out + 1) % 3], mesh.corners[triangle, (out + 2) % 3]
@@ -236,7 +236,7 @@ def _leads_on(task: Task, rows: IntArray, row: int, out: int) -> bool:
 
 @kernel
 def _middle(mesh: Mesh, triangle: int) -> tuple[float, float]:
-    """Centroid of a triangle."""
+    """Return the centroid of a triangle."""
     corners = mesh.corners[triangle]
     return (
         (corners[0, 0] + corners[1, 0] + corners[2, 0]) / 3,
@@ -246,13 +246,13 @@ def _middle(mesh: Mesh, triangle: int) -> tuple[float, float]:
 
 @kernel
 def triangles_of(rows: IntArray, row: int) -> IntArray:
-    """Triangles of a row, from the start's on."""
+    """Return triangles of a row, from the start's on."""
     return up_to(rows, row, _TRIANGLE, _STEM)
 
 
 @kernel
 def up_to(table: IntArray, row: int, column: int, before: int) -> IntArray:
-    """Values of a column along the rows that lead to one; `before` is the column of stems."""
+    """Return values of a column along the rows that lead to one; `before` is the stems' column."""
     values = [table[row, column]]
     while table[row, before] >= 0:
         row = table[row, before]
@@ -262,7 +262,7 @@ def up_to(table: IntArray, row: int, column: int, before: int) -> IntArray:
 
 @kernel
 def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
-    """Number of the word after a leg that follows a word."""
+    """Return the number of the word after a leg that follows a word."""
     first, last, step = rays_between(rays.x, leg.ax, leg.bx)
     for i in range(first, last, step):
         if not is_crossed(rays.x[i], rays.y[i], leg):

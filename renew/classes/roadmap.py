@@ -1,10 +1,10 @@
 """A roadmap of the water: nodes of a grid and in straits, and straight legs between them.
 
 A search for classes runs on it. Nodes stand on a rectangular grid, and on passing edges (*gates*):
-straits may be far narrower than a cell. The more eddies and islands there are, the closer they
-stand; beside a path that is looked at closer, they stand in a tube of water only. A leg joins nodes
-whose straight line crosses passing edges only; it is followed from triangle to triangle, so that a
-search knows which class it is in.
+straits may be far narrower than a cell. The more eddies and islands there are, the closer the nodes
+stand; for a finer search beside a path, they stand only in a tube of water. A leg joins nodes whose
+straight line crosses passing edges only; it is followed from triangle to triangle, so that a search
+knows which class it is in.
 """
 
 import itertools
@@ -23,21 +23,22 @@ from renew.classes.triangulation import Triangulation
 from renew.kernels.current_table import CurrentTable
 from renew.voyage.voyage import Voyage
 
-# Number of cells: in still water, in small eddies, for each triangle, at most, and from which on
-# legs lead in more directions. In smooth currents, cells for each node of the coarsest table that
-# would do.
+# Numbers of cells: in still water; in small eddies; per triangle; at most; and the number from
+# which legs lead in more directions. In smooth currents, cells per node of the coarsest table that
+# is fine.
 _SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 22_500, 20, 40_000, 5_000
 _PER_NODE = 0.1
-# Factor by which nodes stand closer together in a closer look at a path, and half the width of the
-# tube of water around it, in cells.
+# For a finer search beside a path: factor by which nodes stand closer together, and half the width
+# of the tube of water around the path, in cells.
 _CLOSER, _TUBE = 4, 8.0
 START, GOAL = 0, 1
 """Numbers of the start's and the goal's node."""
-# A passing edge shorter than so many cells has so many gates; longer edges have one, so that legs
-# lead wherever triangles do. Number of nearest nodes to which a gate is joined, itself included.
+# A passing edge shorter than the first number, in cells, has the second number of gates; a longer
+# edge has one, so that legs lead wherever triangles do. Number of nearest nodes to which a gate is
+# joined, itself included.
 _GATE_LENGTH, _GATES, _NEAREST = 3.0, 3, 17
-# Least number of cells between start and goal; around them the grid is as fine as that takes, and
-# grows coarser outwards by this factor from cell to cell.
+# Least number of cells between start and goal; around them the grid is fine enough for that, and
+# cells grow outwards by this factor from one to the next.
 _WAY_CELLS, _GROWTH = 16, 1.15
 
 
@@ -52,7 +53,7 @@ class Resolution(NamedTuple):
 
 
 def resolution_for(voyage: Voyage, triangulation: Triangulation) -> Resolution:
-    """Resolution that tells the classes of a voyage apart: the finer, the more eddies and islands.
+    """Return a resolution that distinguishes a voyage's classes: finer with eddies and islands.
 
     In small eddies legs lead in more directions as well: with few, the wrong valley is taken.
     """
@@ -89,7 +90,7 @@ class Tube(NamedTuple):
 
 @kernel
 def _nodes_near(x: FloatArray, y: FloatArray, points: FloatArray, distance: float) -> BoolArray:
-    """Nodes (ny, nx) of a grid that are closer than a distance (m) to some points (n, 2)."""
+    """Return nodes (ny, nx) of a grid that are closer than a distance (m) to some points (n, 2)."""
     near = np.zeros((len(y), len(x)), dtype=np.bool_)
     for px, py in points:
         first = np.searchsorted(x, px - distance)
@@ -106,7 +107,7 @@ def _nodes_near(x: FloatArray, y: FloatArray, points: FloatArray, distance: floa
 def closer_look(
     paths: Sequence[FloatArray], voyage: Voyage, resolution: Resolution
 ) -> tuple[Resolution, Tube]:
-    """Resolution and water in which paths (n, 2) that were found at another are looked at closer.
+    """Return the resolution and the tube for a finer search beside paths (n, 2).
 
     Legs lead in many directions: the ways round an islet differ by less than the detour that few
     directions cost.
@@ -121,7 +122,7 @@ class Roadmap(NamedTuple):
 
     `time` and `back` (m,) are the least at any time along a leg, to its `head`, and back, s. The
     passing edges that a leg crosses are crossed[first_crossed[leg] : first_crossed[leg + 1]], each
-    as three times the triangle it leaves there, and the corner opposite to the edge.
+    as three times the triangle that the leg leaves there, plus the corner opposite to the edge.
     """
 
     mesh: Mesh
@@ -146,8 +147,8 @@ def roadmap(
 ) -> Roadmap:
     """Put nodes over the water and join them; straits narrower than twice `clearance` m are closed.
 
-    `table` is the current by which legs are timed. Wherever a row of triangles leads through, legs
-    do; but all keep in the tube, if one is given.
+    `table` is the current in which legs are timed. Legs lead wherever a row of triangles does, but
+    only inside the tube, if one is given.
     """
     mesh = _mesh(triangulation, clearance)
     x, y = _axes(voyage, resolution.cells)
@@ -179,7 +180,7 @@ def roadmap(
 
 
 def _mesh(triangulation: Triangulation, clearance: float) -> Mesh:
-    """Mesh of a triangulation."""
+    """Return the mesh of a triangulation."""
     neighbours = triangulation.neighbours
     triangle, corner = np.nonzero(neighbours >= 0)
     back = np.zeros_like(neighbours)
@@ -193,7 +194,7 @@ def _mesh(triangulation: Triangulation, clearance: float) -> Mesh:
 
 
 def _axes(voyage: Voyage, cells: int) -> tuple[FloatArray, FloatArray]:
-    """Coordinates of a grid's lines, even, or finer around a short voyage."""
+    """Return coordinates of a grid's lines, even, or finer around a short voyage."""
     xmin, ymin, xmax, ymax = voyage.chart.bounds
     cell = math.sqrt((xmax - xmin) * (ymax - ymin) / cells)
     fine = math.dist(voyage.start, voyage.goal) / _WAY_CELLS
@@ -206,7 +207,7 @@ def _axes(voyage: Voyage, cells: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _axis(low: float, high: float, cell: float, fine: float, way: list[float]) -> FloatArray:
-    """Coordinates from low to high, a cell apart; `fine` m apart around a way, if that is less."""
+    """Return coordinates from low to high, a cell apart; around a way at most `fine` m apart."""
     if fine >= cell:
         count = max(2, math.ceil((high - low) / cell))
         return low + (np.arange(count) + 0.5) * (high - low) / count
@@ -229,7 +230,7 @@ def _axis(low: float, high: float, cell: float, fine: float, way: list[float]) -
 
 
 def _coarsest(x: FloatArray, y: FloatArray) -> float:
-    """Size (m) of the largest cell."""
+    """Return the size (m) of the largest cell."""
     return float(max(np.diff(x).max(initial=0.0), np.diff(y).max(initial=0.0)))
 
 
@@ -243,7 +244,7 @@ class _Gates(NamedTuple):
 def _gates(
     triangulation: Triangulation, clearance: float, short: float, is_way: BoolArray
 ) -> _Gates:
-    """Gates on passing edges between triangles on some way (t,); a few on edges under `short` m."""
+    """Return gates on passing edges between triangles on a way (t,); a few on short edges."""
     neighbours = triangulation.neighbours
     is_passed = (neighbours > np.arange(len(neighbours))[:, None]) & is_way[:, None]
     triangle, corner = np.nonzero(is_passed & is_way[neighbours])
@@ -263,7 +264,7 @@ def _gates(
 
 
 def _grid_pairs(node: IntArray, reach: int) -> IntArray:
-    """Pairs (p, 2) of the grid's nodes (ny, nx) that stand close; -1 is none."""
+    """Return pairs (p, 2) of the grid's nodes (ny, nx) that stand close; -1 is none."""
     rows, columns = node.shape
     found = []
     for dr, dc in itertools.product(range(reach + 1), range(-reach, reach + 1)):
@@ -276,7 +277,7 @@ def _grid_pairs(node: IntArray, reach: int) -> IntArray:
 
 
 def _loose_pairs(points: FloatArray, around: IntArray, radius: float) -> IntArray:
-    """Pairs (p, 2) of start, goal and gates with the nodes around them, each pair once.
+    """Return pairs (p, 2) of start, goal and gates with the nodes around them, each pair once.
 
     These come first among the points; `around` (l, 2) has the triangles on both sides of each. All
     on the same triangle are joined, and the nearest others within a radius (m).
@@ -308,7 +309,7 @@ def _loose_pairs(points: FloatArray, around: IntArray, radius: float) -> IntArra
 
 @kernel
 def _triangles_of(x: FloatArray, y: FloatArray, mesh: Mesh, wanted: BoolArray) -> IntArray:
-    """Triangle (ny, nx) of each point of a grid; -1 on land, close to it, or where not wanted."""
+    """Return the triangle (ny, nx) of each point of a grid; -1 on or near land, or if unwanted."""
     holding = np.full((len(y), len(x)), -1, dtype=np.int64)
     for t in range(len(mesh.corners)):
         (ax, ay), (bx, by), (cx, cy) = mesh.corners[t]

@@ -31,8 +31,9 @@ _ON_EDGE = 1e-7
 Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
 # Tolerance, as a share of a cell, by which its outline is simplified.
 _TOLERANCE = 0.1
-# Shares of the vessel's speed from which the table's current counts as that strong: at most, so
-# that a simplified outline doesn't reach into it, and at least, however coarse the table.
+# The table's current counts as overpowering from a share of the vessel's speed: at most the first,
+# so that a simplified outline doesn't cut into such water, and at least the second, however coarse
+# the table.
 _AT_MOST, _AT_LEAST = 0.99, 0.5
 # Radius, in cells, of the water around start and goal that stays open: there the path itself finds
 # out how strong the current is.
@@ -77,13 +78,13 @@ class Triangulation:
 
     @cached_property
     def on_land(self) -> BoolArray:
-        """Which vertices (v,) a constrained edge ends in."""
+        """Which vertices (v,) are ends of a constrained edge."""
         ends = np.zeros(len(self.vertices), dtype=bool)
         ends[self.edge_vertices(*np.nonzero(self.hazardous))] = True
         return ends
 
     def free_widths(self, clearance: float) -> FloatArray:
-        """Lengths (p,), m, of passing edges without `clearance` m at each of their ends on land."""
+        """Return lengths (p,), m, of passing edges less `clearance` m at each end on land."""
         triangle, corner = np.nonzero(self.neighbours >= 0)
         vertices = self.edge_vertices(triangle, corner)
         a, b = self.vertices[vertices[:, 0]], self.vertices[vertices[:, 1]]
@@ -91,7 +92,7 @@ class Triangulation:
         return np.asarray(np.linalg.norm(b - a, axis=1) - taken)
 
     def open_outline(self, triangles: IntArray) -> FloatArray:
-        """Outer edges (w, 2, 2) of some triangles, but for constrained ones, in metres."""
+        """Return outer edges (w, 2, 2) of some triangles, except constrained ones, in metres."""
         inside = np.zeros(len(self.triangles) + 1, dtype=bool)  # the last for "none", -1
         inside[triangles] = True
         outer = ~inside[self.neighbours[triangles]] & ~self.hazardous[triangles]
@@ -99,7 +100,7 @@ class Triangulation:
         return self.vertices[self.edge_vertices(triangles[row], corner)]
 
     def edge_vertices(self, triangle: IntArray | int, corner: IntArray | int) -> IntArray:
-        """Vertices (..., 2) of the edge opposite a corner, in the triangle's own sense."""
+        """Return vertices (..., 2) of the edge opposite a corner, in the triangle's own sense."""
         corner = np.asarray(corner)
         return np.stack(
             [
@@ -110,7 +111,7 @@ class Triangulation:
         )
 
     def locate(self, point: FloatArray) -> int:
-        """Index of the triangle that holds a point, or -1 for a point outside the water."""
+        """Return index of the triangle that holds a point, or -1 for a point outside the water."""
         corners = self.corners - point
         edges = np.roll(corners, -1, axis=1) - corners
         # Signed distances to the three edges, positive inside.
@@ -124,7 +125,7 @@ _KEPT: WeakKeyDictionary[Chart, Triangulation] = WeakKeyDictionary()
 
 
 def triangulation_of(chart: Chart) -> Triangulation:
-    """Triangulation of a chart's whole water, made once: all plans on a chart share it."""
+    """Return triangulation of a chart's whole water, made once: all plans on a chart share it."""
     if (kept := _KEPT.get(chart)) is None:
         kept = _KEPT[chart] = triangulate(chart)
     return kept
@@ -179,7 +180,7 @@ def triangulate(
 
 
 def _by_triangle(water: shapely.Geometry, precision: float) -> FloatArray:
-    """Corners (t, 3, 2) by Triangle, over the convex hull less the parts that segments wall off."""
+    """Return corners (t, 3, 2) by Triangle: of the convex hull without walled-off parts."""
     import triangle  # an extra: only where it is installed
 
     rings = [
@@ -207,7 +208,7 @@ def _by_triangle(water: shapely.Geometry, precision: float) -> FloatArray:
 
 
 def _by_shapely(water: shapely.Geometry) -> FloatArray:
-    """Corners (t, 3, 2) by GEOS's constrained Delaunay triangulation."""
+    """Return corners (t, 3, 2) by GEOS's constrained Delaunay triangulation."""
     cells = shapely.get_parts(
         [shapely.constrained_delaunay_triangles(polygon) for polygon in shapely.get_parts(water)]
     )
@@ -215,7 +216,7 @@ def _by_shapely(water: shapely.Geometry) -> FloatArray:
 
 
 def _neighbours(triangles: IntArray) -> IntArray:
-    """Neighbours (t, 3) by matching the sorted vertex pairs of all edges."""
+    """Return neighbours (t, 3) by matching the sorted vertex pairs of all edges."""
     pairs = np.stack([triangles[:, [1, 2]], triangles[:, [2, 0]], triangles[:, [0, 1]]], axis=1)
     keys = np.sort(pairs.reshape(-1, 2), axis=1)
     order = np.lexsort((keys[:, 1], keys[:, 0]))
@@ -254,17 +255,17 @@ def _hazardous(
 
 
 def _area(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Twice the signed area (...) of triangles abc, positive anticlockwise."""
+    """Return the twice the signed area (...) of triangles abc, positive anticlockwise."""
     return _cross(b - a, c - a)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product (...) of plane vectors (..., 2)."""
+    """Return the cross product (...) of plane vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def overpowered_water(voyage: Voyage) -> shapely.Geometry:
-    """Water where the current is always at least as strong as the vessel is fast, as one geometry.
+    """Return the water where the current is always at least as strong as the vessel is fast.
 
     It is bounded by a contour of the table's currents, lowered by the error of the table.
     """
@@ -284,7 +285,7 @@ def overpowered_water(voyage: Voyage) -> shapely.Geometry:
 
 
 def _at_least(x: FloatArray, y: FloatArray, values: FloatArray, level: float) -> shapely.Geometry:
-    """Where values (ny, nx) at nodes, linear between them, are a level or more."""
+    """Return where values (ny, nx) at nodes, linear between them, are a level or more."""
     contours = contour_generator(x, y, values, fill_type=FillType.OuterOffset)
     polygons = [
         shapely.Polygon(outer, holes)

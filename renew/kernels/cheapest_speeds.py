@@ -97,8 +97,8 @@ def slopes(speeds: FloatArray, made: Sailed, price: float, exponent: float) -> F
 _MEMORY, _MAX_COSTS = 12, 300
 # Share of the decrease along the slope that a step has to make, and least share of a step.
 _ENOUGH, _SHORTEST = 1e-4, 1e-8
-# Decrease of the cost, as a share, below which a step counts as the last one; so many in a row end
-# the descent.
+# The descent ends when this number of steps in a row (the second) each lower the cost by less than
+# this share (the first).
 _LITTLE, _LAST_ONES = 1e-9, 2
 # Cost of speeds that make no way, as a multiple of a path's usual cost.
 _NO_WAY = 1e3

@@ -139,7 +139,7 @@ def changes(table: CurrentTable) -> FloatArray:
 
 
 def _density(axis: FloatArray) -> float:
-    """Cells per unit of an even axis (n,); 0 if it is uneven by more than rounding."""
+    """Return cells per unit of an even axis (n,); 0 if it is uneven by more than rounding."""
     steps = np.diff(axis)
     if not len(steps):
         return 0.0
@@ -169,7 +169,7 @@ class Site(NamedTuple):
 
 @small_kernel
 def site_of(table: CurrentTable, px: float, py: float) -> Site:
-    """Site of a point; one outside the table has the nearest place on its edge."""
+    """Return site of a point; one outside the table has the nearest place on its edge."""
     column, along_x = _cell(table.x, table.per_x, px)
     row, along_y = _cell(table.y, table.per_y, py)
     return Site(column, row, along_x, along_y)
@@ -177,7 +177,7 @@ def site_of(table: CurrentTable, px: float, py: float) -> Site:
 
 @small_kernel
 def velocity_there(table: CurrentTable, site: Site, time: float) -> tuple[float, float]:
-    """Velocity (m/s) at a site at some time (s)."""
+    """Return the velocity (m/s) at a site at some time (s)."""
     at, share = _slice(table, time)
     u, v = _in_slice(table.uv, at, site)
     if share > 0.0:
@@ -207,7 +207,7 @@ class Bend(NamedTuple):
 
 @small_kernel
 def bend_near(table: CurrentTable, site: Site, time: float) -> Bend:
-    """The current at a site around the slice that is nearest to a time (s)."""
+    """Return the current at a site around the slice that is nearest to a time (s)."""
     times, last, repeats = table.times, len(table.times) - 1, table.period < math.inf
     at, share = _slice(table, time)
     k = at + 1 if share > 0.5 else at
@@ -231,7 +231,7 @@ def bend_near(table: CurrentTable, site: Site, time: float) -> Bend:
 
 @small_kernel
 def node_velocity(table: CurrentTable, row: int, column: int, time: float) -> tuple[float, float]:
-    """Velocity (m/s) at a node at some time (s)."""
+    """Return the velocity (m/s) at a node at some time (s)."""
     at, share = _slice(table, time)
     u, v = table.uv[at, row, column]
     if share > 0.0:
@@ -243,7 +243,7 @@ def node_velocity(table: CurrentTable, row: int, column: int, time: float) -> tu
 
 @kernel
 def next_slice(table: CurrentTable, time: float) -> float:
-    """Time (s) of the first slice after a time; infinite where there is none."""
+    """Return the time (s) of the first slice after a time; infinite where there is none."""
     times = table.times
     last = len(times) - 1
     if last == 0:
@@ -282,7 +282,7 @@ def _slice(table: CurrentTable, time: float) -> tuple[int, float]:
 
 @small_kernel
 def _in_slice(uv: FloatArray, k: int, site: Site) -> tuple[float, float]:
-    """Velocity (m/s) at a site in one slice."""
+    """Return the velocity (m/s) at a site in one slice."""
     i, j, s, t = site
     sw, se, nw, ne = (1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t
     return (
@@ -299,7 +299,7 @@ def _in_slice(uv: FloatArray, k: int, site: Site) -> tuple[float, float]:
 
 @small_kernel
 def velocity(table: CurrentTable, px: float, py: float, time: float) -> tuple[float, float]:
-    """Velocity (m/s) at a point and time, held constant outside the table."""
+    """Return the velocity (m/s) at a point and time, held constant outside the table."""
     return velocity_there(table, site_of(table, px, py), time)
 
 
@@ -318,7 +318,7 @@ def _cell(axis: FloatArray, density: float, value: float) -> tuple[int, float]:
 
 @kernel
 def velocities(table: CurrentTable, points: FloatArray, times: FloatArray) -> FloatArray:
-    """Velocities (n, 2) at points (n, 2) and times (n,)."""
+    """Return velocities (n, 2) at points (n, 2) and times (n,)."""
     result = np.empty(points.shape)
     for k in range(len(points)):
         result[k, 0], result[k, 1] = velocity(table, points[k, 0], points[k, 1], times[k])

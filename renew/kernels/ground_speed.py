@@ -43,12 +43,12 @@ class Polar(NamedTuple):
 
 @small_kernel
 def sailing_at(speed: float, crab: bool, most: float) -> Polar:
-    """Polar at a speed through water (m/s) below the vessel's highest one."""
+    """Return polar at a speed through water (m/s) below the vessel's highest one."""
     return Polar(speed, crab, math.inf, 0.0, 2.0, 1.0, 0.0, most)
 
 
 def choosing(speed: float, *, crab: bool, least: float, price: float, exponent: float) -> Polar:
-    """Polar of a vessel that chooses its speed from `least` to `speed`, where a second costs μ.
+    """Return the polar of a vessel with speeds from `least` to `speed`, if a second costs μ.
 
     It is scaled to "make" `speed` in still water, as a vessel without a choice does.
     """
@@ -59,7 +59,7 @@ def choosing(speed: float, *, crab: bool, least: float, price: float, exponent: 
 
 @small_kernel
 def ground_speed(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> float:
-    """Speed over ground along the unit tangent t in the current c, m/s.
+    """Return the speed over ground along the unit tangent t in the current c, m/s.
 
     Projected: v + c·t. Crab: c·t + √(v² - |c - (c·t)t|²). Not positive where the vessel can't make
     way in that direction, and NaN where it can't even hold the course.
@@ -76,7 +76,7 @@ def ground_speed(cx: float, cy: float, tx: float, ty: float, polar: Polar) -> fl
 
 @kernel
 def _chosen_speed(along: float, across: float, polar: Polar) -> tuple[float, float]:
-    """The cheapest speed through water (m/s), and what the vessel then "makes" (:class:`Polar`).
+    """Return the cheapest speed through water (m/s), and what it "makes" (:class:`Polar`).
 
     `along`, `across`: parts of the current, m/s. If no speed makes way, the highest is given.
     """
@@ -104,7 +104,7 @@ def _chosen_speed(along: float, across: float, polar: Polar) -> tuple[float, flo
 def _stationary(
     along: float, square: float, k: float, price: float, low: float, high: float, best: float
 ) -> float:
-    """The W (m/s) between two limits at which a metre costs least, by Newton's iteration.
+    """Return the W (m/s) between two limits at which a metre costs least, by Newton's iteration.
 
     It begins at the `best` guess. The slope of the cost, times (a + W)², rises with W, so a bracket
     around the minimum can limit the steps.
@@ -157,12 +157,12 @@ def ground_speeds(
 
 
 def made_good(velocity: FloatArray, tangent: FloatArray, polar: Polar) -> FloatArray:
-    """What the vessel "makes" (...), m/s, along unit tangents (..., 2) in currents (..., 2)."""
+    """Return what the vessel "makes" (...), m/s, along tangents (..., 2) in currents (..., 2)."""
     return _at_choice(velocity, tangent, polar)[1]
 
 
 def chosen_speeds(velocity: FloatArray, tangent: FloatArray, polar: Polar) -> FloatArray:
-    """Speeds through water (...) of least cost along unit tangents in currents (..., 2), m/s.
+    """Return speeds through water (...) of least cost along tangents in currents (..., 2), m/s.
 
     If there is no choice, they are all the polar's own speed.
     """
@@ -174,7 +174,7 @@ def chosen_speeds(velocity: FloatArray, tangent: FloatArray, polar: Polar) -> Fl
 def _at_choice(
     velocity: FloatArray, tangent: FloatArray, polar: Polar
 ) -> tuple[FloatArray, FloatArray]:
-    """Speeds through water (...) and what the vessel "makes" at them (...), m/s."""
+    """Return speeds through water (...) and what the vessel "makes" at them (...), m/s."""
     velocity, tangent = np.broadcast_arrays(velocity, tangent)
     speed, made = _chosen_speeds(
         for_kernels(velocity.reshape(-1, 2)), for_kernels(tangent.reshape(-1, 2)), polar
@@ -187,7 +187,7 @@ def _at_choice(
 def _chosen_speeds(
     velocity: FloatArray, tangent: FloatArray, polar: Polar
 ) -> tuple[FloatArray, FloatArray]:
-    """Chosen speeds through water (n,), and what the vessel "makes" at them (n,), m/s."""
+    """Return chosen speeds through water (n,), and what the vessel "makes" at them (n,), m/s."""
     speed, made = np.empty(len(velocity)), np.empty(len(velocity))
     for i in range(len(velocity)):
         (u, v), (tx, ty) = velocity[i], tangent[i]

@@ -134,7 +134,8 @@ class Corridor:
     def straight_in_soft_ends(self, path: FloatArray) -> FloatArray:
         """Return a path (n, 2) with one leg in V around a start or goal, which ends just outside.
 
-        It leads to a point of the path, or else the shortest way out from which the path goes on.
+        That leg leads to a point of the path or, if none can be reached, to the nearest point
+        outside from which the path can continue.
         """
         for at in range(2):
             # The second turn is from the goal, and turns the path back.

@@ -35,8 +35,8 @@ _TIMES, _TRIES = 48, 6
 _NARROWEST = 1e-6
 # Price of lateness, as a multiple of k vᵏ at the highest speed v: so high that lateness never pays.
 _LATE = 3.0
-# Rounds to find the multiplier; lateness that the first and the last change of it allow, as shares
-# of the duration.
+# Number of rounds to find the multiplier; lateness that is allowed when it changes for the first
+# and for the last time, as shares of the duration.
 _ROUNDS, _FIRST_LATE, _LATE_AT_LAST = 12, 0.02, 1e-7
 # Number of constant speeds tried, and of halvings between two of them.
 _CONSTANT, _HALVINGS = 24, 30

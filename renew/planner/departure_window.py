@@ -154,7 +154,7 @@ class DepartureWindow:
         return Departures.of([one.outcome for one in self.sailings], self.unproven, plan)
 
     def _on_grid(self, departure: float) -> float:
-        """The last departure (s) up to this one that may be added."""
+        """Return the last departure (s) up to this one that may be added."""
         if not self._spacing:
             return departure
         steps = math.floor((departure - self._first) / self._spacing + _ROUNDING)

@@ -162,9 +162,9 @@ def plan_departures(
     departures : array_like
         Ascending times (n,), s, on the clock of the current.
     to_within : float, optional
-        Plan as many departures between them as it takes to know, to within the error of the paths
-        found, that none between the first and the last beats the best one by more than this (s),
-        and a few more beside that one.
+        Also plan departures between them until, apart from the error of the found paths, none
+        between the first and the last can beat the best one by more than this (s); then plan a few
+        more beside the best one.
     spacing : float
         Departures planned between them are whole multiples of this (s) after the first, such as
         minutes; 0 for any time.

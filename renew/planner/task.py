@@ -81,7 +81,7 @@ def check_pace(voyage: Voyage) -> None:
     """
     vessel = voyage.vessel
     limit = _MAX_PACE * vessel.speed * vessel.turn_rate
-    # The table is made for the plan anyway; most never change as fast anywhere.
+    # The table is made for the plan anyway; most currents never change that fast.
     if voyage.current.is_steady or voyage.waters.current_change <= limit:
         return
     change = float(np.quantile(changes(voyage.table), 0.5, method="lower"))

@@ -25,8 +25,8 @@ from renew.voyage.voyage import Voyage
 # Sizes of discs, in multiples of the radius that can be steered at a corner, because the current
 # changes along the arc. Discs for several corners are larger from the start.
 _ROUNDING, _TOGETHER = 1.06, 1.2
-# Growth of discs where the vessel can't turn, beyond what the arc lacks of room; its maximum per
-# round and in total.
+# Discs grow where the vessel can't turn, by the arc's lack of room times the first factor; maximum
+# growth per round and in total.
 _MARGIN, _MOST_AT_ONCE, _LARGEST = 1.01, 1.13, 1.5
 # Number of times that discs may grow, and by how much they may be too small.
 _MAX_GROWTHS, _GROWTH = 6, 1.01
@@ -255,9 +255,10 @@ def _with_rounded_corners(
 
 
 def _corner_radius(path: FloatArray, voyage: Voyage) -> FloatArray:
-    """Smallest radii (n - 2,), m, at a path's inner corners when the vessel passes them.
+    """Return the smallest radii (n - 2,), m, at a path's inner corners when the vessel passes them.
 
-    By the current's table if that is fine: discs are drawn larger than they need be.
+    The current is read from its table if that is fine, because discs are drawn a little larger
+    anyway.
     """
     times = voyage.reading_times(path)[1:-1]
     return corner_radius(path, voyage.waters.quick_current, voyage.vessel, times)

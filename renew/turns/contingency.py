@@ -34,14 +34,14 @@ from renew.voyage.voyage import early_and_late
 # Number of headings of a full turn, one every 10 degrees: by the midpoint rule the track is within
 # 0.1 % of the radius.
 _TURN_STEPS = 36
-# Number of draws of the field's spread for each point and side, beside the field itself.
+# Number of draws of the field's spread for each point and side, besides the field itself.
 _DRAWS = 4
 # Number of points on each ring over which that spread is taken.
 _RING = 8
 
 
 class HasPath(Protocol):
-    """Whatever has a path (n, 2) in metres: a Route, or a route of another planner."""
+    """Any object with a path (n, 2) in metres: a Route, or a route of another planner."""
 
     @property
     def path(self) -> FloatArray:
@@ -171,7 +171,7 @@ def contingency(
 
 
 def _drawn_deviations(count: int, seed: int) -> FloatArray:
-    """Deviations (count, 1 + draws, 2) of speed and direction: none, then drawn ones."""
+    """Return deviations (count, 1 + draws, 2) of speed and direction: none, then drawn ones."""
     deviations = np.random.default_rng(seed).standard_normal((count, 1 + _DRAWS, 2))
     deviations = np.clip(deviations, -MAX_DEVIATIONS, MAX_DEVIATIONS)
     deviations[:, 0] = 0.0
@@ -188,7 +188,7 @@ def fly_turns(
     steps: int = _TURN_STEPS,
     speeds: FloatArray | None = None,
 ) -> FloatArray:
-    """Tracks (n, turns, steps + 1, 2) of full turns from points (n, 2) on courses (n,) rad.
+    """Return tracks (n, turns, steps + 1, 2) of full turns from points (n, 2) on courses (n,) rad.
 
     They begin at `times` (n,), s, at speeds (n,) through water, or at the vessel's. Each of the
     draws, to either side, is flown in the field perturbed by `deviations` (n or 1, draws, 2):
@@ -227,9 +227,9 @@ def _flown(
     vessel: Vessel,
     steps: int,
 ) -> FloatArray:
-    """Tracks (n, turns, steps + 1, 2) in any field, perturbed by (n, draws).
+    """Return tracks (n, turns, steps + 1, 2) in any field, perturbed by (n, draws).
 
-    The midpoint rule; each draw to port, then to starboard.
+    Integrated by the midpoint rule; each draw turns to port, then to starboard.
     """
     side = np.array([1.0, -1.0])
     shape = (len(points), speed_change.shape[1], 2)
@@ -265,7 +265,7 @@ def _flown_by_table(
     turn_rate: float,
     steps: int,
 ) -> FloatArray:
-    """Tracks as :func:`_flown` gives them, of a current in a table: compiled."""
+    """Return tracks as :func:`_flown` gives them, of a current in a table: compiled."""
     count, draws = speed_change.shape
     tracks = np.empty((count, 2 * draws, steps + 1, 2))
     step = 2 * math.pi / turn_rate / steps
@@ -306,7 +306,7 @@ def _flown_by_table(
 def _perturbed_velocity(
     current: tuple[float, float], more: float, cos: float, sin: float
 ) -> tuple[float, float]:
-    """A velocity (m/s) with its speed changed and its direction rotated by an angle."""
+    """Return a velocity (m/s) with its speed changed and its direction rotated by an angle."""
     u, v = current
     speed = math.sqrt(u * u + v * v)
     factor = max(0.0, speed + more) / speed if speed > 0.0 else 0.0
@@ -322,7 +322,7 @@ def _touching(turns: FloatArray, tree: shapely.STRtree) -> BoolArray:
 
 
 def stations(path: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Points (n, 2) every `spacing` metres along a path, and the course (n,) there, rad."""
+    """Return points (n, 2) every `spacing` metres along a path, and the course (n,) there, rad."""
     legs = np.diff(path, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     path, legs, lengths = (
@@ -346,7 +346,7 @@ def _crab_heading(
     speeds: FloatArray,
     times: FloatArray,
 ) -> FloatArray:
-    """Heading (n,) that holds the course in the current, or the course where none does."""
+    """Return heading (n,) that holds the course in the current, or the course where none does."""
     tangent = np.stack([np.cos(course), np.sin(course)], axis=-1)
     velocity = field.velocity(points, times)
     speed = ground_speed(velocity, tangent, speeds, "crab")
@@ -361,7 +361,7 @@ def perturbations(
     deviations: FloatArray,
     times: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Perturbations of the field (n, draws) at times (n,): of speed (m/s) and of direction (rad).
+    """Return perturbations (n, draws) of the field's speed (m/s) and direction (rad) at times (n,).
 
     The field's spread is taken on rings within the turning circle's diameter.
     """
@@ -382,7 +382,7 @@ def perturbations(
 def _perturbed(
     velocity: FloatArray, speed_change: FloatArray, direction_change: FloatArray
 ) -> FloatArray:
-    """Velocities (n, draws, sides, 2) with speed and direction changed by (n, draws)."""
+    """Return velocities (n, draws, sides, 2) with speed and direction changed by (n, draws)."""
     speed = np.linalg.norm(velocity, axis=-1)
     factor = np.maximum(0.0, speed + speed_change[..., None]) / np.where(speed > 0, speed, 1.0)
     cos, sin = (

@@ -49,7 +49,7 @@ class PaddedEdges:
 
     @classmethod
     def joined(cls, parts: "Sequence[PaddedEdges]") -> "PaddedEdges":
-        """All edges of some parts of a voyage, each once, with its least padding."""
+        """Return all edges of some parts of a voyage, each once, with its least padding."""
         every = cls.stacked(parts)
         order = np.lexsort((every.padding, every.edge))
         return every.select(order[np.diff(every.edge[order], prepend=-1) != 0])
@@ -134,7 +134,7 @@ class _Around(NamedTuple):
 
 
 def region_of(triangulation: Triangulation, channel: Channel) -> dict[int, int]:
-    """Triangles in which a channel's paths are planned, each with the nearest place in its row."""
+    """Return the triangles for a channel's paths, each with the nearest place in its row."""
     path = channel.found_by
     crossed = set() if path is None else set(path.triangles.tolist())
     return surroundings(triangulation, channel.triangles.tolist(), _LAYERS, crossed)
@@ -169,13 +169,13 @@ class PaddingModel:
     def padded_edges(
         self, channel: Channel, start: FloatArray, goal: FloatArray, windows: FloatArray
     ) -> PaddedEdges:
-        """Constrained edges next to a channel, each with the largest padding it needs for turns.
+        """Return constrained edges next to a channel, with the largest padding needed for turns.
 
         Its triangles are crossed in windows of time (c, 2), s.
 
         Next to means: within the furthest reach of a turn. So all edges count that touch the
         channel by edge or vertex (the paper's rule), and edges just beyond a narrow triangle. An
-        edge that is near triangles beside the channel only is padded as these triangles need it,
+        edge that is near only triangles beside the channel is padded as these triangles need it,
         since a path may bulge into them; the path is assumed to cross them as it does the channel
         beside them.
         """
@@ -202,7 +202,7 @@ class PaddingModel:
     def shortfall(
         self, path: Visits, windows: FloatArray, channel: Channel, padded: PaddedEdges
     ) -> tuple[IntArray, FloatArray] | None:
-        """Constrained edges whose padding is too small for a path, and by how much (m).
+        """Return constrained edges whose padding is too small for a path, and by how much (m).
 
         Its visits fall into windows of time (v, 2), s.
 
@@ -239,7 +239,7 @@ class PaddingModel:
         return (edges[found], short[found]) if len(found) else None
 
     def _steps(self, windows: FloatArray) -> list[tuple[int, int]]:
-        """First and last step of the clock for windows (n, 2), s, which lie between the two."""
+        """Return first and last step of the clock around windows (n, 2), s."""
         if self._current.is_steady:
             return [(0, 0)] * len(windows)
         first = np.floor(windows[:, 0] / self._clock_step).astype(int)
@@ -247,7 +247,7 @@ class PaddingModel:
         return list(zip(first.tolist(), last.tolist(), strict=True))
 
     def _passing(self, triangles: IntArray, beside: IntArray, otherwise: FloatArray) -> FloatArray:
-        """Midpoints (n, 2) of the edges shared with triangles `beside`; `otherwise` without any."""
+        """Return midpoints (n, 2) of the edges shared with triangles `beside`, or `otherwise`."""
         triangulation = self._triangulation
         shared = triangulation.neighbours[triangles] == beside[:, None]
         edges = triangulation.edge_vertices(triangles, shared.argmax(axis=1))
@@ -301,7 +301,7 @@ class PaddingModel:
         )
 
     def _edges_within(self, triangles: IntArray, reach: FloatArray) -> list[IntArray]:
-        """Constrained edges within a reach (n,), m, of each of some triangles (n,).
+        """Return constrained edges within a reach (n,), m, of each of some triangles (n,).
 
         A triangle is passed in many windows of time, each with a reach of its own.
         """
@@ -327,7 +327,7 @@ class PaddingModel:
         return [one.edges[one.apart <= r] for one, r in zip(around, reach.tolist(), strict=True)]
 
     def _furthest(self, statistics: CurrentStatistics) -> FloatArray:
-        """Upper bounds (n,) on padding and clearance of any edge near triangles (m)."""
+        """Return the upper bounds (n,) on padding and clearance of any edge near triangles (m)."""
         if not self._options.is_adaptive:
             return np.full(len(statistics.speed), self._options.min_width)
         return np.maximum(furthest_reach(statistics, self._vessel), self._options.min_width)
@@ -340,7 +340,7 @@ class PaddingModel:
         enter: FloatArray,
         leave: FloatArray,
     ) -> FloatArray:
-        """σ-quantiles (p,) of the worst reach from triangles `row` (p,) towards edges (p, 2, 2)."""
+        """Return σ-quantiles (p,) of the reach from triangles `row` (p,) to edges (p, 2, 2)."""
         travel = leave - enter
         heading = np.arctan2(travel[:, 1], travel[:, 0])
         normals = normals_away(edges, ((enter + leave) / 2)[row])

@@ -31,18 +31,18 @@ HEADING_SPREAD = math.radians(20)
 Larger values change little, since a turn reaches furthest when begun along the edge."""
 
 MAX_DEVIATIONS = 2.0
-"""Standard deviations by which the currents that turns are flown in differ at most from the field:
-95 % of a normal spread, for which the default risk of 5 % answers."""
+"""Largest deviation from the field of the currents that turns are flown in, in standard deviations:
+95 % of a normal spread lie within it, as the default risk of 5 % asks for."""
 
-# Number of draws that exceed the quantile, about, and of draws at least and at most.
+# Approximate number of draws that exceed the quantile; minimum and maximum number of draws.
 _TAIL_DRAWS, _MIN_DRAWS, _MAX_DRAWS = 20.0, 512, 20_000
-# A risk that would need more than _MAX_DRAWS takes so many stretched draws; about such a share of
-# them exceeds the quantile.
+# If a risk would need more than _MAX_DRAWS, this number of stretched draws is taken, of which about
+# this share exceeds the quantile.
 _STRETCHED_DRAWS, _STRETCHED_SHARE = 4096, 0.02
 # Share of the risk at which the quantile is taken: the rest covers the error of the draws.
 _SAFETY = 0.85
-# Draws to one side that are looked at for a bound on all headings, as a share of all: a multiple of
-# the share that the risk allows, from the least to the largest share.
+# Draws to one side of the course that give a bound on all headings, as a share of all draws: a
+# multiple of the risk, but within a least and a largest share.
 _TIMES_ASIDE, _LEAST_ASIDE, _SHARE_ASIDE = 3.0, 0.05, 0.5
 # Largest number of turns that are held in memory at a time: 160 MB.
 _MAX_TURNS = 4_000_000
@@ -88,7 +88,7 @@ def reach_along(
 def turn_reach(
     vessel: Vessel, heading: FloatArray, current: FloatArray, normal: FloatArray
 ) -> FloatArray:
-    """Reach (...), m, of hard-over turns along unit normals, the worse of port and starboard.
+    """Return the reach (...), m, of hard-over turns along normals, the worse of both sides.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def turn_reach(
 
 
 def normals_away(edges: FloatArray, from_points: FloatArray) -> FloatArray:
-    """Unit normals (e, 2) of edges (e, 2, 2), each on the side that points away from a point."""
+    """Return unit normals (e, 2) of edges (e, 2, 2), each pointing away from a point."""
     along = edges[:, 1] - edges[:, 0]
     normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -125,8 +125,8 @@ def normals_away(edges: FloatArray, from_points: FloatArray) -> FloatArray:
 class TurnsAtEdges(NamedTuple):
     """Turns of a vessel towards edges.
 
-    Turn p begins in the current `row[p]` of some (t,), on the course (t,) rad there, and is looked
-    at along the unit normal p of `normals` (p, 2), m.
+    Turn p begins in the current `row[p]` of some (t,), on the course (t,) rad there, and its reach
+    is taken along the unit normal p of `normals` (p, 2), m.
     """
 
     statistics: CurrentStatistics
@@ -137,7 +137,7 @@ class TurnsAtEdges(NamedTuple):
 
 
 def furthest_reach(statistics: CurrentStatistics, vessel: Vessel) -> FloatArray:
-    """Bound (n,), m, on the reach of drawn turns in currents (n,), up to four deviations."""
+    """Return bound (n,), m, on the reach of drawn turns in currents (n,), up to four deviations."""
     speed = statistics.speed + 4 * statistics.speed_std
     return np.asarray(2 * vessel.turning_radius + speed * vessel.turn_period)
 
@@ -156,7 +156,7 @@ class DrawnAside(NamedTuple):
 
 
 class TurnSampler:
-    """A number of drawn turns, the same for every place: its figures depend on the place alone.
+    """Drawn turns, the same for every place, so that a place's figures depend on itself alone.
 
     With a `stretch` above 1 speeds and directions deviate by that factor more than they should, and
     draws have weights that make up for it (importance sampling): few draws reach far into the tail.
@@ -184,7 +184,7 @@ class TurnSampler:
         return cls(seed, _STRETCHED_DRAWS, float(ndtri(risk) / ndtri(_STRETCHED_SHARE)))
 
     def reaches(self, asked: TurnsAtEdges) -> FloatArray:
-        """Reach (p, draws) of turns towards edges, m, the worse of both sides."""
+        """Return the reach (p, draws) of turns towards edges, m, the worse of both sides."""
         turns, vessel = self._turns(asked.statistics, asked.course), asked.vessel
         reaches = _reaches(asked.row, asked.normals, turns, vessel.speed, vessel.turn_rate)
         return np.asarray(reaches)
@@ -192,12 +192,12 @@ class TurnSampler:
     def draws(
         self, statistics: CurrentStatistics, course: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Headings (t, draws), rad, and currents (t, draws, 2), m/s, of the turns of `reaches`."""
+        """Return headings (t, draws), rad, and currents (t, draws, 2), m/s, of drawn turns."""
         turns = self._turns(statistics, course)
         return turns.heading, np.stack([turns.u, turns.v], axis=-1)
 
     def quantile(self, asked: TurnsAtEdges, risk: float) -> FloatArray:
-        """Reach (p,), m, that no more than a share `risk` of turns exceed, on the safe side.
+        """Return reach (p,), m, that no more than a share `risk` of turns exceed, on the safe side.
 
         The rows ascend.
         """
@@ -209,7 +209,7 @@ class TurnSampler:
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def aside(self, risk: float) -> tuple[float, DrawnAside, DrawnAside]:
-        """Draws off the course to port, and to starboard, and the angle (rad) by which they are."""
+        """Return an angle (rad), and the draws that are off by it to port, and to starboard."""
         share = min(_SHARE_ASIDE, max(_LEAST_ASIDE, _TIMES_ASIDE * _SAFETY * risk))
         angle = HEADING_SPREAD * (1 - 2 * share)
         port, starboard = (
@@ -224,14 +224,14 @@ class TurnSampler:
         return angle, port, starboard
 
     def upper_quantile(self, values: FloatArray, risk: float) -> FloatArray:
-        """Value (n,) that a share `risk` of the draws (n, draws) exceeds, on the safe side."""
+        """Return values (n,) that a share `risk` of draws (n, draws) exceeds, on the safe side."""
         order = np.argsort(-values, axis=1)
         beyond = np.cumsum(self._weight[order] / self.count, axis=1)
         at = np.minimum((beyond <= _SAFETY * risk).sum(axis=1), self.count - 1)
         return np.asarray(np.take_along_axis(values, order, axis=1)[np.arange(len(at)), at])
 
     def _quantile(self, asked: TurnsAtEdges, risk: float, rows: slice) -> FloatArray:
-        """Quantiles for some of the rows."""
+        """Return quantiles for some of the rows."""
         statistics, course, row, normals, vessel = asked
         turns = self._turns(CurrentStatistics(*(of[rows] for of in statistics)), course[rows])
         first, last = np.searchsorted(row, (rows.start, rows.stop))
@@ -247,7 +247,7 @@ class TurnSampler:
         return np.asarray(_quantile(own, towards, turns, vessel.speed, vessel.turn_rate, exceeding))
 
     def _turns(self, statistics: CurrentStatistics, course: FloatArray) -> TurnStarts:
-        """Turns (t, draws) in draws of currents (t,), with headings about a course (t,) rad."""
+        """Return turns (t, draws) in draws of currents (t,), with headings about courses (t,)."""
         s = statistics
         heading = course[:, None] + self._heading
         speed = np.maximum(0.0, s.speed[:, None] + s.speed_std[:, None] * self._speed)
@@ -262,7 +262,7 @@ class TurnSampler:
 
 
 def _even_draws(seed: int, count: int) -> FloatArray:
-    """Draws (3, count), evenly in the unit cube: Hammersley's points, shifted by the seed.
+    """Return draws (3, count), evenly in the unit cube: Hammersley's points, shifted by the seed.
 
     Their quantiles are off by 1.3 %, and quantiles of random draws by 2.6 % (512 draws, risk 5 %).
     Sobol's scrambled sequence is no better, and takes SciPy half a second to import.
@@ -286,7 +286,7 @@ def _radical_inverse(index: IntArray, base: int) -> FloatArray:
 
 @kernel
 def _turns_in(turns: TurnStarts, row: int) -> TurnStarts:
-    """Turns (draws,) that begin in one current of several (t, draws)."""
+    """Return turns (draws,) that begin in one current of several (t, draws)."""
     return TurnStarts(
         turns.heading[row], turns.cos[row], turns.sin[row], turns.u[row], turns.v[row]
     )
@@ -296,7 +296,7 @@ def _turns_in(turns: TurnStarts, row: int) -> TurnStarts:
 def _reaches(
     row: IntArray, normals: FloatArray, turns: TurnStarts, speed: float, turn_rate: float
 ) -> FloatArray:
-    """Reach (p, draws) along normals (p, 2), each in the draws of one row, m."""
+    """Return the reach (p, draws) along normals (p, 2), each in the draws of one row, m."""
     reach = np.empty((len(row), turns.heading.shape[1]))
     for p in range(len(row)):
         reach_along(normals[p], _turns_in(turns, row[p]), speed, turn_rate, reach[p])
@@ -312,7 +312,7 @@ def _quantile(
     turn_rate: float,
     exceeding: int,
 ) -> FloatArray:
-    """Reach (p,) that a number of draws exceed: the largest after `exceeding` others."""
+    """Return the reach (p,) that a number of draws exceed: the largest after `exceeding` others."""
     found = np.empty(len(row))
     reach = np.empty(turns.heading.shape[1])
     largest = np.empty(exceeding + 1)
@@ -341,7 +341,7 @@ def _weighted_quantile(
     weight: FloatArray,
     risk: float,
 ) -> FloatArray:
-    """Reach (p,) that draws with a weight (draws,) of at most `risk` together exceed."""
+    """Return the reach (p,) that draws with a weight (draws,) of at most `risk` together exceed."""
     found = np.empty(len(row))
     reach = np.empty(turns.heading.shape[1])
     for p in range(len(row)):
@@ -365,7 +365,7 @@ class TurnReach:
 
     @classmethod
     def of(cls, table: CurrentTable, vessel: Vessel) -> "TurnReach":
-        """Bounds from the strongest current that a turn can meet, at any time.
+        """Return bounds from the strongest current that a turn can meet, at any time.
 
         A turn is 2 v/ω wide in still water, and is carried by the drift of one period. Speeds
         between 0 and m have a standard deviation of at most m / 2, so that a perturbed current is
@@ -385,7 +385,7 @@ class TurnReach:
         return cls(table.x, table.y, wide + drift * maximum_filter(speed, size, mode="nearest"))
 
     def __call__(self, points: FloatArray) -> FloatArray:
-        """Bound (n,) in metres for turns that begin at points (n, 2)."""
+        """Return the bound (n,) in metres for turns that begin at points (n, 2)."""
         column = np.clip(np.searchsorted(self.x, points[:, 0]), 0, len(self.x) - 1)
         row = np.clip(np.searchsorted(self.y, points[:, 1]), 0, len(self.y) - 1)
         return np.asarray(self.furthest[row, column])

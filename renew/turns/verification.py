@@ -5,8 +5,8 @@ also meet a shut area, either on its path or in a turn that it begins at the pla
 taken to carry the vessel as far as :class:`renew.turns.turn_reach.TurnReach` says, for as long as
 the turn lasts. The vessel can get no farther, so a path that is found free of the area is safe.
 
-Turns are flown in the field, and none may touch land. That tests samples, and proves nothing: a
-proof is behind the bound on fuel alone (:mod:`renew.bounds`).
+Turns are flown in the field, and none may touch land. That tests samples, and proves nothing: only
+the bound on fuel has a proof (:mod:`renew.bounds`).
 
 On request the risk is checked at every point as well. Padding is set for a channel: for travel
 between its passing edges' midpoints, in each triangle by itself. Just outside V a path may take
@@ -44,15 +44,15 @@ from renew.voyage.voyage import Voyage
 
 # Largest number of points at which the time of passage is taken.
 _MAX_PASSAGE_POINTS = 2000
-# Distance between the points at which a path is looked at, as a share of v/ω, and their largest
-# number.
+# Distance between the points at which a path is checked for shut areas, as a share of v/ω, and
+# their largest number.
 _WINDOW_SPACING, _MAX_POINTS = 0.5, 20_000
 
 
 def passage_windows(
     voyage: Voyage, path: FloatArray, enter: FloatArray, leave: FloatArray
 ) -> FloatArray:
-    """Windows (n, 2), s, of the stretches of a path (m, 2) from `enter` to `leave` (n, 2).
+    """Return windows (n, 2), s, of the stretches of a path (m, 2) from `enter` to `leave` (n, 2).
 
     A window opens when an early vessel comes to the first place of the stretch. A late vessel may
     begin a turn at the last place; the window closes when this turn is over. In a steady current
@@ -78,7 +78,7 @@ def meeting(
     voyage: Voyage,
     reach: TurnReach | float,
 ) -> tuple[FloatArray, float, float] | None:
-    """Place (2,) where a vessel may be in a shut area, from when and until when (s); or None.
+    """Return where (2,) a vessel may be in a shut area, from when and until when (s); or None.
 
     The vessel passes the points of a line (n, 2) at times (n,), s; a turn carries it `reach` m.
     """
@@ -101,7 +101,7 @@ def meeting(
 def _densified(
     line: FloatArray, times: FloatArray, spacing: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Points (m, 2) on a line, at most `spacing` (m) apart, with their times (m,), s."""
+    """Return points (m, 2) on a line, at most `spacing` (m) apart, with their times (m,), s."""
     lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
     pieces = np.maximum(1, np.ceil(lengths / spacing)).astype(int)
     leg = np.repeat(np.arange(len(lengths)), pieces)
@@ -142,7 +142,7 @@ def colliding_edges(
     reach: TurnReach,
     speeds: FloatArray | None = None,
 ) -> tuple[IntArray, FloatArray] | None:
-    """Constrained edges that turns along a path touch, and by how much their padding must grow (m).
+    """Return constrained edges that turns along a path touch, and the padding they lack (m).
 
     None if no turn touches any. `reach` bounds how far a turn can get. Turns begun in the part of V
     around a start or goal that itself lies in V are left out: no padding there could help. Turns
@@ -189,10 +189,10 @@ def colliding_edges(
 
 
 def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
-    """The current that turns are flown in, and how far off their tracks that may bring them (m).
+    """Return the current for flying turns, and how far off their tracks it may bring them (m).
 
-    The table if that is fine, or if its error brings them astray by little beside the margin: a
-    table of many slices may not be fine for want of memory.
+    It is the table if that is fine, or if its error moves the tracks by little compared with the
+    margin: a table of many slices may have to be coarse, to fit in memory.
     """
     table, vessel = voyage.table, voyage.vessel
     astray = _ELSEWHERE * table.error * vessel.turn_period
@@ -202,7 +202,7 @@ def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
 
 
 def _spacing(path: FloatArray, vessel: Vessel) -> float:
-    """Distance (m) between stations along a path (n, 2)."""
+    """Return the distance (m) between stations along a path (n, 2)."""
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     return max(_SPACING * vessel.turning_radius, length / _MAX_STATIONS)
 
@@ -210,7 +210,7 @@ def _spacing(path: FloatArray, vessel: Vessel) -> float:
 def passed_stations(
     path: FloatArray, spacing: float, voyage: Voyage
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Stations (n, 2) along a path, the course (n,) rad there, and times (n,), s, of passage.
+    """Return stations (n, 2) along a path, courses (n,), rad, and times of passage (n,), s.
 
     In a current that changes each is there three times: passed early, on time and late.
     """
@@ -226,13 +226,13 @@ def passed_stations(
 def _max_offset(
     points: FloatArray, field: CurrentField, vessel: Vessel, drift: FloatArray, times: FloatArray
 ) -> FloatArray:
-    """How far perturbations can carry a turn off its own track (n,), m; `drift` (n,) its own, m."""
+    """Return how far (n,), m, perturbations can carry a turn that drifts by `drift` (n,), m."""
     speed_change, direction_change = perturbations(points, field, vessel, _CORNERS[:, 1:2], times)
     return _ELSEWHERE * (vessel.turn_period * speed_change[:, 0] + drift * direction_change[:, 0])
 
 
 def _depths(tracks: FloatArray, chart: Chart) -> FloatArray:
-    """How deep each track (n, steps, 2) goes into the no-go zone (n,), m."""
+    """Return how deep each track (n, steps, 2) goes into the no-go zone (n,), m."""
     points = tracks.reshape(-1, 2)
     inside = shapely.contains_xy(chart.hard_no_go, points)
     depth = np.zeros(len(points))
@@ -259,7 +259,7 @@ class _Stations(NamedTuple):
     current: CurrentStatistics
 
     def chosen(self, which: IntArray | BoolArray) -> "_Stations":
-        """Some of them."""
+        """Return some of the stations."""
         current = CurrentStatistics(*(of[which] for of in self.current))
         return _Stations(self.points[which], self.course[which], current)
 
@@ -272,7 +272,7 @@ def risky_edges(
     sampler: TurnSampler,
     risk: float,
 ) -> tuple[IntArray, FloatArray] | None:
-    """Constrained edges that too many turns along a path (n, 2) reach, and the padding they lack.
+    """Return constrained edges that too many turns along a path reach, and the padding they lack.
 
     No more than a share `risk` of the turns drawn at any station may reach land: in currents drawn
     from the mean and spread in its triangle, one of `corners` (t, 3, 2), and on headings about its
@@ -302,7 +302,7 @@ def risky_edges(
         reaches = sampler.reaches(asked)
         reaches -= gap[pairs, None]
         first = np.flatnonzero(np.diff(own, prepend=-1))
-        # A turn counts that reaches any of the edges around; the one most reached is to blame.
+        # A turn counts if it reaches any of the edges around; the edge reached furthest is padded.
         beyond.append(sampler.upper_quantile(np.maximum.reduceat(reaches, first), risk))
         order = np.lexsort((sampler.upper_quantile(reaches, risk), own))
         blamed.append(pairs.start + order[np.append(first[1:], len(own)) - 1])
@@ -316,7 +316,7 @@ def risky_edges(
 
 
 def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Stations:
-    """Stations along a path (n, 2), each with the current of the triangle (t, 3, 2) it lies in."""
+    """Return stations along a path (n, 2), each with the current of its triangle (t, 3, 2)."""
     points, course = stations(path, _spacing(path, voyage.vessel))
     windows = passage_windows(voyage, points, points, points)
     found, triangle = shapely.STRtree(shapely.polygons(corners)).query(
@@ -334,7 +334,7 @@ def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Station
 
 
 def _parts(row: IntArray, draws: int) -> Iterator[slice]:
-    """Slices of ascending rows (p,), each with all pairs of its rows and not too many turns."""
+    """Yield slices of ascending rows (p,) with all pairs of their rows and not too many turns."""
     bounds = np.append(np.flatnonzero(np.diff(row, prepend=-1)), len(row))
     begin = 0
     while begin < len(row):

@@ -50,7 +50,7 @@ def as_path(given: object) -> FloatArray:
 def ground_speed(
     velocity: FloatArray, tangent: FloatArray, speed: float | FloatArray, drift: Drift
 ) -> FloatArray:
-    """Speed over ground (...) along unit tangents (..., 2) in currents (..., 2), m/s.
+    """Return the speed over ground (...) along unit tangents (..., 2) in currents (..., 2), m/s.
 
     At speeds (...) through water. Not positive, or NaN, where the vessel can't make way in that
     direction.
@@ -87,14 +87,14 @@ class Pieces(NamedTuple):
         return cls(*_cut(for_kernels(path)))
 
     def total(self, a_metre: FloatArray) -> FloatArray:
-        """Integral over each piece (p,) of a quantity per metre at its nodes (p, 4)."""
+        """Return the integral over each piece (p,) of a quantity per metre at its nodes (p, 4)."""
         whole = (a_metre * (_WEIGHTS / 2)).sum(axis=1) * self.length
         return np.asarray(np.where(self.length > 0, whole, 0))
 
 
 @kernel
 def _cut(path: FloatArray) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Fields of the :class:`Pieces` of a path (n, 2)."""
+    """Return fields of the :class:`Pieces` of a path (n, 2)."""
     legs = len(path) - 1
     lengths, pieces, whole = np.empty(legs), np.empty(legs, dtype=np.int64), 0.0
     for k in range(legs):
@@ -125,7 +125,7 @@ def _cut(path: FloatArray) -> tuple[IntArray, FloatArray, FloatArray, FloatArray
 def _durations(
     velocity: FloatArray, tangent: FloatArray, length: FloatArray, speed: FloatArray, crab: bool
 ) -> FloatArray:
-    """Time (s,), s, over :class:`Pieces` in currents (s, 4, 2) at their nodes, at speeds (s,)."""
+    """Return the time (s,), s, over `Pieces` in currents (s, 4, 2) at their nodes, at speeds."""
     durations = np.zeros(len(length))
     for k in range(len(length)):
         polar = sailing_at(speed[k], crab, 0.0)
@@ -173,7 +173,7 @@ def passage(
     drift: Drift = "projected",
     departure: float = 0.0,
 ) -> Passage:
-    """Passage along a path (n, 2), with the clock running from the departure (s).
+    """Return the passage along a path (n, 2), with the clock running from the departure (s).
 
     Legs are sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's. With a `guess`
     of the times (n,) at the path's points, s, it is found sooner.
@@ -190,7 +190,7 @@ def passage(
     through_water = speeds_by_leg(speeds, vessel, len(path) - 1)[leg]
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
-        """Time (p,), s, over some pieces at whose ends it is `times` (p + 1,)."""
+        """Return the time (p,), s, over some pieces at whose ends it is `times` (p + 1,)."""
         when = times[:-1, None] + WITHIN * np.diff(times)[:, None]
         velocity = for_kernels(field.velocity(pieces.points[some], when))
         tangent, length = pieces.tangent[some], pieces.length[some]
@@ -205,7 +205,7 @@ def passage(
 
 
 def speeds_by_leg(speeds: FloatArray | None, vessel: Vessel, legs: int) -> FloatArray:
-    """Speeds (n,) through water of n legs: as given, or the vessel's."""
+    """Return speeds (n,) through water of n legs: as given, or the vessel's."""
     if speeds is None:
         return np.full(legs, vessel.speed)
     speeds = as_floats("speeds", speeds)
@@ -224,7 +224,7 @@ def reading_times(
     begin: float,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Times (n,), s, at which the current at the points of a path (n, 2) is to be read.
+    """Return times (n,), s, at which the current at the points of a path (n, 2) is to be read.
 
     They are times of passage at speeds (n - 1,), m/s, from the time at which it begins; in a steady
     current all are that time. Where no way can be made the clock stops.
@@ -243,11 +243,12 @@ def times_under_way(
     is_steady: bool,
     guess: FloatArray | None = None,
 ) -> FloatArray:
-    """Times (count + 1,), s, at the ends of the pieces of a way, the first at departure.
+    """Return times (count + 1,), s, at the ends of the pieces of a way, the first at departure.
 
     `durations` gives the time over some pieces from the times at their ends. In a steady current it
-    is asked once. In a current that changes, times are put in until the same times come out, a
-    `guess` first; a stretch of the way on which they never do is halved.
+    is asked once. In a current that changes, it is asked with the times that it gave before (first
+    with a `guess`) until they no longer change; a stretch of the way on which they do not settle is
+    halved.
     """
     times = np.full(count + 1, float(departure))
     if is_steady:
@@ -280,7 +281,7 @@ def _settled(
     since: FloatArray,
     begin: float,
 ) -> tuple[FloatArray, bool]:
-    """Times (s + 1,) at the ends of some pieces, s since they begin, and whether these are settled.
+    """Return times (s + 1,), s, at the ends of pieces since their begin, and if these are settled.
 
     By Newton's method, from a guess: the time over a piece is taken as linear in the time at its
     middle, with the slope that the last two rounds show.
@@ -298,7 +299,8 @@ def _settled(
             slope[far] = np.clip((lasts - last_lasts)[far] / moved[far], -_STEEP, _STEEP)
         found = _chained(middle, lasts, slope)
         if not (np.diff(found) >= 0).all():
-            # Where the current nearly stops the vessel slopes may be anything: take the plain sum.
+            # Where the current nearly stops the vessel, slopes may have any value: take the plain
+            # sum.
             return np.append(0.0, np.cumsum(lasts)), False
         change = np.abs(found - since).max()
         since = found
@@ -309,7 +311,7 @@ def _settled(
 
 @kernel
 def _chained(middle: FloatArray, lasts: FloatArray, slope: FloatArray) -> FloatArray:
-    """Times (s + 1,), s, at the ends of pieces; each `lasts` so long if passed at `middle`."""
+    """Return times (s + 1,), s, at the ends of pieces, which last `lasts` if passed at `middle`."""
     since = np.zeros(len(lasts) + 1)
     for k in range(len(lasts)):
         half = slope[k] / 2
@@ -318,7 +320,7 @@ def _chained(middle: FloatArray, lasts: FloatArray, slope: FloatArray) -> FloatA
 
 
 def speeds_along(points: FloatArray, path: FloatArray, speeds: FloatArray) -> FloatArray:
-    """Speeds (m,), m/s, at points (m, 2) on or near a path, of its legs' (n - 1,)."""
+    """Return speeds (m,), m/s, at points (m, 2) on or near a path, from its legs' (n - 1,)."""
     if np.ptp(speeds) == 0:
         return np.full(len(points), speeds[0])
     ends = np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))
@@ -335,7 +337,7 @@ def fuel(
     departure: float = 0.0,
     speeds: FloatArray | None = None,
 ) -> float:
-    """Fuel to follow a path (paper, Eq. 4), at constant thrust or at a speed for each leg.
+    """Return fuel to follow a path (paper, Eq. 4), at constant thrust or at a speed for each leg.
 
     Parameters
     ----------

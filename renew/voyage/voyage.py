@@ -58,7 +58,7 @@ class Waters:
 
     @cached_property
     def quick_current(self) -> CurrentField:
-        """The current by its table, where that reproduces it, else the current itself."""
+        """The table as a current if it is accurate, else the current itself."""
         return TabulatedCurrent(self.table) if self.table.is_fine else self.current
 
     @cached_property
@@ -76,7 +76,7 @@ class Voyage:
     `via` (n, 2), m, are passed in their order. As a part of a longer voyage it has been under way
     for `before` (s) when it begins.
 
-    Where the vessel has a choice of speeds its own is the highest one, and every search for paths
+    If the vessel has a choice of speeds, its own is the highest one, and every search for paths
     minimises the cost, fuel + λ time; with an infinite λ, the time. In a current that changes a
     `schedule` (n, 2) says when the vessel is where: shares of its path's length, and times (s).
     """
@@ -147,7 +147,7 @@ class Voyage:
         return np.vstack([self.start, self.via, self.goal])
 
     def part(self, at: int, departure: float) -> "Voyage":
-        """The part from one stop to the next, begun at a time (s), as a voyage of its own."""
+        """Return the part from one stop to the next as a voyage of its own, begun at a time (s)."""
         start, goal = self.stops[at : at + 2]
         before = departure - self.departure
         return replace(
@@ -155,7 +155,7 @@ class Voyage:
         )
 
     def parts(self, path: FloatArray) -> "Iterator[tuple[Voyage, FloatArray]]":
-        """Each part with its piece of a path (n, 2), begun when the path comes to it."""
+        """Yield each part with its piece of a path (n, 2), begun when the path comes to it."""
         if not len(self.via):
             yield self, path
             return
@@ -168,11 +168,11 @@ class Voyage:
             departure += duration if math.isfinite(duration) else 0.0
 
     def cut(self, path: FloatArray) -> list[FloatArray]:
-        """Pieces (n, 2) of a path between the via points that it passes; each ends in one."""
+        """Return pieces (n, 2) of a path between via points; each but the last ends at one."""
         return self._cut(path)[0]
 
     def cut_speeds(self, path: FloatArray, speeds: FloatArray) -> list[FloatArray]:
-        """Speeds (n - 1,), m/s, of the legs of each of these pieces, from the path's speeds."""
+        """Return the speeds (n - 1,), m/s, of the legs of each piece, from the path's speeds."""
         found, first = list[FloatArray](), 0
         for piece in self.cut(path):
             last = first + len(piece) - 1
@@ -182,11 +182,11 @@ class Voyage:
         return found
 
     def missed(self, path: FloatArray) -> FloatArray:
-        """Distance (v,), m, at which a path (n, 2) passes each via point, in their order."""
+        """Return distance (v,), m, at which a path (n, 2) passes each via point, in their order."""
         return self._cut(path)[1]
 
     def _cut(self, path: FloatArray) -> tuple[list[FloatArray], FloatArray]:
-        """The pieces, and how far off each via point is."""
+        """Return the pieces, and how far off each via point is."""
         return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)
 
     def at_price(self, price: float) -> "Voyage":
@@ -249,12 +249,12 @@ class Voyage:
         return self.vessel.fuel_rate
 
     def early_and_late(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Earliest and latest times (n,), s, at places that are passed at `times` (n,), s."""
+        """Return earliest and latest times (n,), s, at places passed at `times` (n,), s."""
         begun = self.departure - self.before
         return early_and_late(times, begun, self.lateness, self.min_lateness)
 
     def fuel(self, path: FloatArray) -> float:
-        """Fuel by Eq. 4 along a path (n, 2), or its cost; inf where no way can be made."""
+        """Return fuel by Eq. 4 along a path (n, 2), or its cost; inf where no way can be made."""
         if self.has_price:
             pieces = Pieces.of(path)
             velocity = self.current.velocity(pieces.points, self.departure)
@@ -265,7 +265,7 @@ class Voyage:
         return float(self.vessel.fuel_rate * (self.arrivals(path)[-1] - self.departure))
 
     def arrivals(self, path: FloatArray) -> FloatArray:
-        """Times (n,), s, at the points of a path (n, 2), on the current's clock, by Eq. 4."""
+        """Return times (n,), s, at a path's points (n, 2), on the current's clock, by Eq. 4."""
         key = path.tobytes()
         if key not in self._arrivals:
             self._arrivals[key] = self._timed(path)
@@ -277,7 +277,7 @@ class Voyage:
         return {}
 
     def _timed(self, path: FloatArray) -> FloatArray:
-        """Times (n,), s, at the points of a path, worked out in the current itself."""
+        """Return times (n,), s, at the points of a path, computed in the current itself."""
         times = None
         if not self.current.is_steady:
             times = arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))
@@ -292,12 +292,12 @@ class Voyage:
         return np.asarray(self.departure + np.concatenate([[0.0], np.cumsum(passed.durations)]))
 
     def duration(self, path: FloatArray) -> float:
-        """Time under way (s) along a path (n, 2), by the table; inf where no way can be made."""
+        """Return the time under way (s) along a path (n, 2), by the table; inf without headway."""
         end = float(arrivals(for_kernels(path), Stream(self.table, self.polar, self.clock))[-1])
         return end - self.departure if math.isfinite(end) else math.inf
 
     def reading_times(self, path: FloatArray) -> FloatArray:
-        """Times (n,), s, at about which the current at a path's points (n, 2) is to be read.
+        """Return times (n,), s, at about which the current at a path's points (n, 2) is to be read.
 
         They are times of passage by the schedule, or else by the table; in a steady current all are
         the departure. A leg that can't be sailed takes no time.
@@ -311,7 +311,7 @@ class Voyage:
 
 
 def shares(path: FloatArray) -> FloatArray:
-    """Shares (n,) of the way, from 0 to 1, at which the points of a path (n, 2) lie."""
+    """Return shares (n,) of the way, from 0 to 1, at which the points of a path (n, 2) lie."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     return np.asarray(along / max(along[-1], 1e-300))
 
@@ -319,7 +319,7 @@ def shares(path: FloatArray) -> FloatArray:
 def cut_at(
     path: FloatArray, points: FloatArray, close: float
 ) -> tuple[list[FloatArray], FloatArray]:
-    """Pieces (n, 2) of a path at points (v, 2) on it, in order, and how far off (v,) each is, m.
+    """Return pieces (n, 2) of a path cut at points (v, 2), and how far off (v,), m, these are.
 
     Where the path passes a point again as closely, within `close` m, the first time counts.
     """
@@ -340,7 +340,7 @@ def cut_at(
 def early_and_late(
     times: FloatArray, departure: float, lateness: float, min_lateness: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Earliest and latest times (n,), s, at places that are passed at `times` (n,), s.
+    """Return earliest and latest times (n,), s, at places passed at `times` (n,), s.
 
     They differ from `times` by a share `lateness` of the time since departure, and at least by
     `min_lateness` (s); but the vessel is nowhere before the departure.
