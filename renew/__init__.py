@@ -18,6 +18,7 @@ from renew.errors import (
 from renew.inputs.chart import Chart, ShutArea
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
 from renew.inputs.options import PlanOptions
+from renew.inputs.tide import Constant, HighAndLow, Tide
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
 from renew.planner.plan import plan, plan_departures
@@ -32,6 +33,7 @@ __version__ = "0.1.0"
 __all__ = [
     "ArrivalError",
     "Chart",
+    "Constant",
     "Contingency",
     "CurrentField",
     "CurrentTooStrongError",
@@ -40,6 +42,7 @@ __all__ = [
     "GoalInNoGoError",
     "GriddedCurrent",
     "GyreCurrent",
+    "HighAndLow",
     "OverpoweredHours",
     "ParameterError",
     "Plan",
@@ -50,6 +53,7 @@ __all__ = [
     "ShutArea",
     "StartInNoGoError",
     "SwingingGyre",
+    "Tide",
     "Tightest",
     "TradeOff",
     "UniformCurrent",
