@@ -151,8 +151,8 @@ def test_a_tide_is_pickled_without_what_it_predicted() -> None:
         (
             {"mean_level": "2 m", "ratio": -1, "offset": math.nan, "name": "Hull"},
             (
-                "tide of Hull: mean_level = '2 m' must be a number; ratio = -1 must be a number not "
-                "below 0; offset = nan must be a number"
+                "tide of Hull: mean_level = '2 m' must be a number; ratio = -1 must be a number "
+                "not below 0; offset = nan must be a number"
             ),
         ),
         ({"epoch": "now"}, "tide: epoch = 'now' must be a datetime or a datetime64"),
