@@ -15,9 +15,11 @@ from renew.errors import (
     UnreachableError,
     ViaInNoGoError,
 )
-from renew.inputs.chart import Chart, ShutArea
+from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
 from renew.inputs.options import PlanOptions
+from renew.inputs.shut_areas import ShutArea, TidalArea
+from renew.inputs.tidal_depth import LeastWater, TidalDepth
 from renew.inputs.tide import Constant, HighAndLow, Tide
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
@@ -43,6 +45,7 @@ __all__ = [
     "GriddedCurrent",
     "GyreCurrent",
     "HighAndLow",
+    "LeastWater",
     "OverpoweredHours",
     "ParameterError",
     "Plan",
@@ -53,6 +56,8 @@ __all__ = [
     "ShutArea",
     "StartInNoGoError",
     "SwingingGyre",
+    "TidalArea",
+    "TidalDepth",
     "Tide",
     "Tightest",
     "TradeOff",

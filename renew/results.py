@@ -23,7 +23,8 @@ from renew.errors import (
     from_until,
     in_seconds,
 )
-from renew.inputs.chart import ShutArea
+from renew.inputs.shut_areas import Area
+from renew.inputs.tidal_depth import LeastWater
 
 # Width of the map, CSS pixels; its height follows, up to twice as much.
 _WIDTH = 420.0
@@ -78,6 +79,7 @@ class Route:
     starts_in_soft_no_go, ends_in_soft_no_go : the first or the last legs lie partly in V.
     overpowered : water on the class's way that the current shuts for a while, in the order in which
         it is passed: the route is the best without waiting.
+    least_water : where the tide exceeds the need least; None without tidal depths on the way.
     """
 
     path: FloatArray
@@ -96,6 +98,7 @@ class Route:
     starts_in_soft_no_go: bool
     ends_in_soft_no_go: bool
     overpowered: tuple[OverpoweredHours, ...] = ()
+    least_water: LeastWater | None = None
     _zone: list[shapely.Geometry] = field(default_factory=list, init=False, repr=False)
 
     @cached_property
@@ -236,7 +239,7 @@ class Plan:
     rejected: tuple[Rejected, ...]
     chosen: int = 0
     overpowering: shapely.Geometry = field(default_factory=shapely.MultiPolygon)
-    shut: tuple[ShutArea, ...] = ()
+    shut: tuple[Area, ...] = ()
     trade_off: TradeOff | None = None
 
     @property

@@ -12,15 +12,26 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
 import renew
-from renew._types import FloatArray
+from renew._types import BoolArray, FloatArray
 from tests.oracles import _transversals, _Water, grid_graph
 
 # Number of pieces of an edge, and of a leg between transversals or along a path.
 _EDGE_PIECES, _LEG_PIECES, _PATH_PIECES = 4, 3, 24
+
+
+IsShut: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], BoolArray]
+"""Says of legs from a to b (n, 2), m, begun and ended at times (n,), s, which are shut."""
+
+
+def _never(*legs: FloatArray) -> BoolArray:
+    """No leg is ever shut."""
+    return np.zeros(len(legs[0]), dtype=bool)
 
 
 def earliest_arrival(
@@ -35,6 +46,7 @@ def earliest_arrival(
     clearance: float = 0.0,
     drift: str = "projected",
     radius: int = 7,
+    is_shut: IsShut = _never,
 ) -> tuple[float, FloatArray]:
     """Least fuel from start to goal over a grid's edges, and the path (n, 2) in metres."""
     points, graph = grid_graph(
@@ -58,6 +70,7 @@ def earliest_arrival(
         begin = np.full(len(heads), now)
         tails = np.broadcast_to(points[node], (len(heads), 2))
         found = sailed(tails, points[heads], begin, current, vessel, drift, _EDGE_PIECES)
+        found[is_shut(tails, points[heads], begin, found)] = np.inf
         better = found < arrival[heads]
         arrival[heads[better]] = found[better]
         came_from[heads[better]] = node
@@ -83,6 +96,7 @@ def tighten(
     spacing: float = 3.0,
     width: float = 6.0,
     rounds: int = 7,
+    is_shut: IsShut = _never,
 ) -> tuple[float, FloatArray]:
     """Improve a path locally: its fuel, and the path (n, 2); never worse than the given one."""
     water = _Water.of(chart, clearance)
@@ -103,6 +117,7 @@ def tighten(
                 a[reached], b[reached], begin[reached], current, vessel, drift, _LEG_PIECES
             )
             total[~water.legs_clear(a, b)] = np.inf
+            total[is_shut(a, b, begin, total)] = np.inf
             layer = total.reshape(count, count)
             came_from.append(layer.argmin(axis=0))
             arrival = layer.min(axis=0)

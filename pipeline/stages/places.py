@@ -236,6 +236,7 @@ def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[Note, ...]:
         for plan in plans
         if plan.plan is not None
         for area in plan.plan.shut
+        if isinstance(area, renew.ShutArea)
     )
 
 

@@ -8,7 +8,9 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import ParameterError, as_floats, check_kind, is_finite, is_number, shown
-from renew.inputs.chart import Chart, ShutArea
+from renew.inputs.chart import Chart
+from renew.inputs.shut_areas import ShutArea
+from renew.inputs.tidal_depth import TidalDepth
 from renew.inputs.vessel import MAX_SPEED, Vessel
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
@@ -264,14 +266,21 @@ class Request(PlanOptions):
         return found
 
 
-def check_objects(chart: Chart, vessel: Vessel, avoid: Sequence[ShutArea]) -> None:
-    """Refuse arguments that are no chart, no vessel or no row of areas."""
+def check_objects(
+    chart: Chart,
+    vessel: Vessel,
+    avoid: Sequence[ShutArea] = (),
+    depth: TidalDepth | None = None,
+) -> None:
+    """Refuse arguments that are no chart, no vessel, no row of areas or no depth."""
     check_kind("chart", chart, Chart)
     check_kind("vessel", vessel, Vessel)
     if not _is_row(avoid):
         raise ParameterError(f"avoid = {shown(avoid)} must be areas in a row, as in [area]")
     for at, area in enumerate(avoid):
         check_kind(f"avoid[{at}]", area, ShutArea)
+    if depth is not None:
+        check_kind("depth", depth, TidalDepth)
 
 
 def check_turns(
@@ -288,7 +297,7 @@ def check_turns(
     The path is `length` m long; `late` are the share of the time and the time (s) by which the
     vessel may be late.
     """
-    check_objects(chart, vessel, ())
+    check_objects(chart, vessel)
     faults = punctuality_faults(*late) + count_faults("seed", seed)
     if not (is_finite(spacing) and spacing > 0):
         faults.append(f"spacing = {shown(spacing)} m must be finite and above 0")

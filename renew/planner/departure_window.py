@@ -143,11 +143,13 @@ class DepartureWindow:
                     self._plan(middle)
         self.sailings = self._planner.by_arrival(self.sailings)
 
-    def replace(self, sailing: Sailing) -> None:
-        """Replace the sailing of an equal departure."""
+    def plan_best(self) -> Plan:
+        """Plan all classes at the best departure, and keep its best sailing."""
+        plan, sailing = self._planner.plan(self.best)
         kept = [one for one in self.sailings if one.departure != sailing.departure]
         self._insert(kept, sailing)
         self.sailings = self._planner.by_arrival(self.sailings)
+        return plan
 
     def departures(self, plan: Plan) -> Departures:
         """Return the result, with the plan of the best departure."""

@@ -16,12 +16,13 @@ from renew.errors import (
     TooLateError,
     UnreachableError,
 )
-from renew.inputs.chart import ShutArea
+from renew.inputs.shut_areas import Area
 from renew.paths.least_fuel_path import refined_path
-from renew.planner.classes import ClassSearch, meets, unavoidable, without_meeting
+from renew.planner.classes import ClassSearch
 from renew.planner.diagnosis import no_class_error
 from renew.planner.grow import near_rough
 from renew.planner.one_class import ClassPath, ClassPlanner
+from renew.planner.shut_areas import meetings, unavoidable, without_meeting
 from renew.planner.task import Task, check_current_at_endpoints
 from renew.results import Departed, Plan, Rejected
 from renew.steering.steer_in_corridor import steer_as_drawn
@@ -94,11 +95,11 @@ class Sailings:
 
     def __init__(self, task: Task) -> None:
         self._task = task
-        self._closed_at: dict[float, frozenset[ShutArea]] = {}
+        self._closed_at: dict[float, frozenset[Area]] = {}
 
     def sailing(self, departure: float) -> Sailing:
         """Return the best route at a departure (s)."""
-        closed: frozenset[ShutArea] = frozenset()
+        closed: frozenset[Area] = frozenset()
         while True:
             try:
                 sailing = self._sailing(departure, closed)
@@ -107,7 +108,9 @@ class Sailings:
                     raise
                 first = self._sailing(departure, frozenset())
                 areas = [area for area in self._task.areas if area in closed]
-                return replace(first, found=None, cause=unavoidable(areas, error), rejected=())
+                return replace(
+                    first, found=None, cause=unavoidable(areas, departure, error), rejected=()
+                )
             met = self._met(sailing, closed)
             if not met:
                 self._closed_at[departure] = closed
@@ -135,19 +138,19 @@ class Sailings:
         """
         return list(sailings) if self._task.areas else in_order_of_arrival(sailings)
 
-    def _sailing(self, departure: float, closed: frozenset[ShutArea]) -> Sailing:
+    def _sailing(self, departure: float, closed: frozenset[Area]) -> Sailing:
         """Return the best route at a departure (s), with some areas closed like land."""
         first = self._task.planner(closed)
         problem = first.problem.leaving(departure)
         return best_sailing(first.for_problem(problem), first.unpadded.for_problem(problem))
 
-    def _met(self, sailing: Sailing, closed: frozenset[ShutArea]) -> frozenset[ShutArea]:
+    def _met(self, sailing: Sailing, closed: frozenset[Area]) -> frozenset[Area]:
         """Return the areas that a sailing meets while they are shut."""
         others = [area for area in self._task.areas if area not in closed]
         if sailing.found is None or not others:
             return frozenset()
         route = sailing.planner.route(sailing.found)
-        return frozenset(area for area in others if meets(route, area, sailing.planner))
+        return frozenset(meetings(route, others, sailing.planner))
 
 
 def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:

@@ -3,13 +3,14 @@
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias, Unpack
 
 import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import ParameterError, check_kind, is_finite, shown
-from renew.inputs.chart import Chart, ShutArea
+from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.options import (
     Changes,
@@ -22,12 +23,15 @@ from renew.inputs.options import (
     as_via,
     check_objects,
 )
+from renew.inputs.shut_areas import Area, ShutArea
+from renew.inputs.tidal_depth import TidalDepth
 from renew.inputs.vessel import Vessel
-from renew.planner.classes import plan_around, plan_classes, with_always_shut
+from renew.planner.classes import plan_classes
 from renew.planner.departure_window import DepartureWindow, Progress, latest_departure
 from renew.planner.departures import Sailings
 from renew.planner.diagnosis import no_class_error
 from renew.planner.one_class import ClassPlanner
+from renew.planner.shut_areas import plan_around, with_always_shut, with_least_water
 from renew.planner.speeds import departures_with_speeds, plan_with_speeds
 from renew.planner.task import Task, check_current_at_endpoints, check_departures
 from renew.results import Departures, Plan
@@ -48,6 +52,7 @@ def plan(
     arrive_by: float | None = None,
     via: ViaPoints = (),
     avoid: Sequence[ShutArea] = (),
+    depth: TidalDepth | None = None,
     speed: Speeds | None = None,
     **changes: Unpack[Changes],
 ) -> Plan:
@@ -77,7 +82,9 @@ def plan(
     avoid : sequence of ShutArea
         Areas that are shut, always or for some hours. The vessel, whether early, on time or late,
         and any hard-over turn it starts, stays out of each area while it is shut; see
-        :mod:`renew.planner.classes`.
+        :mod:`renew.planner.shut_areas`.
+    depth : TidalDepth, optional
+        Areas that are shut while the tide is too low for the vessel.
     speed : (float, float), optional
         Lowest and highest speed through water (m/s), in place of the vessel's own. The vessel
         chooses a speed between them on each leg, for least fuel. Without `arrive_by` it has as much
@@ -114,20 +121,11 @@ def plan(
     ArrivalError
         No voyage that begins at `departure` arrives by `arrive_by`; with the earliest arrival.
     """
-    check_objects(chart, vessel, avoid)
+    check_objects(chart, vessel, avoid, depth)
     given = {**_given(options, changes), "departure": departure, "arrive_by": arrive_by}
-    task = _task(chart, current, vessel, (start, goal), via, avoid, {**given, "speed": speed})
-    if speed is not None:
-        return plan_with_speeds(task, departure)
-    if arrive_by is not None:
-        sailings = Sailings(task)
-        return sailings.plan(latest_departure(sailings, departure, float(arrive_by)))[0]
-
-    def plan_with(closed: Sequence[ShutArea]) -> tuple[Plan, ClassPlanner]:
-        planner = task.planner(closed)
-        return _plan(planner), planner
-
-    return plan_around(task.areas, plan_with)
+    given |= {"speed": speed}
+    task = _task(chart, current, vessel, (start, goal), via, avoid, depth, given)
+    return with_least_water(_planned(task), depth, task)
 
 
 def plan_departures(
@@ -145,6 +143,7 @@ def plan_departures(
     with_classes: bool = True,
     via: ViaPoints = (),
     avoid: Sequence[ShutArea] = (),
+    depth: TidalDepth | None = None,
     speed: Speeds | None = None,
     arrive_by: float | None = None,
     **changes: Unpack[Changes],
@@ -177,6 +176,9 @@ def plan_departures(
     avoid : sequence of ShutArea
         Areas that are shut, as for :func:`plan`. If an area is shut for some hours only, a later
         departure may arrive earlier, and departures between planned ones have no bound.
+    depth : TidalDepth, optional
+        Areas that are shut while the tide is too low, as for :func:`plan`; with them, too, nothing
+        is known of departures between planned ones.
     speed, arrive_by : optional
         Speeds to choose from and latest arrival, as for :func:`plan`. Each departure is planned
         with the speeds of least fuel, and the best departure needs least fuel. Departures between
@@ -196,7 +198,7 @@ def plan_departures(
     PlanningError
         As for :func:`plan`, if no given departure has a route.
     """
-    check_objects(chart, vessel, avoid)
+    check_objects(chart, vessel, avoid, depth)
     if not isinstance(with_classes, bool | np.bool_):
         raise ParameterError(f"with_classes = {shown(with_classes)} must be true or false")
     if not (is_finite(spacing) and spacing >= 0):
@@ -204,20 +206,34 @@ def plan_departures(
     times = as_departures(departures).tolist()
     given = {**_given(options, changes), "departure": times[0], "arrive_by": arrive_by}
     given |= {"to_within": to_within, "speed": speed, "is_sweep": True}
-    task = _task(chart, current, vessel, (start, goal), via, avoid, given)
+    task = _task(chart, current, vessel, (start, goal), via, avoid, depth, given)
     check_departures(task.current, times)
     if speed is not None:
-        return departures_with_speeds(task, times, progress)
+        found = departures_with_speeds(task, times, progress)
+    else:
+        window = _window(task, times, spacing, progress)
+        found = _best_of(window, to_within, with_classes=bool(with_classes))
+    return replace(found, plan=with_least_water(found.plan, depth, task))
+
+
+def _window(
+    task: Task, times: list[float], spacing: float, progress: Progress | None
+) -> DepartureWindow:
+    """Plan each departure (s); return them with what is known of those between."""
     sailings, voyage = Sailings(task), task.planner().problem.voyage
-    window = DepartureWindow(
+    return DepartureWindow(
         sailings,
         times,
         sum(itertools.starmap(math.dist, itertools.pairwise(voyage.stops)))
-        / (vessel.speed + voyage.table.strongest),
+        / (task.vessel.speed + voyage.table.strongest),
         speed_change=math.inf if task.areas else voyage.speed_change,
         spacing=spacing,
         progress=progress,
     )
+
+
+def _best_of(window: DepartureWindow, to_within: float | None, *, with_classes: bool) -> Departures:
+    """Plan departures between those of a window, if asked for, and the best one whole."""
     if window.best.found is None:
         raise window.sailings[0].error
     if to_within is not None:
@@ -225,9 +241,7 @@ def plan_departures(
         window.refine_around_best()
     if not with_classes:
         return window.departures(window.best.plan)
-    best, sailing = sailings.plan(window.best)
-    window.replace(sailing)
-    return window.departures(best)
+    return window.departures(window.plan_best())
 
 
 def _given(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -248,19 +262,38 @@ def _task(
     ends: tuple[_Place, _Place],
     via: ViaPoints,
     avoid: Sequence[ShutArea],
+    depth: TidalDepth | None,
     given: Mapping[str, Any],
 ) -> Task:
     """Return the task; raise an error for options, times, speeds or points out of range."""
     points = as_via(via)
     request = Request(**given, has_via=len(points) > 0)
+    never_open, tidal_areas = (depth.never_open, depth.tidal_areas) if depth else ((), ())
     return Task(
-        with_always_shut(chart, avoid),
+        with_always_shut(chart, [*avoid, *never_open]),
         as_field(current),
         vessel,
         np.vstack([as_point("start", ends[0]), points, as_point("goal", ends[1])]),
-        tuple(area for area in avoid if not area.is_always_shut),
+        (*(area for area in avoid if not area.is_always_shut), *tidal_areas),
         request,
     )
+
+
+def _planned(task: Task) -> Plan:
+    """Plan at the departure of a request, or at the latest one that arrives in time."""
+    request = task.request
+    if request.speed is not None:
+        return plan_with_speeds(task, request.departure)
+    if request.arrive_by is not None:
+        sailings = Sailings(task)
+        latest = latest_departure(sailings, request.departure, float(request.arrive_by))
+        return sailings.plan(latest)[0]
+
+    def plan_with(closed: Sequence[Area]) -> tuple[Plan, ClassPlanner]:
+        planner = task.planner(closed)
+        return _plan(planner), planner
+
+    return plan_around(task.areas, plan_with)
 
 
 def _plan(planner: ClassPlanner) -> Plan:

@@ -26,8 +26,8 @@ import numpy as np
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError, ParameterError, PlanningError
-from renew.inputs.chart import ShutArea
 from renew.inputs.options import check_speed_choice
+from renew.inputs.shut_areas import Area
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_by_clock
 from renew.paths.speeds_by_clock import (
@@ -35,11 +35,12 @@ from renew.paths.speeds_by_clock import (
     speeds_by_clock,
     trade_off_by_clock,
 )
-from renew.planner.classes import ClassSearch, plan_around, plan_classes
+from renew.planner.classes import ClassSearch, plan_classes
 from renew.planner.departure_window import Progress
 from renew.planner.grow import Shortfalls, grown_until_clear, steered_with_room
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.price_search import PriceSearch, chosen_fuel, profile_of
+from renew.planner.shut_areas import plan_around
 from renew.planner.task import Task, check_current_at_endpoints
 from renew.results import Departed, Departures, Plan, TradeOff
 from renew.steering.steer_in_corridor import steer_as_drawn
@@ -65,7 +66,7 @@ def plan_with_speeds(task: Task, departure: float) -> Plan:
     """
     check_speed_choice(task.vessel)
 
-    def plan(closed: Sequence[ShutArea]) -> tuple[Plan, ClassPlanner]:
+    def plan(closed: Sequence[Area]) -> tuple[Plan, ClassPlanner]:
         @functools.cache
         def planner_up_to(most: float | None) -> ClassPlanner:
             planner = task.planner(closed, most)

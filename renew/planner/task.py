@@ -19,9 +19,10 @@ from renew.errors import (
     Text,
     ViaInNoGoError,
 )
-from renew.inputs.chart import Chart, ShutArea, polygons_of
+from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField
 from renew.inputs.options import Request
+from renew.inputs.shut_areas import Area, polygons_of
 from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import changes, overpowered_spells
 from renew.planner.one_class import ClassPlanner
@@ -135,7 +136,7 @@ class Task:
     current: CurrentField
     vessel: Vessel
     stops: FloatArray
-    areas: tuple[ShutArea, ...]
+    areas: tuple[Area, ...]
     request: Request
     _planners: dict[object, ClassPlanner] = field(default_factory=dict)
 
@@ -145,7 +146,7 @@ class Task:
         last, arrive_by = self.current.span[1], self.request.arrive_by
         return float(last if arrive_by is None else min(arrive_by, last))
 
-    def planner(self, closed: Collection[ShutArea] = (), most: float | None = None) -> ClassPlanner:
+    def planner(self, closed: Collection[Area] = (), most: float | None = None) -> ClassPlanner:
         """Return the planner at the first departure, for speeds up to `most` (m/s).
 
         Areas in `closed` are closed like land. Without a choice of speeds it uses the vessel's own.
@@ -155,7 +156,7 @@ class Task:
             self._planners[key] = self._new_planner(closed, most)
         return self._planners[key]
 
-    def _new_planner(self, closed: Collection[ShutArea], most: float | None) -> ClassPlanner:
+    def _new_planner(self, closed: Collection[Area], most: float | None) -> ClassPlanner:
         """Make a planner; raise an error for stops on land, or a current that changes too fast."""
         chart, vessel, request = self.chart, self.vessel, self.request
         if closed:

@@ -1,9 +1,6 @@
 """Verification of a path by hard-over turns, at the times when the vessel may be at each place.
 
-The padding of a place holds throughout the window of the place. During the window the vessel may
-also meet a shut area, either on its path or in a turn that it begins at the place. A full turn is
-taken to carry the vessel as far as :class:`renew.turns.turn_reach.TurnReach` says, for as long as
-the turn lasts. The vessel can get no farther, so a path that is found free of the area is safe.
+The padding of a place holds throughout the window of the place.
 
 Turns are flown in the field, and none may touch land. That tests samples, and proves nothing: only
 the bound on fuel has a proof (:mod:`renew.bounds`).
@@ -21,7 +18,7 @@ import numpy as np
 import shapely
 
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.inputs.chart import Chart, ShutArea
+from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, CurrentStatistics, TabulatedCurrent
 from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import (
@@ -44,9 +41,6 @@ from renew.voyage.voyage import Voyage
 
 # Largest number of points at which the time of passage is taken.
 _MAX_PASSAGE_POINTS = 2000
-# Distance between the points at which a path is checked for shut areas, as a share of v/ω, and
-# their largest number.
-_WINDOW_SPACING, _MAX_POINTS = 0.5, 20_000
 
 
 def passage_windows(
@@ -69,46 +63,6 @@ def passage_windows(
     begin, end = times.min(axis=1), times.max(axis=1)
     (early, _), (_, late) = voyage.early_and_late(begin), voyage.early_and_late(end)
     return np.stack([early, late + voyage.vessel.turn_period], axis=1)
-
-
-def meeting(
-    line: FloatArray,
-    times: FloatArray,
-    area: ShutArea,
-    voyage: Voyage,
-    reach: TurnReach | float,
-) -> tuple[FloatArray, float, float] | None:
-    """Return where (2,) a vessel may be in a shut area, from when and until when (s); or None.
-
-    The vessel passes the points of a line (n, 2) at times (n,), s; a turn carries it `reach` m.
-    """
-    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    spacing = max(_WINDOW_SPACING * voyage.vessel.turning_radius, length / _MAX_POINTS)
-    points, passed = _densified(line, times, spacing)
-    early, late = voyage.early_and_late(passed)[0], voyage.early_and_late(passed)[1]
-    far = reach(points) if isinstance(reach, TurnReach) else np.full(len(points), reach)
-    is_near = shapely.distance(shapely.points(points), area.polygon) <= far + spacing
-    # The vessel may also be in the area between two points. So each point's time reaches from the
-    # point before it to the point behind it.
-    begin = np.append(early[:1], early[:-1])
-    end = np.append(late[1:], late[-1:]) + voyage.vessel.turn_period
-    met = np.flatnonzero(is_near & (begin < area.end) & (end > area.begin))
-    if not len(met):
-        return None
-    return points[met[0]], float(begin[met].min()), float(end[met].max())
-
-
-def _densified(
-    line: FloatArray, times: FloatArray, spacing: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return points (m, 2) on a line, at most `spacing` (m) apart, with their times (m,), s."""
-    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    pieces = np.maximum(1, np.ceil(lengths / spacing)).astype(int)
-    leg = np.repeat(np.arange(len(lengths)), pieces)
-    share = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
-    points = line[leg] + share[:, None] * (line[leg + 1] - line[leg])
-    passed = times[leg] + share * (times[leg + 1] - times[leg])
-    return np.vstack([points, line[-1:]]), np.append(passed, times[-1:])
 
 
 _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]

@@ -84,6 +84,7 @@ def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path:
     (plan,) = outcome.plans
     assert plan.plan is not None
     (met,) = plan.plan.shut
+    assert isinstance(met, renew.ShutArea)
     assert met.begin == -20 * 60
     assert met.end == 100 * 60
     assert any(

@@ -1,0 +1,129 @@
+"""Areas that no vessel may enter: always, for some hours, or while the tide is too low."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import shapely
+from shapely import MultiPolygon, Polygon
+
+from renew._types import BoolArray, FloatArray
+from renew.errors import GeometryError, Moment, ParameterError, Text, from_until, is_number, shown
+from renew.inputs.relied_on_tide import ReliedOnTide
+
+# Time (s) ahead in which a message names the next hours of enough water: from one spring tide to
+# the next but one.
+_NEXT = 30 * 86_400.0
+
+
+@dataclass(frozen=True, eq=False)
+class ShutArea:
+    """An area that is shut from `begin` until `end` (s), on the clock of the current, or always.
+
+    Parameters
+    ----------
+    polygon : Polygon or MultiPolygon
+        The area (m).
+    begin, end : float
+        Times (s) from which and until which no vessel may be in it.
+    name : str
+        Its name in messages.
+
+    Raises
+    ------
+    GeometryError
+        An area that is no valid polygon; says where and why.
+    ParameterError
+        An end that does not come after the beginning.
+    """
+
+    polygon: Polygon | MultiPolygon
+    begin: float = -math.inf
+    end: float = math.inf
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse a polygon that is not valid, and hours that are not in order."""
+        check_area(f"area {self.name!r}", self.polygon)
+        hours = self.begin, self.end
+        if not (all(map(is_number, hours)) and self.begin < self.end):
+            begin, end = map(shown, hours)
+            raise ParameterError(
+                f"area {self.name!r} is shut from {begin} until {end} s; the end must come after "
+                "the beginning"
+            )
+
+    @property
+    def is_always_shut(self) -> bool:
+        """Whether it has no hours at which it is open."""
+        return math.isinf(self.begin) and math.isinf(self.end)
+
+    def is_shut(self, begin: FloatArray, end: FloatArray) -> BoolArray:
+        """Whether it is shut at some time between each `begin` and `end` (n,), s."""
+        return np.asarray((begin < self.end) & (end > self.begin))
+
+    def text(self, departure: float) -> Text:  # noqa: ARG002 - as of a tidal area
+        """The area with its hours, for a message on a voyage from `departure` (s)."""
+        name = Text(f"area {self.name!r}" if self.name else "an area")
+        if self.is_always_shut:
+            return Text("{0}, always shut", (name,))
+        return Text("{0}, which is shut{1}", (name, from_until(self.begin, self.end)))
+
+
+@dataclass(frozen=True, eq=False)
+class TidalArea:
+    """An area that is shut while the tide relied on is below its need (m over chart datum)."""
+
+    polygon: Polygon | MultiPolygon
+    need: float
+    tide: ReliedOnTide
+    name: str = ""
+
+    def is_shut(self, begin: FloatArray, end: FloatArray) -> BoolArray:
+        """Whether it is shut at some time between each `begin` and `end` (n,), s."""
+        shut = np.zeros(len(begin), dtype=bool)
+        if len(begin):
+            for low in self.tide.too_low(self.need, float(begin.min()), float(end.max())):
+                shut |= (begin < low[1]) & (end > low[0])
+        return shut
+
+    def text(self, departure: float) -> Text:
+        """The area with its next hours of enough water, for a voyage from `departure` (s)."""
+        name = f"area {self.name!r}, which" if self.name else "water that"
+        text = f"{name} needs {self.need:.2f} m of tide"
+        hours = self.tide.high_enough(self.need, departure, departure + _NEXT)
+        if not len(hours):
+            highest = self.tide.highest(departure, departure + _NEXT)
+            return Text(
+                f"{text} (no more than {highest:.2f} m can be relied on until {{0}})",
+                (Moment(departure + _NEXT),),
+            )
+        return Text(f"{text} (there is enough{{0}})", (from_until(*hours[0].tolist()),))
+
+
+Area: TypeAlias = ShutArea | TidalArea
+"""An area that is shut for some hours."""
+
+
+def check_area(name: str, polygon: object) -> None:
+    """Refuse what is no valid polygon (m); the error names the area."""
+    if not isinstance(polygon, Polygon | MultiPolygon) or polygon.is_empty:
+        raise GeometryError(f"{name} must be a non-empty polygon, not {shown(polygon)}")
+    if not np.isfinite(shapely.get_coordinates(polygon)).all():
+        raise GeometryError(f"{name} has coordinates that are not finite")
+    if not polygon.is_valid:
+        raise GeometryError(
+            f"{name} is not valid: {shapely.is_valid_reason(polygon)}. Mend with shapely.make_valid"
+        )
+
+
+def polygons_of(areas: Sequence[Area]) -> list[Polygon]:
+    """The polygons of some areas."""
+    return [
+        part
+        for area in areas
+        for part in shapely.get_parts(area.polygon)
+        if isinstance(part, Polygon)
+    ]

@@ -1,0 +1,170 @@
+"""Scenes with bars that the tide shuts for some hours, and an oracle that runs the clock."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+import renew
+from renew._types import BoolArray, FloatArray
+from renew.inputs.relied_on_tide import ReliedOnTide
+from tests.clock_oracle import earliest_arrival, sailed, tighten
+from tests.strategies import PAPER_VESSEL, random_scene
+
+SCALE = 100.0
+"""Metres of a tidal scene to a metre of a random one: a voyage takes about half a tide."""
+
+# Share of the time under way by which the vessel may be early or late.
+LATENESS = 0.05
+_TIDE = {"M2": renew.Constant(1.5, 0.0), "S2": renew.Constant(0.4, 30.0)}
+_MEAN = 1.9
+_SURGE, _LAG = 0.2, 600.0
+# Time (s) by which a vessel that comes just as a bar opens would be too early.
+_IN_TIME = 400.0
+
+
+class _Scaled(renew.CurrentField):
+    """The current of a random scene on a scale."""
+
+    def __init__(self, field: renew.CurrentField) -> None:
+        self._field = field
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Velocity (..., 2), m/s."""
+        return self._field(points / SCALE)
+
+
+@dataclass(frozen=True)
+class TidalScene:
+    """What :func:`renew.plan` takes, m and s."""
+
+    chart: renew.Chart
+    current: renew.CurrentField
+    vessel: renew.Vessel
+    start: FloatArray
+    goal: FloatArray
+    drift: Literal["projected", "crab"]
+    depth: renew.TidalDepth
+    departure: float
+
+    def plan(self, **options: object) -> renew.Plan:
+        """Plan with the tide."""
+        given = {"drift": self.drift, "departure": self.departure, "depth": self.depth}
+        return renew.plan(
+            self.chart,
+            self.current,
+            self.vessel,
+            self.start,
+            self.goal,
+            **{**given, "lateness": LATENESS, **options},  # type: ignore[arg-type]
+        )
+
+    def with_tide_raised(self, rise: float) -> TidalScene:
+        """Return the scene with a tide that is higher by so many metres at all times."""
+        tide = self.depth.tide
+        assert isinstance(tide, renew.Tide)
+        higher = replace(tide, mean_level=tide.mean_level + rise)
+        return replace(self, depth=replace(self.depth, tide=higher))
+
+    def oracle(self, spacing: float = 2.0 * SCALE) -> tuple[float, FloatArray]:
+        """Least fuel by a grid (m) and string pulling, with legs shut by the tide; and the path."""
+        arguments = self.chart, self.current, self.vessel
+        common = {"drift": self.drift, "is_shut": self.is_shut}
+        fuel, path = earliest_arrival(
+            *arguments,
+            self.start,
+            self.goal,
+            self.departure,
+            spacing=spacing,
+            **common,  # type: ignore[arg-type]
+        )
+        if not len(path):
+            return fuel, path
+        return tighten(
+            path,
+            *arguments,
+            self.departure,
+            spacing=3.0 * SCALE,
+            width=6.0 * SCALE,
+            **common,  # type: ignore[arg-type]
+        )
+
+    def is_in_time_for_water(self, path: FloatArray) -> bool:
+        """Whether a path (n, 2) comes to a bar just as it opens; so do those that went roundabout.
+
+        A path without points, of a grid on which every way is shut, is in time as well.
+        """
+        if not len(path):
+            return True
+        line = shapely.LineString(path)
+        path = shapely.get_coordinates(line.segmentize(line.length / 400))
+        times = [self.departure]
+        for begin, end in itertools.pairwise(path):
+            arguments = self.current, self.vessel, self.drift, 1
+            times += sailed(begin[None], end[None], np.array(times[-1:]), *arguments).tolist()
+        passed = np.array(times) - _IN_TIME
+        return bool(self.is_shut(path[:-1], path[1:], passed[:-1], passed[1:]).any())
+
+    def is_shut(
+        self, a: FloatArray, b: FloatArray, begin: FloatArray, end: FloatArray
+    ) -> BoolArray:
+        """Whether there may be too little water on legs while a vessel, or its turn, is there."""
+        shut = ~np.isfinite(end)
+        legs = shapely.linestrings(np.stack([a, b], axis=1))
+        tide = ReliedOnTide(self.depth.tide, _SURGE, _LAG)  # type: ignore[arg-type]
+        for area, need in zip(self.depth.areas, self.depth.needs, strict=True):
+            shapely.prepare(area)
+            for at in np.flatnonzero(shapely.intersects(area, legs) & ~shut).tolist():
+                early = begin[at] - LATENESS * (begin[at] - self.departure)
+                late = end[at] + LATENESS * (end[at] - self.departure) + self.vessel.turn_period
+                heights = tide.heights(np.linspace(early, late, 4))
+                shut[at] = heights.min() < need
+        return shut
+
+
+def tidal_scene(seed: int) -> TidalScene:
+    """Return a random scene with one to three bars across the way, each with a deeper part."""
+    rng = np.random.default_rng([seed, 37])
+    chart, current, start, goal = random_scene(seed)
+    start, goal = start * SCALE, goal * SCALE
+    bars = int(rng.integers(1, 4))
+    areas, needs = [], []
+    along = (goal - start) / np.linalg.norm(goal - start)
+    across = np.array([-along[1], along[0]])
+    for place in np.sort(rng.uniform(0.2, 0.8, bars)):
+        middle = start + place * (goal - start)
+        half = rng.uniform(2, 5) * SCALE
+        ends = np.concatenate([[-400.0], np.sort(rng.uniform(-60, 60, 2)), [400.0]]) * SCALE
+        for left, right in itertools.pairwise(ends):
+            corners = [
+                middle + side * half * along + end * across
+                for side, end in ((-1, left), (1, left), (1, right), (-1, right))
+            ]
+            area = shapely.intersection(Polygon(corners), shapely.transform(chart.extent, _scaled))
+            if not area.is_empty:
+                areas.append(area)
+                needs.append(float(rng.uniform(-0.5, 3.3)))
+    tide = renew.Tide(_TIDE, _MEAN, np.datetime64("2026-11-22T00:00:00"))
+    return TidalScene(
+        renew.Chart(
+            shapely.transform(chart.extent, _scaled),
+            [shapely.transform(one, _scaled) for one in chart.no_go],
+        ),
+        _Scaled(current),
+        renew.Vessel(PAPER_VESSEL.speed, PAPER_VESSEL.turn_rate / SCALE, PAPER_VESSEL.length),
+        start,
+        goal,
+        "crab" if seed % 2 else "projected",
+        renew.TidalDepth(areas, needs, tide, surge=_SURGE, lag=_LAG),
+        float(rng.uniform(0, 12.42 * 3600)),
+    )
+
+
+def _scaled(points: FloatArray) -> FloatArray:
+    """Coordinates on the scene's scale."""
+    return points * SCALE
