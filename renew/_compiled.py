@@ -4,8 +4,8 @@ The one module of `renew` that knows files. Numba's own cache looks at the sourc
 alone and misses an edit of another that it inlines; here the cache's folder is named by a hash of
 all sources with kernels. It lies in the package where that can be written, else in the user's
 cache, else in a temporary folder; a folder that can only be read (an installation by root, a
-container that was warmed up) is read all the same. A file that can't be read, or is damaged, counts
-as missing.
+container that was warmed up) is still read. A file that can't be read, or is damaged, counts as
+missing.
 """
 
 import contextlib
@@ -166,7 +166,7 @@ def _name() -> str:
 
 
 def _remove_earlier(folder: Path) -> None:
-    """Remove the folders of earlier sources, but for the newest few."""
+    """Remove the folders of earlier sources, except the newest few."""
     others = [path for path in folder.parent.glob("kernels-*") if path != folder]
     for path in sorted(others, key=lambda path: path.lstat().st_mtime)[:-_MAX_EARLIER]:
         shutil.rmtree(path, ignore_errors=True)

@@ -61,7 +61,7 @@ class Text:
 
     Attributes
     ----------
-    template : for `str.format`, {0} being the first value; taken as it is where there is none.
+    template : for `str.format`, {0} being the first value; used unchanged if there are no values.
     values : places (2,), m; moments; lengths; texts inside the text.
     """
 

@@ -322,10 +322,10 @@ def _git(*words: str) -> str:
     """Return git's output for this folder; empty without git, or outside a checkout."""
     command = ["git", "-C", str(_ROOT), *words]
     try:
-        told = subprocess.run(command, capture_output=True, check=True, text=True)  # noqa: S603 - words are this module's
+        done = subprocess.run(command, capture_output=True, check=True, text=True)  # noqa: S603 - words are this module's
     except (OSError, subprocess.CalledProcessError):
         return ""
-    return told.stdout.strip()
+    return done.stdout.strip()
 
 
 _PACKAGES, _PLANNER_INPUTS = frozenset({"pipeline", "renew"}), "renew.inputs."

@@ -305,7 +305,7 @@ def inline(value: object) -> str:
         return f"{{ {', '.join(f'{key} = {inline(one)}' for key, one in given.items())} }}"
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(inline(one) for one in value)}]"
-    # As in JSON, but for the one control character that JSON leaves as it is.
+    # As in JSON, except for the one control character that JSON does not escape.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -38,7 +38,7 @@ _CONSTANT_SHARE, _MIN_CELLS = 1e-6, 20
 # these are less. Nearer to it models leave out straits and shallows, or have water on land.
 OFFSHORE_CELLS, _OFFSHORE_DEG = 3, 0.75
 # Least contrast between divergences, and its certainty in standard errors for a warning and for a
-# fault. Of 3000 real windows of 6 to 24 degrees 3 gave a warning and none a fault.
+# fault. Of 3000 real windows (6 to 24 degrees wide), 3 gave a warning and none a fault.
 _MIN_CONTRAST, _WARNING_CERTAINTY, _FAULT_CERTAINTY = 0.1, 2.0, 4.0
 # Least shift for a warning and for a fault: offset in cells, number of land cells that it explains,
 # and their share. Real fields reach 11 cells with a share of 0.01 over 120 degrees, and 16 cells
@@ -182,7 +182,7 @@ def assess_series(
     """Assess the speeds, directions and gaps of fields on one grid, and the first one's position.
 
     Fields are taken one after the other, as all of them may not fit in memory. `labels` are their
-    times in writing, which are not used for a single field.
+    times as text, which are not used for a single field.
     """
     first: Field | None = None
     speeds: list[Assessment] = []
@@ -267,7 +267,7 @@ ROTATED = "the components are swapped and one has the wrong sign"
 
 
 def likeliest_variant(field: Field) -> Variant | None:
-    """Return the variant that diverges least; None where the field itself does, or too few data."""
+    """Return the variant that diverges least; None if the field does, or with too few data."""
     own = _divergence(field, field.u, field.v) ** 2
     moving = np.isfinite(own) & (_variation(field) > 0)
     if np.count_nonzero(moving) < _MIN_CORNERS:

@@ -93,9 +93,9 @@ class _Roads:
 class ClassEnumerator:
     """Gives channels from start to goal, no two of the same class.
 
-    Passing edges are only crossed at places `clearance` m or more from the land at their ends.
-    Order "length" takes the water as still. The roadmaps are those of the first departure. Channels
-    whose estimated cost is more than `dearest` times the best estimate are left out.
+    Passing edges are only crossed at places `clearance` m or more from the land at their ends. For
+    order "length" the water is still. The roadmaps are those of the first departure. Channels whose
+    estimated cost is more than `dearest` times the best estimate are left out.
     """
 
     _voyage: Voyage

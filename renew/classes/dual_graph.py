@@ -85,8 +85,8 @@ def simple_paths(
     """Yield rows of triangles without repeats, as a depth-first search meets them.
 
     A triangle is only entered if the last one can still be reached from it without triangles of the
-    row: otherwise the search would spend most of its time in dead ends. It gives up after having
-    looked at `max_steps` triangles.
+    row: otherwise the search would spend most of its time in dead ends. It gives up after
+    `max_steps` triangles.
     """
     beside = {node: list(others) for node, others in dual_graph(triangulation).adjacency()}
     row, used, waiting = [first], {first}, [iter(beside[first])]

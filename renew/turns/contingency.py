@@ -108,7 +108,7 @@ def contingency(
     min_lateness : float
         Least time (s) by which it may be early or late.
     drift : {"projected", "crab"}
-        Drift model by which the time of passage is reckoned.
+        Drift model by which the time of passage is computed.
     speeds : array_like, optional
         Speeds through water (n - 1,), m/s, at which the legs are sailed and turns are flown; by
         default the speeds chosen for the route, or the vessel's.

@@ -41,7 +41,7 @@ class Width(StrEnum):
 
     @property
     def points(self) -> float | None:
-        """In points, 72 to an inch; None where each map has its own width."""
+        """The width in points, 72 to an inch; None if each map has its own width."""
         inches = {Width.COLUMN: 3.3, Width.PAGE: 7.0}.get(self)
         return None if inches is None else 72 * inches
 

@@ -27,7 +27,7 @@ from pipeline.model import Zone
 def coast(result: RunResult) -> GeoDataFrame:
     """Return the original land: the no-go areas without shallow, uncharted or hazardous water.
 
-    Beyond the region it goes on in less detail, so that the map does not show water there.
+    Beyond the region land continues in less detail, so that the map does not show water there.
     """
     land = result.fetched.land
     water = [zone.area for zone in land.zones if zone.kind in {"shoal", "uncharted", "hazard"}]

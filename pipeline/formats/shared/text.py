@@ -94,7 +94,7 @@ def rounded_up(value: float, decimals: int) -> float:
 def speed_range(slowest: float, fastest: float) -> tuple[str, str]:
     """Format two speeds to two decimals, the lower one rounded up and the higher one down.
 
-    If no two figures of two decimals lie between them, both texts are the lower speed, in full.
+    If no number with two decimals lies between them, both texts are the lower speed, unrounded.
     """
     low, high = rounded_up(slowest, 2), rounded_down(fastest, 2)
     return (f"{low:.2f}", f"{high:.2f}") if low < high else (plain(slowest), plain(slowest))
@@ -119,7 +119,7 @@ def box(bounds: Sequence[float]) -> str:
 
 def _span(least: float, most: float, letters: str) -> str:
     """Write two coordinates, once with the letter of their hemisphere if both lie in it."""
-    # Longitudes of a chart across 180 degrees are beyond it.
+    # On a chart across 180 degrees, longitudes continue beyond 180.
     turned = [one if letters == "NS" else (one + 180) % 360 - 180 for one in (least, most)]
     (first, begin), (second, end) = [(abs(one), letters[one < 0]) for one in turned]
     return f"{first:g}{f' {begin}' if begin != end else ''} to {second:g} {end}"
@@ -202,7 +202,7 @@ def route_summary(metrics: RouteMetrics) -> str:
 
 
 def zone_text(zone: Zone) -> str:
-    """Return the name of a restricted area, traffic scheme or shut area, with any rule of it."""
+    """Return the name of a restricted area, traffic scheme or shut area, and its rule if any."""
     if zone.kind == "shut":
         return f"{zone.name}, {zone.rule}"
     name = zone.name or ("Restricted area" if zone.kind == "restricted" else "Traffic scheme")

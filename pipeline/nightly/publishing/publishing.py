@@ -194,10 +194,8 @@ class Publishing:
                 routes.read_row_group(group, ["rank", "geometry"]).num_rows
                 for group in range(routes.num_row_groups)
             )
-            if rows != (pc.sum(index["routes"]).as_py() or 0):
-                faults.append(
-                    f"{tables.ROUTES_FILE} has {rows:,} rows, not as many as routes of cases"
-                )
+            if rows != (expected := pc.sum(index["routes"]).as_py() or 0):
+                faults.append(f"{tables.ROUTES_FILE} has {rows:,} rows for {expected:,} routes")
             pq.read_table(self.folder / results.HISTORY_FILE, columns=["cycle"])
             uri = f"{(self.folder / tables.GEOPACKAGE_FILE).as_uri()}?mode=ro"
             with closing(sqlite3.connect(uri, uri=True)) as database:

@@ -178,7 +178,7 @@ class TimeSteps:
     """The steps of a file: their valid times (UTC, ascending), or a climatology's months.
 
     A file that gives no time has one step, with neither a time nor a month. `labels` are the steps
-    in writing, `width` is how long one lasts, where the file has bounds.
+    as text, `width` is the length of a step, if the file has bounds.
     """
 
     moments: tuple[datetime, ...] = ()

@@ -39,7 +39,7 @@ class SelectedSlices:
     """A season's fields: the weights (sum 1) of steps, by index, that make up each of them.
 
     `valid` is the time that they stand for. `times_s` are seconds since departure, and `labels` the
-    times in writing, one for each field; 0 and "" for a single one.
+    times as text, one for each field; 0 and "" for a single one.
     """
 
     weights: tuple[Mapping[int, float], ...]
@@ -395,6 +395,6 @@ class FieldReader:
         return self._open[file]
 
     def _close_all_but(self, count: int) -> None:
-        """Close files, the longest open first, until so many are left."""
+        """Close files, the longest open first, until `count` are left."""
         while len(self._open) > count:
             self._open.pop(next(iter(self._open))).close()

@@ -33,7 +33,7 @@ from pipeline.stages.choosing.region_choice import (
     widened_by,
 )
 
-# Smaller land does not matter to the choice: its extent as a share of the direct line's length.
+# Least extent of land that matters to the choice, as a share of the direct line's length.
 _LEAST_LAND = 1 / 600
 SIDES = ("west", "south", "east", "north")
 """The sides of bounds, in their order."""
