@@ -70,8 +70,8 @@ class Route:
         departure.
     speeds : (n - 1,) m/s, the speed through water at which each leg of the path is sailed.
     fuel_bound : the least fuel that any route can need; computed when first asked for.
-    homotopy : the class's name: islands passed on their +y side, in order, "s2.p1" leaving the
-        second to starboard and then the first to port; the largest island is 1.
+    homotopy : the class's name: islands passed on their +y side, in order. "s2.p1" leaves the
+    second to starboard and then the first to port; the largest island is 1.
     corners : (t, 3, 2) metres, the triangles in which its path was planned.
     padding_used : (e, 5) x0, y0, x1, y1, padding: every constrained edge next to the channel (m).
     harmonic_mean : harmonic mean of the fuel of the class's sampled paths (sampled method), or
@@ -165,12 +165,14 @@ class Rejected:
 
     Attributes
     ----------
-    homotopy : its name. reason : why, as a sentence; `located_reason` spells its places in another
-    way. channel : (t, 3, 2) metres, its triangles from start to goal. strait : where padding fills
-    a whole gap, if that is the reason. cause : the error behind the reason; its places are in
-    metres. overpowered : water on its way that the current shuts for a while. ways : its channels
-    in which no path was found; empty after unpickling. fuel_source : `unpadded_fuel`, or a function
-    that computes it.
+    homotopy : its name.
+    reason : why, as a sentence; `located_reason` spells its places in another way.
+    channel : (t, 3, 2) metres, its triangles from start to goal.
+    strait : where padding fills a whole gap, if that is the reason.
+    cause : the error behind the reason; its places are in metres.
+    overpowered : water on its way that the current shuts for a while.
+    ways : its channels in which no path was found; empty after unpickling.
+    fuel_source : `unpadded_fuel`, or a function that computes it.
     """
 
     homotopy: str

@@ -199,10 +199,11 @@ class ShutStrait:
 
     Attributes
     ----------
-    lon, lat : the middle of its narrowest place, degrees. width_m : its width there, between the
-    original coasts, true metres. needed_m : the width above which it would be open. by : the cause,
-    margin or padding. seasons : the seasons in which it is shut; all where that does not depend on
-    the current.
+    lon, lat : the middle of its narrowest place, degrees.
+    width_m : its width there, between the original coasts, true metres.
+    needed_m : the width above which it would be open.
+    by : the cause, margin or padding.
+    seasons : the seasons in which it is shut; all if that does not depend on the current.
     """
 
     lon: float

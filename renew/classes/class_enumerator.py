@@ -30,7 +30,14 @@ from renew.classes.dual_graph import Channel, RoughPath, Transition, is_connecte
 from renew.classes.h_signature import Rays, Word
 from renew.classes.k_best_paths import k_best_paths, time_to_go, triangles_crossed
 from renew.classes.reduced_rows import MAX_FLOODED, RayColumns, Task
-from renew.classes.roadmap import Resolution, Roadmap, Tube, closer_look, resolution_for, roadmap
+from renew.classes.roadmap import (
+    Resolution,
+    Roadmap,
+    Tube,
+    resolution_beside,
+    resolution_for,
+    roadmap,
+)
 from renew.classes.triangulation import Triangulation
 from renew.errors import UnreachableError
 from renew.inputs.options import Order
@@ -69,7 +76,7 @@ class _Roads:
     def beside(self, paths: Sequence[FloatArray], voyage: Voyage) -> tuple[Roadmap, float]:
         """Return nodes beside paths (n, 2), closer together, and a cell's size (m)."""
         whole = resolution_for(voyage, self.triangulation)
-        resolution, tube = closer_look(paths, voyage, whole)
+        resolution, tube = resolution_beside(paths, voyage, whole)
         return self._roadmap(voyage, resolution, tube), tube.cell
 
     def stream(self, voyage: Voyage) -> Stream:

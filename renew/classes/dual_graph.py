@@ -54,7 +54,7 @@ def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
 
 @kernel
 def without_dead_ends(neighbours: IntArray, first: int, last: int) -> BoolArray:
-    """Return which triangles (t,) are in no dead end, which rows without repeats never cross.
+    """Return which triangles (t,) are in no dead end: a row without repeats never crosses one.
 
     `neighbours` (t, 3) are those of :class:`renew.classes.triangulation.Triangulation`.
     """
@@ -84,9 +84,9 @@ def simple_paths(
 ) -> Iterator[list[int]]:
     """Yield rows of triangles without repeats, as a depth-first search meets them.
 
-    A triangle is only entered if the last one can still be reached from it without triangles of the
-    row: otherwise the search would spend most of its time in dead ends. It gives up after
-    `max_steps` triangles.
+    A triangle is only entered if `last` can still be reached from it without triangles of the row:
+    otherwise the search would spend most of its time in dead ends. It gives up after `max_steps`
+    triangles.
     """
     beside = {node: list(others) for node, others in dual_graph(triangulation).adjacency()}
     row, used, waiting = [first], {first}, [iter(beside[first])]
@@ -110,7 +110,7 @@ def simple_paths(
 
 
 def _flooded(beside: dict[int, list[int]], start: int, used: set[int], until: int) -> set[int]:
-    """Return triangles that a search from `start` reaches without used ones, up to `until`."""
+    """Return the triangles that a search from `start` reaches without used ones, up to `until`."""
     reached, waiting = {start}, [start]
     while waiting and until not in reached:
         found = [node for node in beside[waiting.pop()] if node not in used and node not in reached]

@@ -203,7 +203,7 @@ def _across(mesh: Mesh, triangle: int, out: int) -> tuple[Segment, Segment]:
 
 @kernel
 def _leads_on(task: Task, rows: IntArray, row: int, out: int) -> bool:
-    """Whether the goal can be reached across an edge of a row without the row's triangles."""
+    """Whether the goal can be reached across an edge of a row, entering none of its triangles."""
     mesh, last = task.graph.mesh, task.graph.triangle[GOAL]
     count = len(mesh.neighbours)
     if count > MAX_FLOODED:
@@ -282,7 +282,7 @@ def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
 
 @kernel
 def may_end(task: Task, rows: IntArray, row: int) -> bool:
-    """Whether a path may go to the goal from a row's last triangle, by the edge that it entered."""
+    """Whether the transition from a row's last triangle to the goal is not blocked."""
     return not task.blocked[rows[row, _TRIANGLE], rows[row, _ENTRY], 3]
 
 

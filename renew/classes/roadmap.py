@@ -104,7 +104,7 @@ def _nodes_near(x: FloatArray, y: FloatArray, points: FloatArray, distance: floa
     return near
 
 
-def closer_look(
+def resolution_beside(
     paths: Sequence[FloatArray], voyage: Voyage, resolution: Resolution
 ) -> tuple[Resolution, Tube]:
     """Return the resolution and the tube for a finer search beside paths (n, 2).

@@ -216,7 +216,7 @@ class Corridor:
             legs += 1
         return legs
 
-    def holds_back(self, path: FloatArray) -> bool:
+    def follows_open_outline(self, path: FloatArray) -> bool:
         """Whether a path (n, 2) follows the open outline, beyond which a better one may lie."""
         slack = np.full(len(self.open_outline), 2 * SLACK * self.voyage.vessel.turning_radius)
         ends = for_kernels(self.open_outline[:, 0]), for_kernels(self.open_outline[:, 1])

@@ -96,7 +96,7 @@ class ClassPlanner:
         with the reason, if there is no path.
         """
         found = self.find_in(self.corridor(channel))
-        if not found.corridor.holds_back(found.path):
+        if not found.corridor.follows_open_outline(found.path):
             return found
         wider = found.corridor.channel_along(found.path)
         with contextlib.suppress(InfeasibleError):
@@ -246,9 +246,9 @@ class ClassPlanner:
             best = self._steered(corridor, *slipped[0])
         if best is None:
             raise first or InfeasibleError("no path was found")
-        return self._or_straight(best)
+        return self._straight_if_cheaper(best)
 
-    def _or_straight(self, found: ClassPath) -> ClassPath:
+    def _straight_if_cheaper(self, found: ClassPath) -> ClassPath:
         """Return a found path, or the straight line if this is clear and needs less fuel.
 
         Paths are searched in a table of the current. Where the field hardly changes across the

@@ -190,7 +190,7 @@ def passage(
     through_water = speeds_by_leg(speeds, vessel, len(path) - 1)[leg]
 
     def durations(some: slice, times: FloatArray) -> FloatArray:
-        """Return the time (p,), s, over some pieces at whose ends it is `times` (p + 1,)."""
+        """Return the time (p,), s, over some pieces, given the times (p + 1,) at their ends."""
         when = times[:-1, None] + WITHIN * np.diff(times)[:, None]
         velocity = for_kernels(field.velocity(pieces.points[some], when))
         tangent, length = pieces.tangent[some], pieces.length[some]
