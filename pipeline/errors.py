@@ -8,8 +8,8 @@ from typing import TypeVar
 
 # Largest number of faults in a message, of characters in a fault, and of characters in a word.
 _MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
-# Number of faults, equal except for their place, from which only the first is reported; and number
-# of other places that are named with it.
+# From this number of faults that are equal except for their place, only the first is reported, with
+# at most the second number of other places.
 _MIN_ALIKE, _MAX_PLACES = 4, 3
 # A place, by which faults of repeated tables or rows may differ: `seasons[3]`, `row 7`, `line 12`.
 _PLACE = re.compile(r"\w*\[\d+\]|\b(?:row|line) \d+\b")

@@ -62,8 +62,8 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
 def small_kernel(function: FunctionT) -> FunctionT:
     """Compile a kernel that is inlined into the kernels that call it.
 
-    For lookups that are made millions of times: a call that takes arrays counts the references to
-    each of them, which takes longer than the lookup.
+    This is for lookups that are made millions of times: a call that takes arrays counts the
+    references to each of them, which takes longer than the lookup.
     """
     return kernel(function, forceinline=True)
 
@@ -110,8 +110,8 @@ def _lasting_folders() -> tuple[Path, ...]:
 def _asked() -> Path | None:
     """Return the folder that NUMBA_CACHE_DIR names.
 
-    Not what Numba says: it reads a `.numba_config.yaml` in the working directory too, and machine
-    code is not to be loaded from wherever a downloaded folder points.
+    Numba's own value may come from a `.numba_config.yaml` in the working directory, and a
+    downloaded folder must not decide from where machine code is loaded.
     """
     asked = os.environ.get("NUMBA_CACHE_DIR")
     return Path(asked) if asked else None

@@ -23,7 +23,7 @@ METRES_PER_DEGREE = 111_195.0
 def position_text(lon: float, lat: float) -> str:
     """Write a position in degrees, by its hemispheres: 119.8710 E 11.5244 N, 70.9815 W 42.3427 N.
 
-    Longitudes of a chart across 180 degrees may be beyond it.
+    On a chart across 180 degrees, longitudes may exceed 180.
     """
     east = (lon + 180) % 360 - 180
     return f"{abs(east):.4f} {'W' if east < 0 else 'E'} {abs(lat):.4f} {'S' if lat < 0 else 'N'}"
@@ -69,8 +69,8 @@ def common_bounds(one: Bounds, other: Bounds) -> Bounds | None:
     return (west, south, east, north) if west < east and south < north else None
 
 
-# Number of points, evenly along a path, by which its shares are measured: one in 200 m of 1,000 km,
-# and a share is right to some 0.01 % for each gap that the path enters.
+# Number of evenly spaced points at which shares of a path are measured: every 200 m of 1,000 km.
+# The error of a share is about 0.01 % per gap that the path enters.
 _SAMPLES = 5_000
 
 

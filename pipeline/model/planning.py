@@ -1,4 +1,4 @@
-"""The planner's input, among it a scenario's vessel, speeds and options, and the planner's results.
+"""The planner's input, including a scenario's vessel, speeds and options, and its results.
 
 The planner computes durations in the plane. In a steady current the true duration differs a little,
 according to the plane's point scale along the route. The planner's latest arrival is therefore set

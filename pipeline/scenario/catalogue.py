@@ -86,7 +86,7 @@ EXAMPLE = "`renew show palawan-season` prints one to start from"
 SECTIONS: tuple[Section, ...] = ("scenarios", "vessels", "sources")
 
 
-# Marks, embeddings, overrides and isolates of direction: with them a text reads as another one.
+# Direction marks, embeddings, overrides and isolates, which can make a text look like another one.
 _BIDI = dict.fromkeys([0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)])
 
 
@@ -149,7 +149,7 @@ class EmbeddedTableSpec(SourceBase):
     def part(self, season: Season) -> str | None:
         """Return the table's season that stands for a season of a scenario; None where none does.
 
-        Either both have one name, or the scenario's season is a month of the table's season.
+        Either both have the same name, or the scenario's season is a month of the table's season.
         """
         if season.name in self.seasons:
             return season.name

@@ -184,7 +184,7 @@ class Scenario(StrictModel):
         description="The vessel. Give a name of the catalogue (`renew list`), or a [vessel] table.",
         examples=["usv-7m"],
     )
-    # Below it memory grows as its inverse, by the length of the routes in vessel lengths.
+    # Below this limit memory grows as 1 / scale, as routes get longer in vessel lengths.
     scale: strict.Number = Field(
         default=1.0,
         ge=0.1,

@@ -99,7 +99,7 @@ def _as_files(given: object) -> object:
 
 
 def _usable_files(given: str | tuple[str, ...], info: ValidationInfo) -> str | tuple[str, ...]:
-    """Refuse texts that can't be paths, after the union: inside, each of its types adds a fault."""
+    """Refuse texts that can't be paths; inside the union each of its types would add a fault."""
     return (
         given if isinstance(given, str) else tuple(strict.usable_path(text, info) for text in given)
     )
@@ -169,15 +169,15 @@ class Season(StrictModel):
     )
     departures: DepartureTimes | None = Field(
         default=None,
-        description="Departures among which the best is looked for, in place of 'departure', in "
+        description="Departures from which the best is chosen, in place of 'departure', in "
         "currents that change. Give a table as { first = 2026-07-01T06:00:00Z, every = '1h', "
         "count = 24 }, or leave it out.",
     )
     to_within: Interval | None = Field(
         default=None,
-        description="Time that another departure of the window may save, at most, over the best "
-        "one found: departures between those given are planned until no path found saves more; "
-        "by default only those given are. Give an interval, such as '1h', or leave it out.",
+        description="Largest time that another departure of the window may still save: departures "
+        "between those given are added until no path found saves more; by default none are "
+        "added. Give an interval, such as '1h', or leave it out.",
         examples=["1h"],
     )
     arrive_by: AwareDatetime | None = Field(
@@ -191,16 +191,16 @@ class Season(StrictModel):
     )
     speed: SpeedRange | None = Field(
         default=None,
-        description="Speeds through water among which the vessel chooses from leg to leg, in place "
-        "of its own, for least fuel between 'departure', or the best of 'departures', and "
+        description="Range of speeds through water, in place of the vessel's own: it chooses a "
+        "speed for each leg, for least fuel from 'departure', or the best of 'departures', to "
         "'arrive_by'. Give a table as "
         "{ least = 2.5, most = 6.0 } in m/s, or leave it out.",
     )
     max_hours: strict.Positive | None = Field(
         default=None,
         le=MAX_HOURS,
-        description="Longest voyage in changing currents: time steps further after the last "
-        "departure are not read; by default a day more than three times the time of the straight "
+        description="Longest voyage in changing currents: later time steps, counted from the last "
+        "departure, are not read; by default a day more than three times the time of the straight "
         "way from start to goal. Give hours, such as 240, or leave it out.",
         examples=[240],
         json_schema_extra={"unit": "hours"},

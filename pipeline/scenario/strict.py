@@ -56,7 +56,7 @@ Longitude = Annotated[Number, Field(ge=-180, le=360)]
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 LonLat = tuple[Longitude, Latitude]
 LonLatBox = tuple[Longitude, Latitude, Longitude, Latitude]
-# A coordinate, degrees or metres: beyond any plane, where squares still don't overflow.
+# Limits of a coordinate, degrees or metres: larger than any plane, but squares don't overflow.
 Coordinate = Annotated[Number, Field(ge=-1e9, le=1e9)]
 Point = tuple[Coordinate, Coordinate]
 

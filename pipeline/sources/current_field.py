@@ -120,7 +120,7 @@ class WaterWithoutData:
 def water_without_data(
     field: Field, mask: LandMask, region: shapely.Polygon
 ) -> WaterWithoutData | None:
-    """Find the water of a region (lon/lat degrees) without data; None where the land has the gaps.
+    """Find the water of a region (lon/lat degrees) without data; None if all gaps are on land.
 
     A gap at a node on land is right: it counts only next to a gap at a node in water.
     """

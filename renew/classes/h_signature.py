@@ -9,8 +9,8 @@ touches the end of the chart can't be passed on that side and has no ray.
 Some islands get no ray, so that classes which differ only around a rock have the same word: islands
 below a given size, or all but the few largest on the way, by which a navigator distinguishes ways.
 Otherwise, among hundreds of islets, all of the best classes would pass the large islands on the
-same side. The few are as many as give k classes if each is passed on either side. The largest
-island has a ray, however small it is.
+same side. There are just enough of these few to give k classes if each is passed on either side.
+The largest island has a ray, however small it is.
 """
 
 import math

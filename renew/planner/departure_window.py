@@ -231,7 +231,7 @@ def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> S
 def too_late_error(
     first: Sailing, arrive_by: float, faster: str = "take a vessel that makes {} m/s"
 ) -> ArrivalError:
-    """Return the error for an arrival that is too early, with a sufficient speed and departure.
+    """Return the error for a deadline that can't be met, with a sufficient speed and departure.
 
     Both remedies are found along the sailing's path, so they are nearly exact. `faster` is the text
     of the remedy by speed.

@@ -64,7 +64,7 @@ def with_shortcuts(corridor: Corridor, rays: Rays, path: FloatArray) -> FloatArr
 
 
 def each_shortened(corridor: Corridor, rays: Rays, chains: FloatArray) -> Shortened:
-    """Smooth chains (c, n, 2), each between some places on it; omit chains without a clear way.
+    """Smooth chains (c, n, 2) by shortcuts between their places; omit those without a clear way.
 
     A chain may itself cross V if a shortcut avoids that leg.
     """

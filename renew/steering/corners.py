@@ -301,7 +301,7 @@ def sharp_corners(path: FloatArray, radius: FloatArray, no_go: Capsules) -> Bool
     for leg in range(corners + 1):
         dx, dy = path[leg + 1, 0] - path[leg, 0], path[leg + 1, 1] - path[leg, 1]
         if tangent[leg] + tangent[leg + 1] > math.hypot(dx, dy):
-            # The corner at that end of the leg whose arc needs more of the leg is sharp; the start
+            # Of the leg's two corners, the one whose arc needs more of the leg is sharp; the start
             # is no corner.
             asks_more = leg > 0 and tangent[leg] >= tangent[leg + 1]
             sharp[leg - 1 if asks_more else leg] = True

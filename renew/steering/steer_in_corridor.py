@@ -33,7 +33,7 @@ _MAX_GROWTHS, _GROWTH = 6, 1.01
 # Tolerances, as shares of v/ω, for thinning a path: where sections meet, close points leave a sharp
 # corner no room. The last tolerances are used only if the path can't be steered otherwise.
 _TOLERANCES = (0.01, 0.03, 0.1, 0.3, 0.6, 1.0)
-# Number of tolerances for thinning the whole path: at most, and at first if places differ.
+# Number of tolerances for thinning the whole path: maximum, and the first if places differ later.
 _MAX_THINNED, _FIRST_THINNED = 4, 3
 # Distance, in v/ω, around an unsteerable place within which a path is thinned more, and number of
 # repetitions.

@@ -167,7 +167,7 @@ def _draw_titles(
 
 
 def _legend_columns(handles: Sequence[Artist], width_pt: float) -> int:
-    """Return number of a legend's columns that fit into a width; entries run down the columns."""
+    """Return how many columns of a legend fit into a width; entries run down the columns."""
     wide = [text_width(str(Artist.get_label(h)), _LEGEND_TEXT_PT) for h in handles]
     for columns in range(len(wide), 1, -1):
         needed = sum(max(column) for column in np.array_split(wide, columns))
@@ -271,9 +271,9 @@ def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> floa
 def _free_side(
     axes: Axes, position: tuple[float, float], text: str, drawn: shapely.Geometry
 ) -> tuple[int, int]:
-    """Return side (across, up) of a position where its text is inside the map and off the paths.
+    """Return a side (across, up) of a position where its text is in the map and off the paths.
 
-    The first such side of right, left, above and below; else the first one inside the map.
+    It is the first such side of right, left, above and below; else the first one in the map.
     """
     (xmin, xmax), (ymin, ymax) = axes.get_xlim(), axes.get_ylim()
     # The mean width of a bold letter of the default font is 0.7 of its size.

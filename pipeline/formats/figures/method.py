@@ -233,7 +233,7 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
 
 
 def _point_at(route: renew.Route, along: float) -> FloatArray:
-    """Return the point (2,) of a route at a distance from its start, planar m; else an end."""
+    """Return the point (2,) at a distance along a route, planar m; beyond an end, that end."""
     line = shapely.LineString(route.path)
     # Shapely counts a negative distance from the goal.
     return np.asarray(shapely.get_coordinates(line.interpolate(max(along, 0.0)))[0])

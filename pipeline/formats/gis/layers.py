@@ -227,7 +227,7 @@ def _channels(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
-    """Return soft no-go zone of each route that has one, with its least and greatest padding."""
+    """Return each route's soft no-go zone, if any, with its least and greatest padding."""
     ranked = [r for r in result.routes if not r.route.soft_no_go.is_empty]
     scale = result.scene.projection.scale
     paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
@@ -243,7 +243,7 @@ def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _currents(result: RunResult) -> frames.GeoDataFrame:
-    """Return current at the points of the source, towards east and north."""
+    """Return the current at the points of the source, towards east and north."""
     seasons = [entry.season for entry in result.plans]
     samples = [result.current_samples(season) for season in seasons]
     currents = frame(

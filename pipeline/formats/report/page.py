@@ -51,7 +51,7 @@ _FILTERS = (
 
 @dataclass(frozen=True)
 class Report:
-    """What the template shows of a run, beside the run's own figures.
+    """What the template shows of a run, besides the run's own figures.
 
     On the routes in `lacking`, current or depths are not known everywhere. Each source has its use:
     land, or the currents of some seasons.

@@ -96,7 +96,7 @@ _FORMATS: Mapping[str, Callable[[Any], str]] = {
 
 
 def _first(items: Sequence[str], separator: str, most: str = "", more: str = "") -> str:
-    """Join items; beyond `most` of them, `more` follows, with the number of the others for #."""
+    """Join at most `most` items; `more` follows, with the number of the others in place of #."""
     named = items[: int(most)] if most else items
     rest = more.replace("#", str(len(items) - len(named))) if len(named) < len(items) else ""
     return separator.join(named) + rest
@@ -287,9 +287,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "second-shoreline": "a second, independent shoreline (GSHHG, Wessel and Smith 1996) has land "
     "where routes cross water of this chart; check these places on an official chart: "
     "{crossings:; /8/; and # shorter}",
-    "strait-unresolved": "the strait at {place} is {width_m:distance} wide, but a cell of the "
-    "current {cell_m:distance}: the tide in the strait is not resolved, and may run harder and "
-    "turn at another time than planned",
+    "strait-unresolved": "the strait at {place} is {width_m:distance} wide, and a cell of the "
+    "current is {cell_m:distance} wide: the tide in the strait is not resolved, and may run harder "
+    "and turn at another time than planned",
     "straits-shut": "{count:strait is|straits are} shut by margin or padding; the widest, at "
     "{widest}, is {width_m:distance} wide, and {needed_m:distance} are needed",
     "way-shut": "{way} {places:, /3/ and at # more places}",

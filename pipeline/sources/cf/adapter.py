@@ -36,8 +36,8 @@ from pipeline.sources.plausibility import (
     dilated,
 )
 
-# Half size of the window in which a file is checked, around the middle of the region: cells, or
-# degrees where these are less; and the latitude at which it ends.
+# A file is checked in a window around the middle of the region: its half size in cells, but at most
+# this number of degrees, and its largest latitude.
 _CHECK_CELLS, _MAX_CHECK_DEG, _MAX_CHECK_LATITUDE = 240, 75.0, 80.0
 _DOI = re.compile(r"\b10\.\d{4,9}/[^\s,;\"'<>]+[\w/]")
 # Length to which a title is cut, characters.

@@ -5,9 +5,9 @@ this file is run as a module: with `login` it says by its exit code whether the 
 account. With `download` it reads a request as JSON from standard input: the dataset, the labels of
 the time steps, whether the last of them `may_lack`, and the other arguments of
 `copernicusmarine.subset`. It looks up the dataset's own time axis, downloads exactly those steps,
-and writes as JSON to standard output what it got, or its `error`. Without `subset` it only looks
-which steps there are. Exit code NO_ANSWER: the client returned nothing and raised nothing, as it
-does without credentials.
+and writes as JSON to standard output what it got, or its `error`. Without `subset` it only looks up
+the time steps. Exit code NO_ANSWER: the client returned nothing and raised nothing, as it does
+without credentials.
 """
 
 import base64

@@ -52,7 +52,7 @@ _LONGEST_WAY = 2.5
 FAR_WAY = 1.5
 """Longest way on the far side of an island that the region would not hold: its length or least
 fuel, as a multiple of the best way's. Longer ones are left out."""
-# Largest factor by which a shortest way in steps between eight neighbours is too long.
+# Largest factor by which the shortest way in steps to eight neighbours exceeds the true one.
 _DETOUR = 1 / math.cos(math.pi / 8)
 # Number of the largest islands on the direct line for which ways on both sides are searched, each
 # in 0.1 s; smaller islands lie almost completely inside the region anyway. The same number limits
@@ -112,9 +112,9 @@ class FarSide(NamedTuple):
 class RegionChoice(NamedTuple):
     """Bounds of a region, degrees, and the sides of islands that it leaves out.
 
-    `largest` are far sides of the largest islands, with a way that may be at most `FAR_WAY` times
-    as long as the shortest. They end with the first side whose way certainly is: every route may
-    pass an island on its near side.
+    `largest` are far sides of the largest islands, which all routes may leave out, though a way
+    there may be at most `FAR_WAY` times as long as the shortest. They end with the first side that
+    certainly has such a way.
     """
 
     bounds: Bounds

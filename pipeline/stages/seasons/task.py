@@ -42,8 +42,8 @@ from renew.voyage.fuel import passage
 
 # Factor on the turn rate of a vessel that turns on the spot.
 _ON_THE_SPOT = 100.0
-# Number of classes of the other plans, of which only the best route is used; and of bisections for
-# the factor on speeds.
+# Number of classes in the other plans, of which only the best route is used; number of bisections
+# for the factor on speeds.
 _CLASSES, _HALVINGS = 4, 30
 
 
