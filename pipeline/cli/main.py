@@ -1,4 +1,4 @@
-"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|nightly`.
+"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|nightly|tide`.
 
 Exit codes:
 
@@ -30,6 +30,7 @@ from pipeline.cli.go import GoCommand, go
 from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.terminal import say
+from pipeline.cli.tide import app as tide_app
 from pipeline.cli.usage import BriefRefusals, Command
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
@@ -141,6 +142,7 @@ def run(
 
 app.command(cls=GoCommand)(go)
 app.add_typer(nightly_app, name="nightly")
+app.add_typer(tide_app, name="tide")
 
 
 @app.command(cls=ScenarioCommand)

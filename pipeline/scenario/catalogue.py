@@ -245,6 +245,11 @@ def islands() -> Path:
     return root() / "islands.csv"
 
 
+def stations() -> dict[str, Path]:
+    """Return the files of the stations of the tide, by name."""
+    return {path.stem: path for path in sorted((root() / "tides").glob("*.json"))}
+
+
 def source(name: str) -> ChartEntry | CurrentEntry:
     """Read and check a source's entry."""
     if name not in names("sources"):

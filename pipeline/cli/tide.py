@@ -1,0 +1,126 @@
+"""The commands `renew tide show | fit`: high and low waters; constants of a user's own currents."""
+
+import json
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pipeline.cli import options
+from pipeline.cli.failures import reported_errors
+from pipeline.cli.usage import Command
+from pipeline.errors import Faults, RequestError
+from pipeline.scenario import catalogue
+from pipeline.scenario.times import period
+
+if TYPE_CHECKING:
+    from pipeline.sources.tides.station import Station
+
+app = typer.Typer(
+    help="Heights of the tide at a station, and constants of tidal streams.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+# Days that are listed unless `--to` says otherwise, and at most.
+_DAYS, _MOST_DAYS = 7, 3660
+
+
+def _stations(incomplete: str) -> list[str]:
+    """Complete the name of a station in a shell."""
+    return [name for name in catalogue.stations() if name.startswith(incomplete)]
+
+
+@app.command(cls=Command)
+def show(
+    station: Annotated[
+        str,
+        typer.Argument(
+            help="A station of the catalogue (boston) or the path of a station's file.",
+            autocompletion=_stations,
+        ),
+    ],
+    *,
+    begin: Annotated[
+        str | None,
+        typer.Option("--from", metavar="TIME", help="A day or an instant, UTC; today if left out."),
+    ] = None,
+    end: Annotated[
+        str | None,
+        typer.Option(
+            "--to", metavar="TIME", help="A day, which is the last, or an instant, UTC; seven days."
+        ),
+    ] = None,
+    as_json: options.JsonOnly = False,
+) -> None:
+    """List high and low waters at a station, as an almanac does, in UTC."""
+    with reported_errors():
+        from pipeline.sources.tides.station import find_station
+
+        faults = Faults()
+        span = faults.part(lambda: _span(begin, end))
+        found = faults.part(lambda: find_station(station))
+        if span is None or found is None:
+            raise RequestError(faults.lines)
+        typer.echo(_listed(found, *span, as_json=as_json))
+
+
+def _span(begin: str | None, end: str | None) -> tuple[datetime, datetime]:
+    """Read the first and the last moment."""
+    faults = Faults()
+    today = f"{datetime.now(UTC):%Y-%m-%d}"
+    first = faults.part(lambda: _moment("--from", begin or today, at_end=False))
+    last = faults.part(lambda: _moment("--to", end, at_end=True)) if end else None
+    if faults.lines or first is None:
+        raise RequestError(faults.lines)
+    last = last or first + timedelta(days=_DAYS)
+    if not first < last <= first + timedelta(days=_MOST_DAYS):
+        raise RequestError(
+            f"--from {begin or today} --to {end}: give an end after the beginning, by at most "
+            f"{_MOST_DAYS:,} days"
+        )
+    return first, last
+
+
+def _moment(option: str, text: str, *, at_end: bool) -> datetime:
+    """Read a moment; of a day its beginning or its end."""
+    try:
+        found = period(text)
+    except ValueError as error:
+        raise RequestError(f"{option}: {error}") from None
+    return found.end if at_end else found.begin
+
+
+def _listed(station: "Station", first: datetime, last: datetime, *, as_json: bool) -> str:
+    """Write a station's high and low waters between two moments."""
+    from pipeline.formats.shared.text import to_minute
+
+    waters = [
+        (to_minute(first + timedelta(seconds=time)), height, "high" if is_high else "low")
+        for time, height, is_high in zip(
+            *(
+                column.tolist()
+                for column in station.tide(first).high_and_low(0, (last - first).total_seconds())
+            ),
+            strict=True,
+        )
+    ]
+    if as_json:
+        return json.dumps(
+            {
+                "station": station.name,
+                "datum": station.datum,
+                "mean_level_m": round(station.mean_level_m, 3),
+                "credit": station.credit,
+                "waters": [
+                    {"time": f"{at:%Y-%m-%dT%H:%MZ}", "height_m": round(height, 3), "kind": kind}
+                    for at, height, kind in waters
+                ],
+            },
+            ensure_ascii=False,
+        )
+    head = f"{station.name}: predicted heights over {station.datum}, without weather; times are UTC"
+    lines = [f"{at:%Y-%m-%d  %H:%M}  {height:6.2f} m  {kind}" for at, height, kind in waters]
+    lines.append(f"Mean sea level is {station.mean_level_m:.2f} m over {station.datum}.")
+    if station.credit:
+        lines.append(f"Constants: {station.credit}.")
+    return "\n".join([head, *lines])

@@ -1,0 +1,306 @@
+"""A station of the tide: harmonic constants over chart datum, from a file.
+
+Files are the tide-database's JSON (openwatersio/tide-database), NOAA's harmonic constants as JSON,
+which have no datum, and a TOML file of the user's, which may name one of the others as `constants`
+and add what it lacks.
+"""
+
+import json
+import math
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+import renew
+from pipeline.errors import RequestError
+from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
+from pipeline.scenario import catalogue, strict
+from pipeline.scenario.strict import NonNegative, Number, near_miss, shown, validated
+
+# Fewer constants than these tell no tide: M2, S2, K1 and O1 at least.
+_LEAST_CONSTANTS = 4
+# Sum of amplitudes, m, above that of any place: more is feet, or centimetres.
+_MOST_M = 9.0
+_METRES = {"m", "metre", "metres", "meter", "meters", "metric"}
+# Figures among a station's datums that are ranges or intervals, not levels.
+_NO_LEVELS = {"GT", "MN", "DHQ", "DLQ", "HWI", "LWI"}
+# A station's file has some kilobytes.
+_MAX_BYTES = 4 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """Constants of the tide at a place, over its chart datum.
+
+    `datum` is the chart datum's name, `mean_level_m` mean sea level over it, and `datums` the
+    levels of other datums over it, m. `zone` is the water (corners, degrees) whose tide this is; if
+    it is empty, the water around `position`. `ratio` and `offset_s` (positive is later) are those
+    of a place that follows the station.
+    """
+
+    name: str
+    constants: Mapping[str, renew.Constant]
+    position: tuple[float, float] | None = None
+    datum: str = ""
+    mean_level_m: float = math.nan
+    datums: Mapping[str, float] = field(default_factory=dict)
+    ratio: float = 1.0
+    offset_s: float = 0.0
+    zone: tuple[tuple[float, float], ...] = ()
+    credit: str = ""
+
+    def tide(self, epoch: datetime | np.datetime64) -> renew.Tide:
+        """Return the heights, on a clock that is 0 at the epoch (UTC)."""
+        return renew.Tide(
+            self.constants,
+            self.mean_level_m,
+            epoch,
+            name=self.name,
+            datum=self.datum,
+            ratio=self.ratio,
+            offset=self.offset_s,
+        )
+
+
+def find_station(asked: str | Path) -> Station:
+    """Read a station by its name in the catalogue, or by its path.
+
+    Raises
+    ------
+    RequestError
+        It is not there, or its file can't be used: one line for each fault.
+    """
+    named = catalogue.stations()
+    if str(asked) in named:
+        return read_station(named[str(asked)])
+    path = expanded(asked, "tide")
+    if reason := unreadable_reason(path):
+        known = f", and is no station of the catalogue: {near_miss(str(asked), named)}"
+        known = known if reason == NOT_THERE else ""
+        raise RequestError(f"tide: {shown_path(asked)} {reason}{known}")
+    return read_station(path)
+
+
+def read_station(path: Path) -> Station:
+    """Read a station's file; RequestError with a line for each fault."""
+    faults: list[str] = []
+    try:
+        found = _read(path, faults)
+        faults += _faults(found)
+    except RequestError as error:
+        faults += error.faults
+    if faults:
+        raise RequestError([f"{shown_path(path.name)}: {fault}" for fault in faults])
+    return found
+
+
+def _read(path: Path, faults: list[str]) -> Station:
+    """Read a file of any form; add to the faults. RequestError if it has another form."""
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise RequestError("is too large for a station's constants; give a station's file")
+        text = path.read_text("utf-8")
+        data = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
+    except (OSError, ValueError, RecursionError) as error:
+        kind = "TOML" if path.suffix == ".toml" else "JSON"
+        raise RequestError(f"can't be read as {kind}: {error}; give a station's file") from None
+    if path.suffix == ".toml":
+        return _own(validated(_Own, data, folder=path.parent), path, faults)
+    if isinstance(data, dict) and "HarmonicConstituents" in data:
+        return _harcon(validated(_Harcon, data), path, faults)
+    if isinstance(data, dict) and {"harmonic_constituents", "offsets"} & data.keys():
+        return _entry(validated(_Entry, data), faults)
+    raise RequestError(
+        "is JSON without constants: it has neither 'harmonic_constituents' (tide-database) nor "
+        "'HarmonicConstituents' (NOAA); give a station's file"
+    )
+
+
+def _faults(found: Station) -> Iterator[str]:
+    """Say what a station lacks, and what can't be right."""
+    if not found.datum or math.isnan(found.mean_level_m):
+        yield (
+            "the chart datum, or mean sea level over it, is missing; give a TOML file with `datum` "
+            "and `mean_level_m` that names this file as `constants`"
+        )
+    amplitudes = [one.amplitude for one in found.constants.values()]
+    moving = sum(amplitude > 0 for amplitude in amplitudes)
+    if moving < _LEAST_CONSTANTS:
+        yield (
+            f"it has {moving} constants above 0 m, fewer than {_LEAST_CONSTANTS}; give all that "
+            "are published"
+        )
+    if sum(amplitudes) > _MOST_M:
+        yield (
+            f"its amplitudes sum to {sum(amplitudes):.1f} m, above the {_MOST_M:g} m of any place, "
+            "as feet or centimetres would; give metres"
+        )
+    try:
+        replace(found, mean_level_m=0.0, name="").tide(np.datetime64(0, "s"))
+    except renew.ParameterError as error:
+        yield str(error)
+
+
+def _by_name(
+    rows: Iterable[tuple[str, float, float]], faults: list[str]
+) -> dict[str, renew.Constant]:
+    """Return constants by name; a name that is given twice is a fault."""
+    rows = list(rows)
+    counts = Counter(name for name, *_ in rows)
+    faults += [f"{name} is given {n} times; leave one" for name, n in counts.items() if n > 1]
+    return {name: renew.Constant(amplitude, phase) for name, amplitude, phase in rows}
+
+
+class _Loose(BaseModel):
+    """A table of a form that others define: keys that are not used are passed over."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class _EntryRow(_Loose):
+    name: str
+    amplitude: NonNegative
+    phase: Number
+
+
+class _Source(_Loose):
+    name: str = ""
+    id: str = ""
+
+
+class _Entry(_Loose):
+    """A station of the tide-database: metres, and phases at Greenwich, in UTC."""
+
+    name: str
+    latitude: strict.Latitude
+    longitude: strict.Longitude
+    type: Literal["reference", "subordinate"] = "reference"
+    source: _Source = _Source()
+    chart_datum: str = ""
+    datums: dict[str, Number] = {}
+    offsets: dict[str, Any] = {}
+    harmonic_constituents: tuple[_EntryRow, ...] = ()
+
+
+def _entry(data: _Entry, faults: list[str]) -> Station:
+    """Return what a station of the tide-database says."""
+    if data.type == "subordinate" or data.offsets:
+        reference = shown(data.offsets.get("reference", "its reference station"))
+        raise RequestError(
+            "is a subordinate station, without constants of its own; give a TOML file that names "
+            f"the file of {reference} as `constants`, with `ratio` and `offset_min`"
+        )
+    zero = data.datums.get(data.chart_datum, math.nan)
+    levels = {name: at - zero for name, at in data.datums.items() if name not in _NO_LEVELS}
+    return Station(
+        name=data.name,
+        constants=_by_name(
+            ((row.name, row.amplitude, row.phase) for row in data.harmonic_constituents), faults
+        ),
+        position=(data.longitude, data.latitude),
+        datum=data.chart_datum,
+        mean_level_m=levels.get("MSL", math.nan),
+        datums=levels,
+        credit=", ".join(filter(None, (data.source.name, data.source.id))),
+    )
+
+
+class _HarconRow(_Loose):
+    name: str
+    amplitude: NonNegative
+    phase: Number | None = Field(default=None, alias="phase_GMT")
+
+
+class _Harcon(_Loose):
+    """NOAA's harmonic constants of a station, as its service answers."""
+
+    units: str = Field(
+        description="Unit of the amplitudes. Fetch the file with `harcon.json?units=metric`"
+    )
+    rows: tuple[_HarconRow, ...] = Field(alias="HarmonicConstituents")
+
+
+def _harcon(data: _Harcon, path: Path, faults: list[str]) -> Station:
+    """Return what a file of NOAA's service says."""
+    if data.units.strip().lower() not in _METRES:
+        faults.append(
+            f"units = {shown(data.units)}: the amplitudes are not in metres; fetch the file with "
+            "`harcon.json?units=metric`"
+        )
+    if any(row.phase is None for row in data.rows):
+        faults.append(
+            "phase_GMT is missing: phases of the local clock, or κ, are others; give those of "
+            "Greenwich, which NOAA's service answers as phase_GMT"
+        )
+    rows = ((row.name, row.amplitude, row.phase or 0.0) for row in data.rows)
+    return Station(
+        name=path.stem,
+        constants=_by_name(rows, faults),
+        credit="US National Oceanic and Atmospheric Administration",
+    )
+
+
+class _OwnRow(strict.StrictModel):
+    amplitude_m: NonNegative = Field(description="Amplitude. Give it in metres")
+    phase_deg: Number = Field(description="Phase lag at Greenwich. Give it in degrees")
+
+
+class _Own(strict.StrictModel):
+    """A station of the user's own."""
+
+    constants: dict[str, _OwnRow] | strict.PathText = Field(
+        description="Harmonic constants. Give a table of constituents, M2 = { amplitude_m = 1.37, "
+        "phase_deg = 109.2 }, or the path of a station's file"
+    )
+    phases: Literal["UTC"] | None = Field(
+        default=None,
+        description="Clock of the phases. Give phase lags at Greenwich, and say so: phases = 'UTC'",
+    )
+    name: str = ""
+    position: strict.LonLat | None = None
+    datum: str = Field(default="", description="Chart datum. Give its name: 'MLLW', 'LAT'")
+    mean_level_m: Number | None = None
+    ratio: NonNegative = 1.0
+    offset_min: Number = 0.0
+    zone: strict.LonLatRing = Field(default=(), description="Give three corners at least")
+
+
+def _own(data: _Own, path: Path, faults: list[str]) -> Station:
+    """Return what a user's file says, and the file that it names."""
+    if isinstance(data.constants, str):
+        named = Path(data.constants)
+        if reason := unreadable_reason(named):
+            raise RequestError(f"constants = '{shown_path(named)}' {reason}")
+        if named.suffix == ".toml":
+            raise RequestError(f"constants = '{shown_path(named)}' is TOML; name a JSON file")
+        base = _read(named, faults)
+    else:
+        if data.phases is None:
+            faults.append(
+                "phases is missing: those of the local clock, or κ, are others; give phase lags at "
+                "Greenwich, and say so: phases = 'UTC'"
+            )
+        rows = ((name, row.amplitude_m, row.phase_deg) for name, row in data.constants.items())
+        base = Station(path.stem, _by_name(rows, faults))
+    if data.datum and data.datum != base.datum:
+        # Another datum is another zero: the file knows by how much, or mean sea level is asked for.
+        shift = base.datums.get(data.datum, math.nan)
+        levels = {} if math.isnan(shift) else {name: z - shift for name, z in base.datums.items()}
+        base = replace(base, mean_level_m=base.mean_level_m - shift, datums=levels)
+    return replace(
+        base,
+        name=data.name or base.name,
+        position=data.position or base.position,
+        datum=data.datum or base.datum,
+        mean_level_m=base.mean_level_m if data.mean_level_m is None else data.mean_level_m,
+        ratio=data.ratio,
+        offset_s=60 * data.offset_min,
+        zone=data.zone,
+    )
