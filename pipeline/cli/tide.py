@@ -2,6 +2,7 @@
 
 import json
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,7 +10,8 @@ import typer
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.usage import Command
-from pipeline.errors import Faults, RequestError
+from pipeline.errors import Faults, RequestError, StageError
+from pipeline.machine.paths import folder_to_write, shown
 from pipeline.scenario import catalogue
 from pipeline.scenario.times import period
 
@@ -62,6 +64,47 @@ def show(
         if span is None or found is None:
             raise RequestError(faults.lines)
         typer.echo(_listed(found, *span, as_json=as_json))
+
+
+@app.command(cls=Command)
+def fit(
+    series: Annotated[
+        list[str],
+        typer.Argument(help="Hourly currents of 29 days at least: NetCDF files, or a pattern."),
+    ],
+    *,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The NetCDF file to write.")],
+) -> None:
+    """Fit harmonic constants to the user's own hourly currents, at each of their nodes."""
+    with reported_errors():
+        import numpy as np
+
+        from pipeline.machine.files import whole_file
+        from pipeline.sources.tides.fit import WEAK_SHARE, fit_files
+
+        folder = folder_to_write(out.parent, "--out")
+        if not folder.is_dir() or out.is_dir():
+            raise RequestError(f"--out: {shown(out)} can't be a file; name one in a folder")
+        found = fit_files(series)
+        try:
+            with whole_file(folder / out.name) as file:
+                found.to_netcdf(file.name, engine="netcdf4")
+        except (OSError, RuntimeError) as error:
+            raise StageError(f"--out: {shown(out)} can't be written: {error}") from None
+        share, rms = found["variance_share"].values, found["residual_rms"].values
+        is_fitted = np.isfinite(rms)
+        weak = int((share[is_fitted] < WEAK_SHARE).sum())
+        names = found["constituent"].values.tolist()
+        typer.echo(
+            f"{shown(out)}: {len(names)} constituents at {is_fitted.sum():,} nodes: "
+            f"{', '.join(names)}"
+        )
+        if is_fitted.any():
+            typer.echo(
+                f"Medians: {np.median(share[is_fitted]):.0%} of the variance, residual "
+                f"{np.median(rms[is_fitted]):.2f} m/s rms. {weak:,} nodes have less than "
+                f"{WEAK_SHARE:.0%} of the variance, {(~is_fitted).sum():,} no whole series."
+            )
 
 
 def _span(begin: str | None, end: str | None) -> tuple[datetime, datetime]:

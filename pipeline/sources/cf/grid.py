@@ -5,8 +5,7 @@ The window is cut out of each step before the steps are summed, some megabytes a
 
 import calendar
 import itertools
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -219,7 +218,7 @@ def _descending(contents: Contents, chosen: Sequence[int]) -> Iterator[str]:
 
 
 # Amount of data read at a time, bytes; but at least one step.
-_CHUNK_BYTES = 32 << 20
+_CHUNK_BYTES, _VALUE_BYTES = 32 << 20, 8
 # Largest number of nodes in a region: checks and planning take some 600 bytes for each.
 _MAX_NODES = 2_000_000
 # Neighbouring nodes further apart than this multiple of the axis's largest step have a gap between.
@@ -354,38 +353,50 @@ class FieldReader:
         weights: Mapping[int, float],
     ) -> FloatArray:
         """Return the weighted sum (ny, nx) of a component's steps in m/s."""
-        by_file: dict[int, dict[int, float]] = {}
-        for step, weight in weights.items():
-            file, step_in_file = index[step]
-            by_file.setdefault(file, {})[step_in_file] = weight
         total = np.zeros((self._window.lat.size, self._window.lon.size))
-        for file, steps in by_file.items():
-            component = files[file]
-            try:
-                variable = component.lazy(self._dataset(component.file))
-                with reading():
-                    for times, values in self._blocks(component, variable, sorted(steps)):
-                        shares = [steps[time] for time in times]
-                        total += component.unit_m_s * np.tensordot(shares, values, axes=1)
-            except ValueError as error:
-                raise ValueError(f"{component.file.name}: {error}") from None
+        for steps, values in self.blocks(files, index, weights):
+            total += np.tensordot([weights[step] for step in steps], values, axes=1)
         return total
 
-    def _blocks(
-        self, component: Component, variable: "xr.Variable", steps: Sequence[int]
-    ) -> Iterator[tuple[Sequence[int], FloatArray]]:
-        """Read ascending steps some megabytes at a time: their numbers, values (nt, ny, nx)."""
-        window, lat, lon = self._window, component.lat, component.lon
-        shape = (window.lat.size, window.lon.size)
-        most = max(1, _CHUNK_BYTES // max(1, math.prod(shape) * variable.dtype.itemsize))
-        for first in range(0, len(steps), most):
-            times = steps[first : first + most]
-            part: dict[str, slice | list[int]] = {}
-            if component.time:
-                is_range = times[-1] - times[0] == len(times) - 1
-                part[component.time] = slice(times[0], times[-1] + 1) if is_range else list(times)
-            values = read_window(variable.isel(part), (lat, lon), window)
-            yield times, values.reshape(-1, *shape)
+    def blocks(
+        self, files: Sequence[Component], index: Sequence[tuple[int, int]], steps: Iterable[int]
+    ) -> Iterator[tuple[list[int], FloatArray]]:
+        """Read a component's steps, some megabytes at a time.
+
+        Yields the numbers of steps, and their values (nt, ny, nx) in m/s.
+
+        Raises
+        ------
+        ValueError
+            A file is damaged.
+        """
+        by_file: dict[int, dict[int, int]] = {}
+        for step in steps:
+            file, own = index[step]
+            by_file.setdefault(file, {})[own] = step
+        size = self._window.lat.size * self._window.lon.size
+        most = max(1, _CHUNK_BYTES // max(1, size * _VALUE_BYTES))
+        for file, numbers in by_file.items():
+            ordered = sorted(numbers)
+            for first in range(0, len(ordered), most):
+                own_steps = ordered[first : first + most]
+                values = self._values(files[file], own_steps)
+                yield [numbers[own] for own in own_steps], values
+
+    def _values(self, component: Component, steps: Sequence[int]) -> FloatArray:
+        """Read ascending steps of a file (nt, ny, nx), m/s."""
+        window = self._window
+        part: dict[str, slice | list[int]] = {}
+        if component.time:
+            is_range = steps[-1] - steps[0] == len(steps) - 1
+            part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)
+        try:
+            variable = component.lazy(self._dataset(component.file))
+            with reading():
+                values = read_window(variable.isel(part), (component.lat, component.lon), window)
+        except ValueError as error:
+            raise ValueError(f"{component.file.name}: {error}") from None
+        return component.unit_m_s * values.reshape(-1, window.lat.size, window.lon.size)
 
     def _dataset(self, file: Path) -> "xr.Dataset":
         """Return an open file."""

@@ -1,0 +1,206 @@
+"""Constants of tidal streams, fitted by least squares to a user's own hourly currents.
+
+At each node u(t) = mean + Σ f Re[c exp(i (V + u))], c = u_re + i u_im, and v alike: f, V and u by
+`renew.inputs.tide.arguments` for each hour, so that a series longer than a year needs no mean nodal
+factor. The normal equations are summed as the file is read. Which constituents a series tells
+apart says Rayleigh's criterion: one turn more or less within it.
+"""
+
+from collections.abc import Iterator, Sequence
+from datetime import timedelta
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.errors import RequestError
+from pipeline.sources.cf.axes import TimeSteps, label
+from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
+from pipeline.sources.cf.grid import FieldReader, find_window
+from renew.inputs.tide import Instants, arguments, speeds
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ComplexArray: TypeAlias = npt.NDArray[np.complex128]
+
+# Constituents in the order of their weight in most waters: of two that a series can't tell apart,
+# the first is fitted, and has the other's share.
+_ORDER = (
+    *("M2", "K1", "S2", "O1", "N2", "P1", "K2", "Q1", "NU2", "M4", "MS4", "MN4", "L2", "T2"),
+    *("MU2", "2N2", "J1", "M1", "OO1", "RHO", "LAM2", "M6", "S4", "MK3", "2MK3", "2SM2", "M3"),
+    *("S1", "R2", "2Q1", "S6", "M8", "MF", "MM", "MSF", "SSA", "SA"),
+)
+# Shortest series, days: M2 and N2 are told apart after 27.6, and M2 and S2 after 14.8.
+_LEAST_DAYS = 29.0
+_HOUR = timedelta(hours=1)
+# Steps may be off the hour by this: times in float32 days are.
+_SLACK = timedelta(minutes=2)
+WEAK_SHARE = 0.7
+"""Share of the variance below which the constants of a node tell too little."""
+_COMMENT = (
+    "u = u_mean + sum of f Re((u_re + i u_im) exp(i (V + u))), v alike, with f, V and u of "
+    "Schureman (1940): the amplitude is the modulus, the phase lag at Greenwich minus the argument"
+)
+
+
+def fit_files(paths: Sequence[str]) -> "xr.Dataset":
+    """Fit constants at each node of hourly currents in files that belong together.
+
+    Returns
+    -------
+    Dataset
+        `u_re`, `u_im`, `v_re` and `v_im` (constituent, lat, lon), m/s; `u_mean` and `v_mean`,
+        `residual_rms` of both components together, m/s, and `variance_share` (lat, lon). NaN where
+        a step has no current.
+
+    Raises
+    ------
+    RequestError
+        The files can't be used, or their series are too short, have holes or are no hourly ones:
+        one line for each fault.
+    """
+    files = find_files(paths)
+    contents = read_contents(files)
+    if faults := list(_series_faults(contents.steps)):
+        raise RequestError([f"{name_of(files)}: {fault}" for fault in faults])
+    try:
+        return _fitted(contents)
+    except (renew.ParameterError, ValueError) as error:
+        raise RequestError(f"{name_of(files)}: {error}") from None
+
+
+def told_apart(days: float, interval: timedelta) -> tuple[str, ...]:
+    """Return the constituents that a series tells apart, by Rayleigh's and Nyquist's criterion."""
+    turn = 360.0 / (24 * days)
+    found: dict[str, float] = {}
+    for name, speed in zip(_ORDER, speeds(_ORDER), strict=True):
+        is_slow = speed * (interval / _HOUR) < 180
+        if is_slow and all(abs(speed - other) >= turn for other in (0.0, *found.values())):
+            found[name] = float(speed)
+    return tuple(found)
+
+
+def _series_faults(steps: TimeSteps) -> Iterator[str]:
+    """Say why a series can't be fitted."""
+    moments = steps.moments
+    if len(moments) < 2:
+        yield f"it has {steps.span}; give {_LEAST_DAYS:g} days of hourly currents at least"
+        return
+    interval = steps.interval
+    days = (moments[-1] - moments[0] + interval) / timedelta(days=1)
+    apart = ", ".join(told_apart(days, interval)) or "no constituent at all"
+    if interval > _HOUR + _SLACK:
+        hours = interval / _HOUR
+        yield (
+            f"its steps are {hours:g} hours apart, which tell {apart} apart and blur the others; "
+            "give hourly currents"
+        )
+    if days < _LEAST_DAYS:
+        yield (
+            f"it has {days:.1f} days, fewer than {_LEAST_DAYS:g}, which tell {apart} apart, and "
+            "each with the share of its neighbours; give a longer series, best a year"
+        )
+    holes = [pair for pair in pairwise(moments) if pair[1] - pair[0] > interval + _SLACK]
+    if holes:
+        longest = max(holes, key=lambda pair: pair[1] - pair[0])
+        yield (
+            f"it has {len(holes)} holes, the longest from {label(longest[0])} to "
+            f"{label(longest[1])}; fill them, or give the longest series without"
+        )
+
+
+def _fitted(contents: Contents) -> "xr.Dataset":
+    """Fit the constants of all nodes at once; ValueError if a file is damaged."""
+    import xarray as xr
+
+    steps = contents.steps
+    moments = np.array([one.replace(tzinfo=None) for one in steps.moments], "datetime64[us]")
+    names = told_apart(len(moments) * (steps.interval / timedelta(days=1)), steps.interval)
+    design = _design(names, moments, steps.width)
+    bounds = (contents.lon.min(), contents.lat.min(), contents.lon.max(), contents.lat.max())
+    window = find_window(contents.lon, contents.lat, bounds)
+    with FieldReader(contents, window) as reader:
+        u, v = (
+            _solved(design, reader.blocks(files, index, range(len(moments))))
+            for files, index in ((contents.u, contents.u_index), (contents.v, contents.v_index))
+        )
+    # A node that lacks a component at any step has no constants.
+    gap = np.where(np.isfinite(u.left + v.left), 0.0, np.nan)
+    left, about = u.left + v.left + gap, u.about + v.about
+    grid, m_s = ("lat", "lon"), {"units": "m s-1"}
+    share = 1 - left / np.where(about > 0, about, np.inf)
+    return xr.Dataset(
+        {
+            "u_re": (("constituent", *grid), u.constants.real + gap, m_s),
+            "u_im": (("constituent", *grid), u.constants.imag + gap, m_s),
+            "v_re": (("constituent", *grid), v.constants.real + gap, m_s),
+            "v_im": (("constituent", *grid), v.constants.imag + gap, m_s),
+            "u_mean": (grid, u.mean + gap, m_s),
+            "v_mean": (grid, v.mean + gap, m_s),
+            "residual_rms": (grid, np.sqrt(left / len(moments)), m_s),
+            "variance_share": (grid, share, {"units": "1"}),
+        },
+        {
+            "constituent": list(names),
+            "lat": ("lat", window.lat, {"units": "degrees_north", "standard_name": "latitude"}),
+            "lon": ("lon", window.lon, {"units": "degrees_east", "standard_name": "longitude"}),
+        },
+        {
+            "Conventions": "CF-1.11",
+            "title": "Harmonic constants of tidal streams",
+            "source": name_of(contents.files),
+            "time_coverage_start": steps.moments[0].isoformat(),
+            "time_coverage_end": steps.moments[-1].isoformat(),
+            "comment": _COMMENT,
+        },
+    )
+
+
+def _design(
+    names: Sequence[str],
+    moments: Instants,
+    width: timedelta | None,
+) -> FloatArray:
+    """Return the columns (steps, 1 + 2 constituents) whose sum the series is.
+
+    The mean of a step's width is less than the current at its middle, by the sinc of its turn.
+    """
+    factors, angles = arguments(names, moments)
+    if width is not None:
+        factors = factors * np.sinc(speeds(names)[:, None] * (width / _HOUR) / 360)
+    ones = np.ones((1, len(moments)))
+    return np.concatenate([ones, factors * np.cos(angles), -factors * np.sin(angles)]).T
+
+
+class _Solved(NamedTuple):
+    """A component: constants (constituents, ny, nx), mean, sums of squares left and about it."""
+
+    constants: ComplexArray
+    mean: FloatArray
+    left: FloatArray
+    about: FloatArray
+
+
+def _solved(design: FloatArray, blocks: Iterator[tuple[list[int], FloatArray]]) -> _Solved:
+    """Solve the normal equations of one component; NaN where a step has no value."""
+    right, squares, first = np.zeros(()), np.zeros(()), np.zeros(())
+    for number, (rows, values) in enumerate(blocks):
+        if number == 0:
+            # Squares are summed about the first step, so that a large mean leaves their digits.
+            first = values[0]
+        apart = values - first
+        right = right + np.tensordot(design[rows], apart, axes=(0, 0))
+        squares = squares + (apart**2).sum(axis=0)
+    shape = (len(right), -1)
+    found = np.linalg.solve(design.T @ design, right.reshape(shape)).reshape(right.shape)
+    half = (len(found) + 1) // 2
+    return _Solved(
+        constants=found[1:half] + 1j * found[half:],
+        mean=first + found[0],
+        left=np.maximum(squares - (found * right).sum(axis=0), 0.0),
+        about=np.maximum(squares - right[0] ** 2 / len(design), 0.0),
+    )

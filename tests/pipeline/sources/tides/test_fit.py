@@ -1,0 +1,187 @@
+"""Constants fitted to a synthetic year of streams, and the series that are refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import utide
+import xarray as xr
+from typer.testing import CliRunner
+from utide._ut_constants import ut_constants
+from utide.harmonics import ut_E
+
+from pipeline.cli.main import app
+from pipeline.errors import RequestError
+from pipeline.sources.tides.fit import fit_files, told_apart
+
+HOUR = timedelta(hours=1)
+# Amplitude (m/s) and phase lag (degrees) of u; v has 0.7 of it, 90° later.
+STREAM = {"M2": (1.0, 40.0), "S2": (0.4, 80.0), "N2": (0.25, 20.0), "K1": (0.35, 200.0),
+          "O1": (0.25, 170.0), "M4": (0.2, 310.0)}  # fmt: skip
+NOISE = 0.1
+
+
+def utide_sum(hours: np.ndarray[Any, Any], turned: float = 0.0) -> np.ndarray[Any, Any]:
+    """Sum the constituents from 2025 on by UTide, whose arguments are not those of the fit."""
+    names = [str(name).strip() for name in ut_constants.const.name]
+    index = [names.index(name) for name in STREAM]
+    days = np.datetime64("2025-01-01").astype(int) + 719163 + hours / 24
+    basis = ut_E(days, days.mean(), ut_constants.const.freq[index], index, 50.0, [False] * 4, None)
+    figures = np.array([*STREAM.values()])
+    phasors = figures[:, 0] * np.exp(-1j * np.radians(figures[:, 1] + turned))
+    return np.asarray((basis * phasors).real.sum(axis=1))
+
+
+def series(days: float, noise: float = NOISE, seed: int = 1) -> xr.Dataset:
+    """Hourly currents on 2 x 3 nodes, the last of which is land."""
+    hours = np.arange(24 * days)
+    rng = np.random.default_rng(seed)
+    scale = np.array([[1.0, 0.8, 0.6], [1.2, 1.4, 0.0]])
+    u = utide_sum(hours)[:, None, None] * scale + 0.3
+    v = 0.7 * utide_sum(hours, 90.0)[:, None, None] * scale - 0.1
+    data = {
+        name: (("time", "lat", "lon"), one + rng.normal(0, noise, one.shape), {"units": "m s-1"})
+        for name, one in (("u", u), ("v", v))
+    }
+    for _, values, _ in data.values():
+        values[:, 1, 2] = np.nan
+    axes = {"time": ("time", hours, {"units": "hours since 2025-01-01"}),
+            "lat": ("lat", [50.0, 50.1]), "lon": ("lon", [-2.0, -1.9, -1.8])}  # fmt: skip
+    return xr.Dataset(data, axes)
+
+
+def written(dataset: xr.Dataset, folder: Path, name: str = "hourly.nc") -> Path:
+    path = folder / name
+    dataset.to_netcdf(path, engine="netcdf4")
+    return path
+
+
+@pytest.fixture(scope="module")
+def year(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, xr.Dataset]:
+    """Return the file of a year, and its fit."""
+    path = written(series(365), tmp_path_factory.mktemp("year"))
+    return path, fit_files([str(path)])
+
+
+def test_a_year_gives_the_constants_to_a_percent_and_a_degree(
+    year: tuple[Path, xr.Dataset],
+) -> None:
+    _, found = year
+    for part, ratio, turn in (("u", 1.0, 0.0), ("v", 0.7, 90.0)):
+        fitted = found[f"{part}_re"] + 1j * found[f"{part}_im"]
+        for name, (amplitude, phase) in STREAM.items():
+            one = fitted.sel(constituent=name).values[1, 1] / 1.4
+            assert abs(one) == pytest.approx(ratio * amplitude, rel=0.01)
+            off = (-np.degrees(np.angle(one)) - phase - turn + 180) % 360 - 180
+            assert abs(off) < 1
+    assert found["u_mean"].values[0, 0] == pytest.approx(0.3, abs=0.01)
+    np.testing.assert_allclose(found["residual_rms"].values[0], NOISE * 2**0.5, rtol=0.02)
+    assert (found["variance_share"].values[0] > 0.9).all()
+    assert np.isnan(found["residual_rms"].values[1, 2])
+    assert np.isnan(found["u_re"].values[:, 1, 2]).all()
+
+
+def test_the_month_after_is_predicted_to_a_tenth_of_the_noise(
+    year: tuple[Path, xr.Dataset],
+) -> None:
+    from renew.inputs.tide import arguments
+
+    _, found = year
+    hours = np.arange(365 * 24.0, 395 * 24.0)
+    at = np.datetime64("2025-01-01") + (3600 * hours).astype("m8[s]")
+    factors, angles = arguments(found["constituent"].values.tolist(), at)
+    constants = (found["u_re"] + 1j * found["u_im"]).values[:, 0, 0]
+    predicted = 0.3 + (factors.T * np.exp(1j * angles.T) @ constants).real
+    off = predicted - (utide_sum(hours) + 0.3)
+    assert np.sqrt((off**2).mean()) <= NOISE / 10
+
+
+def test_the_fit_is_utide_s_with_the_same_constituents(tmp_path: Path) -> None:
+    short = series(60)
+    found = fit_files([str(written(short, tmp_path))])
+    names = found["constituent"].values.tolist()
+    theirs = utide.solve(
+        np.datetime64("2025-01-01") + (3600 * short["time"].values).astype("m8[s]"),
+        short["u"].values[:, 0, 1], lat=50.0, constit=["M2", "S2", "N2", "K1", "O1", "M4"],
+        nodal=True, trend=False, method="ols", conf_int="none", verbose=False,
+    )  # fmt: skip
+    assert set(STREAM) <= set(names)
+    fitted = (found["u_re"] + 1j * found["u_im"]).values[:, 0, 1]
+    for name, amplitude in zip(theirs.name, theirs.A, strict=True):
+        assert abs(fitted[names.index(name)]) == pytest.approx(amplitude, abs=0.02)
+
+
+def test_rayleigh_says_what_a_series_tells_apart() -> None:
+    month, year = told_apart(29, HOUR), told_apart(366, HOUR)
+    assert {"M2", "S2", "N2", "K1", "O1", "Q1", "M4"} <= set(month)
+    assert not {"K2", "P1", "NU2", "T2", "SSA", "SA"} & set(month)
+    assert {"K2", "P1", "T2", "SSA", "SA", "S1"} <= set(year)
+    assert told_apart(400, 24 * HOUR)[:2] == ("MF", "MM")
+
+
+def test_means_of_an_hour_are_told_by_their_bounds_and_mended(tmp_path: Path) -> None:
+    minutes = np.arange(0, 60 * 24 * 40, 10) / 60 + 5 / 60
+    means = utide_sum(minutes).reshape(-1, 6).mean(axis=1)
+    hours = np.arange(len(means)) + 0.5
+    field = np.repeat(means[:, None], 4, axis=1).reshape(-1, 2, 2)
+    axes = {"time": ("time", hours, {"units": "hours since 2025-01-01", "bounds": "edges"}),
+            "lat": [50.0, 50.1], "lon": [-2.0, -1.9]}  # fmt: skip
+    data = {name: (("time", "lat", "lon"), field, {"units": "m s-1"}) for name in ("u", "v")}
+    edges = ("time", "nv"), np.stack([hours - 0.5, hours + 0.5], axis=1)
+    found = fit_files([str(written(xr.Dataset(data | {"edges": edges}, axes), tmp_path))])
+    m4 = found.sel(constituent="M4").isel(lat=0, lon=0)
+    # The mean of an hour has 0.957 of M4.
+    assert np.hypot(m4["u_re"], m4["u_im"]) == pytest.approx(0.2, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "beginnings"),
+    [
+        (
+            lambda one: one.isel(time=slice(28 * 24)),
+            ["it has 28.0 days, fewer than 29, which tell"],
+        ),
+        (lambda one: one.isel(time=slice(None, None, 24)), ["its steps are 24 hours apart, which"]),
+        (
+            lambda one: one.drop_isel(time=[100, 101, 500]),
+            ["it has 2 holes, the longest from 2025-01-05T03:00Z to 2025-01-05T06:00Z; fill"],
+        ),
+        (
+            lambda one: one.isel(time=slice(None, 20 * 24, 24)),
+            ["its steps are 24 hours apart, which tell ", "it has 20.0 days, fewer than 29"],
+        ),
+        (lambda one: one.isel(time=slice(1)), ["it has one time step, 2025-01-01; give 29 days"]),
+    ],
+)
+def test_a_series_that_can_t_be_fitted_says_why(
+    change: Callable[[xr.Dataset], xr.Dataset], beginnings: list[str], tmp_path: Path
+) -> None:
+    path = written(change(series(35)), tmp_path)
+    with pytest.raises(RequestError) as caught:
+        fit_files([str(path)])
+    assert len(caught.value.faults) == len(beginnings)
+    for line, beginning in zip(caught.value.faults, beginnings, strict=True):
+        assert line.startswith(f"hourly.nc: {beginning}")
+
+
+def test_the_command_writes_the_constants_and_says_how_well_they_fit(tmp_path: Path) -> None:
+    dataset = series(40)
+    first = written(dataset.isel(time=slice(500)), tmp_path, "a.nc")
+    second = written(dataset.isel(time=slice(500, None)), tmp_path, "b.nc")
+    out = tmp_path / "constants.nc"
+    done = CliRunner().invoke(app, ["tide", "fit", str(second), str(first), "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    assert "constituents at 5 nodes: M2, K1, S2, O1, N2" in done.stdout
+    assert "0 nodes have less than 70% of the variance, 1 no whole series." in done.stdout
+    with xr.open_dataset(out) as found:
+        assert found["u_re"].dims == ("constituent", "lat", "lon")
+        whole = fit_files([str(written(dataset, tmp_path))])
+        np.testing.assert_allclose(found["v_im"], whole["v_im"], atol=1e-10)
+    refused = CliRunner().invoke(app, ["tide", "fit", str(first), "--out", str(out / "x")])
+    assert refused.exit_code == 2
+    assert "--out: " in refused.stderr
