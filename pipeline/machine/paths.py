@@ -23,7 +23,7 @@ _MAX_SHOWN = 200
 
 
 def unreadable_reason(path: str | Path) -> str:
-    """Say why a path is no file or folder that can be read, with the remedy; empty when it is."""
+    """Say why a path can't be read as a file or folder, with the remedy; empty if it can."""
     name = os.fspath(path)
     if reason := unusable_reason(name):
         return reason

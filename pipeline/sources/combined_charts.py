@@ -108,8 +108,8 @@ class SoundedChart:
         Raises
         ------
         RequestError
-            The source of the land raises it; or the file covers nothing of the region, is damaged,
-            or puts most of the water above the sea.
+            The source of the land is at fault; or the file of depths covers nothing of the region,
+            is damaged, or puts most of the water above the sea.
         """
         land = self.chart.land(region)
         heights = self.file.heights(box_around(region).bounds)
@@ -223,7 +223,8 @@ def shallow_polygons(heights: Heights, safety_depth_m: float) -> Geometries:
         shallow = heights.height_m > -safety_depth_m
     if not shallow.any():
         return np.empty(0, dtype=object)
-    # Two rings more: the cell around those at the grid's edge, and one that closes the outlines.
+    # One ring is for the cells around shallow ones at the grid's edge, the other closes the
+    # outlines.
     taken = ndimage.binary_dilation(np.pad(shallow, _RINGS), np.ones((3, 3)))
     lon, lat = (_extended(axis) for axis in (heights.lon, heights.lat))
     contours = contour_generator(

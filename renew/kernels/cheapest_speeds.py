@@ -6,11 +6,11 @@ over a leg that begins at t and is sailed at v, and μ the cost of a later arriv
 the slope is k v^(k-1) d + (vᵏ + μ) ∂d/∂v, and a later arrival at the leg's beginning costs
 μ + (vᵏ + μ) ∂d/∂t.
 
-The method is a projected quasi-Newton descent with limited memory: a step follows the inverse
-Hessian that the last changes of the slopes suggest (L-BFGS; Nocedal & Wright, Numerical
-Optimization, 2006, 7.2), among the speeds that no limit holds, and ends at the limits (Bertsekas,
-Projected Newton methods, 1982). All in one kernel: a cost takes some 20 µs, and hundreds are asked
-for.
+The method is a projected quasi-Newton descent with limited memory. The last changes of the slopes
+give an estimate of the inverse Hessian, and so the step (L-BFGS; Nocedal & Wright, Numerical
+Optimization, 2006, 7.2). Speeds at a limit stay there, and a step ends at the limits (Bertsekas,
+Projected Newton methods, 1982). All is one kernel, because hundreds of costs are computed, in some
+20 µs each.
 """
 
 import math

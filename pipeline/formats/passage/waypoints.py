@@ -56,8 +56,8 @@ MAX_EXTRA_FUEL = 3e-3
 MAX_CROSS_TRACK_M = NAUTICAL_MILE_M
 # Maximum turning radius, true metres, that the schemas of RTZ 1.1 and 1.2 allow.
 _MAX_RADIUS_M = 5 * NAUTICAL_MILE_M
-# Drawing error of the chosen legs, as a share of the drawing error in the corridor: it is small, so
-# that the limits are exact.
+# Drawing error of the chosen legs, as a share of the error in the corridor; it is small, because
+# the limits are measured from these legs.
 _FINAL_ERROR_SHARE = 0.01
 _CACHE = "_exchange_waypoints"
 
@@ -73,7 +73,7 @@ _PLACES, _MIN_PART = 200, 10
 class Waypoints:
     """A route's n waypoints, each with the leg that leaves it.
 
-    No leg leaves the goal: its figures of a leg are NaN.
+    No leg leaves the goal, so its leg figures are NaN.
 
     Attributes
     ----------

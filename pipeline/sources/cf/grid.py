@@ -111,7 +111,7 @@ def _mean(steps: TimeSteps, period: Period) -> SelectedSlices:
 
 
 def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> tuple[Note, ...]:
-    """Note that the steps do not fill the period, if so."""
+    """Return a note if the steps do not fill the period."""
     interval = steps.interval
     # A step stands for the time around it, or after it.
     times = [period.begin - interval / 2, *(steps.moments[i] for i in inside), period.end]

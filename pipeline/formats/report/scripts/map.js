@@ -7,9 +7,9 @@ const BARE_PANES = ["currents", "particles"];
 const ZOOM_RANGE = 8;
 // Time for which the hint on the wheel is shown, milliseconds.
 const HINT_MS = 1600;
-// Side of the part of the map around a place that is looked for, as a share of the chart's shorter one.
+// Side of the part of the map that is shown around a place, as a share of the chart's shorter side.
 const SPOT_SHARE = 0.12;
-// Distance, as such a share, within which the labels of two places would overlap.
+// Distance within which the labels of two places would overlap, as a share of that side.
 const NEAR_SHARE = 0.05;
 // Maximum length of the scale bar, in CSS pixels; at the largest zoom it stands for a metre.
 const SCALE_BAR = 100;
@@ -153,7 +153,7 @@ class VoyageMap {
   /** Water, grid, land and shoals, the same in all seasons. */
   drawWater() {
     const { extent, sheet, beyond, grid, land, noGo, shoals, hazards } = this.data;
-    // Around the chart the sea and its land go on, for a reader who would take blank for open water.
+    // Sea and land are drawn beyond the chart: a reader would take a blank for open water.
     this.sheet = this.area(sheet, "water", {}).addTo(this.map);
     this.beyond = this.area(beyond, "water", { stroke: true, weight: 0.7 }).addTo(this.map);
     this.water = this.area(extent, "water", {}).addTo(this.map);
@@ -219,7 +219,7 @@ class VoyageMap {
     this.spot = L.layerGroup().addTo(this.map);
   }
 
-  /** Numbers or names on the islands that tell ways apart; smaller, the other numbers of classes' names, below a name. */
+  /** Label islands: those that distinguish ways by number or name, all others in names of classes smaller, by number. */
   drawIslandLabels() {
     this.classLabels = L.layerGroup();
     for (const { label, names, below, place } of this.data.islands) {
@@ -227,7 +227,7 @@ class VoyageMap {
     }
   }
 
-  /** Show a place [y, x], m, that the page's text speaks of, with what it is. */
+  /** Show a place [y, x], m, that the page's text mentions, with a label. */
   reveal(place, text) {
     this.spot.clearLayers();
     this.dot(place, { radius: 11, weight: 3, fill: false, spot: true }).addTo(this.spot);

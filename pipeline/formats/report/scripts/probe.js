@@ -96,7 +96,7 @@ class Probe {
     });
   }
 
-  /** The pointer has left: with the keyboard's focus the map's middle is looked at, else nothing. */
+  /** The pointer has left: show the map's middle while it has the keyboard's focus, else nothing. */
   leave() {
     const hasFocus = document.activeElement === this.map.getContainer() && this.map.getContainer().matches(":focus-visible");
     if (hasFocus) this.look(this.map.getCenter());

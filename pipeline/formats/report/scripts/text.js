@@ -14,7 +14,7 @@ const units = { nautical: false };
 function formatNumber(value, digits = 4) {
   if (value === null || !Number.isFinite(value)) return ABSENT;
   if (value === 0) return "0";
-  // Of the rounded value: 99.996 has three digits before the point as 100 has.
+  // Digits of the rounded value: 99.996 becomes 100, with three before the point.
   const magnitude = Number(value.toExponential(digits - 1).split("e")[1]);
   return formatDecimals(value, Math.max(0, digits - 1 - magnitude));
 }

@@ -15,7 +15,7 @@ function unitTexts(root) {
   return found;
 }
 
-/** A text with every quantity in nautical units; "at least" so much is rounded down. */
+/** A text with every quantity in nautical units; after "at least", quantities are rounded down. */
 function inNauticalUnits(text) {
   return text.replace(QUANTITY, (whole, sign, first, second, unit, at) => {
     const values = [first, second].filter((value) => value !== undefined);
