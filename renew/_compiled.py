@@ -13,6 +13,7 @@ import errno
 import hashlib
 import os
 import pickle
+import platform
 import shutil
 import stat
 import tempfile
@@ -94,6 +95,11 @@ def cache_folder() -> Path:
 def cache_is_temporary() -> bool:
     """Whether neither the package nor the user's cache can be written: a reboot compiles anew."""
     return cache_folder() not in _lasting_folders()
+
+
+def _folders() -> tuple[Path, ...]:
+    """All folders from which machine code is loaded, first the one into which it is written."""
+    return tuple(dict.fromkeys((cache_folder(), *_lasting_folders())))
 
 
 @cache
@@ -195,6 +201,55 @@ def processor() -> str:
     return str(cpu_target.target_context.codegen().magic_tuple()[1])
 
 
+def has_all() -> bool:
+    """Whether all code of which `note_all` took note can still be loaded, undamaged.
+
+    A folder that NUMBA_CACHE_DIR names has to hold it alone; while it holds none, it gets a copy.
+    """
+    first, *others = _folders()
+    if first.parent == _asked() and not _holds_code(first):
+        for other in [*filter(_holds_code, others)][:1]:
+            with _noting_failures():
+                unfinished = shutil.ignore_patterns("*.tmp.*")
+                shutil.copytree(other, first, ignore=unfinished, dirs_exist_ok=True)
+    notes = (_note(folder).load(_circumstances()) for folder in _self_contained())
+    noted = next(filter(None, notes), None)
+    return noted is not None and noted <= _loadable()
+
+
+def note_all() -> None:
+    """Take note of all code that there is, once everything was called that plans may call."""
+    if not save_failures():
+        with _noting_failures():
+            _note(cache_folder()).save(_circumstances(), _loadable())
+
+
+def _self_contained() -> tuple[Path, ...]:
+    """Folders that together are to hold all code: one that was asked for may be shipped alone."""
+    return _folders()[:1] if cache_folder().parent == _asked() else _folders()
+
+
+def _note(folder: Path) -> "_CacheFiles":
+    return _CacheFiles(str(folder), "all", _name())
+
+
+def _circumstances() -> str:
+    """What decides which kernels plans call, with which types: callers also, and the processor."""
+    sources = hashlib.sha256(b"\0".join(map(Path.read_bytes, sorted(_PACKAGE.rglob("*.py")))))
+    machine = cpu_target.target_context.codegen().magic_tuple()
+    return f"{sources.hexdigest()} {platform.python_version()} {np.__version__} {machine}"
+
+
+def _loadable() -> frozenset[str]:
+    """Names and types of all kernels whose code can be loaded."""
+    found = set[str]()
+    for folder in _self_contained():
+        for index in folder.glob("*.nbi"):
+            files = _CacheFiles(str(folder), index.stem, _name())
+            found |= {f"{index.stem} {key}" for key in files.loadable()}
+    return frozenset(found)
+
+
 _failures: list[OSError] = []
 
 
@@ -215,7 +270,7 @@ def save_failures() -> tuple[OSError, ...]:
 def load_failures() -> tuple[OSError, ...]:
     """Return the cache's faults: files that can't be read or are damaged; they count as missing."""
     found = list[OSError]()
-    for folder in dict.fromkeys((cache_folder(), *_lasting_folders())):
+    for folder in _folders():
         try:
             files = sorted(os.listdir(folder))  # noqa: PTH208 - as names
         except (FileNotFoundError, NotADirectoryError):
@@ -247,6 +302,13 @@ class _CacheFiles(IndexDataCacheFile):
 
     def _load_index(self) -> Any:  # noqa: ANN401 - a dictionary by keys of Numba's
         return self._load(self._index_path) or {}
+
+    def loadable(self) -> Iterator[object]:
+        """Keys of all that can be loaded."""
+        for key, data in self._load_index().items():
+            with contextlib.suppress(OSError):
+                _content(Path(self._data_path(data)))
+                yield key
 
     def _load_data(self, name: str) -> object:
         return self._load(self._data_path(name))
@@ -313,9 +375,8 @@ class _KernelCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        folders = dict.fromkeys((cache_folder(), *_lasting_folders()))
         self._cache_file, *self._read_only = (
-            _CacheFiles(str(folder), self._impl.filename_base, _name()) for folder in folders
+            _CacheFiles(str(folder), self._impl.filename_base, _name()) for folder in _folders()
         )
 
     def _load_overload(self, sig: object, target_context: Any) -> object:  # noqa: ANN401

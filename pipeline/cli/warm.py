@@ -25,17 +25,21 @@ def warm() -> str:
         The machine code can't be saved.
     """
     from renew import _compiled
-    from renew.warming import REHEARSALS, rehearse
 
     if not _compiled.is_switched_on():
         raise RequestError("NUMBA_DISABLE_JIT is set, and so nothing would be compiled: unset it")
     folder = _compiled.cache_folder()
     _refuse_elsewhere(folder)
     started = time.perf_counter()
-    with _counted_compilations() as compiled, _progress(len(REHEARSALS)) as on_step:
-        for what in rehearse():
-            on_step(what, compiled())
-        number = compiled()
+    number = 0
+    if not _compiled.has_all():
+        from renew.warming import REHEARSALS, rehearse  # this alone loads some code
+
+        with _counted_compilations() as compiled, _progress(len(REHEARSALS)) as on_step:
+            for what in rehearse():
+                on_step(what, compiled())
+            number = compiled()
+        _compiled.note_all()
     if failures := _compiled.save_failures():
         raise StageError(
             f"can't keep machine code in {folder}: {failures[0].strerror or failures[0]}; make "
