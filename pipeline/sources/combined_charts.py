@@ -223,8 +223,7 @@ def shallow_polygons(heights: Heights, safety_depth_m: float) -> Geometries:
         shallow = heights.height_m > -safety_depth_m
     if not shallow.any():
         return np.empty(0, dtype=object)
-    # One ring is for the cells around shallow ones at the grid's edge, the other closes the
-    # outlines.
+    # One ring is for cells around shallow ones at the edge, the other closes the outlines.
     taken = ndimage.binary_dilation(np.pad(shallow, _RINGS), np.ones((3, 3)))
     lon, lat = (_extended(axis) for axis in (heights.lon, heights.lat))
     contours = contour_generator(

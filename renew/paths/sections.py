@@ -202,8 +202,7 @@ def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
         for k in range(count[i]):
             low, high = intervals[i, k]
             behind += high - low
-            # Each interval gets its share of the points, at least two while there are enough
-            # points.
+            # Each interval gets its share of the points, at least two while enough are left.
             last = round(points * behind / total) if k < count[i] - 1 else points
             last = min(max(last, first + 2), points - 2 * (count[i] - 1 - k))
             for j in range(first, last):

@@ -123,8 +123,7 @@ class _SteadyPath:
         speed, exponent = self._voyage.vessel.speed, self._voyage.vessel.fuel_exponent
         made = self._made(np.array(speed))
         along = (self._velocity * self._tangent).sum(axis=-1)
-        # Derivative of speed over ground with respect to speed through water: v / √(v² - c⊥²), or
-        # 1.
+        # Derivative of speed over ground by speed through water: v / √(v² - c⊥²), or 1.
         gain = speed / (made - along) if self._voyage.drift == "crab" else np.ones(made.shape)
         highest = exponent * speed ** (exponent - 1) * made / gain - speed**exponent
         return float(np.nanmax(highest, initial=speed**exponent)) * (1 + 1e-6)

@@ -128,8 +128,7 @@ class ClassSearch:
             options.order == "fuel" and options.method == "optimal" and self._planner.is_thorough
         )
         if is_free and problem.rays.omits_islands:
-            # The best of all channels is the best of its class, whichever islands distinguish
-            # classes.
+            # The best of all channels is the best of its class, by whichever islands.
             self.plan_in_rounds(scout, min(classes, variants), self.add_variant)
         seen_all = self.plan_in_rounds(enumerator, classes, self.add)
         count = len(self.found.keys() | self._too_dear.keys())

@@ -219,8 +219,7 @@ def _taut(
                 inner = k if radii[one] < radii[other] else k + 1
                 if sides[one] != sides[other] or inner in (0, len(kept) - 1):
                     return kept, courses, one
-                # The string round a disc doesn't touch a disc inside it: start again without the
-                # latter.
+                # The string round a disc doesn't touch a disc inside it: start again without that.
                 kept, nested = np.concatenate((kept[:inner], kept[inner + 1 :])), True
                 break
             courses[k] = math.atan2(dy, dx) - math.asin(offset / apart)

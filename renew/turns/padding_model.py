@@ -153,7 +153,7 @@ class PaddingModel:
         self._triangulation, self._current, self._vessel = triangulation, current, vessel
         self._options = options
         self._edges = triangulation.constrained_edges
-        # One set of draws for every triangle: its figures depend on itself alone.
+        # One set of draws for all triangles: a triangle's figures depend on itself alone.
         self.sampler = TurnSampler.for_risk(options.seed, options.risk)
         # All windows of a steady current are alike.
         steps = np.diff(current.slice_times)

@@ -299,8 +299,7 @@ def _settled(
             slope[far] = np.clip((lasts - last_lasts)[far] / moved[far], -_STEEP, _STEEP)
         found = _chained(middle, lasts, slope)
         if not (np.diff(found) >= 0).all():
-            # Where the current nearly stops the vessel, slopes may have any value: take the plain
-            # sum.
+            # Where the current nearly stops the vessel, slopes may be any value: take the sum.
             return np.append(0.0, np.cumsum(lasts)), False
         change = np.abs(found - since).max()
         since = found

@@ -62,7 +62,7 @@ def chart_layers(
             edgecolor="none",
             zorder=4,
         ),
-        # The smallest are seen by their edges.
+        # The smallest are visible only by their edges.
         patch(
             _clipped(hazards, within),
             facecolor=COLOURS["hazard"],

@@ -156,7 +156,6 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     for share in _TOLERANCE_SHARES:
         corridor = safe_corridor(ranked.route, obstacles, share * max_tolerance)
         drawing = Drawing(scene.projection, curve, corridor.max_error * scene.projection.scale)
-        # Each via point is a waypoint.
         corridors = [corridor]
         if len(pieces) > 1:
             tolerance = share * max_tolerance
@@ -186,8 +185,7 @@ def _described(
     scene = result.scene
     factor = np.zeros(len(lonlat) - 1)
     np.maximum.at(factor, legs.leg, scene.projection.point_scale(legs.lonlat))
-    # True metres per metre of the plane where the plane stretches the leg most, so that no limit is
-    # too wide.
+    # True metres per planar metre where the plane stretches the leg most: no limit is too wide.
     true = scene.projection.scale / factor
     error = corridor.max_error * _FINAL_ERROR_SHARE
     cap = MAX_CROSS_TRACK_M / float(true.min()) + error

@@ -296,8 +296,7 @@ def compared(
         return {}
     keep = renew.fuel(path, scene.currents[planned.season], scene.vessel, drift=options.drift)
     line = shapely.LineString(path)
-    # The tolerance is needed because a route without padding may touch land, and rounding may move
-    # it onto the land.
+    # A route without padding may touch land, and rounding may move it onto the land.
     if shapely.intersection(scene.chart.hard_no_go, line).length > allowed:
         keep = math.inf
     row = earlier.columns()

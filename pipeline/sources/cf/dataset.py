@@ -64,8 +64,7 @@ def is_hdf5(path: Path) -> bool:
 def reading() -> Iterator[None]:
     """Turn errors of libraries about a file into a ValueError."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        # Libraries warn of doubtful attributes; what matters here are the values, which are
-        # checked.
+        # Libraries warn of doubtful attributes; the values, which matter here, are checked.
         warnings.simplefilter("ignore")
         try:
             yield

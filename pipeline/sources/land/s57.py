@@ -215,7 +215,6 @@ def _hazards(part: _Part, sea: shapely.Geometry, safety_depth_m: float) -> Itera
                 continue
             is_danger = shapely.intersects(objects.geometry, part.area)
             if names is _SUNKEN:
-                # An unknown depth is NaN, and so not deep enough.
                 is_danger &= ~(objects.numbers("VALSOU") >= safety_depth_m)
             for area in _areas_in(sea, objects.geometry[is_danger], radius_m):
                 yield Zone("hazard", _HAZARDS.get(name, group), "", area)

@@ -93,9 +93,8 @@ class _WayNamer:
         self._scene, self._routes, self._places = scene, routes, places
         self._catalogued = island_places(scene)
         self._rays = Rays.of(scene.chart)
-        # Winding number: how often a route passes north of an island eastward, minus how often
-        # westward. Two routes pass an island on different sides if and only if their winding
-        # numbers differ.
+        # Winding number: passages north of an island eastward, less those westward. Two routes pass
+        # an island on different sides exactly if these numbers differ.
         self._windings = {
             key: self._winding_numbers_of(route.path) for key, route in routes.items()
         }

@@ -196,8 +196,7 @@ class _RouteEvaluator:
     def turns(self, route: renew.Route) -> renew.Contingency:
         """Simulate the hard-over turns of a route against the original land within their reach."""
         vessel = self._scene.vessel_in(self._season)
-        # Long routes have wider spacing, for at most MAX_STATIONS points; the factor is for
-        # rounding.
+        # Long routes have wider spacing, for at most MAX_STATIONS points, despite rounding.
         least = max(_MIN_SPACING, 1.000001 * route.length / MAX_STATIONS)
         return renew.contingency(
             route,
