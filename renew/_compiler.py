@@ -139,7 +139,7 @@ _UNSERIALIZED, _VALUES = PythonAPI.unserialize, TargetConfig.values
 
 
 def _unserialized_or_raised(api: Any, pointer: object) -> object:  # noqa: ANN401
-    """Emit code that unserializes an object, and that returns from its function if this raises.
+    """Emit code that unserializes an object, and leaves the function if that raises an error.
 
     The result of the kernel is lost then, and its memory is not freed.
     """

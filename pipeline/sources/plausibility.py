@@ -60,7 +60,7 @@ class Assessment:
 
 
 def assess_speeds(field: Field, limit_m_s: float) -> Assessment:
-    """Whether the field has data that move, differ from place to place, and are not too fast."""
+    """Assess whether the field moves, differs from place to place, and is not too fast."""
     u, v = field.u[~field.gap], field.v[~field.gap]
     speed = np.hypot(u, v)
     if not speed.size:
@@ -78,7 +78,7 @@ def assess_speeds(field: Field, limit_m_s: float) -> Assessment:
 
 
 def _assess_unit(field: Field, rms_m_s: float) -> Assessment:
-    """Whether the speeds seem to be in another unit: 3.6 km/h are 1 m/s."""
+    """Assess whether the speeds seem to be in another unit: 3.6 km/h are 1 m/s."""
     span = min(float(np.ptp(field.lon)), float(np.ptp(field.lat)))
     limits = [limits for width, *limits in _FAST_M_S if span >= width]
     if limits and rms_m_s > limits[-1][0]:
@@ -98,7 +98,7 @@ def _assess_unit(field: Field, rms_m_s: float) -> Assessment:
 
 
 def assess_position(field: Field, mask: LandMask) -> Assessment:
-    """Whether the gaps lie where the land is, or would at an offset."""
+    """Assess whether the gaps lie where the land is, or would at an offset."""
     shift = find_shift(field, mask)
     if shift is None:
         return Assessment()
@@ -123,7 +123,7 @@ def _offset(degrees: float, positive: str, negative: str) -> str:
 
 
 def assess_directions(field: Field) -> Assessment:
-    """Whether a component has the wrong sign, or the two are swapped."""
+    """Assess whether a component has the wrong sign, or the two are swapped."""
     variant = likeliest_variant(field)
     if (
         variant is None
@@ -230,7 +230,7 @@ def _first_few(messages: Sequence[str]) -> tuple[str, ...]:
 
 
 def _assess_changed_gaps(changed: dict[str, int], labels: Sequence[str]) -> Assessment:
-    """Whether all fields have data in the same cells; `changed` are cells that differ, by time."""
+    """Assess whether fields have data in the same cells; `changed`: time → cells that differ."""
     faults = [
         f"{cells} cells have data either at {label} or at {labels[0]}, not at both: its land and "
         "its gaps must be the same at all times"

@@ -134,8 +134,8 @@ class Mesh(NamedTuple):
     corners: FloatArray  # (t, 3, 2), m
     neighbours: IntArray  # (t, 3), -1 across edges that are too narrow as well
     back: IntArray  # (t, 3): the corner of the neighbour that is opposite to the shared edge
-    on_land: BoolArray  # (t, 3): whether that corner is
-    hazardous: BoolArray  # (t, 3): whether the edge opposite to that corner lies on land
+    on_land: BoolArray  # (t, 3): whether the corner lies on land
+    hazardous: BoolArray  # (t, 3): whether the edge opposite to the corner lies on land
     clearance: float
 
 

@@ -24,9 +24,9 @@ from renew.kernels.current_table import CurrentTable
 from renew.voyage.voyage import Voyage
 
 # Numbers of cells: in still water; in small eddies; per triangle; at most; and the number from
-# which legs lead in more directions. In smooth currents, cells per node of the coarsest table that
-# is fine.
+# which legs lead in more directions.
 _SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 22_500, 20, 40_000, 5_000
+# In smooth currents, cells per node of the coarsest table that is fine enough.
 _PER_NODE = 0.1
 # For a finer search beside a path: factor by which nodes stand closer together, and half the width
 # of the tube of water around the path, in cells.
@@ -37,8 +37,8 @@ START, GOAL = 0, 1
 # edge has one, so that legs lead wherever triangles do. Number of nearest nodes to which a gate is
 # joined, itself included.
 _GATE_LENGTH, _GATES, _NEAREST = 3.0, 3, 17
-# Least number of cells between start and goal; around them the grid is fine enough for that, and
-# cells grow outwards by this factor from one to the next.
+# Least number of cells between start and goal, and the factor by which cells grow from one to the
+# next outside, where the grid is coarser.
 _WAY_CELLS, _GROWTH = 16, 1.15
 
 

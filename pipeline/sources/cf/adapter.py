@@ -336,7 +336,7 @@ def _without(field: Field, cells: BoolArray | None) -> Field:
 
 
 def _assess_gaps(field: Field, mask: LandMask, region: Bounds) -> Assessment:
-    """Whether the region's open water has data, and its land has none."""
+    """Assess whether the region's open water has data, and its land has none."""
     (gaps, water), (inland, dry) = count_misplaced(field, mask, region)
     warnings: tuple[str, ...] = ()
     if inland > _FILLED_LAND_SHARE * max(dry, 1):

@@ -1,4 +1,4 @@
-"""Acceptance check of downloaded fields: are they the requested ones? Only then they are used.
+"""Acceptance check of downloaded fields: they are used only if they are the requested ones.
 
 A chunk that fails to download arrives as NaN without an error, a truncated file may still open, and
 a field shifted by half a degree looks like any other. So the axes are compared with the request,
@@ -84,7 +84,7 @@ class AcceptedFields:
     notes: tuple[Note, ...] = ()
 
     def at_each_time(self) -> Iterator[Field]:
-        """Return the fields one by one."""
+        """Yield the fields one by one."""
         for u, v in zip(self.u, self.v, strict=True):
             yield Field(self.lon, self.lat, u, v)
 
@@ -240,7 +240,7 @@ def _step_faults(name: str, axis: FloatArray, cell_deg: float) -> Iterator[str]:
 
 
 def _time_faults(dataset: "xr.Dataset", expected: Expected) -> list[str]:
-    """Whether the file has exactly the requested time steps."""
+    """Find whether the file lacks time steps, or has others than requested."""
     time, values = dataset["time"], coordinate_values(dataset, "time").reshape(-1)
     stamps = decoded_times(time, values, time.attrs.get("units", ""))
     labels = tuple(stamp.strftime(expected.label_format) for stamp in stamps)
@@ -259,7 +259,7 @@ def _shortened(labels: tuple[str, ...]) -> str:
 
 
 def _depth_faults(dataset: "xr.Dataset") -> list[str]:
-    """Whether there is no more than one level, at the surface."""
+    """Find levels other than one at the surface."""
     for name in {"depth", "elevation"} & dataset.variables.keys():
         levels = np.abs(coordinate_values(dataset, name).reshape(-1))
         if levels.size != 1 or not levels[0] < SURFACE_DEPTH_M:
@@ -268,7 +268,7 @@ def _depth_faults(dataset: "xr.Dataset") -> list[str]:
 
 
 def _extent_faults(window: Window, expected: Expected) -> list[str]:
-    """Whether the cells cover the region."""
+    """Find sides of the region that the cells don't cover."""
     cell_deg = expected.spec.cell_deg
     cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
     lacking = sides_beyond(expected.region.bounds, cells)
@@ -276,7 +276,7 @@ def _extent_faults(window: Window, expected: Expected) -> list[str]:
 
 
 def _gap_faults(field: Field, mask: LandMask) -> list[str]:
-    """Whether gaps lie where the land is: not in open water, and no data far inland."""
+    """Find gaps in open water, and data far inland."""
     messages = (
         "in open water have no data: a part was not delivered",
         "far inland have data: the field is shifted",
@@ -289,7 +289,7 @@ def _gap_faults(field: Field, mask: LandMask) -> list[str]:
 
 
 def _missing_chunk_faults(field: Field, expected: Expected, mask: LandMask) -> list[str]:
-    """Whether the chunks that the service does not have are all land.
+    """Find water in chunks that the service does not have.
 
     It stores no chunk without data, and gives the same answer when it fails. Cells beside land may
     be land to a coarse model; there the gap is filled from the water beside it anyway.
