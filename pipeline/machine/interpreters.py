@@ -18,8 +18,7 @@ from pathlib import Path
 
 _ROOT = Path(__file__).resolve().parents[2]
 _SAFE_PATH = "PYTHONSAFEPATH"
-# Time to read a killed process's last output, s: as its whole session is killed, the pipes close at
-# once.
+# Time to read a killed process's last output, s: its whole session is killed, so pipes close.
 _DRAIN_S = 5.0
 # Time between two checks whether a process has to end, s.
 _PAUSE_S = 0.05

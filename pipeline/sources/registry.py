@@ -233,8 +233,7 @@ def _axis(values: FloatArray, name: str) -> tuple[FloatArray, IndexArray]:
 
 
 _CREDIT = "planned without currents, as in still water"
-# Nodes along each side of the region: enough to interpolate, and to show on a map that there is
-# nothing.
+# Nodes along each side of the region: enough to interpolate, and to show still water on a map.
 _NODES = 5
 
 

@@ -18,8 +18,7 @@ from renew.turns.padding_model import PaddedEdges
 from renew.voyage.voyage import Voyage
 
 # Extra distance from V, as a share of v/ω (1.6 cm for the paper's vessel), while a path is planned.
-# With this slack, points near a straight line can be dropped and corners rounded without touching
-# V.
+# With this slack, points near a line can be dropped and corners rounded without touching V.
 SLACK = 0.01
 # Number of directions in which a way out of V is looked for.
 _DIRECTIONS = 72

@@ -31,8 +31,7 @@ from renew.results import OverpoweredHours
 from renew.turns.padding_model import PaddedEdges
 from renew.voyage.voyage import Voyage, shares
 
-# Spacing of sections, and length of pieces of shore with reduced clearance, as a share of
-# clearance.
+# Spacing of sections, and length of pieces of shore with reduced clearance, in clearances.
 _SPACING = 0.25
 # Largest angle between two sections, rad.
 _ANGLE = np.radians(15)

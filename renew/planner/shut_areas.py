@@ -31,8 +31,7 @@ from renew.planner.task import Task
 from renew.results import Plan, Rejected, Route
 from renew.voyage.voyage import early_and_late
 
-# Distance between the points at which a path is looked at, as a share of v/ω, and their largest
-# number.
+# Distance between the points at which a path is tested, in v/ω, and their largest number.
 _SPACING, _MAX_POINTS = 0.5, 20_000
 
 

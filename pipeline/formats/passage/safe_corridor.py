@@ -200,8 +200,7 @@ def _with_exit(soft: shapely.Geometry, path: FloatArray, margin: float) -> tuple
     return np.insert(path, leg + 1, exit_, axis=0), leg + 1
 
 
-# Maximum length of a turn's tangent, as a share of the leg: the turn at its other end needs the
-# other half.
+# Maximum length of a turn's tangent, as a share of the leg, whose other end needs the other half.
 _MAX_LEG_SHARE = 0.5
 # Number of edges of each area that are clipped to the area in one call.
 _AT_ONCE = 4

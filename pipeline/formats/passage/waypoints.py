@@ -41,8 +41,7 @@ from renew.results import unite_soft_no_go
 from renew.voyage.fuel import speeds_along
 
 NAUTICAL_MILE_M = 1852.0
-# Maximum distance of a leg from the planned line, as a share of the route's length: 0.7 km on
-# 700 km.
+# Maximum distance of a leg from the planned line, as a share of the route's length.
 TOLERANCE = 1e-3
 # The tolerance of short routes, true metres: no course can be kept more closely, as GNSS alone may
 # be 10 m off (IMO A.1046). It is at most `_MAX_TOLERANCE` of the route's length.

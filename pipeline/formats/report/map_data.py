@@ -167,8 +167,7 @@ _MAX_TURNS = 80
 _SOFT_TOLERANCE, _MAX_SOFT_VERTICES = 1 / 3000, 40_000
 # Tolerance of a hard no-go zone with more vertices than these, as a share of the longer side.
 _NO_GO_TOLERANCE, _MAX_NO_GO_VERTICES = 1 / 20_000, 25_000
-# Width of the land shown around the chart, as a share of its longer side, and maximum number of its
-# vertices.
+# Land shown around the chart: width as a share of its longer side, maximum number of vertices.
 _SHEET_SHARE, _MAX_BEYOND_VERTICES = 0.6, 15_000
 # Number of points along the best route, and along others.
 _POINTS_BEST, _POINTS = 200, 100

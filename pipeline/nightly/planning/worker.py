@@ -39,14 +39,12 @@ from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season,
 from renew import Route
 
 PLANNED, FAILED, BROKEN = "planned", "failed", "broken"
-# If start or goal moved by more than this share of the route's length, the routes of a pair are not
-# compared.
+# If start or goal moved by more than this share of the route's length, routes are not compared.
 _SAME_END = 1e-6
 # If yesterday's route is cheaper by more than this percentage, that is reported; the planner's
 # tolerance is smaller.
 _CHEAPER_PERCENT = 0.1
-# Largest spacing of the points from which the distance between two lines is measured, as a share of
-# a leg.
+# Largest spacing of points from which two lines' distance is measured, as a share of a leg.
 _DENSIFY = 0.01
 
 

@@ -29,8 +29,7 @@ _NAME = re.compile(
 )
 _FORMATS = ("%Y-%m-%dT%HZ", "%Y-%m-%dT%H%MZ")
 _UNDATED = "undated"
-# Largest time by which a forecast's reference time may be ahead of the clock, for example by time
-# zones.
+# Largest time by which a forecast's reference time may be ahead of the clock, as by time zones.
 _AHEAD = timedelta(days=1)
 # Largest time by which the last step of currents without a reference time may be ahead of the
 # clock: some currents last a season.

@@ -41,8 +41,7 @@ _STANDARD_NAMES = tuple(
     )
 )
 _VARIABLE_NAMES = (("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("utotal", "vtotal"))
-# Size of each unit of speed in m/s, and the unit's spellings. Blanks, dots, carets and asterisks
-# are ignored.
+# Size of each unit of speed in m/s, and its spellings, without blanks, dots, carets and asterisks.
 _UNITS_M_S = {
     1.0: ("ms-1", "m/s", "meters-1", "metres-1", "metersecond-1", "metresecond-1", "meters/second"),
     0.01: ("cms-1", "cm/s", "centimeters-1", "centimetersecond-1"),

@@ -38,8 +38,7 @@ from pipeline.stages.fetch import fetch
 from pipeline.stages.project import extent_polygon, planar_current
 from renew.inputs.current import as_field
 
-# Margin around endpoints, ways and islands: a share of the distance between start and goal, and its
-# minimum, m.
+# Margin around endpoints, ways and islands: a share of the voyage's distance; its minimum, m.
 MARGIN_SHARE = 0.1
 _MIN_MARGIN_M = 2_000.0
 # The first search looks for ways up to this distance from the direct line: a share of the distance

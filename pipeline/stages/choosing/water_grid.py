@@ -14,8 +14,7 @@ from pipeline.sources.current_field import LandMask
 Cell = tuple[int, int]
 LonLat = tuple[float, float]
 ScalarT = TypeVar("ScalarT", bound=np.generic)
-# Number of cells along the longer side: fine enough for the region's margin, and a shortest way
-# takes 0.1 s.
+# Number of cells along the longer side: fine enough for the region's margin; a search takes 0.1 s.
 _CELLS = 300
 # Distance in cells from an endpoint within which water is searched: harbours are finer than cells.
 _NEAR_CELLS = 5

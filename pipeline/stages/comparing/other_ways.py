@@ -36,11 +36,9 @@ _DIRECTIONS = 72
 # second number is for speeds chosen in a changing current, where the bound is loose on any grid.
 # With few cells, the front passes through narrow islands: the bound stays valid, but is lower.
 _CELLS, _CELLS_AT_CHOICE = 160_000, 16_000
-# Width of the strip, as a share of the square root of the chart's area: three cells of the finest
-# grid.
+# Width of the strip, as a share of the square root of the chart's area: three of the finest cells.
 _WIDTH = 3 / math.sqrt(_CELLS)
-# Minimum size of the land on either side of a strait, as a share of the distance from start to
-# goal.
+# Minimum size of the land on either side of a strait, as a share of the voyage's distance.
 _PART_SHARE = 0.01
 # Largest length of the straight lines through a strait, in lengths of the best route: a much longer
 # way would not need less fuel.
