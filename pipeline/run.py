@@ -346,7 +346,7 @@ def first_compilation() -> Iterator[Callable[[], None]]:
     If a process fails or is killed, kernels that it did not compile are compiled when they are
     called. With a single core, or without a lasting cache, no process is started.
     """
-    processes = [_compiling(half) for half in range(2)] if _pays() else []
+    processes = [_compiling(half) for half in range(2)] if _can_compile_ahead() else []
 
     def wait() -> None:
         for process in processes:
@@ -360,7 +360,7 @@ def first_compilation() -> Iterator[Callable[[], None]]:
             process.wait()
 
 
-def _pays() -> bool:
+def _can_compile_ahead() -> bool:
     """Whether nothing is compiled yet, and two processes can run in parallel."""
     from renew._compiled import is_cold
 

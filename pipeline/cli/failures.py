@@ -25,12 +25,12 @@ MESSAGE = "stopped; finished stages are kept, run again to continue"
 _GRACE_S = 3.0
 # Time between two attempts to interrupt the main thread, s.
 _PAUSE_S = 0.05
-# Time limit for the calls of `saying_last`, s: a monitoring service may take ten to answer.
-_LAST_WORDS_S = 20.0
+# Time limit for the calls of `reporting_end`, s: a monitoring service may take ten to answer.
+_END_REPORT_S = 20.0
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SHOW_CURSOR = "\x1b[?25h"
 
-_last_words: list[Callable[[int], None]] = []
+_end_reports: list[Callable[[int], None]] = []
 _UNEXPECTED = 3
 # Number of the last frames of a traceback that are reported.
 _FRAMES = 6
@@ -54,17 +54,17 @@ def exit_code(error: KeyboardInterrupt) -> int:
 
 
 @contextlib.contextmanager
-def saying_last(words: Callable[[int], None]) -> Iterator[None]:
-    """Call `words` with the exit code if a signal arrives inside the `with` block.
+def reporting_end(report: Callable[[int], None]) -> Iterator[None]:
+    """Call `report` with the exit code if a signal arrives inside the `with` block.
 
     The call runs in a separate thread, before anything is cleaned up. The process ends when the
-    call has returned, or after `_LAST_WORDS_S`.
+    call has returned, or after `_END_REPORT_S`.
     """
-    _last_words.append(words)
+    _end_reports.append(report)
     try:
         yield
     finally:
-        _last_words.remove(words)
+        _end_reports.remove(report)
 
 
 @contextlib.contextmanager
@@ -75,7 +75,7 @@ def ending_promptly() -> Iterator[None]:
     threads before it ends. So an extra thread ends the process if it still runs after `_GRACE_S`.
     """
     number, is_raised = 0, False
-    said = threading.Event()
+    reported = threading.Event()
     earlier_hook = sys.unraisablehook
 
     def handle(asked: int, frame: FrameType | None) -> None:
@@ -96,7 +96,7 @@ def ending_promptly() -> Iterator[None]:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-    threading.Thread(target=_end_after_signal, args=(reader, said), daemon=True).start()
+    threading.Thread(target=_end_after_signal, args=(reader, reported), daemon=True).start()
     sys.unraisablehook = raise_again
     caught = [name for name in _SIGNALS if signal.getsignal(name) != signal.SIG_IGN]
     for name in caught:
@@ -105,7 +105,7 @@ def ending_promptly() -> Iterator[None]:
         yield
     finally:
         if number:
-            said.wait(_LAST_WORDS_S)
+            reported.wait(_END_REPORT_S)
             _end(number)
         for name in caught:  # everything is cleaned up: a later signal ends the process at once
             signal.signal(name, lambda asked, _frame: _end(asked))
@@ -120,30 +120,30 @@ def _is_in_compiler(frame: FrameType | None) -> bool:
     return False
 
 
-def _end_after_signal(reader: int, said: threading.Event) -> None:
+def _end_after_signal(reader: int, reported: threading.Event) -> None:
     """Wait for a signal; end the process if it still runs some seconds later."""
     while True:
         number = os.read(reader, 1)[0]
         if number in _SIGNALS:
-            threading.Thread(target=_say_last, args=(128 + number, said), daemon=True).start()
+            threading.Thread(target=_report_end, args=(128 + number, reported), daemon=True).start()
             deadline = time.monotonic() + _GRACE_S
             while time.monotonic() < deadline:
                 time.sleep(_PAUSE_S)
                 _thread.interrupt_main(
                     signal.Signals(number)
                 )  # the handler may not have raised yet
-            said.wait(_LAST_WORDS_S)
+            reported.wait(_END_REPORT_S)
             with contextlib.suppress(Exception):
                 os.write(sys.stderr.fileno(), f"{MESSAGE}\n".encode())
             _end(number)
 
 
-def _say_last(exit_code: int, said: threading.Event) -> None:
-    """Call the functions of `saying_last`, and then set the event."""
-    for words in tuple(_last_words):
+def _report_end(exit_code: int, reported: threading.Event) -> None:
+    """Call the functions of `reporting_end`, and then set the event."""
+    for report in tuple(_end_reports):
         with contextlib.suppress(Exception):
-            words(exit_code)
-    said.set()
+            report(exit_code)
+    reported.set()
 
 
 def _end(number: int) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 from urllib.parse import urlsplit, urlunsplit
 
-from pipeline.cli.failures import exit_code_of, saying_last
+from pipeline.cli.failures import exit_code_of, reporting_end
 from pipeline.cli.log_lines import json_lines, log_event
 from pipeline.errors import RequestError
 from pipeline.machine.files import whole_file
@@ -87,42 +87,42 @@ def watched(
         check_url(url)
         _note(ping(url, "start"), on_event)
     started = datetime.now(UTC)
-    teller = _Teller(metrics, url, on_event)
+    reporter = _Reporter(metrics, url, on_event)
 
-    def tell_failure(exit_code: int) -> None:
-        teller.tell(NightOutcome("", started, datetime.now(UTC), None, exit_code, {}, {}))
+    def report_failure(exit_code: int) -> None:
+        reporter.report(NightOutcome("", started, datetime.now(UTC), None, exit_code, {}, {}))
 
-    with saying_last(tell_failure):
+    with reporting_end(report_failure):
         try:
             outcome = night()
         except BaseException as error:
-            tell_failure(exit_code_of(error))
+            report_failure(exit_code_of(error))
             raise
-        teller.tell(outcome)
+        reporter.report(outcome)
     return outcome
 
 
 @dataclass(frozen=True)
-class _Teller:
+class _Reporter:
     """Reports the end of a night exactly once, even if a signal arrives meanwhile."""
 
     metrics: Path | None
     url: str | None
     on_event: NightEventHandler
-    _told: list[NightOutcome] = field(default_factory=list)
+    _reported: list[NightOutcome] = field(default_factory=list)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def tell(self, outcome: NightOutcome) -> None:
+    def report(self, outcome: NightOutcome) -> None:
         """Report how the night ended, unless it was reported before."""
         with self._lock:
-            if self._told:
+            if self._reported:
                 return
             # If another job was running, that job writes the metrics.
             if self.metrics is not None and outcome.exit_code != BusyError.exit_code:
                 _note(write_metrics(self.metrics, outcome), self.on_event)
             if self.url and (what := report_for(outcome.exit_code)) is not None:
                 _note(ping(self.url, what), self.on_event)
-            self._told.append(outcome)
+            self._reported.append(outcome)
 
 
 def _note(fault: str, on_event: NightEventHandler) -> None:

@@ -196,7 +196,7 @@ def opened(
     the original. Endpoints on original land stay on land, and endpoints that original land
     separates stay separated.
     """
-    result = OpenWater(_drawn_back(land, original, endpoints, added_m))
+    result = OpenWater(_clear_of_endpoints(land, original, endpoints, added_m))
     voyages = endpoints[: len(endpoints) // 2 * 2].reshape(-1, 2, 2)
     apart = parted(result.land, extent, voyages)
     for voyage in sorted(apart - parted(original, extent, voyages) if apart else ()):
@@ -240,7 +240,7 @@ def _connected(
     return OpenWater(land, (x, y), width_m)
 
 
-def _drawn_back(
+def _clear_of_endpoints(
     land: Geometries, original: Geometries, endpoints: FloatArray, added_m: float
 ) -> Geometries:
     """Move the coast back around covered endpoints, to half of their distance to original land."""

@@ -141,10 +141,10 @@ def round_corners(
     centres[1:-1] += size[:, None] * bisectors
     radii, sides = np.zeros(len(path)), np.ones(len(path))
     radii[1:-1], sides[1:-1] = size, np.where(turns >= 0, 1.0, -1.0)
-    kept, courses, clash = _taut(centres, radii, sides)
+    kept, courses, clash = _taut_string(centres, radii, sides)
     if together and clash < 0:
-        centres = _turned_to_the_string(path, centres, radii, sides, kept, courses)
-        kept, courses, clash = _taut(centres, radii, sides)
+        centres = _with_turned_discs(path, centres, radii, sides, kept, courses)
+        kept, courses, clash = _taut_string(centres, radii, sides)
     if clash >= 0:
         raise InfeasibleError(
             "two opposite turns near {0} are too close together to be steered", centres[clash]
@@ -154,7 +154,7 @@ def round_corners(
 
 
 @kernel
-def _turned_to_the_string(
+def _with_turned_discs(
     path: FloatArray,
     centres: FloatArray,
     radii: FloatArray,
@@ -193,7 +193,7 @@ def _turned_to_the_string(
 
 
 @kernel
-def _taut(
+def _taut_string(
     centres: FloatArray, radii: FloatArray, sides: FloatArray
 ) -> tuple[IntArray, FloatArray, int]:
     """Draw the string: drop discs that the string doesn't touch until it touches all others.

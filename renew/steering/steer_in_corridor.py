@@ -86,7 +86,7 @@ def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[Float
     Among small eddies some curves of a least-fuel path follow each other too closely to be steered.
     The rest of the path can be steered, and would lose fuel if it were thinned as much.
     """
-    path, stays = _tolerances_stood(path, corridor)
+    path, stays = _tolerances_that_keep(path, corridor)
     reach = _AROUND * corridor.voyage.vessel.turning_radius
     wanted = np.full(len(path), _FIRST_THINNED)
     first: InfeasibleError | None = None
@@ -124,7 +124,7 @@ def _tries(path: FloatArray, corridor: Corridor) -> Iterator[tuple[FloatArray, b
 def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
     """Yield a path (n, 2) thinned by growing tolerances, without repetitions."""
     yield path
-    path, stays = _tolerances_stood(path, corridor)
+    path, stays = _tolerances_that_keep(path, corridor)
     count = len(path)
     for tolerances in range(1, _MAX_THINNED + 1):
         thinned = path[stays >= tolerances]
@@ -133,7 +133,7 @@ def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
             count = len(thinned)
 
 
-def _tolerances_stood(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, IntArray]:
+def _tolerances_that_keep(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, IntArray]:
     """Return a path (n, 2) with its via points, and how many tolerances keep each point (n,).
 
     Its ends and via points always stay. A point that the Douglas-Peucker algorithm keeps at one

@@ -99,10 +99,10 @@ def to_lonlat(result: RunResult, geometries: Sequence[Any], step_m: float) -> Ge
     array[:] = geometries
     lonlat = result.scene.projection.geometry_to_lonlat(array, densify_m=step_m)
     areas = not all(shapely.get_type_id(lonlat) == shapely.GeometryType.LINESTRING)
-    return multi(lonlat) if areas else lonlat
+    return multipolygons(lonlat) if areas else lonlat
 
 
-def multi(areas: Sequence[Any] | Geometries) -> Geometries:
+def multipolygons(areas: Sequence[Any] | Geometries) -> Geometries:
     """Make MultiPolygons of areas; lines and points that a union leaves are dropped."""
     multis = np.full(len(areas), shapely.MultiPolygon(), dtype=object)
     parts, index = shapely.get_parts(np.array(areas, dtype=object), return_index=True)

@@ -14,7 +14,7 @@ from pipeline.formats.gis.frames import (
     GeoDataFrame,
     columns_of,
     frame,
-    multi,
+    multipolygons,
     to_lonlat,
 )
 from pipeline.formats.passage.tracks import tracks
@@ -60,7 +60,7 @@ def depth_areas(result: RunResult) -> GeoDataFrame:
     """Return areas of equal depth."""
     found = result.fetched.land.depth_areas
     columns = columns_of(found, "kind", depth_min_m="least_m", depth_max_m="greatest_m")
-    return frame(multi([one.area for one in found]), columns)
+    return frame(multipolygons([one.area for one in found]), columns)
 
 
 def islands(result: RunResult) -> GeoDataFrame:
@@ -79,13 +79,15 @@ def no_go(result: RunResult) -> GeoDataFrame:
 def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
     """Return areas of the chart, with their kinds, names and rules."""
     found = list(zones)
-    return frame(multi([zone.area for zone in found]), columns_of(found, "kind", "name", "rule"))
+    return frame(
+        multipolygons([zone.area for zone in found]), columns_of(found, "kind", "name", "rule")
+    )
 
 
 def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> GeoDataFrame:
     """Return areas with their numbers of vertices."""
     vertices = shapely.get_num_coordinates(np.array(polygons, dtype=object))
-    return frame(multi(polygons), {"vertices": vertices})
+    return frame(multipolygons(polygons), {"vertices": vertices})
 
 
 # Maximum distance, true metres, between a leg and the line drawn for it.
@@ -113,7 +115,7 @@ def legs(result: RunResult) -> frames.GeoDataFrame:
     frame = waypoint_frame(found).drop(columns=["name", "time_s", "turn_radius_m"])
     frame = frame[frame.course_deg.notna()].reset_index(drop=True)
     areas = [area for points in found for area in _areas(points, result)]
-    return frame.set_geometry(frames.multi(areas), crs=frame.crs)
+    return frame.set_geometry(frames.multipolygons(areas), crs=frame.crs)
 
 
 def waypoint_frame(found: Sequence[Waypoints]) -> frames.GeoDataFrame:
