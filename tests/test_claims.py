@@ -18,6 +18,8 @@ import renew
 from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.nightly.request.config import CaseTable, DepartureSpec, NightTable
 from pipeline.scenario.catalogue import VesselSpec
+from pipeline.sources.tides.fit import CONSTITUENTS
+from pipeline.sources.tides.station import OwnConstant, OwnStation
 from renew.inputs.options import Changes
 from tests import claims, command_reference, scenario_reference
 from tests.bench.__main__ import SUITES
@@ -43,6 +45,8 @@ OTHER_MODELS: tuple[type[BaseModel], ...] = (
     DepartureSpec,
     EnvironmentSpec,
     Case,
+    OwnStation,
+    OwnConstant,
 )
 OTHER_TABLES = ("cases",)
 # Names of files that a run or a night writes.
@@ -209,7 +213,7 @@ def test_keys_that_are_named_exist(document: str) -> None:
         table, _, key = span.partition(".")
         if table in {"planner", "chart", "outputs", "region", "plane"} and key.isidentifier():
             assert key in tables[table], span
-    known = set().union(*tables.values(), *map(_names, OTHER_MODELS))
+    known = set(CONSTITUENTS).union(*tables.values(), *map(_names, OTHER_MODELS))
     for block in FENCE.finditer(text):
         if block["language"] == "toml":
             named = set(_named(tomllib.loads(block["body"])))

@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 
-# Constituents in the order of their weight in most waters: of two that a series can't tell apart,
-# the first is fitted, and has the other's share.
-_ORDER = (
+CONSTITUENTS = (
     *("M2", "K1", "S2", "O1", "N2", "P1", "K2", "Q1", "NU2", "M4", "MS4", "MN4", "L2", "T2"),
     *("MU2", "2N2", "J1", "M1", "OO1", "RHO", "LAM2", "M6", "S4", "MK3", "2MK3", "2SM2", "M3"),
     *("S1", "R2", "2Q1", "S6", "M8", "MF", "MM", "MSF", "SSA", "SA"),
 )
+"""Constituents by their weight in most waters: of two that a series can't tell apart the first is
+fitted, and has the other's share."""
 # Shortest series, days: M2 and N2 are told apart after 27.6, and M2 and S2 after 14.8.
 _LEAST_DAYS = 29.0
 _HOUR = timedelta(hours=1)
@@ -77,7 +77,7 @@ def told_apart(days: float, interval: timedelta) -> tuple[str, ...]:
     """Return the constituents that a series tells apart, by Rayleigh's and Nyquist's criterion."""
     turn = 360.0 / (24 * days)
     found: dict[str, float] = {}
-    for name, speed in zip(_ORDER, speeds(_ORDER), strict=True):
+    for name, speed in zip(CONSTITUENTS, speeds(CONSTITUENTS), strict=True):
         is_slow = speed * (interval / _HOUR) < 180
         if is_slow and all(abs(speed - other) >= turn for other in (0.0, *found.values())):
             found[name] = float(speed)

@@ -112,7 +112,7 @@ def _read(path: Path, faults: list[str]) -> Station:
         kind = "TOML" if path.suffix == ".toml" else "JSON"
         raise RequestError(f"can't be read as {kind}: {error}; give a station's file") from None
     if path.suffix == ".toml":
-        return _own(validated(_Own, data, folder=path.parent), path, faults)
+        return _own(validated(OwnStation, data, folder=path.parent), path, faults)
     if isinstance(data, dict) and "HarmonicConstituents" in data:
         return _harcon(validated(_Harcon, data), path, faults)
     if isinstance(data, dict) and {"harmonic_constituents", "offsets"} & data.keys():
@@ -247,15 +247,17 @@ def _harcon(data: _Harcon, path: Path, faults: list[str]) -> Station:
     )
 
 
-class _OwnRow(strict.StrictModel):
+class OwnConstant(strict.StrictModel):
+    """A constituent in a file of the user's own."""
+
     amplitude_m: NonNegative = Field(description="Amplitude. Give it in metres")
     phase_deg: Number = Field(description="Phase lag at Greenwich. Give it in degrees")
 
 
-class _Own(strict.StrictModel):
+class OwnStation(strict.StrictModel):
     """A station of the user's own."""
 
-    constants: dict[str, _OwnRow] | strict.PathText = Field(
+    constants: dict[str, OwnConstant] | strict.PathText = Field(
         description="Harmonic constants. Give a table of constituents, M2 = { amplitude_m = 1.37, "
         "phase_deg = 109.2 }, or the path of a station's file"
     )
@@ -272,7 +274,7 @@ class _Own(strict.StrictModel):
     zone: strict.LonLatRing = Field(default=(), description="Give three corners at least")
 
 
-def _own(data: _Own, path: Path, faults: list[str]) -> Station:
+def _own(data: OwnStation, path: Path, faults: list[str]) -> Station:
     """Return what a user's file says, and the file that it names."""
     if isinstance(data.constants, str):
         named = Path(data.constants)
