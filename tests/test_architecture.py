@@ -26,7 +26,17 @@ NEEDED_UNIMPORTED = {
 # Imported beside the library that brings it and speaks in its types.
 COMES_WITH = {"distributed": "dask", "markupsafe": "jinja2", "pydantic-core": "pydantic"}
 # What takes seconds to import, and so may not be loaded to answer `renew --help`.
-HEAVY = {"copernicusmarine", "distributed", "geopandas", "matplotlib", "numba", "pandas", "xarray"}
+HEAVY = {
+    "copernicusmarine",
+    "distributed",
+    "geopandas",
+    "matplotlib",
+    "numba",
+    "pandas",
+    "pydantic",
+    "pyfes",
+    "xarray",
+}
 
 
 def _canonical(requirement: str) -> str:

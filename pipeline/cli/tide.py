@@ -12,8 +12,6 @@ from pipeline.cli.failures import reported_errors
 from pipeline.cli.usage import Command
 from pipeline.errors import Faults, RequestError, StageError
 from pipeline.machine.paths import folder_to_write, shown
-from pipeline.scenario import catalogue
-from pipeline.scenario.times import period
 
 if TYPE_CHECKING:
     from pipeline.sources.tides.station import Station
@@ -29,6 +27,8 @@ _DAYS, _MOST_DAYS = 7, 3660
 
 def _stations(incomplete: str) -> list[str]:
     """Complete the name of a station in a shell."""
+    from pipeline.scenario import catalogue
+
     return [name for name in catalogue.stations() if name.startswith(incomplete)]
 
 
@@ -126,6 +126,8 @@ def _span(begin: str | None, end: str | None) -> tuple[datetime, datetime]:
 
 def _moment(option: str, text: str, *, at_end: bool) -> datetime:
     """Read a moment; of a day its beginning or its end."""
+    from pipeline.scenario.times import period
+
     try:
         found = period(text)
     except ValueError as error:
