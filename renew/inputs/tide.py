@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renew._types import BoolArray, FloatArray
-from renew.errors import ParameterError, as_floats, is_finite, shown
+from renew.errors import ParameterError, as_floats, is_number, shown
 
 if TYPE_CHECKING:
     from pyfes.core import WaveTableInterface
@@ -31,6 +31,11 @@ _SPELLED = {"LAM2": "LAMBDA2", "RHO": "RHO1"}
 # What pyfes's argument lacks to Schureman's, degrees: his T, of which M3 has three, is the hour
 # angle of the mean sun, 180° at midnight. The highest and lowest tides that NOAA publishes meet it.
 _TURNED = {"M3": 180.0}
+# Figures beyond these are typing errors: m, and one; s. And m or degrees of a constituent.
+_LIMITS = {"mean_level": (-1e3, 1e3), "ratio": (0.0, 1e3), "offset": (-86400.0, 86400.0)}
+_MOST = 1e6
+# Largest time from the epoch, s: three centuries, beyond which the arguments' series err.
+_MOST_TIME = 1e10
 # Time between predicted heights, between which a cubic spline runs, and of one kept spline, s.
 # Beside the library itself at 21 stations it errs by less than 0.01 mm.
 _STEP = 300.0
@@ -99,15 +104,16 @@ class Tide:
         if not isinstance(given, Mapping):
             raise ParameterError(f"tide: constants = {shown(given)} must be a mapping")
         faults = [
-            f"{name} = {shown(value)} must be a number{least}"
-            for name, least in (("mean_level", ""), ("ratio", " not below 0"), ("offset", ""))
-            if not (is_finite(value := getattr(self, name)) and (not least or value >= 0))
+            f"{name} = {shown(value)} must be a number from {least:g} to {most:g}"
+            for name, (least, most) in _LIMITS.items()
+            if not (is_number(value := getattr(self, name)) and least <= value <= most)
         ]
         faults += [
             f"{name} = {shown(one)} must be an amplitude (m) not below 0, and a phase (degrees)"
             for name, one in given.items()
             if not (isinstance(name, str) and isinstance(one, tuple | list) and len(one) == 2)
-            or not (is_finite(one[0]) and is_finite(one[1]) and one[0] >= 0)
+            or not (is_number(one[0]) and is_number(one[1]))
+            or not (0 <= one[0] <= _MOST and abs(one[1]) <= _MOST)
         ]
         faults += _name_faults(given)
         if faults:
@@ -135,7 +141,10 @@ class Tide:
 
     def high_and_low(self, begin: float, end: float) -> HighAndLow:
         """High and low waters between two times (s), to the second, in their order."""
-        begin, end = map(float, _finite_times(np.array([begin, end])))
+        for one in (begin, end):
+            if not is_number(one):
+                raise ParameterError(f"tide: {shown(one)} must be a time, s")
+        begin, end = _finite_times([begin, end]).tolist()
         if not self._moving or begin >= end:
             none = np.empty(0)
             return HighAndLow(none, none, np.empty(0, dtype=bool))
@@ -286,8 +295,8 @@ def _instant(epoch: object) -> np.datetime64:
 
 
 def _finite_times(times: object) -> FloatArray:
-    """Refuse times (s) that are no finite numbers."""
+    """Refuse times (s) that are no numbers, or centuries from the epoch."""
     found = as_floats("tide: times", times)
-    if not np.isfinite(found).all():
-        raise ParameterError("tide: times must be finite")
+    if not (abs(found) <= _MOST_TIME).all():
+        raise ParameterError(f"tide: times must be within {_MOST_TIME:g} s of the epoch")
     return found
