@@ -35,9 +35,10 @@ from renew.voyage.voyage import Voyage, shares
 _SPACING = 0.25
 # Largest angle between two sections, rad.
 _ANGLE = np.radians(15)
-# Places on a section that are tried as its middle, as shares of its length.
-_PLACES = np.linspace(0.0, 1.0, 17)[1:-1]
-_FEW_PLACES = np.linspace(0.0, 1.0, 5)[1:-1]
+# Places on a section that are tried as its middle, as shares of its length: first one by one, where
+# most sections have room, then all at once.
+_FIRST_PLACES = ((0.5,), (0.25,), (0.75,))
+_PLACES = tuple(np.linspace(0.0, 1.0, 17)[1:-1])
 
 
 def with_clearance(
@@ -112,8 +113,7 @@ def _narrow_sections(
     A section is narrow if none of its places keeps the clearance.
     """
     sections = sections_of(channel, voyage.start, voyage.goal, spacing, _ANGLE)
-    # A few places are tried first: most sections have room at one of them.
-    for places in (_FEW_PLACES, _PLACES):
+    for places in (*_FIRST_PLACES, _PLACES):
         points = sections.points(np.broadcast_to(places, (len(sections.left), len(places))))
         room = _room(points, triangulation, clearance)
         narrow = room.max(axis=1, initial=0.0) < clearance
