@@ -143,7 +143,8 @@ def _faults(found: Station) -> Iterator[str]:
             "as feet or centimetres would; give metres"
         )
     try:
-        replace(found, mean_level_m=0.0, name="").tide(np.datetime64(0, "s"))
+        level = 0.0 if math.isnan(found.mean_level_m) else found.mean_level_m
+        replace(found, mean_level_m=level, name="").tide(np.datetime64(0, "s"))
     except renew.ParameterError as error:
         yield str(error)
 

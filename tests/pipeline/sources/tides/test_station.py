@@ -89,7 +89,7 @@ def test_a_place_follows_a_station_by_ratio_and_offset(tmp_path: Path) -> None:
     text = 'constants = "boston.json"\nratio = 0.9\noffset_min = 12.0\n' + zone
     place = read_station(toml(tmp_path, text))
     reference = find_station("boston").tide(EPOCH)
-    np.testing.assert_allclose(heights(place), 0.9 * reference.heights(TIMES - 720), atol=1e-6)
+    np.testing.assert_allclose(heights(place), 0.9 * reference.heights(TIMES - 720), atol=1e-4)
     assert len(place.zone) == 3
 
 
