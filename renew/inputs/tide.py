@@ -35,8 +35,8 @@ _LIMITS = {"mean_level": (-1e3, 1e3), "ratio": (0.0, 1e3), "offset": (-86400.0, 
 _MOST = 1e6
 # Largest time from the epoch, s: three centuries, beyond which the arguments' series err.
 _MOST_TIME = 1e10
-# Time between predicted heights, s, and of those that are kept together. A straight line between two
-# errs by (ω 60 s)² A / 8: 0.1 mm with 9 m of M2.
+# Time between predicted heights, s, and of those that are kept together. Straight between two, they
+# err by (ω 60 s)² A / 8: 0.1 mm with 9 m of M2.
 _STEP, _BLOCK = 60.0, 86400.0
 # The nodal factors follow the moon's node and perigee (18.6 and 8.85 years): ten turns of the one
 # and 21 of the other bring all their combinations. They are sampled every 20 days, and what lies
