@@ -1,13 +1,23 @@
-"""Heights of the tide beside two other libraries, and beside the extremes that NOAA publishes."""
+"""Heights of the tide beside two libraries and NOAA's extremes; constants fitted to a year."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 
 import numpy as np
 
+from pipeline.sources.tides.fit import fit_files
 from tests.bench.figure import Figure, at_most
-from tests.tide_oracles import PREDICTORS, apart, highest_and_lowest, stations
+from tests.tide_oracles import (
+    NOISE,
+    PREDICTORS,
+    apart,
+    fit_errors,
+    highest_and_lowest,
+    series,
+    stations,
+)
 
 BEGIN = np.datetime64("2026-11-22")
 # HAT and LAT of this station both lie 0.11 m above what its own mean sea level and constants give.
@@ -37,3 +47,15 @@ def figures() -> Iterator[Figure]:
         "beside HAT and LAT: rms", 1000 * float(np.sqrt(np.mean(np.square(off)))), 10.0, " mm", 1
     )
     yield at_most("beside HAT and LAT: most", 1000 * float(np.abs(off).max()), 25.0, " mm", 1)
+    yield from fits()
+
+
+def fits() -> Iterator[Figure]:
+    """Yield the errors of constants that are fitted to a synthetic year."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = f"{folder}/hourly.nc"
+        series(365).to_netcdf(path, engine="netcdf4")
+        amplitude, phase, month = fit_errors(fit_files([path]))
+    yield at_most("fit of a synthetic year: amplitudes", 100 * amplitude, 1.0, " %")
+    yield at_most("fit of a synthetic year: phases", phase, 1.0, "°")
+    yield at_most("fit of a synthetic year: the month after, rms", month, NOISE / 10, " m/s", 4)
