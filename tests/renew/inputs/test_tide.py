@@ -6,6 +6,8 @@ import datetime as dt
 import itertools
 import math
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -170,3 +172,25 @@ def test_times_must_be_numbers_within_centuries() -> None:
     for times in ([math.inf], ["noon"], [1e12], [math.nan]):
         with pytest.raises(renew.ParameterError, match="tide: times"):
             of({"S2": (1.0, 0.0)}).heights(times)  # type: ignore[arg-type]
+
+
+def test_without_pyfes_only_a_tide_with_constants_asks_for_it() -> None:
+    script = """
+import sys
+sys.modules["pyfes"] = None
+import numpy as np, renew
+epoch = np.datetime64("2026-11-22")
+print(renew.Tide({}, 1.5, epoch).heights(np.zeros(1)))
+try:
+    renew.Tide({"M2": renew.Constant(1.0, 0.0)}, 1.5, epoch)
+except renew.ParameterError as error:
+    print(error)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True
+    )
+    heights, refused = done.stdout.splitlines()
+    assert heights == "[1.5]"
+    assert refused.endswith(
+        "need pyfes, which is not installed; pip install 'renew-planner[tides]'"
+    )
