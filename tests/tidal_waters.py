@@ -24,8 +24,8 @@ LATENESS = 0.05
 _TIDE = {"M2": renew.Constant(1.5, 0.0), "S2": renew.Constant(0.4, 30.0)}
 _MEAN = 1.9
 _SURGE, _LAG = 0.2, 600.0
-# Time (s) by which a vessel that comes just as a bar opens would be too early.
-_IN_TIME = 400.0
+# Times (s), up to a tenth of the voyage, by which a vessel that went roundabout would be too early.
+_EARLIER = np.arange(400.0, 2401.0, 400.0)
 
 
 class _Scaled(renew.CurrentField):
@@ -95,7 +95,7 @@ class TidalScene:
         )
 
     def is_in_time_for_water(self, path: FloatArray) -> bool:
-        """Whether a path (n, 2) comes to a bar just as it opens; so do those that went roundabout.
+        """Whether a path (n, 2) comes to a bar soon after it opens, as those that went roundabout.
 
         A path without points, of a grid on which every way is shut, is in time as well.
         """
@@ -107,8 +107,10 @@ class TidalScene:
         for begin, end in itertools.pairwise(path):
             arguments = self.current, self.vessel, self.drift, 1
             times += sailed(begin[None], end[None], np.array(times[-1:]), *arguments).tolist()
-        passed = np.array(times) - _IN_TIME
-        return bool(self.is_shut(path[:-1], path[1:], passed[:-1], passed[1:]).any())
+        return any(
+            self.is_shut(path[:-1], path[1:], passed[:-1], passed[1:]).any()
+            for passed in np.array(times) - _EARLIER[:, None]
+        )
 
     def is_shut(
         self, a: FloatArray, b: FloatArray, begin: FloatArray, end: FloatArray

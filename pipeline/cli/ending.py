@@ -219,6 +219,8 @@ def _route(
         "gap_at_clearance": _finite(row.gap_at_clearance),
         "filled_share": row.filled_share,
         "uncharted_share": _finite(row.uncharted_share),
+        "least_water_m": _finite(row.least_water_m),
+        "least_water_at": row.least_water_at.isoformat() if row.least_water_at else None,
         "files": [
             name
             for name in (f"{stem}{end}" for end in (of_best if row.rank == 1 else of_all))

@@ -34,6 +34,7 @@ def go(
     name: options.Name = "",
     charts: options.Charts = None,
     depths: options.Depths = None,
+    tide: options.Tide = None,
     output: options.Output = Path("outputs"),
     offline: options.Offline = False,
     strict: options.Strict = False,
@@ -90,6 +91,7 @@ def _scenario(given: dict[str, Any]) -> "tuple[Scenario, tuple[str, ...]]":
         clearance=given["clearance"],
         charts=given["charts"],
         depths=given["depths"],
+        tide=tuple(given["tide"] or ()),
         name=given["name"],
     )
     faults = Faults()

@@ -181,6 +181,15 @@ Avoid = Annotated[
         rich_help_panel=_LIMITS,
     ),
 ]
+Tide = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="STATION",
+        help="Tide station of the catalogue, or a file of harmonic constants; may be repeated. "
+        "Needs --draught, --depart and a chart with depths.",
+        rich_help_panel=_LIMITS,
+    ),
+]
 Clearance = Annotated[
     str,
     typer.Option(

@@ -34,6 +34,7 @@ _FIELDS = (
     *("clearance_m", "duration_s", "speed_m_s", "optimality_gap", "gap_at_clearance"),
     *("trials", "collisions"),
     *("land_m", "land_lon", "land_lat", "filled_share", "uncharted_share"),
+    *("least_water_m", "least_water_at", "least_water_early_m", "least_water_late_m"),
 )
 _RENAMED = {"length": "length_planner_m", "speed_m_s": "speed_through_water_m_s"}
 METRICS_COLUMNS = {_RENAMED.get(field, field): field for field in _FIELDS}
@@ -87,7 +88,9 @@ def _cell(metrics: RouteMetrics, field: str) -> str:
     value = getattr(metrics, field)
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else ""
-    return str(value)
+    if isinstance(value, datetime):
+        return _time(value)
+    return "" if value is None else str(value)
 
 
 def write_departures_csv(result: RunResult, path: Path) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from itertools import groupby
 from typing import Literal
 
@@ -60,6 +61,9 @@ class RouteMetrics:
     land_lon, land_lat : the middle of its longest part over land, degrees; NaN without.
     filled_share : share of its length in cells where the current's source has no figure.
     uncharted_share : share of its length where no depth is charted; NaN in a chart without depths.
+    least_water_m, least_water_at : least water under the keel that can be relied on with the tide,
+        m, and when it passes there; NaN and None without a tide.
+    least_water_early_m, least_water_late_m : least water of a vessel that is early or late, m.
     """
 
     season: str
@@ -82,6 +86,10 @@ class RouteMetrics:
     land_lat: float = math.nan
     filled_share: float = 0.0
     uncharted_share: float = math.nan
+    least_water_m: float = math.nan
+    least_water_at: datetime | None = None
+    least_water_early_m: float = math.nan
+    least_water_late_m: float = math.nan
 
     @property
     def way(self) -> str:

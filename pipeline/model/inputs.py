@@ -1,6 +1,6 @@
 """The interfaces of sources, and what they deliver: land and currents with credits and notes.
 
-A note tells a reader something besides the result, as values without words.
+A note tells a reader something beside the result, as values without words.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -89,10 +89,10 @@ class Credit:
 class Zone:
     """An area of a chart to be shown on maps (lon/lat degrees).
 
-    A `shoal` is too shallow for the vessel, a `hazard` lies in water that is deep enough, an
-    `uncharted` area is covered by no source: all are no-go, and so also among the polygons of their
-    Land. A `restricted` area and a `traffic` scheme may be entered; `rule` is the chart's rule
-    there for a passing vessel, if any. The user's areas are `shut` at the hours of their rule.
+    A `shoal` is too shallow for the vessel, a `hazard` lies in water that is not, an `uncharted`
+    area is covered by no source: all are no-go, and so also among the polygons of their Land. A
+    `restricted` area and a `traffic` scheme may be entered; `rule` is the chart's rule there for a
+    passing vessel, if any. The user's areas are `shut` at the hours of their rule.
     """
 
     kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic", "shut"]
@@ -115,6 +115,55 @@ class DepthArea:
 
 
 @dataclass(frozen=True, slots=True)
+class TideRange:
+    """Between which heights (m over chart datum) the tide relied on always stays."""
+
+    lowest_m: float
+    highest_m: float
+
+
+NO_TIDE = TideRange(0.0, 0.0)
+"""Water that always stands at chart datum."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthRule:
+    """Which charted depths (m) are deep enough for a vessel.
+
+    `safety_depth_m` is draught, squat and under-keel clearance, `tide` the range of the tide.
+    """
+
+    safety_depth_m: float
+    tide: TideRange = NO_TIDE
+
+    @property
+    def least_m(self) -> float:
+        """Depth below which water is never deep enough."""
+        return self.safety_depth_m - self.tide.highest_m
+
+    def need_m(self, depth_m: float) -> float:
+        """Return the height of tide that water of a charted depth needs."""
+        return self.safety_depth_m - depth_m
+
+    def is_tidal(self, depth_m: float) -> bool:
+        """Whether water of a charted depth is deep enough for some hours only."""
+        return self.least_m <= depth_m < self.safety_depth_m - self.tide.lowest_m
+
+
+@dataclass(frozen=True, slots=True)
+class TidalWater:
+    """Water that is deep enough for some hours only, and the height of tide that it needs.
+
+    The height is in metres over chart datum, `area` in lon/lat degrees. `name` says what the chart
+    shows there.
+    """
+
+    name: str
+    need_m: float
+    area: BaseGeometry
+
+
+@dataclass(frozen=True, slots=True)
 class PlaceName:
     """A chart's name for some land: a point on it (degrees), and how large it is (square degrees).
 
@@ -131,13 +180,14 @@ class PlaceName:
 class Land:
     """All that no route may enter (lon/lat degrees), in the region and a little beyond.
 
-    With charts that have depths, this includes shallow water, hazards and uncharted areas.
-    `accuracy_m` is how far the source's coast may lie from the true one, in metres. `credits` has
-    one entry per source, `notes` are about the chart, `zones` are areas to be shown. `second_shore`
-    is the land of an independent shoreline, where there is one: no route need avoid it, but a route
-    that crosses it does so where the two disagree. `places` are the chart's names of land, where it
-    has any. `depths` says where the chart has depths; None where it has none at all. `depth_areas`
-    are its areas of equal depth, where it has any.
+    Land; from charts with depths, also shallow water, hazards and uncharted areas. `accuracy_m` is
+    how far the source's coast may lie from the true one, in metres. `credits` has one entry per
+    source, `notes` are about the chart, `zones` are areas to be shown.
+    `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
+    it, but a route that crosses it does so where the two disagree. `places` are the chart's names
+    of land, where it has any. `depths` says where the chart has depths; None where it has none at
+    all. `depth_areas` are its areas of equal depth, where it has any. `tidal_water` is deep enough
+    for some hours; `datum` is the chart datum of the depths, "" where the chart does not state it.
     """
 
     polygons: tuple[Polygon, ...]
@@ -149,6 +199,8 @@ class Land:
     places: tuple[PlaceName, ...] = ()
     depths: DepthCover | None = None
     depth_areas: tuple[DepthArea, ...] = ()
+    tidal_water: tuple[TidalWater, ...] = ()
+    datum: str = ""
 
     @property
     def no_go_name(self) -> str:
@@ -157,7 +209,7 @@ class Land:
 
 
 def no_go_name(*, has_depths: bool) -> str:
-    """Return the readers' word for areas that no route may enter: with depths, not only land."""
+    """Readers' word for areas that no route may enter: with depths they are more than land."""
     return "no-go areas" if has_depths else "land"
 
 
@@ -249,10 +301,10 @@ class CurrentGrid:
 class Fetched:
     """Data from the sources: land, and one current grid per season.
 
-    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` are about
-    the sources that were used, and about preferred ones that were passed over. `surroundings` is
-    land outside the region (lon/lat degrees), coarse and for maps only; empty where no source has
-    the world's land.
+    `currents` is empty for a plane scenario, which gives its current as numbers. `notes` are
+    about preferred sources that were passed over, and about the others.
+    `surroundings` is land outside the region (lon/lat degrees), coarse and for maps only; empty
+    where no source has the world's land.
     """
 
     land: Land
@@ -267,7 +319,7 @@ class Fetched:
 
 
 def current_notes(currents: Iterable[CurrentGrid]) -> tuple[Note, ...]:
-    """Return notes on the currents of all seasons, and on the sources passed over for them."""
+    """Notes on the currents of all seasons, and on the sources passed over for them."""
     return of_seasons(
         {
             grid.season: (
@@ -313,7 +365,7 @@ class LandSource(Protocol):
 
 
 class CurrentSource(Protocol):
-    """Surface currents for a region and a season; by default without network and account."""
+    """Surface currents for a region and a season; as a rule on this machine, for anybody."""
 
     def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
         """Whether `current` would download, given the files cached in the folder."""
@@ -321,7 +373,7 @@ class CurrentSource(Protocol):
         return False
 
     def identity(self, season: Season) -> tuple[str, ...]:
-        """Return all that the current depends on except the region: dataset, time, file hashes."""
+        """Everything but the region that the current depends on: dataset, time, file hashes."""
         ...
 
     def unavailable_reason(self) -> str:

@@ -52,6 +52,7 @@ class Itinerary(TypedDict):
 
     via: FloatArray
     avoid: tuple[renew.ShutArea, ...]
+    depth: renew.TidalDepth | None
 
 
 class Pace(TypedDict, total=False):
@@ -84,8 +85,9 @@ class Scene:
     The mappings are keyed by season. `current_cells` states where the source of a season's current
     has figures. `departures` has the seasons whose currents change; the clock of such a current, in
     seconds, is 0 at the departure. Routes keep out of their season's `areas`, whose hours are on
-    the same clock. `speeds` has the seasons in which the vessel chooses its speed. There the choice
-    replaces the speed of `vessel`.
+    the same clock, and out of its `tidal_depths` while the tide is too low there; these count the
+    `under_keel_clearance_m`. `speeds` has the seasons in which the vessel chooses its speed. There
+    the choice replaces the speed of `vessel`.
     """
 
     chart: renew.Chart
@@ -102,6 +104,8 @@ class Scene:
     departures: Mapping[str, datetime] = field(default_factory=dict)
     via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     areas: Mapping[str, tuple[renew.ShutArea, ...]] = field(default_factory=dict)
+    tidal_depths: Mapping[str, renew.TidalDepth] = field(default_factory=dict)
+    under_keel_clearance_m: float = 0.0
     speeds: Mapping[str, SpeedChoice] = field(default_factory=dict)
 
     def vessel_in(self, season: str) -> renew.Vessel:
@@ -129,7 +133,11 @@ class Scene:
 
     def itinerary(self, season: str) -> Itinerary:
         """Return via points and shut areas, as `renew.plan` takes them."""
-        return {"via": self.via, "avoid": self.areas.get(season, ())}
+        return {
+            "via": self.via,
+            "avoid": self.areas.get(season, ()),
+            "depth": self.tidal_depths.get(season),
+        }
 
     def planned(
         self, season: str, options: renew.PlanOptions, arrive_by_s: float = math.inf

@@ -50,6 +50,11 @@ class VesselSpec(StrictModel):
         "vessel reaches below the water line.",
         examples=[0.9],
     )
+    squat_m: strict.NonNegative = Field(
+        default=0.0,
+        description="Squat, metres: by how much more the vessel reaches below the water line under "
+        "way in shallow water; added to the draught. Give metres, 0 or more.",
+    )
     speed_m_s: _Figure = Field(
         description="Speed through water, m/s, the same all the way. Give the speed through water "
         "in m/s.",

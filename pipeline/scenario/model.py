@@ -18,6 +18,7 @@ from pipeline.scenario.published import Published
 from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane, Region
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import StrictModel
+from pipeline.scenario.tide import TideSpec
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -219,6 +220,11 @@ class Scenario(StrictModel):
         description="Areas that are shut, always or for some hours: the vessel and its turns "
         "stay out of them then, even if it is early or late. Add an [[avoid]] table for each.",
     )
+    tide: TideSpec | None = Field(
+        default=None,
+        description="The tide over charted depths: water that is too shallow for some hours is "
+        "then passed in the others. Add a [tide] table, or leave it out.",
+    )
     seasons: tuple[Season, ...] = Field(
         min_length=1,
         max_length=MAX_SEASONS,
@@ -299,18 +305,30 @@ class Scenario(StrictModel):
                 "has [[avoid]], whose files are in lon/lat, and a [plane]; give the areas as "
                 "obstacles of the plane"
             )
-        if any(area.has_hours for area in self.avoid):
+        if self.tide is not None and self.plane is not None:
+            yield "has a [tide] and a [plane], which has no depths; leave one of the two out"
+        with_hours = list(self._keys_with_hours())
+        if not with_hours:
+            yield from filter(None, (season.timeless_fault for season in self.seasons))
+        for key, remedy in with_hours:
             for season in self.seasons:
                 if season.first_departure is None:
                     yield (
-                        f"season {season.name!r} has no 'departure', from which the hours of "
-                        "[[avoid]] count; add it, or leave 'from' and 'until' out"
+                        f"season {season.name!r} has no 'departure', from which the hours of {key} "
+                        f"count; add it, or leave {remedy} out"
                     )
             if self.scale != 1:
                 yield (
-                    f"has hours in [[avoid]] at scale = {self.scale:g}, where times under way are "
-                    "not the true ones; plan at true scale, scale = 1"
+                    f"has hours in {key} at scale = {self.scale:g}, where times under way are not "
+                    "the true ones; plan at true scale, scale = 1"
                 )
+
+    def _keys_with_hours(self) -> Iterator[tuple[str, str]]:
+        """Yield the keys that depend on the date, and what to leave out to be rid of it."""
+        if any(area.has_hours for area in self.avoid):
+            yield "[[avoid]]", "'from' and 'until'"
+        if self.tide is not None:
+            yield "[tide]", "it"
 
     def vessel_in(self, season: Season) -> VesselSpec:
         """Return the vessel with the highest speed that it has in a season."""

@@ -225,8 +225,14 @@ class ChartSpec(StrictModel):
     under_keel_clearance_m: NonNegative = Field(
         default=1.0,
         description="Under-keel clearance, metres: on charts with depths, water shallower than "
-        "the vessel's draught plus this is no-go; allow for squat, waves and low tide. Give "
-        "metres, 0 or more.",
+        "the vessel's draught plus this is no-go; allow for waves, and without a [tide] for low "
+        "water. Give metres, 0 or more.",
+    )
+    datum: str = Field(
+        default="",
+        description="Chart datum from which the depths are counted; left out, that which the chart "
+        "states. Give the name that the tide's station uses, as MLLW or LAT.",
+        examples=["MLLW"],
     )
     margin_m: NonNegative | None = Field(
         default=None,

@@ -279,21 +279,26 @@ class Season(StrictModel):
     def _steady_faults(self) -> Iterator[str]:
         """Find keys that a steady current lacks, or can't have."""
         yield from self._speed_faults()
+        yield from (*self._window_faults(), *self._arrival_faults())
+        if not self.valid and any(named != STILL for named in self.currents):
+            yield "lacks 'valid'; add the month as 'YYYY-MM'"
+
+    @property
+    def timeless_fault(self) -> str:
+        """Say what of it needs water that changes with time; empty if nothing does."""
         given = [
             repr(name)
             for name in ("departures", "to_within", "arrive_by")
             if getattr(self, name) is not None and (name != "arrive_by" or self.speed is None)
         ]
-        if given:
-            yield (
-                f"has {' and '.join(given)}, which need{'s' * (len(given) == 1)} currents that "
-                "change; add time_method = 'changing', or leave them out"
-                + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
-            )
-        else:
-            yield from self._arrival_faults()
-        if not self.valid and any(named != STILL for named in self.currents):
-            yield "lacks 'valid'; add the month as 'YYYY-MM'"
+        if self.is_changing or not given:
+            return ""
+        return (
+            f"(season {self.name!r}) has {' and '.join(given)}, which "
+            f"need{'s' * (len(given) == 1)} currents that change, a [tide], or hours in [[avoid]]; "
+            "add time_method = 'changing', or leave them out"
+            + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
+        )
 
     @property
     def is_changing(self) -> bool:

@@ -15,12 +15,12 @@ import shapely
 from contourpy import FillType, contour_generator
 from scipy import ndimage
 
-from pipeline._types import FloatArray, Geometries
+from pipeline._types import BoolArray, FloatArray, Geometries
 from pipeline.errors import RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE, DepthCover, KnownCells
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, Zone
-from pipeline.model.inputs import LandSource
+from pipeline.model.inputs import DepthRule, LandSource, TidalWater
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.depth_file import DepthFile, Heights, name_of
 from pipeline.sources.land.shapes import box_around, extract_polygons
@@ -62,6 +62,8 @@ def overlay(lands: Sequence[Land]) -> Land:
         places=tuple(place for land in lands for place in land.places),
         depths=_depths(lands),
         depth_areas=tuple(area for land in lands for area in land.depth_areas),
+        tidal_water=tuple(area for land in lands for area in land.tidal_water),
+        datum=" and ".join(sorted({land.datum for land in lands if land.datum})),
     )
 
 
@@ -82,25 +84,27 @@ _MAX_HASHED_BYTES = 500 << 20
 # Number of places along each side of the region at which heights are compared with the chart's
 # land; least number of places in water; largest share of such places that may lie above the sea.
 _PLACES, _MIN_PLACES, _MAX_DRY_SHARE = 60, 30, 0.5
+# Height of the bands of depth, m, in which a tide has one need.
+_BAND_M = 0.25
 # A note is given if more than this share of the region has no depths.
 _MIN_NOTED_SHARE = 0.005
 
 
 @dataclass(frozen=True)
 class SoundedChart:
-    """Land of any source, with depths from a file; `safety_depth_m` is draught plus clearance."""
+    """Land of any source, with depths from a file; `rule` says which are deep enough."""
 
     chart: LandSource
     file: DepthFile
-    safety_depth_m: float
+    rule: DepthRule
 
     @property
     def identity(self) -> tuple[str, ...]:
-        """The land's identity, the safety depth, and the file's hash."""
+        """The land's identity, the rule of depths, and the file's hash."""
         path = self.file.path
         status = path.stat()
         digest = _hash(path, status.st_size, status.st_mtime_ns)
-        return (*self.chart.identity, "depths", f"{self.safety_depth_m!r}", digest)
+        return (*self.chart.identity, "depths", f"{self.rule!r}", digest)
 
     def land(self, region: shapely.Polygon) -> Land:
         """Return the land near a region (lon/lat degrees), and the water that is too shallow.
@@ -120,9 +124,9 @@ class SoundedChart:
                 "leave depths out"
             )
         self._check_sign(heights, land, region)
-        shallow = shallow_polygons(heights, self.safety_depth_m)
-        rule = f"shallower than {self.safety_depth_m:g} m"
-        shoal = Zone("shoal", name, rule, _without_land(shallow, land))
+        shallow = shallow_polygons(heights, self.rule.least_m)
+        text = f"shallower than {self.rule.least_m:.3g} m"
+        shoal = Zone("shoal", name, text, _without_land(shallow, land))
         cells = KnownCells(heights.lon, heights.lat, np.isfinite(heights.height_m))
         areas = land.depths.areas if land.depths else ()
         return replace(
@@ -132,6 +136,7 @@ class SoundedChart:
             notes=(*land.notes, *self._notes(heights, region)),
             zones=(*land.zones, shoal),
             depths=DepthCover(areas, cells),
+            tidal_water=(*land.tidal_water, *_tidal_bands(heights, self.rule)),
         )
 
     def _credit(self) -> Credit:
@@ -142,7 +147,7 @@ class SoundedChart:
     def _notes(self, heights: Heights, region: shapely.Polygon) -> Iterator[Note]:
         """Yield a note on too shallow water, and one if part of the region has no depths."""
         name, cell_m = name_of(self.file.path), _cell_m(heights)
-        depth_m = self.safety_depth_m
+        depth_m = self.rule.safety_depth_m
         yield Note.of("depths-no-go", source=name, safety_depth_m=depth_m, cell_m=cell_m)
         lacking = 1 - _covered_share(heights, region)
         if lacking > _MIN_NOTED_SHARE:
@@ -214,17 +219,37 @@ _STRAIGHT = 1e-6
 
 
 def shallow_polygons(heights: Heights, safety_depth_m: float) -> Geometries:
-    """Return valid polygons (lon/lat degrees) of shallower water and land, and one cell around.
+    """Return valid polygons (lon/lat degrees) of shallower water and land, and one cell around."""
+    with np.errstate(invalid="ignore"):
+        return _polygons_around(heights, heights.height_m > -safety_depth_m)
+
+
+def _tidal_bands(heights: Heights, rule: DepthRule) -> Iterator[TidalWater]:
+    """Yield the water that is deep enough for some hours only, in bands of depth.
+
+    A band needs the tide that its shallowest water needs.
+    """
+    deepest = rule.safety_depth_m - rule.tide.lowest_m
+    depth = -heights.height_m
+    for least in np.arange(rule.least_m, deepest, _BAND_M).tolist():
+        with np.errstate(invalid="ignore"):
+            is_in = (depth >= least) & (depth < min(least + _BAND_M, deepest))
+        for area in _polygons_around(heights, is_in):
+            yield TidalWater(
+                f"depth {least:.2f} to {least + _BAND_M:.2f} m", rule.need_m(least), area
+            )
+
+
+def _polygons_around(heights: Heights, cells: BoolArray) -> Geometries:
+    """Return valid polygons (lon/lat degrees) of some cells of a grid, and of one cell around.
 
     The outline is the contour halfway between nodes inside and nodes outside. It lies one cell off
-    every shallow cell, and cuts the corners.
+    each of the cells, and cuts the corners.
     """
-    with np.errstate(invalid="ignore"):
-        shallow = heights.height_m > -safety_depth_m
-    if not shallow.any():
+    if not cells.any():
         return np.empty(0, dtype=object)
     # One ring is for cells around shallow ones at the edge, the other closes the outlines.
-    taken = ndimage.binary_dilation(np.pad(shallow, _RINGS), np.ones((3, 3)))
+    taken = ndimage.binary_dilation(np.pad(cells, _RINGS), np.ones((3, 3)))
     lon, lat = (_extended(axis) for axis in (heights.lon, heights.lat))
     contours = contour_generator(
         lon, lat, taken.astype(np.float64), fill_type=FillType.OuterOffset

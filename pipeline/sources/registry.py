@@ -19,9 +19,17 @@ from pipeline.errors import RequestError, StageError
 from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
-from pipeline.model.inputs import CurrentSource, Issue, LandSource
+from pipeline.model.inputs import (
+    NO_TIDE,
+    CurrentSource,
+    DepthRule,
+    Issue,
+    LandSource,
+    TideRange,
+)
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
+from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import near_miss
@@ -29,21 +37,35 @@ from pipeline.scenario.times import period
 from pipeline.sources.current_field import Field, LandMask, water_without_data
 
 
-def land_source(chart: ChartSpec, draught_m: float | None) -> LandSource:
-    """Return all of a scenario's land sources as one; charts with depths need the draught."""
+def charted_land(scenario: Scenario) -> LandSource:
+    """Return all of a scenario's land sources as one, with the tide where it has one."""
+    vessel, tide = scenario.vessel, NO_TIDE
+    if scenario.tide is not None:
+        from pipeline.sources.tides.zones import tide_range
+
+        tide = tide_range(scenario.tide)
+    draught_m = None if vessel.draught_m is None else vessel.draught_m + vessel.squat_m
+    return land_source(scenario.chart, draught_m, tide)
+
+
+def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_TIDE) -> LandSource:
+    """Return all of a chart's sources as one; with depths they need the draught, with squat."""
     from pipeline.sources.combined_charts import Overlay
 
-    overlay = Overlay(tuple(_single_source(source, chart, draught_m) for source in chart.source))
+    sources = tuple(_single_source(source, chart, draught_m, tide) for source in chart.source)
+    overlay = Overlay(sources)
     if not chart.depths:
         return overlay
     from pipeline.sources.combined_charts import SoundedChart
     from pipeline.sources.depth_file import DepthFile
 
-    safety_depth_m = _safety_depth_m(chart, draught_m)
-    return SoundedChart(overlay, DepthFile.open(Path(chart.depths)), safety_depth_m)
+    rule = _depth_rule(chart, draught_m, tide)
+    return SoundedChart(overlay, DepthFile.open(Path(chart.depths)), rule)
 
 
-def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | None) -> LandSource:
+def _single_source(
+    source: ChartSource, chart: ChartSpec, draught_m: float | None, tide: TideRange
+) -> LandSource:
     """Return one land source, by its name in the catalogue or by the file at its path."""
     entry = catalogue.source(source.name) if source.name else None
     if entry is not None and entry.adapter == "osm-land":
@@ -68,20 +90,20 @@ def _single_source(source: ChartSource, chart: ChartSpec, draught_m: float | Non
         from pipeline.sources.land.s57 import S57Chart, find_cells
 
         find_cells(path)  # refused before a missing draught is
-        return S57Chart(path, _safety_depth_m(chart, draught_m))
+        return S57Chart(path, _depth_rule(chart, draught_m, tide))
     from pipeline.sources.land.vector import VectorFile
 
     return VectorFile(path, source, entry if isinstance(entry, catalogue.VectorSpec) else None)
 
 
-def _safety_depth_m(chart: ChartSpec, draught_m: float | None) -> float:
-    """Return draught and under-keel clearance."""
+def _depth_rule(chart: ChartSpec, draught_m: float | None, tide: TideRange) -> DepthRule:
+    """Return which depths are deep enough for a draught with the under-keel clearance."""
     if draught_m is None:
         raise RequestError(
             "vessel.draught_m is missing, and the chart has depths: give the vessel's draught in "
             "metres"
         )
-    return draught_m + chart.under_keel_clearance_m
+    return DepthRule(draught_m + chart.under_keel_clearance_m, tide)
 
 
 def current_source(named: str | tuple[str, ...]) -> CurrentSource:

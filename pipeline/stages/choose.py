@@ -40,6 +40,7 @@ from pipeline.scenario.times import departure_name, interval, named_departure
 from pipeline.stages.fetch import FetchedParts
 from pipeline.stages.places import later
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
+from pipeline.stages.tides import later_tides
 
 
 @dataclass(frozen=True)
@@ -321,6 +322,7 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
                     **_renamed(scene.areas, name, label),
                     label: later(scene.areas.get(name, ()), shift),
                 },
+                tidal_depths=_from_departure(scene.tidal_depths, name, label, shift),
                 departures={**_renamed(scene.departures, name, label), label: chosen},
                 speeds=speed_choices(scenario),
             ),
@@ -331,6 +333,14 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
             Note.of("departure-chosen", choice=choice).about(*scenario.season_if_several(label)),
         ),
     )
+
+
+def _from_departure(
+    depths: Mapping[str, renew.TidalDepth], name: str, label: str, shift: float
+) -> dict[str, renew.TidalDepth]:
+    """Return tidal depths, one of them on a clock that begins `shift` seconds later."""
+    found = _renamed(depths, name, label)
+    return {**found, label: later_tides(found[label], shift)} if label in found else found
 
 
 def _label(scenario: Scenario, season: str, chosen: datetime) -> str:

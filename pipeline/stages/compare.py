@@ -21,6 +21,7 @@ from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.places import shut_notes
 from pipeline.stages.plan import Planned
 from pipeline.stages.simplify import SimplifiedLand
+from pipeline.stages.tides import tide_notes
 
 
 def compare(
@@ -78,6 +79,7 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
         *safety_notes(result),
         *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),
+        *tide_notes(result.scenario, result.scene, result.plans),
         *waiting_notes(result.scene, result.plans),
         *unresolved_strait_notes(result),
         *result.unknowns,

@@ -29,7 +29,7 @@ from pipeline.scenario.region import ChartSpec, Region
 from pipeline.scenario.season import MAX_HOURS, Season
 from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.land.osm import OsmLand
-from pipeline.sources.registry import current_source, land_source
+from pipeline.sources.registry import charted_land, current_source
 from pipeline.stages.places import avoided_zones, fetched_plane
 
 # Default limit of a voyage in changing currents: this multiple of the time along the straight line
@@ -88,7 +88,7 @@ def _parts(scenario: Scenario, store: Store, offline: bool) -> FetchedParts:  # 
     """Fetch the land and currents of a scenario with a region."""
     if scenario.region is None:
         raise ValueError("the region is chosen before")
-    land = land_source(scenario.chart, scenario.vessel.draught_m)
+    land = charted_land(scenario)
     fetcher = Fetcher(scenario.region, land, store, offline)
     seasons = [with_max_hours(season, scenario) for season in scenario.seasons]
     found = {season.name: fetcher.current(season) for season in seasons}

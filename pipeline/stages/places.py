@@ -249,6 +249,7 @@ def known_clocks(scenario: Scenario) -> Mapping[str, datetime]:
         and (
             season.is_changing
             or season.speed is not None
+            or scenario.tide is not None
             or any(area.has_hours for area in scenario.avoid)
         )
     }

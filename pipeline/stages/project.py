@@ -22,6 +22,7 @@ from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, planner_vess
 from pipeline.model.planning import speed_choices
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.sources.tides.zones import stations_of
 from pipeline.stages.places import (
     area_identities,
     check_endpoints,
@@ -30,6 +31,7 @@ from pipeline.stages.places import (
     shut_areas,
 )
 from pipeline.stages.simplify import SimplifiedLand
+from pipeline.stages.tides import tidal_depths
 
 # Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees
 # is curved in the plane. An edge is halved only until it sags less, and at most _MAX_HALVINGS
@@ -72,10 +74,13 @@ def scene_inputs(scenario: Scenario) -> dict[str, object]:
     """Return the scenario's values that a scene depends on, except chart, currents and speeds."""
     names = {"region", "plane", "vessel", "scale", "start", "goal", "via"}
     inputs = scenario.model_dump(mode="json", include=names)
-    if not scenario.avoid:
+    if not scenario.avoid and scenario.tide is None:
         return inputs
     clocks = {season.name: season.first_departure for season in scenario.seasons}
-    return {**inputs, "avoid": area_identities(scenario), "clocks": clocks}
+    tide = None if scenario.tide is None else (scenario.tide, stations_of(scenario.tide))
+    datum = scenario.chart.datum
+    avoid = area_identities(scenario)
+    return {**inputs, "avoid": avoid, "clocks": clocks, "tide": tide, "datum": datum}
 
 
 def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Scene:
@@ -122,6 +127,8 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         departures=known_clocks(scenario),
         via=projection.to_plane(np.array(scenario.via).reshape(-1, 2)),
         areas=shut_areas(scenario, charted.zones, projection),
+        under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
+        tidal_depths=tidal_depths(scenario, charted, simplified, chart.extent, projection),
         speeds=speed_choices(scenario),
     )
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import Name
 from pipeline.sources.registry import current_source
+from pipeline.sources.tides.station import find_station
 from pipeline.stages.choosing.coverage import are_water_swapped, least_region, require_sailable
 from pipeline.voyage.positions import Position, read_positions, read_via
 from pipeline.voyage.times import Departing, departing, read_months
@@ -50,6 +52,7 @@ def go(
     clearance_m: float | None = None,
     charts: Path | None = None,
     depths: Path | None = None,
+    tide: Sequence[str | Path] = (),
     name: str = "",
     output: Path = Path("outputs"),
     offline: bool = False,
@@ -92,6 +95,9 @@ def go(
     depths
         A grid of depths in NetCDF, such as GEBCO's or EMODnet's. Water that is too shallow for the
         vessel, whose draught must be given, is no-go.
+    tide
+        Stations of the catalogue, and files of harmonic constants: water that is too shallow for
+        some hours is then passed in the others. Needs `depart`, and depths by `charts` or `depths`.
     name
         Name of the scenario; by default it is made of the positions.
     explain_gap
@@ -121,6 +127,7 @@ def go(
         clearance="" if clearance_m is None else f"{clearance_m!r}",
         charts=charts,
         depths=depths,
+        tide=tuple(map(str, tide)),
         name=name,
     )
     scenario, notes = voyage_scenario(request)
@@ -167,6 +174,7 @@ class VoyageRequest:
     speeds: str = ""
     via: tuple[str, ...] = ()
     avoid: tuple[Path, ...] = ()
+    tide: tuple[str, ...] = ()
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
@@ -184,7 +192,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     clearance_m = faults.part(lambda: _clearance_m(request.clearance))
     departing_at = faults.part(lambda: _departing(request))
     is_timed = bool(request.depart or request.until or request.arrive_by)
-    is_steady = not is_timed or _is_still(request) or _has_steady_speeds(request)
+    is_steady = not is_timed or _is_still(request) or _has_steady_months(request)
     months = faults.part(lambda: _months(request)) if is_steady else []
     files = faults.part(lambda: _files(request))
     faults.part(lambda: require_currents(request.currents))
@@ -199,12 +207,16 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         "vessel": vessel.model_dump(exclude_defaults=True),
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
-        "seasons": [departing_at.season(asked_currents(request.currents) or [_SERVICE_STEPS])]
+        "seasons": [
+            departing_at.season(
+                asked_currents(request.currents) or [_SERVICE_STEPS], has_tide=bool(request.tide)
+            )
+        ]
         if departing_at is not None and not is_steady
         else [
             {
                 **_season(month, title, request, (start, goal)),
-                **(departing_at.passage if departing_at is not None else {}),
+                **_when(departing_at, request),
             }
             for month, title in months or []
         ],
@@ -215,7 +227,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         data["planner"] = {"clearance": clearance_m}
     scenario = parse_scenario({**data, **files})
     notes = tuple(_position_notes(scenario, (*ends, *via)))
-    if request.until and _is_still(request):
+    if request.until and _is_still(request) and not request.tide:
         notes += (
             "in still water no later departure needs less fuel: the vessel leaves at the first",
         )
@@ -263,6 +275,10 @@ def _files(request: VoyageRequest) -> dict[str, Any]:
     if request.depths is not None:
         remedy = "give a GEBCO or EMODnet grid in NetCDF"
         data.setdefault("chart", {})["depths"] = read("--depths", request.depths, remedy)
+    if request.tide:
+        data["tide"] = {"stations": [_station(one) for one in request.tide]}
+        for one in data["tide"]["stations"]:
+            faults.part(partial(find_station, one))
     if faults.lines:
         raise RequestError(faults.lines)
     return data
@@ -283,9 +299,21 @@ def _is_still(request: VoyageRequest) -> bool:
     return request.currents == (STILL,)
 
 
-def _has_steady_speeds(request: VoyageRequest) -> bool:
-    """Whether speeds are chosen in steady currents: monthly means or still water."""
-    return bool(request.speeds) and (bool(request.months) or _is_still(request))
+def _has_steady_months(request: VoyageRequest) -> bool:
+    """Whether a voyage with a departure has steady currents: monthly means or still water."""
+    return bool(request.speeds or request.tide) and (bool(request.months) or _is_still(request))
+
+
+def _when(departing_at: Departing | None, request: VoyageRequest) -> dict[str, Any]:
+    """Return the keys of a steady season for its departure; of several, where the tide differs."""
+    if departing_at is None:
+        return {}
+    return departing_at.window if request.tide else departing_at.passage
+
+
+def _station(text: str) -> str:
+    """Return a station's name in the catalogue, or the path of its file."""
+    return text if text in catalogue.stations() else str(resolved(Path(text), "--tide"))
 
 
 def _clearance_m(text: str) -> float | None:
@@ -309,14 +337,16 @@ def _departing(request: VoyageRequest) -> Departing | None:
         found = departing(request.depart, request.until, request.arrive_by, request.speeds)
     except RequestError as error:
         faults += error.faults
-    if request.depart and request.months and not request.speeds:
+    if request.tide and not request.depart:
+        faults.append("--tide counts from the departure; add --depart 2026-07-01T06:00Z")
+    if request.depart and request.months and not (request.speeds or request.tide):
         faults.append("--depart and --month both say when; leave one out")
-    if request.until and _has_steady_speeds(request) and not _is_still(request):
+    if request.until and request.speeds and request.months:
         faults.append(
             "--until looks for the best departure in currents that change; leave it out, or leave "
             "--month out and give a file with time steps: --currents FILE"
         )
-    if request.arrive_by and _is_still(request) and not request.speeds:
+    if request.arrive_by and _is_still(request) and not (request.speeds or request.tide):
         faults.append(
             "--arrive-by looks for the latest departure in currents that change; in still water "
             "give --depart alone, and leave as much earlier as the vessel comes late"

@@ -69,26 +69,36 @@ class Departing:
             passage["speed"] = dict(zip(("least", "most"), self.speeds, strict=True))
         return passage
 
-    def season(self, currents: list[str | list[str]]) -> dict[str, Any]:
-        """Return the [[seasons]] table of a voyage in changing currents."""
-        title, when = f"Departure {moment_text(self.begin)}", self.passage
+    @property
+    def window(self) -> dict[str, Any]:
+        """The keys of a season for the departures to choose from, latest arrival and speeds."""
+        if self.until is None:
+            return self.passage
+        window = self.until - self.begin
+        step = max(_MIN_STEP, math.ceil(window / (_MAX_DEPARTURES - 1) / _MINUTE) * _MINUTE)
+        departures = {
+            "first": self.begin,
+            "every": f"{step // _MINUTE}min",
+            "count": window // step + 1,
+        }
+        if window % step:  # the end of the window is a departure to choose from, too
+            departures["last"] = self.until
+        when = self.passage | {"departures": departures}
+        del when["departure"]
+        return when
+
+    def season(self, currents: list[str | list[str]], *, has_tide: bool) -> dict[str, Any]:
+        """Return the [[seasons]] table of a voyage in changing currents.
+
+        With a tide over the depths nothing is known of departures between those planned.
+        """
+        title, when = f"Departure {moment_text(self.begin)}", self.window
         if self.arrive_by is not None:
             title = f"Arrival by {moment_text(self.arrive_by)}"
         if self.until is not None:
             title = f"Departure from {moment_text(self.begin)} to {moment_text(self.until)}"
-            window = self.until - self.begin
-            step = max(_MIN_STEP, math.ceil(window / (_MAX_DEPARTURES - 1) / _MINUTE) * _MINUTE)
-            within = min(window * _PROVEN_SHARE, _MAX_PROVEN)
-            departures = {
-                "first": self.begin,
-                "every": f"{step // _MINUTE}min",
-                "count": window // step + 1,
-            }
-            if window % step:  # the end of the window is a departure to choose from, too
-                departures["last"] = self.until
-            when = self.passage | {"departures": departures}
-            del when["departure"]
-            if self.speeds is None:
+            within = min((self.until - self.begin) * _PROVEN_SHARE, _MAX_PROVEN)
+            if self.speeds is None and not has_tide:
                 when["to_within"] = f"{math.ceil(within / _MINUTE)}min"
         return {
             "name": departure_name(self.begin),

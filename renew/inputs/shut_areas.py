@@ -16,6 +16,8 @@ from renew.inputs.relied_on_tide import ReliedOnTide
 # Time (s) ahead in which a message names the next hours of enough water: from one spring tide to
 # the next but one.
 _NEXT = 30 * 86_400.0
+# Time (s) that is tried first: most areas open once or twice a day.
+_SOON = 2 * 86_400.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +95,28 @@ class TidalArea:
         """The area with its next hours of enough water, for a voyage from `departure` (s)."""
         name = f"area {self.name!r}, which" if self.name else "water that"
         text = f"{name} needs {self.need:.2f} m of tide"
-        hours = self.tide.high_enough(self.need, departure, departure + _NEXT)
-        if not len(hours):
+        hours = self.next_hours(departure)
+        if hours is None:
             highest = self.tide.highest(departure, departure + _NEXT)
             return Text(
                 f"{text} (no more than {highest:.2f} m can be relied on until {{0}})",
                 (Moment(departure + _NEXT),),
             )
-        return Text(f"{text} (there is enough{{0}})", (from_until(*hours[0].tolist()),))
+        return Text(f"{text} (there is enough{{0}})", (from_until(*hours),))
+
+    def next_hours(self, time: float) -> tuple[float, float] | None:
+        """Return from when until when (s) there is enough water, at a time (s) or next after it.
+
+        A beginning two days before that time, and an end a month after it, are infinite. None if
+        there is too little water for a month.
+        """
+        for ahead in (_SOON, _NEXT):
+            low = self.tide.too_low(self.need, time - _SOON, time + ahead)
+            begins, ends = np.append(-math.inf, low[:, 1]), np.append(low[:, 0], math.inf)
+            after = np.flatnonzero((ends > time) & (begins < time + ahead))
+            if len(after) and (ends[after[0]] < math.inf or ahead == _NEXT):
+                return float(begins[after[0]]), float(ends[after[0]])
+        return None
 
 
 Area: TypeAlias = ShutArea | TidalArea

@@ -22,9 +22,9 @@ Schedules: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 class LeastWater(NamedTuple):
     """Where a route has least water to spare.
 
-    There the tide relied on exceeds the need by `spare` (m), at the `place` (2,), m, and the `time`
-    (s) at which it is passed on time. `early` and `late` are the least spare water (m) anywhere on
-    the way of a vessel that is early or late.
+    In the `area` the tide relied on exceeds the need by `spare` (m), at the `place` (2,), m, which
+    the vessel passes on time at `time` (s). `early` and `late` are the least spare water (m)
+    anywhere on the way of a vessel that is early or late.
     """
 
     spare: float
@@ -32,6 +32,7 @@ class LeastWater(NamedTuple):
     time: float
     early: float
     late: float
+    area: TidalArea
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +127,8 @@ class TidalDepth:
         spare -= np.asarray(self.needs)[area]
         worst = int(spare[0].argmin())
         place, (least, early, late) = leg[worst], spare.min(axis=1).tolist()
-        return LeastWater(least, path[place], float(schedules[0][place]), early, late)
+        time, passed = float(schedules[0][place]), self._all_areas[area[worst]]
+        return LeastWater(least, path[place], time, early, late, passed)
 
     @cached_property
     def _tides(self) -> tuple[ReliedOnTide, ...]:

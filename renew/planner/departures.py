@@ -100,13 +100,14 @@ class Sailings:
     def sailing(self, departure: float) -> Sailing:
         """Return the best route at a departure (s)."""
         closed: frozenset[Area] = frozenset()
+        first: Sailing | None = None
         while True:
             try:
                 sailing = self._sailing(departure, closed)
+                first = first or sailing
             except PlanningError as error:
-                if not closed:
+                if first is None:
                     raise
-                first = self._sailing(departure, frozenset())
                 areas = [area for area in self._task.areas if area in closed]
                 return replace(
                     first, found=None, cause=unavoidable(areas, departure, error), rejected=()

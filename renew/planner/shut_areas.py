@@ -157,11 +157,13 @@ def unavoidable(
 
     The areas' hours are named as of a departure (s).
     """
+    # Many areas of a chart have one name and one need.
+    texts = {str(text): text for text in (area.text(departure) for area in closed)}
     around = Text("") if failure is None else Text("; around them: {0}", (failure.text,))
     return UnreachableError(
         "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
         "the area be entered",
-        Text.joined("; ", [area.text(departure) for area in closed]),
+        Text.joined("; ", list(texts.values())),
         around,
     )
 

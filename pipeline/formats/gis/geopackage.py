@@ -68,7 +68,7 @@ from pipeline.formats.shared.text import write_json
 _DRAWING_ORDER = (
     *("islands", "shore_crossings", "passage", "routes", "path_points", "contingency", "legs"),
     *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
-    "depth_areas",
+    *("tidal_water", "depth_areas"),
 )
 # Layers of a season's group -> whether the leading season shows them at first.
 _SEASON_LAYERS = {

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from datetime import timedelta
 
 import numpy as np
 import pyproj
 import shapely
 
+import renew
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.formats.gis import frames
 from pipeline.formats.gis.frames import (
@@ -21,6 +23,7 @@ from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
 from pipeline.formats.shared.result import RunResult, continued
 from pipeline.formats.shared.route_profile import Legs, legs as planned_legs
+from pipeline.formats.shared.text import moment_text
 from pipeline.model import Zone
 
 
@@ -71,6 +74,36 @@ def islands(result: RunResult) -> GeoDataFrame:
     return frame(points, columns_of(islands, "number", "name"))
 
 
+def _tidal_water(result: RunResult) -> GeoDataFrame:
+    """Return areas that the tide shuts for some hours, with the hours of each season's voyage."""
+    found = [
+        (season, area, _open_hours(result, season, area))
+        for season, depth in result.scene.tidal_depths.items()
+        for area in depth.tidal_areas
+    ]
+    return frame(
+        to_lonlat(result, [area.polygon for _, area, _ in found], ZONE_STEP_M),
+        {
+            "season": [season for season, _, _ in found],
+            "name": [area.name for _, area, _ in found],
+            "need_m": [area.need for _, area, _ in found],
+            "hours": [hours for _, _, hours in found],
+        },
+    )
+
+
+def _open_hours(result: RunResult, season: str, area: renew.TidalArea) -> str:
+    """Write when an area has enough water, from a season's departure to a day after arrival."""
+    ends = [float(one.route.times[-1]) for one in result.routes if one.season == season]
+    hours = area.tide.high_enough(area.need, 0.0, max(ends, default=0.0) + _DAY_S)
+    first = result.scene.departures[season]
+    spelled = [
+        " to ".join(moment_text(first + timedelta(seconds=one)) for one in pair)
+        for pair in hours.tolist()
+    ]
+    return ", ".join(spelled) or "never"
+
+
 def no_go(result: RunResult) -> GeoDataFrame:
     """Return the hard no-go zone, the same in every season."""
     return _counted(result.simplified.polygons)
@@ -90,6 +123,8 @@ def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> GeoDataFrame:
     return frame(multipolygons(polygons), {"vertices": vertices})
 
 
+# Time after the last arrival for which the hours of tidal water are written, s.
+_DAY_S = 86_400.0
 # Maximum distance, true metres, between a leg and the line drawn for it.
 _ERROR_M = 1.0
 
@@ -100,7 +135,7 @@ _MAX_TURNS = 2_000
 _MEASURED = (
     *("homotopy", "way", "fuel", "fuel_per_distance", "length_m", "clearance_m", "duration_s"),
     *("speed_m_s", "optimality_gap", "gap_at_clearance", "trials", "collisions", "filled_share"),
-    "uncharted_share",
+    *("uncharted_share", "least_water_m"),
 )
 
 
@@ -182,7 +217,9 @@ def _routes(result: RunResult) -> frames.GeoDataFrame:
     lines = to_lonlat(
         result, [shapely.LineString(r.route.path) for r in ranked], frames.ROUTE_STEP_M
     )
-    routes = frame(lines, {**frames.route_key(ranked), **measured})
+    moments = [r.metrics.least_water_at for r in ranked]
+    at = np.array([one and moment_text(one) for one in moments], dtype=object)
+    routes = frame(lines, {**frames.route_key(ranked), **measured, "least_water_at": list(at)})
     return routes.rename(columns={"speed_m_s": "speed_through_water_m_s"})
 
 
@@ -308,6 +345,7 @@ _FRAMES: dict[str, Callable[[RunResult], frames.GeoDataFrame]] = {
     "hazards": hazards,
     "chart_areas": chart_areas,
     "depth_areas": depth_areas,
+    "tidal_water": _tidal_water,
     "no_go": no_go,
     "soft_no_go": _soft_no_go,
     "currents": _currents,

@@ -54,6 +54,7 @@ _MAX_LABEL_LENGTH = 32
 _LAND = fill(colour(COLOURS["land"]), colour(COLOURS["coast"]), 0.2)
 _REGION = line(colour(COLOURS["frame"]), 0.25)
 _NO_GO = fill(colour(COLOURS["nogo"]), colour(COLOURS["coast"]), 0.1, dotted=True)
+_TIDAL = fill(colour(COLOURS["shoal"], 0.45), colour(COLOURS["shoal"]), 0.2, dotted=True)
 _HAZARD = fill(colour(COLOURS["hazard"], 0.5), colour(COLOURS["hazard"]), 0.3)
 _CHART_AREAS = {
     "shoal": ("Too shallow", fill(colour(COLOURS["shoal"]))),
@@ -304,6 +305,7 @@ _STYLES: dict[str, Callable[[View], Style]] = {
     ),
     "no_go": lambda _: Style("fill", [Rule("Hard no-go zone", "", [_NO_GO])]),
     "depth_areas": lambda _: _depth_areas(),
+    "tidal_water": lambda _: Style("fill", [Rule("Deep enough for some hours", "", [_TIDAL])]),
     "soft_no_go": _soft_no_go,
     "currents": _currents,
     "contingency": _contingency,

@@ -123,6 +123,32 @@ def _area_shut(area: str, begin: _Moment, until: _Moment) -> str:
     )
 
 
+def _least_water(
+    least_m: float,
+    early_m: float,
+    late_m: float,
+    at: _Moment,
+    begin: _Moment,
+    until: _Moment,
+    place: Place,
+) -> str:
+    when = "" if at is None else f", at {_moment(at)}"
+    hours = _from_until(begin, until, "")
+    enough = f" There is enough water{hours}" if hours else " There is enough water at any time"
+    return (
+        f"the best route has {least_m:.1f} m under the keel where that is least, {place.text}"
+        f"{when}; early {early_m:.1f} m, late {late_m:.1f} m.{enough}"
+    )
+
+
+def _tide_too_low(area: str, need_m: float, begin: _Moment, until: _Moment) -> str:
+    hours = _from_until(begin, until, " at no time of the next 30 days")
+    return (
+        f"a way of less fuel leads over {area}, which needs {need_m:.2f} m of tide; there is enough"
+        f"{hours}: the routes keep off it (best without waiting)"
+    )
+
+
 def _water_shut_for_hours(
     share: float,
     speed_m_s: float,
@@ -236,6 +262,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "steps-sparse": "{count:time step stands|time steps stand} for all of {asked: to }: "
     "{steps: to }",
     "still-water": "planned without currents, in still water",
+    "tide-too-low": _tide_too_low,
     "time-assumed": "the file gives no time: it is assumed to hold for the requested time",
     "unit-assumed": "{variable} has no unit: m/s is assumed",
     "unit-converted": "{variable} is in {unit}: converted to m/s",
@@ -267,6 +294,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
+    "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; relied on "
+    "is the least height predicted within {lag_min:g} min, less {surge_m:g} m; the error of "
+    "soundings is not taken off",
     # The routes.
     "area-shut": _area_shut,
     "classes-shut-for-hours": "no route was found where the current shuts water on the way for a "
@@ -278,6 +308,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "depth-uncharted": lambda first, shares: f"no depth is charted for {_shares(first, shares)}",
     "no-depths": "no depths in this chart: the draught was not used, and shoals are not avoided",
+    "least-water": _least_water,
     "not-safe-everywhere": "not safe everywhere: {collisions:,} of {turns:,} hard-over turns along "
     "the best route met {no_go}, the first one from {place}; it was planned with padding = "
     '{padding!r}, and only "adaptive" is verified',

@@ -17,7 +17,7 @@ from pipeline.model import Current, CurrentGrid, Fetched, Scene
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
-from pipeline.sources.registry import land_source
+from pipeline.sources.registry import charted_land
 from pipeline.stages.choose import with_offing
 from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
@@ -168,7 +168,7 @@ def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
     inputs = scenario.model_dump(mode="json", include=names)
     if scenario.is_planar:
         return artefact_key(STAGE, inputs)
-    land = land_source(scenario.chart, scenario.vessel.draught_m)
+    land = charted_land(scenario)
     planner = scenario.planner.model_dump(mode="json")
     return artefact_key(STAGE, land.identity, inputs, planner, list(ends))
 
@@ -198,7 +198,7 @@ def _fetcher(scenario: Scenario, store: Store) -> Fetcher:
     """Return the fetcher of land and currents in a scenario's region."""
     if scenario.region is None:
         raise StageError("the chart's region is yet to be chosen")
-    land = land_source(scenario.chart, scenario.vessel.draught_m)
+    land = charted_land(scenario)
     return Fetcher(scenario.region, land, store, offline=False)
 
 

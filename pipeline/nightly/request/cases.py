@@ -24,7 +24,7 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Name, Point
-from pipeline.sources.registry import land_source
+from pipeline.sources.registry import charted_land
 
 _LONLAT = ("start_lon", "start_lat", "goal_lon", "goal_lat")
 _PLANE = ("start_x", "start_y", "goal_x", "goal_y")
@@ -347,4 +347,4 @@ def _described(block: Block) -> Iterator[str]:
     yield scenario.model_dump_json()
     yield str([block.vessels, block.members, block.pairs, [one.name for one in block.seasons]])
     if not scenario.is_planar:
-        yield "\n".join(land_source(scenario.chart, scenario.vessel.draught_m).identity)
+        yield "\n".join(charted_land(scenario).identity)

@@ -19,7 +19,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import looks_like_path
 from pipeline.sources.land.shapes import box_around
-from pipeline.sources.registry import land_source
+from pipeline.sources.registry import charted_land
 from pipeline.stages.choosing.coverage import endpoints_on_land, require_covered
 
 MAX_UNASKED = 100_000
@@ -168,7 +168,7 @@ class _Expansion:
     def _seasons(self, scenario: Scenario) -> tuple[Season, ...]:
         """Return the seasons that the table asks for."""
         known = {season.name: season for season in scenario.seasons}
-        for key in ("via", "avoid"):
+        for key in ("via", "avoid", "tide"):
             if getattr(scenario, key):
                 self._fault(
                     "scenario",
@@ -330,7 +330,7 @@ def _suspects(scenarios: Sequence[Scenario]) -> list[int]:
     """
     ends = shapely.points([end for one in scenarios for end in (one.start, one.goal)])
     around = box_around(shapely.box(*shapely.total_bounds(ends)), _NEAR_M)
-    source = land_source(scenarios[0].chart, scenarios[0].vessel.draught_m)
+    source = charted_land(scenarios[0])
     land = shapely.STRtree(source.land(around).polygons)
     found = land.query(ends, predicate="intersects")[0]
     return sorted(set((found // 2).tolist()))

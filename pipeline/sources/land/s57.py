@@ -25,7 +25,7 @@ from pipeline.geo.lonlat import DepthCover
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, PlaceName, Zone
-from pipeline.model.inputs import DepthArea
+from pipeline.model.inputs import DepthArea, DepthRule, TidalWater
 from pipeline.sources.land import shapes
 from pipeline.sources.land.s57_cells import Cell, base_files, cell_files, read_cell
 
@@ -100,7 +100,7 @@ class _Part:
 
 
 def land(
-    cells: Iterable[Cell], box: shapely.Polygon, region: shapely.Polygon, safety_depth_m: float
+    cells: Iterable[Cell], box: shapely.Polygon, region: shapely.Polygon, rule: DepthRule
 ) -> Land:
     """Make everything no-go that is not known to be water deep enough.
 
@@ -112,26 +112,26 @@ def land(
         Lon/lat degrees; the chart is cut along it.
     region
         The part of the box that the notes and the accuracy refer to.
-    safety_depth_m
-        Draught and under-keel clearance.
+    rule
+        Which depths are deep enough.
     """
+    least_m = rule.least_m
     parts = _parts(cells, box)
     covered = shapes.merged([part.area for part in parts])
     depths = [tuple(_depth_areas(part)) for part in parts]
-    safe = [[one.area for one in areas if one.least_m >= safety_depth_m] for areas in depths]
+    safe = [[one.area for one in areas if one.least_m >= least_m] for areas in depths]
     sea = shapes.merged([area for areas in safe for area in areas])
     # An unknown depth is NaN, and so not deep enough.
     shoals = [
-        shapes.merged([one.area for one in areas if not one.least_m >= safety_depth_m])
-        for areas in depths
+        shapes.merged([one.area for one in areas if not one.least_m >= least_m]) for areas in depths
     ]
     # A cell's depth areas must not overlap; where they do, the shallower one counts.
     sea = shapes.subtract(sea, shapes.merged(shoals))
-    hazards = [zone for part in parts for zone in _hazards(part, sea, safety_depth_m)]
+    hazards = [zone for part in parts for zone in _hazards(part, sea, least_m)]
     unsafe = shapes.extract_polygons(shapes.subtract(covered, sea))
     uncharted = shapes.subtract(box, covered)
     zones = [
-        Zone("shoal", part.cell.name, f"shallower than {safety_depth_m:g} m", shoal)
+        Zone("shoal", part.cell.name, f"shallower than {least_m:.3g} m", shoal)
         for part, shoal in zip(parts, shoals, strict=True)
         if not shoal.is_empty
     ]
@@ -139,7 +139,7 @@ def land(
     if not uncharted.is_empty:
         zones.append(Zone("uncharted", "", "no S-57 cell covers it", uncharted))
     used = [part for part in parts if part.area.intersects(region)]
-    depth_note = Note.of("chart-no-go", safety_depth_m=safety_depth_m)
+    depth_note = Note.of("chart-no-go", safety_depth_m=rule.safety_depth_m)
     return Land(
         polygons=(
             *unsafe.tolist(),
@@ -154,7 +154,46 @@ def land(
         depths=DepthCover(areas=tuple(shapes.extract_polygons(covered))),
         places=tuple(place for part in parts for place in _places(part)),
         depth_areas=tuple(area for areas in depths for area in areas),
+        tidal_water=tuple(_tidal_water(parts, depths, sea, rule)),
+        datum=_datum([part.cell for part in used]),
     )
+
+
+def _tidal_water(
+    parts: Sequence[_Part],
+    depths: Sequence[Sequence[DepthArea]],
+    sea: shapely.Geometry,
+    rule: DepthRule,
+) -> Iterator[TidalWater]:
+    """Yield the depth areas, and the objects on the bed, over which only a tide is high enough."""
+    for areas in depths:
+        for one in areas:
+            if rule.is_tidal(one.least_m):
+                yield TidalWater(_depth_text(one), rule.need_m(one.least_m), one.area)
+    for part in parts:
+        radius_m = _fixed_radius_m(part.cell)
+        for name in _SUNKEN:
+            objects = part.cell.objects.get(name)
+            if objects is None:
+                continue
+            for depth_m in np.unique(objects.numbers("VALSOU")).tolist():
+                if rule.is_tidal(depth_m):
+                    is_here = objects.numbers("VALSOU") == depth_m
+                    is_here &= shapely.intersects(objects.geometry, part.area)
+                    text = f"{_HAZARDS[name]} at {depth_m:g} m"
+                    for area in _areas_in(sea, objects.geometry[is_here], radius_m):
+                        yield TidalWater(text, rule.need_m(depth_m), area)
+
+
+def _depth_text(area: DepthArea) -> str:
+    """Name an area by its depths."""
+    kind = "dredged" if area.kind == "dredged" else "depth"
+    return f"{kind} {area.least_m:g} to {area.greatest_m:g} m"
+
+
+def _datum(cells: Sequence[Cell]) -> str:
+    """Return the chart datum of cells; several are named all, and fit no tide."""
+    return " and ".join(sorted({cell.datum for cell in cells}))
 
 
 def _places(part: _Part) -> Iterator[PlaceName]:
@@ -200,13 +239,19 @@ def _cut_to(geometries: Geometries, area: shapely.Geometry) -> Geometries:
     return cut
 
 
-def _hazards(part: _Part, sea: shapely.Geometry, safety_depth_m: float) -> Iterator[Zone]:
+def _fixed_radius_m(cell: Cell) -> float:
+    """Return the radius, m, around fixed and sunken objects that a cell shows as points."""
+    return max(_MIN_FIXED_RADIUS_M, _DRAWING_ACCURACY_M * cell.scale)
+
+
+def _hazards(part: _Part, sea: shapely.Geometry, least_m: float) -> Iterator[Zone]:
     """Yield the objects of a part that are dangers in the safe water, as areas."""
-    drawn_m = _DRAWING_ACCURACY_M * part.cell.scale
+    fixed_m = _fixed_radius_m(part.cell)
+    floating_m = max(_MIN_FLOATING_RADIUS_M, _DRAWING_ACCURACY_M * part.cell.scale)
     kinds = (
-        (_SUNKEN, "sunken object", max(_MIN_FIXED_RADIUS_M, drawn_m)),
-        (_FIXED, "fixed object", max(_MIN_FIXED_RADIUS_M, drawn_m)),
-        (_FLOATING, "floating object", max(_MIN_FLOATING_RADIUS_M, drawn_m)),
+        (_SUNKEN, "sunken object", fixed_m),
+        (_FIXED, "fixed object", fixed_m),
+        (_FLOATING, "floating object", floating_m),
     )
     for names, group, radius_m in kinds:
         for name in names:
@@ -215,7 +260,7 @@ def _hazards(part: _Part, sea: shapely.Geometry, safety_depth_m: float) -> Itera
                 continue
             is_danger = shapely.intersects(objects.geometry, part.area)
             if names is _SUNKEN:
-                is_danger &= ~(objects.numbers("VALSOU") >= safety_depth_m)
+                is_danger &= ~(objects.numbers("VALSOU") >= least_m)
             for area in _areas_in(sea, objects.geometry[is_danger], radius_m):
                 yield Zone("hazard", _HAZARDS.get(name, group), "", area)
 
@@ -317,22 +362,22 @@ _MAX_NAMES = 8
 class S57Chart:
     """Cells (.000) with their updates in a folder or below it, or one cell.
 
-    `safety_depth_m` is draught plus under-keel clearance.
+    `rule` says which depths are deep enough.
     """
 
     path: Path
-    safety_depth_m: float
+    rule: DepthRule
 
     @cached_property
     def identity(self) -> tuple[str, ...]:
-        """Safety depth, and a hash of all files."""
+        """Which depths are deep enough, and a hash of all files."""
         digest = hashlib.sha256()
         bases = self._bases
         with shapes.reading(str(self.path), "fetch the cells and their updates again"):
             for base in bases:
                 for file in cell_files(base):
                     digest.update(file.name.encode() + file_hash(file).encode())
-        return ("s57", f"{self.safety_depth_m!r}", digest.hexdigest())
+        return ("s57", f"{self.rule!r}", digest.hexdigest())
 
     @cached_property
     def _bases(self) -> tuple[Path, ...]:
@@ -352,7 +397,7 @@ class S57Chart:
             )
         # Geometries that are valid one by one may fail together, where a cell is damaged.
         with shapes.reading(str(self.path), "fetch the cells and their updates again"):
-            return land(cells, box, region, self.safety_depth_m)
+            return land(cells, box, region, self.rule)
 
 
 def find_cells(path: Path) -> tuple[Path, ...]:

@@ -27,11 +27,16 @@ _OPTIONS = {"LIST_AS_STRING": "ON", "RETURN_PRIMITIVES": "OFF", "LNAM_REFS": "OF
 # Fields that identify a cell: edition, update and its date, scale, datum and unit of depths.
 _IDENTIFICATION = (
     *("DSID_EDTN", "DSID_UPDN", "DSID_ISDT"),
-    *("DSPM_CSCL", "DSPM_HDAT", "DSPM_DUNI"),
+    *("DSPM_CSCL", "DSPM_HDAT", "DSPM_DUNI", "DSPM_SDAT"),
 )
 # Codes in DSPM of the horizontal datum WGS 84 and of depths in metres, the only ones that the
 # product specification allows.
 _WGS84, _METRES = 2, 1
+# Names of the datums of depths (VERDAT, the codes of DSPM_SDAT) for which tides are published.
+_DATUMS = {
+    "1": "MLWS", "2": "MLLWS", "3": "MSL", "4": "LLW", "5": "MLW", "6": "LLWS", "8": "ISLW",
+    "9": "LWS", "12": "MLLW", "13": "LW", "23": "LAT",
+}  # fmt: skip
 # Number of files in a folder of charts above which it is not searched: all cells of the world and
 # their updates are some 100,000.
 _MAX_FILES = 200_000
@@ -68,8 +73,8 @@ class Objects:
 class Cell:
     """One cell: its identification (DSID, DSPM), the area with data, and its objects by class.
 
-    `scale` is the denominator of the compilation scale, `repaired` counts its invalid areas,
-    and `warnings` come from GDAL.
+    `scale` is the denominator of the compilation scale, `datum` the chart datum of its depths,
+    `repaired` counts its invalid areas, and `warnings` come from GDAL.
     """
 
     name: str
@@ -79,6 +84,7 @@ class Cell:
     scale: int
     covered: shapely.Geometry
     objects: Mapping[str, Objects]
+    datum: str = ""
     repaired: int = 0
     warnings: tuple[str, ...] = ()
 
@@ -144,6 +150,7 @@ def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell 
         issued=_iso_date(str(identification["DSID_ISDT"])),
         scale=int(str(identification["DSPM_CSCL"])),
         covered=shapely.union_all(covered),
+        datum=_DATUMS.get(sdat := str(identification["DSPM_SDAT"]), f"datum {sdat} of S-57"),
         objects={name: objects for name, (objects, _) in read.items() if len(objects.geometry)},
         repaired=sum(count for _, count in read.values()),
         warnings=tuple(issued),

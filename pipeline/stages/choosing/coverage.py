@@ -19,7 +19,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.land.shapes import box_around
-from pipeline.sources.registry import current_source, land_source
+from pipeline.sources.registry import charted_land, current_source
 from pipeline.stages.choosing.region_choice import Voyage
 from pipeline.stages.places import lakes_text, not_in_water
 
@@ -152,7 +152,7 @@ def endpoints_on_land(scenario: Scenario) -> list[str]:
     """Return a message for each stop that lies on land; none for a plane scenario."""
     if scenario.is_planar:
         return []
-    source = land_source(scenario.chart, scenario.vessel.draught_m)
+    source = charted_land(scenario)
     return [
         fault
         for name, (lon, lat) in scenario.stops.items()
@@ -191,7 +191,7 @@ def _remedy(source: LandSource, lon: float, lat: float) -> str:
 
 def are_water_swapped(scenario: Scenario, places: Iterable[Point]) -> bool:
     """Whether positions with longitude and latitude exchanged are water on the world's chart."""
-    source = land_source(scenario.chart, scenario.vessel.draught_m)
+    source = charted_land(scenario)
     swapped = [(lat, (lon + 180) % 360 - 180) for lon, lat in places]
     return has_world_land(scenario.chart) and not any(
         abs(lat) > 90 or shapely.intersects_xy(_land_near(source, lon, lat), lon, lat).any()

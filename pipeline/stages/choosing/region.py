@@ -17,7 +17,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
-from pipeline.sources.registry import land_source
+from pipeline.sources.registry import charted_land
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
 from pipeline.stages.choosing.region_choice import (
     FAR_WAY,
@@ -85,7 +85,7 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
         covered_by_currents(scenario.seasons, part, folder, offline=offline) for part in parts
     )
     voyage = max(parts, key=lambda part: part.distance_m)
-    source = land_source(scenario.chart, scenario.vessel.draught_m)
+    source = charted_land(scenario)
     is_world = all(one.name == "osm-land" for one in scenario.chart.source)
     least_deg = _LEAST_LAND * voyage.distance_m / METRES_PER_DEGREE
 

@@ -4,7 +4,9 @@ import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from functools import partial
+from typing import TypedDict
 
 import numpy as np
 import shapely
@@ -147,6 +149,15 @@ def combine_seasons(parts: Iterable[SeasonEvaluation]) -> Evaluation:
     )
 
 
+class _LeastWater(TypedDict, total=False):
+    """The fields of RouteMetrics on the water under the keel."""
+
+    least_water_m: float
+    least_water_at: datetime
+    least_water_early_m: float
+    least_water_late_m: float
+
+
 class _RouteEvaluator:
     """Measures the routes of one season."""
 
@@ -191,7 +202,21 @@ class _RouteEvaluator:
             land_lat=land_lat,
             filled_share=self._filled_share(route),
             uncharted_share=self._uncharted_share(route),
+            **self._least_water(route),
         )
+
+    def _least_water(self, route: renew.Route) -> _LeastWater:
+        """Return the figures of the least water under the keel, if there is a tide."""
+        least, kept_m = route.least_water, self._scene.under_keel_clearance_m
+        if least is None:
+            return {}
+        return {
+            "least_water_m": least.spare + kept_m,
+            "least_water_at": self._scene.departures[self._season]
+            + timedelta(seconds=round(least.time)),
+            "least_water_early_m": least.early + kept_m,
+            "least_water_late_m": least.late + kept_m,
+        }
 
     def turns(self, route: renew.Route) -> renew.Contingency:
         """Simulate the hard-over turns of a route against the original land within their reach."""

@@ -22,7 +22,7 @@ def test_metrics_read_back_the_same(result: RunResult, tmp_path: Path) -> None:
     for row, metrics in zip(rows, result.evaluation.routes, strict=True):
         for column, name in METRICS_COLUMNS.items():
             value = getattr(metrics, name)
-            if value != value:  # noqa: PLR0124 - as only NaN is
+            if value is None or value != value:  # noqa: PLR0124 - as only NaN is
                 assert row[column] == ""
             else:
                 assert type(value)(row[column]) == value

@@ -15,6 +15,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_text
 from pipeline.model import Credit, Land
+from pipeline.model.inputs import DepthRule
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.combined_charts import SoundedChart
 from pipeline.sources.depth_file import DepthFile
@@ -49,7 +50,7 @@ def sea_floor() -> FloatArray:
 
 
 def sounded(file: Path, safety_depth_m: float = 5.0) -> SoundedChart:
-    return SoundedChart(Island(), DepthFile.open(file), safety_depth_m)
+    return SoundedChart(Island(), DepthFile.open(file), DepthRule(safety_depth_m))
 
 
 def test_shallow_water_joins_the_land_and_is_shown(tmp_path: Path) -> None:
@@ -116,7 +117,7 @@ def test_a_chart_with_depths_needs_a_draught(tmp_path: Path) -> None:
         land_source(chart, None)
     source = land_source(chart, 4.0)
     assert isinstance(source, SoundedChart)
-    assert math.isclose(source.safety_depth_m, 5.5)
+    assert math.isclose(source.rule.safety_depth_m, 5.5)
 
 
 def test_damaged_files_are_read_or_refused_with_one_line(tmp_path: Path) -> None:

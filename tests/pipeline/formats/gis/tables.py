@@ -29,6 +29,7 @@ LAYERS = {
     "hazards": "MultiPolygon",
     "chart_areas": "MultiPolygon",
     "depth_areas": "MultiPolygon",
+    "tidal_water": "MultiPolygon",
     "no_go": "MultiPolygon",
     "soft_no_go": "MultiPolygon",
     "currents": "Point",
@@ -41,7 +42,7 @@ ROUTE_COLUMNS = {
     *("season", "rank", "homotopy", "way", "fuel", "fuel_per_distance", "length_m"),
     *("clearance_m", "duration_s", "optimality_gap", "gap_at_clearance"),
     *("trials", "collisions"),
-    *("filled_share", "uncharted_share"),
+    *("filled_share", "uncharted_share", "least_water_m", "least_water_at"),
 }
 
 

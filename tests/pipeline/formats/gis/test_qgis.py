@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 LAYERS = (
     *("islands", "shore_crossings", "passage", "routes", "path_points", "contingency", "legs"),
     *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
-    "depth_areas",
+    *("tidal_water", "depth_areas"),
 )
 # Opens FILE's project and its layers, draws both into FOLDER, and prints what it found.
 _QGIS = """
@@ -222,9 +222,12 @@ def test_plain_layers_are_styled_named_and_drawn(
         # No column is shown by its raw name, and each feature is drawn by one rule.
         assert not set(layer["columns"]) & set(layer["aliases"])
         assert sum(layer["by_rules"]) == layer["count"]
-        assert layer["count"] > 0 or name in {"hazards", "chart_areas", "depth_areas"}, (
-            "a chart without depths"
-        )
+        assert layer["count"] > 0 or name in {
+            "hazards",
+            "chart_areas",
+            "depth_areas",
+            "tidal_water",
+        }, "a chart without depths"
     assert found["errors"] == []
     pixels = picture(tmp_path / "pictures" / "plain.png")
     for colour in (COLOURS["land"], season_colour(0)):

@@ -30,6 +30,7 @@ LAYERS = {
         "hazards",
         "chart_areas",
         "depth_areas",
+        "tidal_water",
         "no_go",
         "soft_no_go",
         "currents",
@@ -74,7 +75,7 @@ def test_every_layer_has_one_default_style_where_qgis_looks_for_it(package: Path
 
 
 def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(package: Path) -> None:
-    chart = ("coast", "hazards", "chart_areas", "depth_areas", "no_go")
+    chart = ("coast", "hazards", "chart_areas", "depth_areas", "tidal_water", "no_go")
     areas = (*chart, "legs", "soft_no_go", "channels")
     kinds = {"routes": "line", "region": "line", **dict.fromkeys(areas, "fill")}
     for layer, root in styles(package).items():
@@ -131,7 +132,7 @@ def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResu
     assert on == [shown, {"Routes"}]
     assert {layer.get("checked") for layer in chart} == {"Qt::Checked"}
     names = ["Islands", "Edge of the region", "Hazards", "Land", "Areas of the chart"]
-    names += ["Hard no-go zone", "Depths"]
+    names += ["Hard no-go zone", "Tidal water", "Depths"]
     assert [layer.get("name") for layer in chart] == names
 
 
@@ -152,7 +153,7 @@ def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -
             "channels",
             "currents",
         ),
-        "depth_areas",
+        *("tidal_water", "depth_areas"),
     ]
     # QGIS replaces shorter identifiers by its own.
     assert all(len(name) > 10 for name in order)

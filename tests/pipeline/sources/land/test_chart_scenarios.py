@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.geo.projection import Projection
+from pipeline.model.inputs import DepthRule
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.land.s57 import S57Chart
@@ -96,7 +97,7 @@ def test_boston_by_its_soundings_and_marks(oscar: Path, shared: Path, tmp_path: 
     package = outcome.directory / "routes.gpkg"
     meta, _, wkb, columns = pyogrio.raw.read(package, layer="routes", columns=["clearance_m"])
     assert list(meta["fields"]) == ["clearance_m"]
-    land = S57Chart(cells, depth_m).land(scenario.region.shape)
+    land = S57Chart(cells, DepthRule(depth_m)).land(scenario.region.shape)
     for line, reported in zip(shapely.from_wkb(wkb), columns[0], strict=True):
         assert clearance_m(shapely.get_coordinates(line), land.polygons) == pytest.approx(
             reported, abs=1.0

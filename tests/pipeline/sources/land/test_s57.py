@@ -15,6 +15,7 @@ import shapely
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import Land
+from pipeline.model.inputs import DepthRule
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.land import s57
 from pipeline.sources.land.s57 import S57Chart
@@ -23,7 +24,7 @@ from pipeline.sources.registry import land_source
 
 GEOD = pyproj.Geod(ellps="WGS84")
 BOSTON = shapely.box(-71.02, 42.305, -70.955, 42.37)
-DEPTH_M = 2.0
+RULE = DepthRule(2.0)
 # A synthetic harbour, a hundredth of a degree wide, at 1:10,000.
 HARBOUR = shapely.box(0.0, 0.0, 0.01, 0.01)
 AROUND = shapely.box(-0.01, -0.01, 0.02, 0.02)
@@ -41,7 +42,7 @@ def cells(shared: Path) -> Path:
 @pytest.fixture(scope="module")
 def harbour(cells: Path) -> Land:
     """Give the no-go areas of Boston harbour for a safety depth of 2 m."""
-    return S57Chart(cells, DEPTH_M).land(BOSTON)
+    return S57Chart(cells, RULE).land(BOSTON)
 
 
 @pytest.fixture
@@ -70,9 +71,9 @@ def cell(
     return Cell(name, "1", "0", "2026-01-01", scale, HARBOUR, given)
 
 
-def no_go(*given: Cell, depth_m: float = DEPTH_M) -> shapely.Geometry:
+def no_go(*given: Cell, rule: DepthRule = RULE) -> shapely.Geometry:
     """Return the no-go area of cells inside the harbour."""
-    land = s57.land(given, AROUND, HARBOUR, depth_m)
+    land = s57.land(given, AROUND, HARBOUR, rule)
     return shapely.intersection(shapely.union_all(land.polygons), HARBOUR)
 
 
@@ -93,7 +94,7 @@ def test_no_sounding_in_the_water_is_shallower_than_the_safety_depth(
 ) -> None:
     points, depths = layer(cells / f"{name}.000", "SOUNDG", "DEPTH")
     region = shapely.box(*shapely.total_bounds(points))
-    land = S57Chart(cells / f"{name}.000", depth_m).land(region)
+    land = S57Chart(cells / f"{name}.000", DepthRule(depth_m)).land(region)
     water = shapely.difference(region, shapely.union_all(land.polygons))
     inside = shapely.intersects(water, shapely.force_2d(points))
     assert inside.sum() > 100
@@ -108,7 +109,7 @@ def test_rocks_wrecks_and_marks_are_no_go(cells: Path, harbour: Land) -> None:
         geometry, _ = layer(cells / "US5BOSCD.000", name, "OBJNAM" if name != "UWTROC" else "RCID")
         if name in {"UWTROC", "OBSTRN", "WRECKS"}:
             _, depth = layer(cells / "US5BOSCD.000", name, "VALSOU")
-            geometry = geometry[~(depth.astype(float) >= DEPTH_M)]
+            geometry = geometry[~(depth.astype(float) >= RULE.safety_depth_m)]
         there = geometry[shapely.intersects(geometry, BOSTON)]
         assert len(there) > 0, name
         points = there[shapely.get_dimensions(there) == 0]
@@ -129,7 +130,7 @@ def test_accuracy_and_restrictions_are_the_cells_own(cells: Path, harbour: Land)
     assert "Right Whale Critical Habitat" in names
     areas, codes = layer(cells / "US4MD81M.000", "RESARE", "RESTRN")
     prohibited = next(area for area, code in zip(areas, codes, strict=True) if "'7'" in str(code))
-    bay = S57Chart(cells, DEPTH_M).land(prohibited.centroid.buffer(0.01))
+    bay = S57Chart(cells, RULE).land(prohibited.centroid.buffer(0.01))
     assert bay.accuracy_m == 40.0
     assert "entry prohibited" in {zone.rule for zone in bay.zones}
     assert any("entry is prohibited" in note for note in note_texts(bay.notes))
@@ -149,12 +150,14 @@ def test_what_no_cell_covers_is_no_go_and_noted(cells: Path) -> None:
 
 def test_a_region_without_any_cell_is_refused(cells: Path) -> None:
     with pytest.raises(RequestError, match=r"covers any of the region.*US5BOSCD"):
-        S57Chart(cells, DEPTH_M).land(shapely.box(10, 50, 11, 51))
+        S57Chart(cells, RULE).land(shapely.box(10, 50, 11, 51))
 
 
 def test_a_deeper_draught_leaves_less_water(cells: Path) -> None:
     areas = [
-        shapely.union_all(S57Chart(cells, depth).land(BOSTON).polygons).intersection(BOSTON).area
+        shapely.union_all(S57Chart(cells, DepthRule(depth)).land(BOSTON).polygons)
+        .intersection(BOSTON)
+        .area
         for depth in (2.0, 10.0)
     ]
     assert areas == sorted(areas)
@@ -162,7 +165,7 @@ def test_a_deeper_draught_leaves_less_water(cells: Path) -> None:
 
 
 def test_longitudes_may_be_a_turn_further(cells: Path, harbour: Land) -> None:
-    there = S57Chart(cells, DEPTH_M).land(shapely.affinity.translate(BOSTON, 360))
+    there = S57Chart(cells, RULE).land(shapely.affinity.translate(BOSTON, 360))
     one, two = (shapely.union_all(land.polygons) for land in (harbour, there))
     assert two.area == pytest.approx(one.area, rel=1e-6)
     assert two.bounds[0] == pytest.approx(one.bounds[0] + 360)
@@ -171,7 +174,7 @@ def test_longitudes_may_be_a_turn_further(cells: Path, harbour: Land) -> None:
 def test_a_missing_update_is_refused(boston: Path) -> None:
     (boston / "US5BOSCD.003").unlink()
     with pytest.raises(RequestError, match=r"update \.005 is there.*\.003 is missing"):
-        S57Chart(boston, DEPTH_M).land(BOSTON)
+        S57Chart(boston, RULE).land(BOSTON)
 
 
 @pytest.mark.parametrize("suffix", [".000", ".002"])
@@ -179,26 +182,26 @@ def test_a_truncated_cell_is_refused(boston: Path, suffix: str) -> None:
     file = boston / f"US5BOSCD{suffix}"
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     with pytest.raises(RequestError, match=r"US5BOSCD\.000 can't be read.*fetch the cell"):
-        S57Chart(boston, DEPTH_M).land(BOSTON)
+        S57Chart(boston, RULE).land(BOSTON)
 
 
 def test_an_update_changes_the_identity(boston: Path) -> None:
-    before = S57Chart(boston, DEPTH_M).identity
+    before = S57Chart(boston, RULE).identity
     (boston / "US5BOSCD.005").unlink()
-    assert S57Chart(boston, DEPTH_M).identity != before
-    assert S57Chart(boston, 3.0).identity != S57Chart(boston, DEPTH_M).identity
+    assert S57Chart(boston, RULE).identity != before
+    assert S57Chart(boston, DepthRule(3.0)).identity != S57Chart(boston, RULE).identity
 
 
 def test_no_cell_and_repeated_cells_are_refused(boston: Path, tmp_path: Path) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()
     with pytest.raises(RequestError, match="no S-57 cell"):
-        S57Chart(empty, DEPTH_M).land(BOSTON)
+        S57Chart(empty, RULE).land(BOSTON)
     again = boston / "again"
     again.mkdir()
     shutil.copyfile(boston / "US5BOSCD.000", again / "US5BOSCD.000")
     with pytest.raises(RequestError, match="cell US5BOSCD is there more than once"):
-        S57Chart(boston, DEPTH_M).land(BOSTON)
+        S57Chart(boston, RULE).land(BOSTON)
 
 
 def test_cells_are_found_below_the_folder(boston: Path) -> None:
@@ -230,7 +233,9 @@ def test_depth_areas_are_kept_with_both_limits(harbour: Land) -> None:
     # As the cell has them: the dredged main channel, and flats that dry by up to 3.2 m.
     assert any(kind == "dredged" and least > 9 for kind, least, _ in limits)
     assert any(kind == "natural" and least < 0 <= greatest for kind, least, greatest in limits)
-    deep = shapely.union_all([one.area for one in harbour.depth_areas if one.least_m >= DEPTH_M])
+    deep = shapely.union_all(
+        [one.area for one in harbour.depth_areas if one.least_m >= RULE.safety_depth_m]
+    )
     no_go = shapely.union_all(harbour.polygons)
     water = BOSTON.difference(no_go)
     assert water.difference(deep).area < 1e-9 * BOSTON.area
@@ -303,7 +308,7 @@ def test_the_larger_scale_takes_precedence_where_cells_overlap() -> None:
         "XX5FINE", "1", "0", "2020-01-01", 10_000, west, {"DEPARE": objects(west, DRVAL1=5.0)}
     )
     for order in ((coarse, fine), (fine, coarse)):
-        land = s57.land(order, AROUND, HARBOUR, DEPTH_M)
+        land = s57.land(order, AROUND, HARBOUR, RULE)
         found = shapely.intersection(shapely.union_all(land.polygons), HARBOUR)
         assert found.equals(HARBOUR.difference(west)), "hidden by the larger scale"
         assert land.accuracy_m == 25.0
@@ -318,7 +323,7 @@ def test_of_cells_of_one_scale_the_later_issue_takes_precedence() -> None:
 
 def test_poor_surveys_are_noted() -> None:
     east = shapely.box(0.005, 0, 0.01, 0.01)
-    land = s57.land([cell({"M_QUAL": objects(east, CATZOC=5.0)})], AROUND, HARBOUR, DEPTH_M)
+    land = s57.land([cell({"M_QUAL": objects(east, CATZOC=5.0)})], AROUND, HARBOUR, RULE)
     assert any("50% of the water is charted from poor" in note for note in note_texts(land.notes))
 
 
@@ -326,7 +331,7 @@ def test_traffic_lanes_are_zones_but_not_no_go() -> None:
     lane = objects(shapely.box(0.002, 0, 0.004, 0.01), OBJNAM="", RESTRN="")
     given = cell({"TSSLPT": lane})
     assert no_go(given).is_empty
-    zones = s57.land([given], AROUND, HARBOUR, DEPTH_M).zones
+    zones = s57.land([given], AROUND, HARBOUR, RULE).zones
     assert [z.name for z in zones if z.kind == "traffic"] == ["traffic lane"]
 
 
@@ -362,6 +367,6 @@ def test_land_keeps_the_names_that_the_chart_gives() -> None:
         shapely.box(0.006, 0.002, 0.007, 0.004),
     )
     given = cell({"LNDARE": objects(named, unnamed, OBJNAM=["Deer Island", ""])})
-    (place,) = s57.land([given], AROUND, HARBOUR, DEPTH_M).places
+    (place,) = s57.land([given], AROUND, HARBOUR, RULE).places
     assert place.name == "Deer Island"
     assert named.contains(shapely.Point(place.lon, place.lat))

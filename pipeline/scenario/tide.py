@@ -1,0 +1,50 @@
+"""The tide of a scenario: its stations, and how much of the prediction the vessel relies on."""
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field, ValidationInfo
+
+from pipeline.scenario import strict
+from pipeline.scenario.strict import StrictModel
+from pipeline.scenario.times import interval
+
+_NO_TIME = "0min"
+
+
+def _checked(text: str) -> str:
+    """Refuse a text that is neither an interval nor no time."""
+    if text != _NO_TIME:
+        interval(text)
+    return text
+
+
+def _as_path(station: str, info: ValidationInfo) -> str:
+    """Make the path of a station's file absolute; keep a name of the catalogue."""
+    return strict.usable_path(station, info) if strict.looks_like_path(station) else station
+
+
+class TideSpec(StrictModel):
+    """Stations whose tide stands over the chart datum, and what of it the vessel relies on."""
+
+    stations: tuple[Annotated[str, AfterValidator(_as_path)], ...] = Field(
+        min_length=1,
+        max_length=100,
+        description="Tide stations. Each counts in its zone, or else in the waters within 10 km of "
+        "it to which it is the nearest. Give names of the catalogue (`renew list`), or paths of "
+        "files with harmonic constants.",
+        examples=[["boston"], ["./boston.json"]],
+    )
+    surge_m: strict.NonNegative = Field(
+        default=0.3,
+        description="Height by which the water may stand lower than predicted, by wind and air "
+        "pressure, metres. Give metres, 0 or more.",
+    )
+    lag: Annotated[str, AfterValidator(_checked)] = Field(
+        default="15min",
+        description="Time by which the tide may be early or late. Give '15min' or '1h', or '0min'.",
+    )
+
+    @property
+    def lag_s(self) -> float:
+        """Time by which the tide may be early or late, s."""
+        return 0.0 if self.lag == _NO_TIME else interval(self.lag).total_seconds()

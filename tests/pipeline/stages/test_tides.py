@@ -1,0 +1,206 @@
+"""Water that is deep enough for some hours: planned, noted, written with its hours; or refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+
+import pipeline
+from pipeline.errors import RequestError
+from pipeline.formats.shared.note_words import note_texts
+from pipeline.run import Outcome, run
+from pipeline.scenario.loading import parse_scenario
+from pipeline.sources.tides.station import find_station
+from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
+from pipeline.voyage.vessel_options import VesselFigures
+from tests.pipeline.sources.depth_grids import emodnet
+
+# Off Boston, near enough to its station.
+START, GOAL = (-71.03, 42.34), (-70.99, 42.34)
+BOX = (-71.05, 42.325, -70.97, 42.355)
+ISLAND = shapely.box(-71.012, 42.337, -71.008, 42.343)
+BAR = shapely.box(-71.0105, 42.30, -71.0095, 42.40)
+BAR_DEPTH_M, DRAUGHT_M, SURGE_M = 0.8, 1.5, 0.3
+EBB = datetime(2026, 11, 22, 18, 30, tzinfo=UTC)  # low water is half an hour later
+
+
+def scenario_data(folder: Path, **asked: object) -> dict[str, Any]:
+    """A voyage past an island on a bar, on a grid of depths."""
+    (folder / "island.geojson").write_text(shapely.to_geojson(ISLAND))
+    lon, lat = np.arange(-71.06, -70.96, 0.001), np.arange(42.315, 42.365, 0.001)
+    x, y = np.meshgrid(lon, lat)
+    height = np.where(shapely.contains_xy(BAR, x, y), -BAR_DEPTH_M, -20.0)
+    emodnet(folder / "depths.nc", lon, lat, height)
+    return {
+        "schema_version": 1,
+        "name": "bar",
+        "start": list(START),
+        "goal": list(GOAL),
+        "vessel": {
+            "length_m": 7.0,
+            "draught_m": DRAUGHT_M,
+            "speed_m_s": 3.0,
+            "turn_rate_deg_s": 16.5,
+        },
+        "region": {"bbox": list(BOX)},
+        "chart": {
+            "source": {"path": "island.geojson", "accuracy_m": 5},
+            "depths": "depths.nc",
+            "datum": "MLLW",
+        },
+        "tide": {"stations": ["boston"], "surge_m": SURGE_M},
+        "planner": {"classes": 2},
+        "seasons": [
+            {
+                "name": "day",
+                "departures": {"first": EBB, "every": "2h", "count": 4},
+                "currents": ["still"],
+            }
+        ],
+        **asked,
+    }
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """Give the run of a day of departures over the bar."""
+    folder = tmp_path_factory.mktemp("bar")
+    return run(parse_scenario(scenario_data(folder), folder), folder / "outputs")
+
+
+def relied_on_m(moment: datetime) -> float:
+    """The least height of the tide within a quarter of an hour, less the surge."""
+    tide = find_station("boston").tide(moment)
+    return float(tide.heights(np.arange(-900.0, 901.0, 30.0)).min()) - SURGE_M
+
+
+def test_the_bar_is_crossed_when_there_is_enough_water(outcome: Outcome) -> None:
+    assert outcome.exit_code == 0
+    (table,) = outcome.directory.glob("*departures.csv")
+    with table.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert 0 < sum(bool(row["fuel"]) for row in rows) < len(rows)
+    need = DRAUGHT_M + 1.0 - BAR_DEPTH_M
+    for row in rows:
+        at_bar = datetime.fromisoformat(row["departure"]) + timedelta(seconds=550)
+        if row["fuel"]:
+            # The vessel may be an hour late, or early, but not before its departure.
+            for minutes in (-9, 0, 60):
+                assert relied_on_m(at_bar + timedelta(minutes=minutes)) > need
+        else:
+            assert "m of tide" in row["reason"]
+    with (outcome.directory / "metrics.csv").open(encoding="utf-8", newline="") as file:
+        best = next(csv.DictReader(file))
+    at = datetime.fromisoformat(best["least_water_at"])
+    # The band of depth in which the bar lies begins up to 0.25 m above it.
+    under_keel = relied_on_m(at) + BAR_DEPTH_M - DRAUGHT_M
+    assert under_keel - 0.25 < float(best["least_water_m"]) <= under_keel + 0.03
+    early, late = float(best["least_water_early_m"]), float(best["least_water_late_m"])
+    assert min(early, late) >= 1.0
+    assert min(early, late) < float(best["least_water_m"])
+
+
+def test_hours_and_heights_are_in_the_notes_and_the_geopackage(outcome: Outcome) -> None:
+    texts = " ".join(note_texts(outcome.fetched.notes))
+    assert "depths and the tide of BOSTON are counted from MLLW" in texts
+    assert re.search(
+        r"\d\.\d m under the keel where that is least, .* There is enough water from", texts
+    )
+    areas = geopandas.read_file(outcome.directory / "routes.gpkg", layer="tidal_water")
+    assert (areas["need_m"] > 0).all()
+    for hours, need in zip(areas["hours"], areas["need_m"], strict=True):
+        for span in hours.split(", "):
+            begin, end = (
+                datetime.strptime(one, "%Y-%m-%d %H:%M UTC").replace(tzinfo=UTC)
+                for one in span.split(" to ")
+            )
+            assert relied_on_m(begin + (end - begin) / 2) > need
+    routes = geopandas.read_file(outcome.directory / "routes.gpkg", layer="routes")
+    assert (routes["least_water_m"] >= 1.0).all()
+    assert routes["least_water_at"].str.endswith("UTC").all()
+    manifest = json.loads((outcome.directory / "manifest.json").read_text(encoding="utf-8"))
+    assert "tide-relied-on" in json.dumps(manifest)
+
+
+@pytest.mark.parametrize(
+    ("asked", "text"),
+    [
+        (
+            {"chart": {"datum": ""}},
+            "if the depths are from there, too, set chart.datum = 'MLLW'",
+        ),
+        (
+            {"chart": {"datum": "MSL"}},
+            "(MSL is 1.59 m above it); give a station's TOML file with datum = 'MSL'",
+        ),
+        ({"chart": {"depths": ""}}, "[tide] needs a chart with depths"),
+        (
+            {"tide": {"stations": ["boston", "hull"]}},
+            "tide: hull does not exist, and is no station of the catalogue",
+        ),
+        ({"vessel": {"draught_m": 15.0, "squat_m": 1.5}}, "no water connects them"),
+        ({"seasons": {"departures": None}}, "has no 'departure', from which the hours of [tide]"),
+        ({"scale": 10.0}, "has hours in [tide] at scale = 10"),
+    ],
+)
+def test_what_does_not_fit_the_tide_is_refused(
+    tmp_path: Path, asked: dict[str, Any], text: str
+) -> None:
+    data = scenario_data(tmp_path)
+    for key, value in asked.items():
+        if key == "seasons":
+            data[key] = [{**data[key][0], **value}]
+        else:
+            data[key] = {**data[key], **value} if isinstance(value, dict) else value
+    with pytest.raises(RequestError) as caught:
+        run(parse_scenario(data, tmp_path), tmp_path / "outputs")
+    assert text in str(caught.value)
+    assert not (tmp_path / "outputs" / "bar").exists()
+
+
+def test_water_far_from_every_station_is_refused_with_the_nearest(tmp_path: Path) -> None:
+    data = scenario_data(tmp_path)
+    station = tmp_path / "far.toml"
+    source = Path(pipeline.__file__).parents[1] / "catalog" / "tides" / "boston.json"
+    station.write_text(
+        f'constants = "{source}"\nname = "Far"\nposition = [-71.5, 42.34]\n', encoding="utf-8"
+    )
+    data["tide"] = {"stations": ["far.toml"]}
+    with pytest.raises(
+        RequestError, match=r"no station counts there: the nearest is Far \(4\d km\)"
+    ):
+        run(parse_scenario(data, tmp_path), tmp_path / "outputs")
+
+
+def test_a_voyage_in_one_line_takes_the_tide(tmp_path: Path) -> None:
+    scenario_data(tmp_path)
+    request = VoyageRequest(
+        positions=("42.34N 71.03W", "42.34N 70.99W"),
+        figures=VesselFigures("6kn", "7m", "30m", "1.5m"),
+        currents=("still",),
+        depths=tmp_path / "depths.nc",
+        depart="2026-11-22T18:30Z",
+        until="2026-11-23T00:30Z",
+        tide=("boston",),
+    )
+    scenario, notes = voyage_scenario(request)
+    assert notes == ()
+    assert scenario.tide is not None
+    assert scenario.tide.stations == ("boston",)
+    (season,) = scenario.seasons
+    assert season.departures is not None
+    assert (season.departures.begin, season.departures.count) == (EBB, 13)
+    with pytest.raises(RequestError) as caught:
+        voyage_scenario(replace(request, depart="", until="", tide=("hull",)))
+    assert "--tide counts from the departure; add --depart" in str(caught.value)
+    assert "hull" in str(caught.value)
