@@ -239,9 +239,9 @@ def arguments(names: Iterable[str], instants: Instants) -> tuple[FloatArray, Flo
 
 def speeds(names: Iterable[str]) -> FloatArray:
     """Speeds of constituents, degrees an hour."""
+    known = [_known()[_upper(name)] for name in names]
     from pyfes import DEGREE_PER_HOUR
 
-    known = [_known()[_upper(name)] for name in names]
     table = _waves(known)
     return np.array([table[name].frequency(DEGREE_PER_HOUR) for name in known])
 

@@ -65,9 +65,9 @@ def fit_files(paths: Sequence[str]) -> "xr.Dataset":
     """
     files = find_files(paths)
     contents = read_contents(files)
-    if faults := list(_series_faults(contents.steps)):
-        raise RequestError([f"{name_of(files)}: {fault}" for fault in faults])
     try:
+        if faults := list(_series_faults(contents.steps)):
+            raise RequestError([f"{name_of(files)}: {fault}" for fault in faults])
         return _fitted(contents)
     except (renew.ParameterError, ValueError) as error:
         raise RequestError(f"{name_of(files)}: {error}") from None
@@ -108,7 +108,7 @@ def _series_faults(steps: TimeSteps) -> Iterator[str]:
     if holes:
         longest = max(holes, key=lambda pair: pair[1] - pair[0])
         yield (
-            f"it has {len(holes)} holes, the longest from {label(longest[0])} to "
+            f"it has {len(holes)} hole{'s' * (len(holes) > 1)}, the longest from {label(longest[0])} to "
             f"{label(longest[1])}; fill them, or give the longest series without"
         )
 

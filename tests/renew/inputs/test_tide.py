@@ -179,18 +179,20 @@ def test_without_pyfes_only_a_tide_with_constants_asks_for_it() -> None:
 import sys
 sys.modules["pyfes"] = None
 import numpy as np, renew
+from renew.inputs.tide import speeds
 epoch = np.datetime64("2026-11-22")
 print(renew.Tide({}, 1.5, epoch).heights(np.zeros(1)))
-try:
-    renew.Tide({"M2": renew.Constant(1.0, 0.0)}, 1.5, epoch)
-except renew.ParameterError as error:
-    print(error)
+for asked in (lambda: renew.Tide({"M2": (1.0, 0.0)}, 1.5, epoch), lambda: speeds(["M2"])):
+    try:
+        asked()
+    except renew.ParameterError as error:
+        print(error)
 """
     done = subprocess.run(
         [sys.executable, "-c", script], check=True, capture_output=True, text=True
     )
-    heights, refused = done.stdout.splitlines()
+    heights, *refused = done.stdout.splitlines()
     assert heights == "[1.5]"
-    assert refused.endswith(
-        "need pyfes, which is not installed; pip install 'renew-planner[tides]'"
-    )
+    assert len(refused) == 2
+    for line in refused:
+        assert line.endswith("pyfes, which is not installed; pip install 'renew-planner[tides]'")
