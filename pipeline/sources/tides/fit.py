@@ -106,10 +106,10 @@ def _series_faults(steps: TimeSteps) -> Iterator[str]:
         )
     holes = [pair for pair in pairwise(moments) if pair[1] - pair[0] > interval + _SLACK]
     if holes:
-        longest = max(holes, key=lambda pair: pair[1] - pair[0])
+        begin, end = max(holes, key=lambda pair: pair[1] - pair[0])
         yield (
-            f"it has {len(holes)} hole{'s' * (len(holes) > 1)}, the longest from {label(longest[0])} to "
-            f"{label(longest[1])}; fill them, or give the longest series without"
+            f"it has {len(holes)} hole{'s' * (len(holes) > 1)}, the longest from {label(begin)} "
+            f"to {label(end)}; fill them, or give the longest series without"
         )
 
 
