@@ -149,12 +149,14 @@ def _listed(station: "Station", first: datetime, last: datetime, *, as_json: boo
             strict=True,
         )
     ]
+    # A place that follows a station has its level, too, by its ratio.
+    mean_level_m = station.ratio * station.mean_level_m
     if as_json:
         return json.dumps(
             {
                 "station": station.name,
                 "datum": station.datum,
-                "mean_level_m": round(station.mean_level_m, 3),
+                "mean_level_m": round(mean_level_m, 3),
                 "credit": station.credit,
                 "waters": [
                     {"time": f"{at:%Y-%m-%dT%H:%MZ}", "height_m": round(height, 3), "kind": kind}
@@ -165,7 +167,7 @@ def _listed(station: "Station", first: datetime, last: datetime, *, as_json: boo
         )
     head = f"{station.name}: predicted heights over {station.datum}, without weather; times are UTC"
     lines = [f"{at:%Y-%m-%d  %H:%M}  {height:6.2f} m  {kind}" for at, height, kind in waters]
-    lines.append(f"Mean sea level is {station.mean_level_m:.2f} m over {station.datum}.")
+    lines.append(f"Mean sea level is {mean_level_m:.2f} m over {station.datum}.")
     if station.credit:
         lines.append(f"Constants: {station.credit}.")
     return "\n".join([head, *lines])
