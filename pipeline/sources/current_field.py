@@ -7,8 +7,11 @@ So a field counts as shifted where cells that are entirely land have data, and l
 offset where the gaps match the land better.
 """
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 import shapely
@@ -74,10 +77,11 @@ class LandMask:
 
     @classmethod
     def world(cls) -> "LandMask":
-        """Make a mask of OpenStreetMap's land of the whole world, a raster of about 500 m."""
-        from roaring_landmask import LandmaskProvider, RoaringMask
+        """Make a mask of OpenStreetMap's land of the whole world, a raster of about 500 m.
 
-        mask = RoaringMask.new(LandmaskProvider.Osm)
+        It takes 300 MB, and a second once in a block of `land_freed_at_end`.
+        """
+        mask = _raster_of_the_world()
 
         def is_land(lon: FloatArray, lat: FloatArray) -> BoolArray:
             wrapped = (lon + 180) % 360 - 180
@@ -94,6 +98,22 @@ class LandMask:
             x, y = np.meshgrid(lon, lat[first : first + rows])
             found[first : first + rows] = self.is_land(x.ravel(), y.ravel()).reshape(x.shape)
         return found
+
+
+@cache
+def _raster_of_the_world() -> Any:  # noqa: ANN401 - the package has no types
+    from roaring_landmask import LandmaskProvider, RoaringMask
+
+    return RoaringMask.new(LandmaskProvider.Osm)
+
+
+@contextlib.contextmanager
+def land_freed_at_end() -> Iterator[None]:
+    """Free the land of the world, which may have been loaded inside the block."""
+    try:
+        yield
+    finally:
+        _raster_of_the_world.cache_clear()
 
 
 # Number of points along each side of the region's bounds at which its water is sampled.

@@ -28,6 +28,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Region
 from pipeline.scenario.season import MAX_HOURS, Season
 from pipeline.sources.combined_charts import Overlay
+from pipeline.sources.current_field import land_freed_at_end
 from pipeline.sources.land.osm import OsmLand
 from pipeline.sources.registry import charted_land, current_source
 from pipeline.stages.places import avoided_zones, fetched_plane
@@ -91,7 +92,8 @@ def _parts(scenario: Scenario, store: Store, offline: bool) -> FetchedParts:  # 
     land = charted_land(scenario)
     fetcher = Fetcher(scenario.region, land, store, offline)
     seasons = [with_max_hours(season, scenario) for season in scenario.seasons]
-    found = {season.name: fetcher.current(season) for season in seasons}
+    with land_freed_at_end():
+        found = {season.name: fetcher.current(season) for season in seasons}
     grids = tuple(current.grid for current in found.values() if current.grid is not None)
     failures = {
         name: "no source of currents could be used: "

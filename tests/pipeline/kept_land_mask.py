@@ -1,6 +1,6 @@
 """The land mask of the world, loaded once a process: it takes a second each time.
 
-A program reads a few files of currents, and gives the mask's 300 MB back after each; the tests read
+A program reads a few files of currents, and then gives the mask's 300 MB back; the tests read
 hundreds. As a module that a Dask worker loads first, it does the same there.
 """
 

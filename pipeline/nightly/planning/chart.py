@@ -17,6 +17,7 @@ from pipeline.model import Current, CurrentGrid, Fetched, Scene
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
+from pipeline.sources.current_field import land_freed_at_end
 from pipeline.sources.registry import charted_land
 from pipeline.stages.choose import with_offing
 from pipeline.stages.choosing.region import chosen_region
@@ -215,7 +216,8 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
         alone = chart.scenario.model_copy(update={"seasons": (season,)})
         current = plane_scene(alone).currents[season.name]
         return NightCurrent(current, season.title or season.name, "numbers", "")
-    found = _chart_fetcher(task.chart_path, task.store_root).current(season)
+    with land_freed_at_end():
+        found = _chart_fetcher(task.chart_path, task.store_root).current(season)
     if found.grid is None:
         reasons = "; ".join(passed.reason for passed in found.passed_over)
         raise StageError(f"no source of currents could be used: {reasons}")

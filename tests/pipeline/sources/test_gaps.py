@@ -17,7 +17,13 @@ from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.copernicus.acceptance import accept
-from pipeline.sources.current_field import Field, LandMask, water_without_data
+from pipeline.sources.current_field import (
+    Field,
+    LandMask,
+    _raster_of_the_world,
+    land_freed_at_end,
+    water_without_data,
+)
 from pipeline.sources.registry import EmbeddedTable
 from tests.pipeline.sources.copernicus import test_acceptance
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
@@ -148,3 +154,17 @@ def test_a_download_with_a_hole_at_a_coast_is_noted(
     for expected, is_noted_there in ((test_acceptance.EXPECTED, is_noted), (east, False)):
         found = accept(path, expected, test_acceptance.LAND)
         assert any(note.kind == "current-lacking" for note in found.notes) is is_noted_there
+
+
+def test_the_land_of_the_world_is_loaded_once_and_freed_at_the_end() -> None:
+    original = getattr(LandMask.world, "__wrapped__", LandMask.world)  # that of tests keeps it
+    _raster_of_the_world.cache_clear()
+    with land_freed_at_end():
+        for _ in range(3):
+            mask = original()
+            assert mask.is_land(np.array([118.7, 117.5]), np.array([9.9, 11.0])).tolist() == [
+                True,
+                False,
+            ]
+        assert _raster_of_the_world.cache_info()[:2] == (2, 1)  # hits, misses
+    assert _raster_of_the_world.cache_info().currsize == 0
