@@ -211,13 +211,16 @@ def planned_scenario(
 ) -> Iterator[RunResult]:
     """Yield a scenario's result, from an earlier run or planned now, without writing its files.
 
+    It lacks the bounds on ways on other sides, which only the report shows.
+
     Parameters and errors are as in `run`. Artefacts are saved in the store. During the `with` block
     no other run replaces the scenario's folder.
     """
     require_covered(scenario)
     with session(scenario.name, output, origin) as held:
         with first_compilation() as compiled:
-            stages = _Stages(held.store, on_event or ignore, _Options(offline=offline), compiled)
+            options = _Options(offline, bounds_sides=False)
+            stages = _Stages(held.store, on_event or ignore, options, compiled)
             result = stages.result(scenario)
         yield result.value
 
@@ -230,6 +233,7 @@ class _Options:
     strict: bool = False
     scheduler: str | None = None
     limit_s: float | None = None
+    bounds_sides: bool = True
 
 
 @dataclass(frozen=True)
@@ -285,7 +289,7 @@ class _Stages:
         for plan in planned.value.plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
         with self._stage("compare", scenario) as say:
-            return compare(chosen, land, planned, store, say)
+            return compare(chosen, land, planned, store, say, bounds_sides=options.bounds_sides)
 
     def write(self, result: Made[RunResult], directory: Path) -> bool:
         """Write all files unless the folder has them already; return whether they were written."""

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 
 import numpy as np
 import shapely
@@ -25,11 +26,18 @@ from pipeline.stages.tides import tide_notes
 
 
 def compare(
-    chosen: Chosen, land: Made[SimplifiedLand], planned: Made[Planned], store: Store, say: Say
+    chosen: Chosen,
+    land: Made[SimplifiedLand],
+    planned: Made[Planned],
+    store: Store,
+    say: Say,
+    *,
+    bounds_sides: bool = True,
 ) -> Made[RunResult]:
     """Name each route's way, bound the fuel of other ways, and find the straits that are shut.
 
-    Returns the result with its notes on choices, data, land and routes.
+    Returns the result with its notes on choices, data, land and routes. The bounds take longest,
+    and only reports show them: leave them out by `bounds_sides`.
     """
     options, scene = chosen.scenario.planner, chosen.scene.value
     plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
@@ -43,12 +51,9 @@ def compare(
             inputs,
             lambda: shut_straits(scene, land.value.simplified, plans, options),
         )
-        sides = store.made(
-            "sides",
-            tuple,
-            (*inputs, options.drift),
-            lambda: side_bounds(scene, plans, named, options),
-        ).value
+        key = (*inputs, options.drift)
+        bounds = partial(side_bounds, scene, plans, named, options)
+        sides = store.made("sides", tuple, key, bounds).value if bounds_sides else ()
         straits = found.result().value
     result = RunResult(
         chosen.scenario,
