@@ -24,6 +24,8 @@ LATENESS = 0.05
 _TIDE = {"M2": renew.Constant(1.5, 0.0), "S2": renew.Constant(0.4, 30.0)}
 _MEAN = 1.9
 _SURGE, _LAG = 0.2, 600.0
+# Height (m) by which straight lines between heights two minutes apart are off, at most.
+_ROUNDING = 2e-3
 # Times (s), up to a tenth of the voyage, by which a vessel that went roundabout would be too early.
 _EARLIER = np.arange(400.0, 2401.0, 400.0)
 
@@ -93,6 +95,35 @@ class TidalScene:
             width=6.0 * SCALE,
             **common,  # type: ignore[arg-type]
         )
+
+    def too_shallow(self, route: renew.Route) -> tuple[int, int]:
+        """Fly turns along a route: those with too little water somewhere, and all.
+
+        A vessel passes early, on time and late, and from each place of its track begins a full turn
+        to each side; the tide relied on must exceed the need wherever it is.
+        """
+        tide = ReliedOnTide(self.depth.tide, self.depth.surge, self.depth.lag)  # type: ignore[arg-type]
+        track, begin = route.trajectory, route.times[0]
+        along = np.arange(track[0, 0], track[-1, 0], 60.0)
+        place = np.stack([np.interp(along, track[:, 0], track[:, k]) for k in (1, 2, 3)], axis=1)
+        starts = [
+            (along + share * LATENESS * (along - begin), side)
+            for share in (-1.0, 0.0, 1.0)
+            for side in (1.0, -1.0)
+        ]
+        is_low = np.zeros((len(starts), len(along)), dtype=bool)
+        step = self.vessel.turn_period / 60
+        for low, (begun, side) in zip(is_low, starts, strict=True):
+            position, heading, time = place[:, :2].copy(), place[:, 2].copy(), begun.copy()
+            for _ in range(62):
+                heights = tide.heights(time)
+                for area, need in zip(self.depth.areas, self.depth.needs, strict=True):
+                    low[shapely.contains_xy(area, position) & (heights < need - _ROUNDING)] = True
+                through = self.vessel.speed * np.column_stack([np.cos(heading), np.sin(heading)])
+                position = position + step * (through + self.current.velocity(position, time))
+                heading = heading + side * self.vessel.turn_rate * step
+                time += step
+        return int(is_low.sum()), is_low.size
 
     def is_in_time_for_water(self, path: FloatArray) -> bool:
         """Whether a path (n, 2) comes to a bar soon after it opens, as those that went roundabout.

@@ -7,8 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+import renew
 from pipeline.sources.tides.fit import fit_files
 from tests.bench.figure import Figure, at_most
+from tests.tidal_waters import tidal_scene
 from tests.tide_oracles import (
     NOISE,
     PREDICTORS,
@@ -22,6 +24,10 @@ from tests.tide_oracles import (
 BEGIN = np.datetime64("2026-11-22")
 # HAT and LAT of this station both lie 0.11 m above what its own mean sea level and constants give.
 OTHER_LEVEL = "noaa-9415193"
+BARS, FLOWN = range(20), range(100)
+"""Seeds of the scenes with bars that are planned beside the oracle, and of those that are flown."""
+FUEL = 1.005
+"""Largest fuel over the oracle's."""
 
 
 def figures() -> Iterator[Figure]:
@@ -48,6 +54,42 @@ def figures() -> Iterator[Figure]:
     )
     yield at_most("beside HAT and LAT: most", 1000 * float(np.abs(off).max()), 25.0, " mm", 1)
     yield from fits()
+    yield from bars()
+
+
+def bars() -> Iterator[Figure]:
+    """Yield figures of scenes with one to three bars that the tide shuts for some hours."""
+    ratios, bounds, roundabout, shut, low, turns = [], [], 0, 0, 0, 0
+    for seed in BARS:
+        scene = tidal_scene(seed)
+        fuel, path = scene.oracle()
+        in_time = scene.is_in_time_for_water(path) and len(path) > 0
+        try:
+            best = scene.plan(padding="none", classes=8).best
+        except renew.UnreachableError:
+            shut += 1
+            roundabout += in_time
+            continue
+        bounds.append(best.fuel_bound.value / fuel)
+        if in_time and best.fuel > FUEL * fuel:
+            roundabout += 1
+        else:
+            ratios.append(best.fuel / fuel)
+    yield at_most(
+        f"{len(BARS)} scenes with bars: dearest beside the oracle", max(ratios), FUEL, "", 5
+    )
+    yield Figure("ways that go roundabout until a bar opens are better", "", f"{roundabout}")
+    yield Figure("every way is shut without", "", f"{shut}")
+    yield at_most("bound beside the oracle", max(bounds), 1.0, "", 4)
+    for seed in FLOWN:
+        scene = tidal_scene(seed)
+        try:
+            routes = scene.plan(classes=3).routes
+        except renew.UnreachableError:
+            continue
+        found = [scene.too_shallow(route) for route in routes]
+        low, turns = low + sum(one for one, _ in found), turns + sum(count for _, count in found)
+    yield at_most(f"passages and turns over too little water, of {turns:,}", low, 0)
 
 
 def fits() -> Iterator[Figure]:

@@ -12,10 +12,9 @@ from hypothesis import given, strategies as st
 from shapely import Polygon, box
 
 import renew
-from renew._types import FloatArray
 from renew.inputs.relied_on_tide import ReliedOnTide
 from tests.strategies import PAPER_VESSEL
-from tests.tidal_waters import LATENESS, TidalScene, tidal_scene
+from tests.tidal_waters import tidal_scene
 
 CHART = renew.Chart(box(0, 0, 200, 60))
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -175,33 +174,6 @@ def test_hours_of_low_and_enough_water_fill_the_time_and_hold_what_they_say(
     assert (spare[is_low] < 0.05).all()
 
 
-def flights_too_shallow(
-    route: renew.Route, scene: TidalScene, shares: FloatArray
-) -> tuple[int, int]:
-    """Moments at which a vessel, or its turn, is where the tide is below the need; and all."""
-    tide = ReliedOnTide(scene.depth.tide, scene.depth.surge, scene.depth.lag)  # type: ignore[arg-type]
-    track, begin = route.trajectory, route.times[0]
-    along = np.arange(track[0, 0], track[-1, 0], 60.0)
-    place = np.stack([np.interp(along, track[:, 0], track[:, k]) for k in (1, 2, 3)], axis=1)
-    low, count = 0, 0
-    for share in shares.tolist():
-        now = along + share * LATENESS * (along - begin)
-        for side in (1.0, -1.0):
-            position, heading, time = place[:, :2].copy(), place[:, 2].copy(), now.copy()
-            step = scene.vessel.turn_period / 60
-            for _ in range(62):
-                heights = tide.heights(time)
-                for area, need in zip(scene.depth.areas, scene.depth.needs, strict=True):
-                    inside = shapely.contains_xy(area, position)
-                    low += int((inside & (heights < need - 2e-3)).sum())
-                count += len(time)
-                through = scene.vessel.speed * np.column_stack([np.cos(heading), np.sin(heading)])
-                position = position + step * (through + scene.current.velocity(position, time))
-                heading = heading + side * scene.vessel.turn_rate * step
-                time = time + step
-    return low, count
-
-
 @pytest.mark.gate_share(4)
 @pytest.mark.parametrize("seed", range(20))
 def test_no_passage_and_no_turn_is_over_too_little_water(seed: int) -> None:
@@ -211,7 +183,7 @@ def test_no_passage_and_no_turn_is_over_too_little_water(seed: int) -> None:
     except renew.UnreachableError:
         pytest.skip("the tide shuts every way")
     for route in found.routes:
-        low, count = flights_too_shallow(route, scene, np.array([-1.0, 0.0, 1.0]))
+        low, count = scene.too_shallow(route)
         assert count > 0
         assert low == 0
 
@@ -223,7 +195,7 @@ def test_a_route_at_another_hour_would_be_over_too_little_water() -> None:
     free = renew.plan(
         scene.chart, scene.current, scene.vessel, scene.start, scene.goal, departure=low_water
     )
-    low, _ = flights_too_shallow(free.best, scene, np.zeros(1))
+    low, _ = scene.too_shallow(free.best)
     assert low > 0
 
 
