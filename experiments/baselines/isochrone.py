@@ -15,7 +15,7 @@ from experiments.baselines.candidate import Candidate, NoPathError, Task
 from experiments.kernels.leg_time import LegTimes, leg_times
 from experiments.kernels.water import PaddedWater
 from renew._types import BoolArray, FloatArray
-from renew.bounds.travel_time import HELPFUL, TravelGrid, locate, solve, source
+from renew.bounds.travel_time import TravelGrid, mean_times
 from renew.kernels.current_table import table_of
 from renew.kernels.ground_speed import Polar
 
@@ -44,8 +44,7 @@ def isochrone(task: Task) -> list[Candidate]:
     none = np.zeros(wet.shape)
     table = table_of(x, y, velocity)
     grid = TravelGrid(x, y, table, 0.0, none, wet, Polar(vessel.speed, crab=True))
-    times, dirty = source(grid, start)
-    solve(times, dirty, np.ones(wet.shape), grid, locate(grid, goal).corners(times), HELPFUL)
+    times = mean_times(grid, start, goal)
     path = _followed_back(grid, times, task)
     return [Candidate(path, times.size, seconds=time.process_time() - started)]
 

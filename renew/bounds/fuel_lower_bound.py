@@ -1,6 +1,6 @@
 """A lower bound on the fuel of every route, over all classes and whatever clearance.
 
-Proof. Let φ be continuous on the water, linear on each triangle of a grid. Along a route with unit
+Proof. Let φ be continuous on the water, smooth on each triangle of a grid. Along a route with unit
 tangent T and ground speed g(x, T) > 0, φ grows by ∇φ·T a metre and time by 1/g. So if
 
     (∇φ·T) g(x, T) <= 1 for every T, at every x of every triangle that holds water,            (1)
@@ -9,14 +9,20 @@ then time >= φ(goal) - φ(start) for every route, and fuel is α vᵏ times tha
 grid φ's slope is that of the triangles on either side, so (1) covers routes along edges, too.)
 
 φ = f∘u, where u is the vessel's travel time from the start on a grid (`travel_time.py`), each
-of whose cells is cut into two triangles. u is only nearly right, and (1) is then *made* true. Each
-triangle gets the ratio λ = max (∇u·T) g(x, T) over all T and x in it, never underrated:
+of whose cells is cut into two triangles. On a triangle u is quadratic: it has the travel times at
+the corners, and bends on each side as the times at the nodes beyond its ends suggest (`march.py`).
+Both triangles of a side share its bend, so u is continuous. u is only nearly right, and (1) is then
+*made* true. Each triangle gets the ratio λ = max (∇u·T) g(x, T) over all T and x in it, never
+underrated:
 
 - in a triangle the current is within a radius r of the linear interpolant of its corners' currents
-  (`grids.py`); the maximum is convex in the current, so it is taken at a corner;
-- crab: g T runs over the disc of radius v about c, so max over T is v |∇u| + ∇u·c;
+  (`grids.py`), and ∇u is linear. So (∇u·T) g is, for each T, a quadratic function of the place: at
+  most the largest value at a corner and 2/3 of the largest bend on a side, -2 (δ∇u·T)(δc·T) with
+  half the differences of ∇u and of c between its ends;
+- crab: g T runs over the disc of radius v about c, so max over T is v |∇u| + ∇u·c, and the bend is
+  -2 δ∇u·δc;
 - projected: max (∇u·T)(v + c·T) over the unit circle is the maximum of a quadratic, bounded by any
-  Lagrange multiplier (`march.py`);
+  Lagrange multiplier (`march.py`), and the bend is at most |δ∇u||δc| - δ∇u·δc;
 - both grow by at most |δ| |∇u| when c changes by δ, whence the term r |∇u|.
 
 f has slope 1/Λ(u) between start and goal and 0 beyond, where Λ(s) is the largest λ of the cells
@@ -33,10 +39,10 @@ and needs at least φᵦ from there on. So it keeps to the places where
 
 and (1) need hold only there. Then no route takes less than min(U, φₐ(goal)), or than
 min(U, φᵦ(start)): one that leaves these cells takes U, any other what φ says. Cells that are left
-are cut in four, on that finer grid more are dropped by (2), and so on. Within a
-cell φ is no less than f at u's least corner, and rises with u no more slowly than f does anywhere
-between the cell's corners; (2) is asked of that. U is the time of the front in the mean current,
-and a little more. It need not be the time of any route: where it is too small, the bound is U.
+are cut in four, on that finer grid more are dropped by (2), and so on. Within a cell φ is no less
+than f at the least u, and rises with u no more slowly than f does anywhere between the cell's least
+and largest u; (2) is asked of that. U is the time of the front in the mean current, and a little
+more. It need not be the time of any route: where it is too small, the bound is U.
 
 Where the current changes, c is read at the front's own arrival. (1) is asked of the velocities at
 x at the time t₀ + φ(x) alone, t₀ being the departure: along a route put m = φ - (t - t₀), which is
@@ -81,18 +87,20 @@ import numpy as np
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
 from renew.bounds.grids import ROUNDING, halved, in_hours, turned_round, whole_grid
-from renew.bounds.march import LEVELS, march, relax
-from renew.bounds.travel_time import BEYOND, HELPFUL, MEAN, TravelGrid, locate, solve, source
+from renew.bounds.march import LEVELS, march, set_bends
+from renew.bounds.travel_time import BEYOND, Place, TravelGrid, locate, mean_times, solve, source
 from renew.voyage.voyage import Voyage
 
-# Number of cells of the grid that is refined first.
-_COARSE = 4_000
+# Least number of cells of the grid that is refined first.
+_COARSE = 2_000
 # Largest number of nodes of all slices together.
 _MAX_NODES = 6_000_000
+# Share of it that a grid is laid out for.
+_SPARE = 0.9
 # U, as a multiple of the time in the mean current, on the first grid and on finer ones.
 _SLACK, _CLOSE = 1.02, 1.001
-# Number of rounds on a grid of two fronts, and of one front alone.
-_ROUNDS, _ROUNDS_ALONE = 2, 3
+# Number of rounds on a grid, and on one whose bound is only to tell which cells count.
+_ROUNDS, _ROUNDS_BEFORE = 3, 2
 # Share of U above which a bound counts as U itself: then it is U that holds the bound down.
 _ALL = 1 - 1e-9
 
@@ -103,7 +111,8 @@ def least_time(voyage: Voyage, cells: int, wanted: float) -> float:
     The finest grid has about `cells` cells in the whole extent. Above `wanted` the bound is made no
     better.
     """
-    halvings, proven = max(0, round(math.log(cells / _COARSE, 4))), 0.0
+    cells = min(cells, int(_SPARE * _MAX_NODES / _slices_met(voyage)))
+    halvings, proven = max(0, math.floor(math.log(cells / _COARSE, 4))), 0.0
     while True:
         # On a coarse grid the front may slip through narrow land. Then U, taken from it, holds the
         # bound down, and a finer grid is begun with; the finest makes do without U.
@@ -114,6 +123,14 @@ def least_time(voyage: Voyage, cells: int, wanted: float) -> float:
         halvings //= 2
 
 
+def _slices_met(voyage: Voyage) -> int:
+    """Number of slices of the current that a quick route meets, nearly."""
+    if not (voyage.has_price or voyage.current.is_steady):
+        mean = _mean_time(whole_grid(voyage, _COARSE), voyage.start, voyage.goal)
+        voyage = in_hours(voyage, _SLACK * mean)
+    return len(voyage.current.slice_times)
+
+
 def _refined(voyage: Voyage, cells: int, halvings: int, wanted: float) -> tuple[float, float]:
     """U (s), and a bound no larger than U, from a grid that is halved so many times."""
     room = _MAX_NODES // len(voyage.current.slice_times)
@@ -122,12 +139,13 @@ def _refined(voyage: Voyage, cells: int, halvings: int, wanted: float) -> tuple[
     for level in range(halvings + 1):
         if level > 0:
             grid, counts = halved(voyage, grid, counts)
-        if halvings > 0:
-            mean = _mean_time(grid, voyage.start, voyage.goal)
-            most, slack = min(most, slack * mean), _CLOSE
+        # A finer grid than the second tells hardly more.
+        if halvings > 0 and level <= 1:
+            most, slack = min(most, slack * _mean_time(grid, voyage.start, voyage.goal)), _CLOSE
             if not voyage.has_price:
                 voyage = in_hours(voyage, most)
-        proven = max(proven, _on_grid(voyage, grid, counts, most, wanted))
+        rounds = _ROUNDS if level == halvings else _ROUNDS_BEFORE
+        proven = max(proven, _on_grid(voyage, grid, counts, most, wanted, rounds))
         slices = len(voyage.current.slice_times)
         if proven > wanted or proven >= most * _ALL or 4 * grid.wet.size * slices > _MAX_NODES:
             break
@@ -135,14 +153,19 @@ def _refined(voyage: Voyage, cells: int, halvings: int, wanted: float) -> tuple[
 
 
 def _on_grid(
-    voyage: Voyage, grid: TravelGrid, counts: BoolArray, most: float, wanted: float
+    voyage: Voyage,
+    grid: TravelGrid,
+    counts: BoolArray,
+    most: float,
+    wanted: float,
+    rounds: int,
 ) -> float:
     """Time (s) that a grid proves, `most` at the most; cells that it drops count no longer."""
     ends, proven = (voyage.start, voyage.goal), 0.0
     there, back = Front(grid, *ends), None
     if most < math.inf:
         back = Front(turned_round(grid, grid.departure + most), *ends[::-1])
-    for at in range(_ROUNDS if back else _ROUNDS_ALONE):
+    for at in range(rounds):
         for front in (there, back) if back else (there,):
             if at > 0:
                 front.relax()
@@ -186,42 +209,49 @@ class Front:
     def advance(self, counts: BoolArray) -> float:
         """Solve for u, make it obey (1) in the cells that count; the time (s) that this proves."""
         at_start, at_goal = locate(self.grid, self.start), locate(self.grid, self.goal)
-        solve(self.time, self.dirty, self.stretch, self.grid, at_goal.corners(self.time), HELPFUL)
+        solve(self.time, self.dirty, self.stretch, self.grid, at_goal.corners(self.time))
         # Nodes far beyond the goal need no exact time: any φ will do that obeys (1).
         corners = at_goal.corners(self.time)
         top = BEYOND * float(corners[np.isfinite(corners)].max(initial=0.0))
         self.known = np.minimum(self.time, top)
-        low = float(at_start.values(self.known).max())
+        _, low = self._range(at_start)
         self.rates, reached = march(self.known, self.grid, counts, low, top)
         self.rise = Rise(low, top, reached)
         # No wet cells lead to the goal.
-        high = float(at_goal.values(self.time).min())
-        if high == math.inf:
-            return high
+        if np.isinf(at_goal.values(self.time)).all():
+            return math.inf
+        high, _ = self._range(at_goal)
         levels = np.linspace(low, top, LEVELS + 1)
         return float(np.interp(high, levels, reached)) * (1 - ROUNDING)
 
+    def _range(self, place: Place) -> tuple[float, float]:
+        """Bounds of u at a place."""
+        bends = np.empty(6)
+        set_bends(bends, self.known, self.grid.wet, place.row, place.column)
+        off = (1 - (place.weights**2).sum(axis=1)) * np.abs(bends).max()
+        values = place.values(self.known)
+        return float((values - off).min()), float((values + off).max())
+
     def relax(self) -> None:
-        """Lower the slowness of the cells that broke (1), to solve again."""
-        relax(self.rates, self.stretch, self.dirty)
+        """Lower the slowness of the cells that broke (1), to begin again at the start."""
+        self.stretch /= np.maximum(self.rates, 1.0)
+        self.time, self.dirty = source(self.grid, self.start)
 
 
 def _mean_time(grid: TravelGrid, start: FloatArray, goal: FloatArray) -> float:
     """Nearly the least time (s) from start to goal: no bound."""
-    time, dirty = source(grid, start)
-    at_goal = locate(grid, goal)
-    solve(time, dirty, np.ones(grid.wet.shape), grid, at_goal.corners(time), MEAN)
-    return float(at_goal.values(time).max())
+    return float(locate(grid, goal).values(mean_times(grid, start, goal)).max())
 
 
 def drop(counts: BoolArray, there: Front, back: Front, most: float) -> None:
     """Cells through which no route quicker than `most` (s) leads don't count from now on: (2)."""
-    _drop(counts, there.known, there.rise, back.known, back.rise, most)
+    _drop(counts, there.grid.wet, there.known, there.rise, back.known, back.rise, most)
 
 
 @kernel
 def _drop(
     counts: BoolArray,
+    wet: BoolArray,
     there: FloatArray,
     rise: Rise,
     back: FloatArray,
@@ -230,26 +260,33 @@ def _drop(
 ) -> None:
     """Drop the cells in which φₐ + φᵦ is `most` or more, by linear functions that are no larger."""
     rows, columns = counts.shape
-    corners = np.empty(5)
+    corners, bends = np.empty(5), np.empty(6)
     for r in range(rows):
         for c in range(columns):
             if not counts[r, c]:
                 continue
             corners[:] = 0.0
-            _add_least(corners, there, r, c, rise)
-            _add_least(corners, back, r, c, rise_back)
+            set_bends(bends, there, wet, r, c)
+            _add_least(corners, there, bends, r, c, rise)
+            set_bends(bends, back, wet, r, c)
+            _add_least(corners, back, bends, r, c, rise_back)
             counts[r, c] = corners.min() < most
 
 
 @kernel
-def _add_least(corners: FloatArray, time: FloatArray, r: int, c: int, rise: Rise) -> None:
+def _add_least(
+    corners: FloatArray, time: FloatArray, bends: FloatArray, r: int, c: int, rise: Rise
+) -> None:
     """Add a function that is nowhere above φ, at a cell's corners and its middle (5,).
 
     It is linear on the four triangles around the middle, along whichever diagonal u is cut. Between
     the levels of u that the cell spans, φ rises no more slowly than at its least slope there.
     """
     sw, se, nw, ne = time[r, c], time[r, c + 1], time[r + 1, c], time[r + 1, c + 1]
-    least, largest = min(sw, se, nw, ne), max(sw, se, nw, ne)
+    lowest, largest = min(sw, se, nw, ne), max(sw, se, nw, ne)
+    # u is off the linear function of its corners by two thirds of its bends at the most.
+    least = lowest + 2 / 3 * min(bends.min(), 0.0)
+    largest += 2 / 3 * max(bends.max(), 0.0)
     low, top, reached = rise
     levels = len(reached) - 1
     step = (top - low) / levels
@@ -268,15 +305,15 @@ def _add_least(corners: FloatArray, time: FloatArray, r: int, c: int, rise: Rise
     k = min(int(at), levels - 1)
     base = reached[k] + (min(at, levels) - k) * (reached[k + 1] - reached[k])
     middle = min((sw + ne) / 2, (se + nw) / 2)
-    corners[0] += base + slope * (sw - least)
-    corners[1] += base + slope * (se - least)
-    corners[2] += base + slope * (nw - least)
-    corners[3] += base + slope * (ne - least)
-    corners[4] += base + slope * (middle - least)
+    corners[0] += base + slope * (sw - lowest)
+    corners[1] += base + slope * (se - lowest)
+    corners[2] += base + slope * (nw - lowest)
+    corners[3] += base + slope * (ne - lowest)
+    corners[4] += base + slope * (middle - lowest)
 
 
 # Number of cells of the finest grid, were it to cover the whole extent.
-_CELLS = 64_000
+_CELLS = 128_000
 # Number where speeds are chosen in a current that changes: that bound is loose, but not for the
 # grid.
 _CELLS_AT_CHOICE = 4_000

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from renew._compiled import for_kernels
+from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.bounds.travel_time import TravelGrid
 from renew.inputs.chart import Chart
@@ -81,12 +81,17 @@ def _near_lines(lines: shapely.Geometry, x: FloatArray, y: FloatArray) -> BoolAr
 
 
 def deviation_radius(
-    current: CurrentField, x: FloatArray, y: FloatArray, velocity: FloatArray
+    current: CurrentField,
+    x: FloatArray,
+    y: FloatArray,
+    velocity: FloatArray,
+    cells: BoolArray | None = None,
 ) -> FloatArray:
     """Radius r (ny - 1, nx - 1) >= |c - linear interpolant of c| in each cell's triangles, m/s.
 
     `x` (nx,) and `y` (ny,) are the nodes, m, and `velocity` (nt, ny, nx, 2) is c there in each
-    slice; a cell may be cut along either diagonal. The interpolant is linear between slices.
+    slice; a cell may be cut along either diagonal. The interpolant is linear between slices. It is
+    known in some cells alone, if these are given.
 
     Gyre: |d²c/de²| <= A (a² + b²) for every unit e, with a, b the wave numbers along x and y; and
     linear interpolation in a triangle errs by at most that times half the square of the radius
@@ -106,8 +111,9 @@ def deviation_radius(
         every = zip(current.slices, velocity, strict=True)
         radii = [deviation_radius(one, x, y, at[None]) for one, at in every]
         return np.asarray(np.max(radii, axis=0))
-    in_space = np.max([_sampled_deviation(x, y, at) for at in velocity], axis=0)
-    return np.asarray(in_space + _of_cells(_bend_in_time(current.slice_times, velocity)))
+    every_cell = np.ones((y.size - 1, x.size - 1), dtype=bool)
+    cells = every_cell if cells is None else cells
+    return _sampled_deviation(x, y, for_kernels(current.slice_times), velocity, cells)
 
 
 def _slope_spread(
@@ -154,39 +160,75 @@ def _least_of_rows(values: FloatArray, place: FloatArray) -> FloatArray:
     return np.asarray(least)
 
 
-def _sampled_deviation(x: FloatArray, y: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Four times the interpolation error (m/s) that the nodes' second differences suggest."""
-    bend = _bend(x, velocity.swapaxes(0, 1)).T + _bend(y, velocity)
-    bend = _of_cells(bend)
-    twist = velocity[1:, 1:] - velocity[1:, :-1] - velocity[:-1, 1:] + velocity[:-1, :-1]
-    return np.asarray(bend + np.linalg.norm(twist, axis=-1))
+@kernel
+def _sampled_deviation(
+    x: FloatArray, y: FloatArray, times: FloatArray, velocity: FloatArray, cells: BoolArray
+) -> FloatArray:
+    """Four times the interpolation error (m/s) that second differences of the nodes suggest.
+
+    They are taken along x, along y, across cells, and between slices.
+    """
+    rows, columns = cells.shape
+    bends, in_time = np.zeros((rows + 1, columns + 1)), np.zeros((rows + 1, columns + 1))
+    wanted, radius = np.zeros(bends.shape, dtype=np.bool_), np.zeros(cells.shape)
+    wanted[:-1, :-1], wanted[1:, 1:] = cells, cells
+    wanted[1:, :-1] |= cells
+    wanted[:-1, 1:] |= cells
+    c = velocity
+    for at in range(len(times)):
+        for i in range(rows + 1):
+            for j in range(columns + 1):
+                if not wanted[i, j]:
+                    continue
+                bends[i, j] = _bend_at(c, at, i, j, x, y)
+                if 0 < at < len(times) - 1:
+                    bend = _off_line(c, at, i, j, 1, 0, 0, times, at)
+                    in_time[i, j] = max(in_time[i, j], bend)
+        for i in range(rows):
+            for j in range(columns):
+                if cells[i, j]:
+                    u = c[at, i + 1, j + 1, 0] - c[at, i + 1, j, 0]
+                    v = c[at, i + 1, j + 1, 1] - c[at, i + 1, j, 1]
+                    u -= c[at, i, j + 1, 0] - c[at, i, j, 0]
+                    v -= c[at, i, j + 1, 1] - c[at, i, j, 1]
+                    off = _largest(bends, i, j) + math.sqrt(u * u + v * v)
+                    radius[i, j] = max(radius[i, j], off)
+    south, north = in_time[:-1], in_time[1:]
+    corners = np.maximum(np.maximum(south[:, :-1], south[:, 1:]), north[:, :-1])
+    return radius + np.maximum(corners, north[:, 1:])
 
 
-def _of_cells(nodes: FloatArray) -> FloatArray:
-    """Largest of the figures (ny, nx) at the corners of each cell: (ny - 1, nx - 1)."""
-    rows = np.maximum(nodes[:-1], nodes[1:])
-    return np.maximum(rows[:, :-1], rows[:, 1:])
+@small_kernel
+def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArray) -> float:
+    """How far a node's velocity is off the lines through its neighbours; at a side, of the next."""
+    m, n = min(max(i, 1), y.size - 2), min(max(j, 1), x.size - 2)
+    along_x = _off_line(c, at, i, n, 0, 0, 1, x, n) if x.size > 2 else 0.0
+    along_y = _off_line(c, at, m, j, 0, 1, 0, y, m) if y.size > 2 else 0.0
+    return along_x + along_y
 
 
-def _bend_in_time(times: FloatArray, velocity: FloatArray) -> FloatArray:
-    """How far any slice (nt, ny, nx, 2) is off the line between those beside it: (ny, nx)."""
-    if times.size < 3:
-        return np.zeros(velocity.shape[1:3])
-    part = ((times[1:-1] - times[:-2]) / (times[2:] - times[:-2]))[:, None, None, None]
-    line = (1 - part) * velocity[:-2] + part * velocity[2:]
-    return np.asarray(np.linalg.norm(velocity[1:-1] - line, axis=-1).max(axis=0))
+@small_kernel
+def _largest(nodes: FloatArray, i: int, j: int) -> float:
+    """Largest figure at the corners of a cell."""
+    return float(max(nodes[i, j], nodes[i, j + 1], nodes[i + 1, j], nodes[i + 1, j + 1]))
 
 
-def _bend(axis: FloatArray, velocity: FloatArray) -> FloatArray:
-    """How far each node's velocity (n, m, 2) is off the line through its neighbours, (n, m)."""
-    bend = np.zeros(velocity.shape[:2])
-    if axis.size < 3:
-        return bend
-    part = ((axis[1:-1] - axis[:-2]) / (axis[2:] - axis[:-2]))[:, None, None]
-    line = (1 - part) * velocity[:-2] + part * velocity[2:]
-    bend[1:-1] = np.linalg.norm(velocity[1:-1] - line, axis=-1)
-    bend[0], bend[-1] = bend[1], bend[-2]
-    return bend
+@small_kernel
+def _off_line(
+    c: FloatArray, at: int, i: int, j: int, slices: int, rows: int, columns: int,
+    axis: FloatArray, k: int,
+) -> float:  # fmt: skip
+    """How far a velocity is off the line through those so many slices, rows and columns beside it.
+
+    `axis` has their places: its own is the kth.
+    """
+    part = (axis[k] - axis[k - 1]) / (axis[k + 1] - axis[k - 1])
+    u, v = c[at, i, j, 0], c[at, i, j, 1]
+    at, i, j = at - slices, i - rows, j - columns
+    u, v = u - (1 - part) * c[at, i, j, 0], v - (1 - part) * c[at, i, j, 1]
+    at, i, j = at + 2 * slices, i + 2 * rows, j + 2 * columns
+    u, v = u - part * c[at, i, j, 0], v - part * c[at, i, j, 1]
+    return math.sqrt(u * u + v * v)
 
 
 ROUNDING = 1e-6
@@ -269,7 +311,7 @@ def widened(cells: BoolArray, by: int) -> BoolArray:
 def _over(voyage: Voyage, x: FloatArray, y: FloatArray, wet: BoolArray) -> TravelGrid:
     """Grid of nodes x (nx,), y (ny,) whose wet cells (ny - 1, nx - 1) are crossed."""
     current = sampled(voyage.current, x, y, _corners(wet))
-    deviation = deviation_radius(voyage.current, x, y, current.uv)
+    deviation = deviation_radius(voyage.current, x, y, current.uv, wet)
     strongest = current.strongest + float(deviation.max(initial=0.0))
     hours = _hours(voyage, x, y, strongest) if voyage.has_price else np.empty((2, 0, 0))
     return TravelGrid(x, y, current, voyage.departure, deviation, wet, voyage.polar, hours)

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.bounds.travel_time import TOLERANCE, TravelGrid
 from renew.kernels.current_table import next_slice, node_velocity
@@ -29,27 +29,41 @@ _ROUNDING = 1e-6
 _PIECES = 8
 
 
-@kernel
+@small_kernel
 def growth_rate(
-    px: float,
-    py: float,
-    corner_currents: FloatArray,
-    deviation: float,
-    polar: Polar,
+    p: FloatArray, corner_currents: FloatArray, deviation: float, polar: Polar
 ) -> float:
-    """λ of a triangle: an upper bound on (p·T) g over all T and all its points; p in s/m."""
-    p = math.sqrt(px * px + py * py)
-    largest = -math.inf
+    """λ of a triangle: an upper bound on (p·T) g over all T and all its points.
+
+    p (3, 2) in s/m and c (3, 2) are given at its corners and linear between them. For any T and v,
+    (p·T) g is then a quadratic function, so it is at most what it is at a corner and two thirds of
+    the largest rise of a side's coefficient above the mean of its ends, -2 (δp·T)(δc·T), with half
+    the differences of p and of c along the side.
+    """
+    largest, steepest, excess = -math.inf, 0.0, 0.0
     for k in range(3):
-        cx, cy = corner_currents[k]
+        px, py = p[k, 0], p[k, 1]
+        cx, cy = corner_currents[k, 0], corner_currents[k, 1]
+        steepest = max(steepest, px * px + py * py)
         if polar.least < polar.speed:
             rate = _rate_at_choice(px, py, cx, cy, deviation, polar)
         elif polar.crab:
-            rate = polar.speed * p + px * cx + py * cy
+            rate = polar.speed * math.sqrt(px * px + py * py) + px * cx + py * cy
         else:
             rate = projected_rate(px, py, cx, cy, polar.speed, largest)
         largest = max(largest, rate)
-    return largest if polar.least < polar.speed else largest + deviation * p
+        other = (k + 1) % 3
+        px, py = (p[other, 0] - px) / 2, (p[other, 1] - py) / 2
+        cx, cy = (corner_currents[other, 0] - cx) / 2, (corner_currents[other, 1] - cy) / 2
+        rise = -(px * cx + py * cy)
+        rise += rise if polar.crab else math.sqrt((px * px + py * py) * (cx * cx + cy * cy))
+        excess = max(excess, rise)
+    excess *= 2 / 3
+    if polar.least < polar.speed:
+        # A second costs no less than this.
+        excess *= polar.scale / (polar.least**polar.exponent + polar.price)
+        return float(largest + excess)
+    return float(largest + excess + deviation * math.sqrt(steepest))
 
 
 @kernel
@@ -67,9 +81,27 @@ def projected_rate(
     p = math.sqrt(px * px + py * py)
     if p == 0.0:
         return 0.0
-    dot, product = px * cx + py * cy, p * math.sqrt(cx * cx + cy * cy)
+    dot, root = px * cx + py * cy, speed * p / 2
+    cross = px * cy - py * cx
+    if root + dot > 0.0:
+        # The best direction, at an angle from p, by Newton's iteration.
+        side = cross / (2 * (root + dot))
+        along = 1.0 / math.sqrt(1.0 + side * side)
+        side *= along
+        slope = cross * (along * along - side * side) - 2 * side * (root + dot * along)
+        bend = 4 * cross * along * side + 2 * root * along + 2 * dot * (along * along - side * side)
+        turn = slope / bend
+        along, side = along - turn * side, side + turn * along
+        norm = 1.0 - 0.5 * turn * turn
+        along, side = along * norm, side * norm
+        mu = along * (dot * along + cross * side + root)
+        product = mu * (mu - dot) - cross * cross / 4
+        if product > 0.0 and 2 * mu > dot:
+            bound = mu + root * root * mu / product
+            if bound <= (mu + root * along) * (1 + 1e-4):
+                return bound * (1 + _ROUNDING)
+    product = p * math.sqrt(cx * cx + cy * cy)
     top, bottom = (dot + product) / 2, (dot - product) / 2
-    root = speed * p / 2
     mu = top + root
     least = mu + root * root * mu / ((mu - top) * (mu - bottom))
     for _ in range(6):
@@ -135,10 +167,9 @@ _LEAST_RATE = 0.8
 _SMALLEST = 0.1
 
 
-@kernel
+@small_kernel
 def _rate_in_window(
-    px: float,
-    py: float,
+    slopes: FloatArray,
     nodes: IntArray,
     first: float,
     last: float,
@@ -151,7 +182,7 @@ def _rate_in_window(
     while True:
         for k in range(3):
             corner_currents[k] = node_velocity(grid.current, nodes[k, 0], nodes[k, 1], now)
-        largest = max(largest, growth_rate(px, py, corner_currents, deviation, grid.polar))
+        largest = max(largest, growth_rate(slopes, corner_currents, deviation, grid.polar))
         if now >= last or len(grid.current.times) == 1:
             return largest
         now = min(next_slice(grid.current, now), last)
@@ -174,16 +205,18 @@ def march(
     # Where speeds are chosen u doesn't tell the time: that may be any up to the deadline.
     is_any_time = grid.polar.least < grid.polar.speed
     least = _SMALLEST if is_any_time or len(grid.current.times) == 1 else _LEAST_RATE
-    first, order = _by_level(time, counts, low, step)
+    first, order = _by_level(time, grid.wet, counts, low, step)
     largest = np.zeros(LEVELS + 1)
     clock, k = 0.0, 0
     corner_currents, nodes = np.empty((3, 2)), np.empty((3, 2), dtype=np.int64)
+    bends, slopes = np.empty(6), np.empty((3, 2))
     for level in range(LEVELS + 1):
         while k < len(order) and first[order[k]] <= level:
             r, c = order[k] // columns, order[k] % columns
             k += 1
-            south, north = max(time[r, c], time[r, c + 1]), max(time[r + 1, c], time[r + 1, c + 1])
-            highest = max(south, north)
+            set_bends(bends, time, grid.wet, r, c)
+            highest = max(time[r, c], time[r, c + 1], time[r + 1, c], time[r + 1, c + 1])
+            highest += 2 / 3 * max(bends.max(), 0.0)
             lasts = max(highest - (low + level * step), 0.0) / least
             begin = grid.departure + clock
             # A current that repeats itself has nothing new after a period.
@@ -192,7 +225,9 @@ def march(
                 begin, end = grid.hours[0, r, c], grid.hours[1, r, c]
                 if end < begin:
                     continue
-            rates[r, c] = _cell_rate(time, grid, r, c, begin, end, nodes, corner_currents)
+            rates[r, c] = _cell_rate(
+                time, grid, r, c, begin, end, nodes, bends, slopes, corner_currents
+            )
             # One level more on either side covers rounding.
             last = math.floor((min(highest, high) - low) / step) + 1
             for above in range(level, min(last, LEVELS) + 1):
@@ -206,7 +241,7 @@ def march(
 
 @kernel
 def _by_level(
-    time: FloatArray, counts: BoolArray, low: float, step: float
+    time: FloatArray, wet: BoolArray, counts: BoolArray, low: float, step: float
 ) -> tuple[IntArray, IntArray]:
     """Level of u at which each cell (c,) begins to count; the cells that count, in that order.
 
@@ -214,6 +249,7 @@ def _by_level(
     come last.
     """
     rows, columns = counts.shape
+    bends = np.empty(6)
     first = np.full(rows * columns, LEVELS + 1)
     # Sorted by counting: where the cells of each level begin.
     begin = np.zeros(LEVELS + 2, dtype=np.int64)
@@ -224,7 +260,9 @@ def _by_level(
                     min(time[r, c], time[r, c + 1]),
                     min(time[r + 1, c], time[r + 1, c + 1]),
                 )
-                level = math.floor((min(south, north) - low) / step) - 1
+                set_bends(bends, time, wet, r, c)
+                lowest = min(south, north) + 2 / 3 * min(bends.min(), 0.0)
+                level = math.floor((lowest - low) / step) - 1
                 level = min(max(level, 0), LEVELS)
                 first[r * columns + c] = level
                 begin[level + 1] += 1
@@ -239,7 +277,7 @@ def _by_level(
     return first, order
 
 
-@kernel
+@small_kernel
 def _cell_rate(
     time: FloatArray,
     grid: TravelGrid,
@@ -248,6 +286,8 @@ def _cell_rate(
     first: float,
     last: float,
     nodes: IntArray,
+    bends: FloatArray,
+    slopes: FloatArray,
     corner_currents: FloatArray,
 ) -> float:
     """λ of a cell, cut along its better diagonal, in a window of time, s.
@@ -256,34 +296,83 @@ def _cell_rate(
     """
     wide, high = grid.x[c + 1] - grid.x[c], grid.y[r + 1] - grid.y[r]
     best = np.inf
-    for falling in range(2):
+    # The diagonal along which u rises more is the better one, nearly always.
+    rising = abs(time[r + 1, c + 1] - time[r, c]) > abs(time[r + 1, c] - time[r, c + 1])
+    for way in range(2):
+        falling = way if rising else 1 - way
         worst = 0.0
+        across = bends[4 + falling]
         for north in range(2):
             # A triangle has a side along x, in the cell's south or north, and one along
-            # y: across the diagonal from it.
+            # y: across the diagonal from it. They meet at the first node.
             east = north if falling else 1 - north
-            px = (time[r + north, c + 1] - time[r + north, c]) / wide
-            py = (time[r + 1, c + east] - time[r, c + east]) / high
             nodes[0, 0], nodes[0, 1] = r + north, c + east
             nodes[1, 0], nodes[1, 1] = r + north, c + 1 - east
             nodes[2, 0], nodes[2, 1] = r + 1 - north, c + east
+            here = time[r + north, c + east]
+            dx, dy = time[r + north, c + 1 - east] - here, time[r + 1 - north, c + east] - here
+            along_x, along_y = bends[north], bends[2 + east]
+            w, h = wide * (1 - 2 * east), high * (1 - 2 * north)
+            slopes[0, 0], slopes[0, 1] = (dx + 2 * along_x) / w, (dy + 2 * along_y) / h
+            slopes[1, 0], slopes[1, 1] = (dx - 2 * along_x) / w, (dy + 2 * (across - along_x)) / h
+            slopes[2, 0], slopes[2, 1] = (dx + 2 * (across - along_y)) / w, (dy - 2 * along_y) / h
             rate = _rate_in_window(
-                px, py, nodes, first, last, grid.deviation[r, c], grid, corner_currents
+                slopes, nodes, first, last, grid.deviation[r, c], grid, corner_currents
             )
             worst = max(worst, rate)
             if worst >= best:
                 break
         best = min(best, worst)
-        if best <= 1.0:
+        if best <= 1 + TOLERANCE:
             break
     return max(best, _SMALLEST)
 
 
-def relax(rate: FloatArray, stretch: FloatArray, dirty: BoolArray) -> None:
-    """Lower the slowness of each cell that broke (1) by its λ; mark its nodes."""
-    broken = rate > 1 + TOLERANCE
-    stretch[broken] /= rate[broken]
-    dirty[:-1, :-1] |= broken
-    dirty[1:, :-1] |= broken
-    dirty[:-1, 1:] |= broken
-    dirty[1:, 1:] |= broken
+@small_kernel
+def set_bends(bends: FloatArray, time: FloatArray, wet: BoolArray, r: int, c: int) -> None:
+    """Write the bends of a cell's sides S, N, W, E and of its rising and falling diagonal (6,).
+
+    On a side u is quadratic: its bend is the middle coefficient in Bernstein's form, less the mean
+    of the ends. Both cells of a side work out the same, so that u is continuous.
+    """
+    bends[0] = _bend(time, wet, r, c, 0, 1)
+    bends[1] = _bend(time, wet, r + 1, c, 0, 1)
+    bends[2] = _bend(time, wet, r, c, 1, 0)
+    bends[3] = _bend(time, wet, r, c + 1, 1, 0)
+    bends[4] = _bend(time, wet, r, c, 1, 1)
+    bends[5] = _bend(time, wet, r, c + 1, 1, -1)
+
+
+@small_kernel
+def _bend(time: FloatArray, wet: BoolArray, r: int, c: int, dr: int, dc: int) -> float:
+    """Bend of a side from a node (r, c) on: a quarter of a second difference of u, negative.
+
+    It is the lesser one of those at its ends, or 0 where they disagree: where two fronts meet, or
+    in a fan, u bends at one end alone. Without water beyond both ends it is 0.
+    """
+    least, most = np.inf, -np.inf
+    for k in range(-1, 2):
+        if not _is_open(wet, r + k * dr, c + k * dc, dr, dc):
+            return 0.0
+    for k in range(2):
+        i, j = r + k * dr, c + k * dc
+        bend = 2 * time[i, j] - time[i - dr, j - dc] - time[i + dr, j + dc]
+        least, most = min(least, bend), max(most, bend)
+    if least > 0.0:
+        return least / 4
+    return most / 4 if most < 0.0 else 0.0
+
+
+@small_kernel
+def _is_open(wet: BoolArray, r: int, c: int, dr: int, dc: int) -> bool:
+    """Whether there is a side, or a diagonal, from a node (r, c) on, and water beside it."""
+    rows, columns = wet.shape
+    to_r, to_c = r + dr, c + dc
+    if min(r, to_r) < 0 or max(r, to_r) > rows or min(c, to_c) < 0 or max(c, to_c) > columns:
+        return False
+    south, west = min(r, to_r), min(c, to_c)
+    if dr == 0:
+        return bool((south > 0 and wet[south - 1, west]) or (south < rows and wet[south, west]))
+    if dc == 0:
+        return bool((west > 0 and wet[south, west - 1]) or (west < columns and wet[south, west]))
+    return bool(wet[south, west])

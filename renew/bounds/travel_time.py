@@ -2,7 +2,7 @@
 
 u, the least time from the start, is taken as linear on the grid's triangles: a node is reached
 from the best place on a segment between two others of its triangle (Tsitsiklis, 1995), in the
-most helpful of that triangle's currents at the time of the first. Nodes are settled in Dijkstra's
+mean current of the way there at the time of the first. Nodes are settled in Dijkstra's
 order, and settled again where a later node improves them, as it may in a current. Only the cells
 that hold water are crossed.
 
@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray
 from renew.kernels.current_table import CurrentTable, node_velocity
 from renew.kernels.ground_speed import Polar, ground_speed
@@ -28,14 +28,9 @@ TOLERANCE = 1e-4
 BEYOND = 1.02
 """Multiple of the goal's time beyond which no times are computed."""
 
-HELPFUL, MEAN = False, True
-"""In which current a leg is sailed: the most helpful of its triangle's, or the mean on its way."""
-
 # Lowest ground speed of the travel times, as a share of v: keeps them finite upstream of currents
 # as strong as the vessel. No part of the proof.
 _MIN_SPEED = 0.05
-# A place beside an end of a segment, as a share of it.
-_BESIDE = 1 / 16
 # The two sides of a place among the nodes of an axis: they differ where it is a node.
 _SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 # Neighbours of a node, as rows and columns from it, in order around it.
@@ -108,38 +103,34 @@ def locate(grid: TravelGrid, point: FloatArray) -> Place:
     return Place(row, column, np.array([rising, falling]))
 
 
-@kernel
-def _passage(
-    dx: float, dy: float, corner_currents: FloatArray, deviation: float, polar: Polar
-) -> float:
-    """Time (s) along (dx, dy) m in the most helpful of three currents (3, 2).
+@small_kernel
+def _passage(dx: float, dy: float, cx: float, cy: float, deviation: float, polar: Polar) -> float:
+    """Least time (s) along (dx, dy) m in a current c that may be off by a deviation (m/s).
 
     Projected, a vessel may tack: v + c·T is no convex polar below v/2, and its hull there is
     v²/(-4 c·T).
     """
     length = math.sqrt(dx * dx + dy * dy)
     tx, ty = dx / length, dy / length
-    # A current that is off by up to the deviation helps no more than as much speed would. A vessel
-    # that chooses its speed may not want more of it, so it gets a following current instead.
+    # What the current is off helps no more than as much speed would. A vessel that chooses its
+    # speed may not want more of it: the deviation is a following current to it.
     following = deviation if polar.least < polar.speed else 0.0
-    speed, crab, least, price, exponent, scale, still, _ = polar
-    faster = speed + deviation - following
-    helped = Polar(faster, crab, least, price, exponent, scale, still, 0.0)
-    fastest = -math.inf
-    for k in range(3):
-        cx, cy = corner_currents[k]
-        speed = ground_speed(cx + following * tx, cy + following * ty, tx, ty, helped)
-        fastest = max(fastest, speed)
-    if not polar.crab and fastest <= polar.speed / 2:
-        fastest = polar.speed * polar.speed / (4 * (polar.speed - fastest))
-    return float(length / max(fastest, _MIN_SPEED * polar.speed))
+    cx, cy = cx + following * tx, cy + following * ty
+    speed = ground_speed(cx, cy, tx, ty, polar)
+    if not polar.crab and speed <= polar.speed / 2:
+        speed = polar.speed * polar.speed / (4 * (polar.speed - speed))
+    # The speed of a course that can't be held is no number.
+    if not speed > _MIN_SPEED * polar.speed:
+        speed = _MIN_SPEED * polar.speed
+    return float(length / (speed + deviation - following))
 
 
-@kernel
+@small_kernel
 def _arrival(
     legs: FloatArray,
     times: FloatArray,
-    corner_currents: FloatArray,
+    cx: float,
+    cy: float,
     deviation: float,
     stretch: float,
     polar: Polar,
@@ -147,66 +138,39 @@ def _arrival(
     """Earliest arrival (s) from the segment between two nodes with these times.
 
     `legs` (2, 2) lead from the nodes to the place of arrival, m. A convex function of the place
-    on the segment: halving steps find its least value closely enough.
+    on the segment: a parabola finds its least value closely enough.
     """
-    first = times[0] + stretch * _passage(legs[0, 0], legs[0, 1], corner_currents, deviation, polar)
-    if times[1] == np.inf:
-        return float(first)
-    second = times[1] + stretch * _passage(
-        legs[1, 0], legs[1, 1], corner_currents, deviation, polar
-    )
-    best = min(first, second)
-    place, least = 0.5, np.inf
-    step, side = 0.5, 0.0
-    for k in range(-1, 7):
-        # Beside the better end: if it is no better there, the end is best. Then the middle, then a
-        # step of a quarter, an eighth, a sixteenth: towards the side that was better last, and only
-        # if that is no better to the other.
-        if k > 0 and k % 2 == 1:
-            step /= 2
-            is_better = False
-        elif k > 0 and is_better:
-            continue
-        s = place + side * step
-        if k < 0:
-            s = _BESIDE if first <= second else 1 - _BESIDE
-        dx = (1 - s) * legs[0, 0] + s * legs[1, 0]
-        dy = (1 - s) * legs[0, 1] + s * legs[1, 1]
-        value = (1 - s) * times[0] + s * times[1]
-        value += stretch * _passage(dx, dy, corner_currents, deviation, polar)
-        if k < 0:
-            if value >= best:
-                return float(best)
-            best = value
-        elif k == 0:
-            least, side = value, 1.0 if second < first else -1.0
-        elif value < least:
-            place, least, is_better = s, value, True
-        else:
-            side = -side
-    return float(min(best, least))
+    first = times[0] + stretch * _passage(legs[0, 0], legs[0, 1], cx, cy, deviation, polar)
+    second = times[1] + stretch * _passage(legs[1, 0], legs[1, 1], cx, cy, deviation, polar)
+    dx, dy = (legs[0, 0] + legs[1, 0]) / 2, (legs[0, 1] + legs[1, 1]) / 2
+    middle = (times[0] + times[1]) / 2
+    middle += stretch * _passage(dx, dy, cx, cy, deviation, polar)
+    best = min(first, second, middle)
+    # The lowest place of the parabola through these three.
+    bend = first + second - 2 * middle
+    if not abs(first - second) < 2 * bend:
+        return float(best)
+    s = 0.5 + (first - second) / (4 * bend)
+    dx = (1 - s) * legs[0, 0] + s * legs[1, 0]
+    dy = (1 - s) * legs[0, 1] + s * legs[1, 1]
+    value = (1 - s) * times[0] + s * times[1]
+    value += stretch * _passage(dx, dy, cx, cy, deviation, polar)
+    return float(min(best, value))
 
 
 @kernel
 def solve(
-    time: FloatArray,
-    dirty: BoolArray,
-    stretch: FloatArray,
-    grid: TravelGrid,
-    cell: FloatArray,
-    current: bool,
+    time: FloatArray, dirty: BoolArray, stretch: FloatArray, grid: TravelGrid, cell: FloatArray
 ) -> None:
     """Lower the times (ny, nx) until no triangle improves any; starts from dirty nodes.
 
     It ends a little after `cell`, a view of some of the times, is known; later nodes stay dirty.
-    Legs are sailed in the HELPFUL or the MEAN current.
 
     Dijkstra's order, but a node whose time is improved later is settled again: with currents, the
     quickest way to a node may come through a node that is reached after it.
     """
     rows, columns = time.shape
-    table = grid.current
-    legs, times, corner_currents = np.empty((2, 2)), np.empty(2), np.empty((3, 2))
+    legs, times = np.empty((2, 2)), np.empty(2)
     queue = [(time[r, c], r, c) for r in range(rows) for c in range(columns) if dirty[r, c]]
     heapq.heapify(queue)
     while queue:
@@ -217,38 +181,78 @@ def solve(
             continue
         dirty[row, column] = False
         times[0] = now
-        clock = grid.departure + now
-        own = node_velocity(table, row, column, clock)
-        for way in range(16):
-            # To each neighbour, from the segments to the nodes beside this one on its ring.
-            to_row, to_column = row + _RING[way // 2, 0], column + _RING[way // 2, 1]
-            beside = (way // 2 + 3 + 2 * (way % 2)) % 8
-            by_row, by_column = to_row + _RING[beside, 0], to_column + _RING[beside, 1]
-            r, c = min(row, to_row, by_row), min(column, to_column, by_column)
-            inside = 0 <= r < rows - 1 and 0 <= c < columns - 1
-            inside = inside and max(row, to_row, by_row) < rows
-            inside = inside and max(column, to_column, by_column) < columns
-            if not (inside and grid.wet[r, c]) or time[to_row, to_column] <= now:
+        own = node_velocity(grid.current, row, column, grid.departure + now)
+        for way in range(8):
+            to_row, to_column = row + _RING[way, 0], column + _RING[way, 1]
+            if not (0 <= to_row < rows and 0 <= to_column < columns):
                 continue
-            times[1] = time[by_row, by_column]
-            if dirty[by_row, by_column] and times[1] > now:
-                times[1] = np.inf  # its turn comes, and this triangle's with it
-            corner_currents[0] = own
-            corner_currents[1] = node_velocity(table, by_row, by_column, clock)
-            corner_currents[2] = node_velocity(table, to_row, to_column, clock)
-            deviation = grid.deviation[r, c]
-            if current == MEAN:
-                deviation = 0.0
-                for k in range(2):
-                    ends = corner_currents[0, k] + corner_currents[1, k]
-                    corner_currents[:, k] = ends / 4 + corner_currents[2, k] / 2
-            legs[0, 0] = grid.x[to_column] - grid.x[column]
-            legs[0, 1] = grid.y[to_row] - grid.y[row]
-            legs[1, 0] = grid.x[to_column] - grid.x[by_column]
-            legs[1, 1] = grid.y[to_row] - grid.y[by_row]
-            arrival = _arrival(legs, times, corner_currents, deviation, stretch[r, c], grid.polar)
             known = time[to_row, to_column]
-            if known == np.inf or arrival < known - TOLERANCE * (known - now):
-                time[to_row, to_column] = arrival
+            if known <= now:
+                continue
+            found = _reached(time, dirty, stretch, grid, row, column, way, own, legs, times)
+            if found < known and (known == np.inf or found < known - TOLERANCE * (known - now)):
+                time[to_row, to_column] = found
                 dirty[to_row, to_column] = True
-                heapq.heappush(queue, (arrival, to_row, to_column))
+                heapq.heappush(queue, (found, to_row, to_column))
+
+
+@small_kernel
+def _reached(
+    time: FloatArray,
+    dirty: BoolArray,
+    stretch: FloatArray,
+    grid: TravelGrid,
+    row: int,
+    column: int,
+    way: int,
+    own: tuple[float, float],
+    legs: FloatArray,
+    times: FloatArray,
+) -> float:
+    """Earliest arrival (s) at a neighbour of the node (row, column), left at `times[0]`.
+
+    It is reached from the segments between the node and the two beside it on the neighbour's own
+    ring, if these are settled already, else straight. `legs` (2, 2) and `times[1]` are written to.
+    """
+    rows, columns = time.shape
+    now = times[0]
+    clock = grid.departure + now
+    to_row, to_column = row + _RING[way, 0], column + _RING[way, 1]
+    to = node_velocity(grid.current, to_row, to_column, clock)
+    legs[0, 0] = grid.x[to_column] - grid.x[column]
+    legs[0, 1] = grid.y[to_row] - grid.y[row]
+    arrival, straight, deviation = np.inf, np.inf, 0.0
+    for side in range(2):
+        beside = (way + 3 + 2 * side) % 8
+        by_row, by_column = to_row + _RING[beside, 0], to_column + _RING[beside, 1]
+        if not (0 <= by_row < rows and 0 <= by_column < columns):
+            continue
+        r, c = min(row, to_row, by_row), min(column, to_column, by_column)
+        if not grid.wet[r, c]:
+            continue
+        times[1] = time[by_row, by_column]
+        if times[1] == np.inf or (dirty[by_row, by_column] and times[1] > now):
+            # Its turn comes, and this triangle's with it.
+            straight, deviation = min(straight, stretch[r, c]), grid.deviation[r, c]
+            continue
+        # The mean of the current on the way from the segment's middle.
+        by = node_velocity(grid.current, by_row, by_column, clock)
+        cx, cy = (own[0] + by[0]) / 4 + to[0] / 2, (own[1] + by[1]) / 4 + to[1] / 2
+        legs[1, 0] = grid.x[to_column] - grid.x[by_column]
+        legs[1, 1] = grid.y[to_row] - grid.y[by_row]
+        found = _arrival(legs, times, cx, cy, grid.deviation[r, c], stretch[r, c], grid.polar)
+        arrival = min(arrival, found)
+    if straight < np.inf:
+        cx, cy = (own[0] + to[0]) / 2, (own[1] + to[1]) / 2
+        leg = _passage(legs[0, 0], legs[0, 1], cx, cy, deviation, grid.polar)
+        arrival = min(arrival, now + straight * leg)
+    return float(arrival)
+
+
+def mean_times(grid: TravelGrid, start: FloatArray, goal: FloatArray) -> FloatArray:
+    """Times (ny, nx), s, from a start on in the grid's current as it is, until the goal's cell."""
+    grid = grid._replace(deviation=np.zeros(grid.wet.shape))
+    time, dirty = source(grid, start)
+    corners = locate(grid, goal).corners(time)
+    solve(time, dirty, np.ones(grid.wet.shape), grid, corners)
+    return time

@@ -28,7 +28,7 @@ import shapely
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.bounds.grids import turned_round, whole_grid, widened
-from renew.bounds.travel_time import MEAN, locate, solve, source
+from renew.bounds.travel_time import locate, mean_times
 from renew.classes.dual_graph import without_dead_ends
 from renew.classes.triangulation import Triangulation
 from renew.inputs.current import CurrentStatistics
@@ -103,10 +103,7 @@ def _worth(voyage: Voyage, points: FloatArray) -> BoolArray:
     grid, ends = whole_grid(voyage, _CELLS), (voyage.start, voyage.goal)
     whole = np.zeros((grid.y.size, grid.x.size))
     for own, (begin, end) in ((grid, ends), (turned_round(grid, 0.0), ends[::-1])):
-        time, dirty = source(own, begin)
-        at_end = locate(own, end).corners(time)
-        solve(time, dirty, np.ones(grid.wet.shape), own, at_end, MEAN)
-        whole += time
+        whole += mean_times(own, begin, end)
     best = locate(grid, voyage.goal).corners(whole).min()
     nodes = widened(whole <= _SLACK * best, 1)
     column = np.clip(np.searchsorted(grid.x, points[:, 0]), 0, grid.x.size - 1)

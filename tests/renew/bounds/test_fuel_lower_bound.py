@@ -15,12 +15,12 @@ import renew
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import Front, fuel_lower_bound
 from renew.bounds.grids import wet_cells, whole_grid
-from renew.bounds.march import projected_rate
+from renew.bounds.march import projected_rate, set_bends
 from renew.inputs.options import Drift
 from renew.voyage.fuel import ground_speed
 from renew.voyage.voyage import Voyage, Waters
 from tests.compiler import uncompiled
-from tests.renew.bounds.fields import CORNER, FIELDS, OPPOSITE, in_triangles
+from tests.renew.bounds.fields import CORNER, FIELDS, OPPOSITE
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre, voyage_on
 
 CELLS = 16_000
@@ -87,24 +87,27 @@ def test_no_direction_at_any_place_breaks_the_inequality(name: str, drift: Drift
     time, rate = front.known, front.rates
     angle = np.linspace(0, 2 * np.pi, 180, endpoint=False)
     tangents = np.column_stack([np.cos(angle), np.sin(angle)])
-    below_rising, below_falling = in_triangles(rng, 12)
+    shares = rng.dirichlet(np.ones(3), 12)
     tight = 0
     for row, column in rng.permutation(np.argwhere(rate > 0))[:300]:
         x, y = grid.x[column : column + 2], grid.y[row : row + 2]
-        (a, b), (c, d) = time[row : row + 2, column : column + 2]
-        # Either diagonal gives two triangles: places in each, and the slope of u there.
-        cuts = (
-            ((below_rising, (b - a, d - b)), (below_rising[:, ::-1], (d - c, c - a))),
-            ((below_falling * [1, 1], (b - a, c - a)), (1 - below_falling, (d - c, d - b))),
-        )
+        bends = np.empty(6)
+        set_bends(bends, time, grid.wet, row, column)
         worst = []
-        for cut in cuts:
+        for falling in (False, True):
             largest = 0.0
-            for places, rise in cut:
-                size = np.array([np.ptp(x), np.ptp(y)])
-                velocity = field(np.array([x[0], y[0]]) + places * size)
-                speed = ground_speed(velocity[:, None], tangents, 1.0, drift)
-                growth = tangents @ (np.array(rise) / size) * np.where(speed > 0, speed, 0.0)
+            for north in (0, 1):
+                east = north if falling else 1 - north
+                at = np.array([[north, east], [north, 1 - east], [1 - north, east]])
+                corners = np.stack([x[at[:, 1]], y[at[:, 0]]], axis=1)
+                u = time[row + at[:, 0], column + at[:, 1]]
+                # Bernstein's form: on each side the mean of its ends and its bend.
+                bend = np.zeros((3, 3))
+                bend[0, 1], bend[0, 2], bend[1, 2] = bends[[north, 2 + east, 4 + falling]]
+                slope_of_shares = np.linalg.inv(np.vstack([corners.T, np.ones(3)]))[:, :2]
+                gradient = (u + 2 * shares @ (bend + bend.T)) @ slope_of_shares
+                speed = ground_speed(field(shares @ corners)[:, None], tangents, 1.0, drift)
+                growth = gradient @ tangents.T * np.where(speed > 0, speed, 0.0)
                 largest = max(largest, float(growth.max()))
             worst.append(largest)
         assert min(worst) <= rate[row, column] * (1 + 1e-9)

@@ -12,7 +12,7 @@ from shapely import box
 import renew
 from renew._types import FloatArray
 from renew.bounds.grids import sampled, wet_cells
-from renew.bounds.travel_time import HELPFUL, TravelGrid, locate, solve, source
+from renew.bounds.travel_time import TravelGrid, locate, solve, source
 from renew.kernels.ground_speed import Polar, ground_speed
 from tests.compiler import uncompiled
 from tests.renew.bounds.fields import FIELDS
@@ -44,7 +44,7 @@ def grid_over(
 def times_from_start(grid: TravelGrid) -> FloatArray:
     """Travel times (ny, nx) from the start to all nodes that can be reached."""
     time, dirty = source(grid, START)
-    solve(time, dirty, np.ones(grid.wet.shape), grid, EVERYWHERE, HELPFUL)
+    solve(time, dirty, np.ones(grid.wet.shape), grid, EVERYWHERE)
     return time
 
 
@@ -92,6 +92,6 @@ def test_interpolation_is_exact_where_times_are_linear() -> None:
 def test_the_compiler_changes_no_time(name: str) -> None:
     grid = grid_over(EMPTY, FIELDS[name], nodes=11)
     time, dirty = source(grid, START)
-    uncompiled(solve)(time, dirty, np.ones(grid.wet.shape), grid, EVERYWHERE, HELPFUL)
+    uncompiled(solve)(time, dirty, np.ones(grid.wet.shape), grid, EVERYWHERE)
     assert times_from_start(grid) == pytest.approx(time)
     assert np.isfinite(time).all()
