@@ -23,6 +23,7 @@ help:  ## this list
 
 setup: $(READY)  ## make .venv from requirements.lock, by uv where it is there, else by venv and pip
 
+# pip would compile all modules on one core, which takes as long as all else that it does: compileall takes every core.
 $(READY): pyproject.toml requirements.lock
 	@for name in $(PYTHON); do python=$$("$$name" -c '$(PROBE)' 2>/dev/null) && break; done; \
 	if [ -z "$$python" ]; then \
@@ -37,8 +38,9 @@ $(READY): pyproject.toml requirements.lock
 	else \
 	  echo "Setting up $(VENV) with pip and $$python (about a minute; uv would take seconds)"; \
 	  "$$python" -m venv $(VENV); \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --require-hashes --requirement requirements.lock; \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --no-compile --require-hashes --requirement requirements.lock; \
 	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --no-deps --no-build-isolation --editable .; \
+	  $(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || true; \
 	fi; \
 	touch $@
 
