@@ -23,6 +23,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from renew._compiled import kernel
@@ -85,12 +86,21 @@ def voyage_at_clearance(
     if clearance > 0:
         if options.narrow_share < 1:
             yields = clearance / options.narrow_share + _PIECE * clearance
-            lines = shapely.difference(lines, _narrows(voyage, triangulation, clearance, yields))
+            lines = _outside(lines, _narrows(voyage, triangulation, clearance, yields))
         zone += [*shapely.buffer(lines, (1 - _ROUNDING) * clearance, quad_segs=_SEGMENTS)]
     if not zone and chart.open_water is chart.water:
         return voyage
     own = chart.with_open_water(chart.less(chart.water, shapely.union_all(zone)))
     return replace(voyage, waters=Waters(own, voyage.current))
+
+
+def _outside(lines: npt.NDArray[np.object_], area: shapely.Geometry) -> npt.NDArray[np.object_]:
+    """Parts of lines (n,) that lie outside an area; few of them cross its edge."""
+    shapely.prepare(area)
+    lines = lines[~shapely.covers(area, lines)]
+    crossing = shapely.intersects(area, lines)
+    lines[crossing] = shapely.difference(lines[crossing], area)
+    return lines
 
 
 def _worth(voyage: Voyage, points: FloatArray) -> BoolArray:
