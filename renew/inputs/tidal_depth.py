@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from renew._types import FloatArray
+from renew._types import FloatArray, IntArray
 from renew.errors import ParameterError, as_floats, check_kind, is_finite, shown
 from renew.inputs.relied_on_tide import ReliedOnTide
 from renew.inputs.shut_areas import ShutArea, TidalArea, check_area
@@ -113,10 +113,33 @@ class TidalDepth:
 
     def least_water(self, path: FloatArray, schedules: Schedules) -> LeastWater | None:
         """Return where a path (n, 2), m, has least water to spare; None where no area is passed."""
-        legs = shapely.linestrings(np.stack([path[:-1], path[1:]], axis=1))
-        leg, area = self._tree.query(legs, predicate="intersects")
+        leg, area, spare = self._spare(path, schedules)
         if not len(leg):
             return None
+        worst = int(spare[0].argmin())
+        place, (least, early, late) = leg[worst], spare.min(axis=1).tolist()
+        time, passed = float(schedules[0][place]), self._all_areas[area[worst]]
+        return LeastWater(least, path[place], time, early, late, passed)
+
+    def spare_along(self, path: FloatArray, times: FloatArray) -> FloatArray:
+        """Return the least spare water (n - 1,), m, on each leg of a path (n, 2), m.
+
+        It is passed at times (n,), s. Outside all areas the water is infinite.
+        """
+        leg, _, spare = self._spare(path, (times,))
+        least = np.full(len(path) - 1, np.inf)
+        np.minimum.at(least, leg, spare[0])
+        return least
+
+    def _spare(
+        self, path: FloatArray, schedules: Sequence[FloatArray]
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the leg (k,) of each passage of an area, the area (k,), and the spare water, m.
+
+        The water (schedules, k) is that of each schedule of times (n,), s, at a path's points.
+        """
+        legs = shapely.linestrings(np.stack([path[:-1], path[1:]], axis=1))
+        leg, area = self._tree.query(legs, predicate="intersects")
         spare = np.empty((len(schedules), len(leg)))
         for tide in set(self._tides):
             own = np.array([one is tide for one in self._tides])[area]
@@ -124,11 +147,7 @@ class TidalDepth:
             for row, times in zip(spare, schedules, strict=True):
                 heights = tide.heights(times)
                 row[own] = np.minimum(heights[:-1], heights[1:])[leg[own]]
-        spare -= np.asarray(self.needs)[area]
-        worst = int(spare[0].argmin())
-        place, (least, early, late) = leg[worst], spare.min(axis=1).tolist()
-        time, passed = float(schedules[0][place]), self._all_areas[area[worst]]
-        return LeastWater(least, path[place], time, early, late, passed)
+        return leg, area, spare - np.asarray(self.needs)[area]
 
     @cached_property
     def _tides(self) -> tuple[ReliedOnTide, ...]:

@@ -9,8 +9,9 @@ import shapely
 from markupsafe import Markup, escape
 
 from pipeline._types import FloatArray
+from pipeline.formats.figures.choice_plots import departure_svg, trade_off_svg
 from pipeline.formats.figures.map_marks import arrows
-from pipeline.formats.figures.plots import departure_svg, profile_svg, trade_off_svg
+from pipeline.formats.figures.plots import profile_svg
 from pipeline.formats.figures.season_map import season_svg
 from pipeline.formats.figures.turning import padding_svg
 from pipeline.formats.report.map_data import coarser, place_on_map, within

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.formats.figures.plots import trade_off_figure, trade_off_svg
+from pipeline.formats.figures.choice_plots import trade_off_figure, trade_off_svg
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.shared.departures_and_speeds import (
     TradeOff,

@@ -12,7 +12,7 @@ import pytest
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.figures.plots import departure_figure, departure_svg
+from pipeline.formats.figures.choice_plots import departure_figure, departure_svg
 from pipeline.formats.shared.departures_and_speeds import departure_text
 from pipeline.formats.shared.note_words import note_json, note_text
 from pipeline.formats.shared.text import exact_moment_text
