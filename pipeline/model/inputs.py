@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray
 from pipeline.geo.lonlat import Bounds, DepthCover, KnownCells, position_text
+from pipeline.model.depths import DepthArea, TidalWater
 from pipeline.scenario.season import Season
 
 
@@ -98,68 +99,6 @@ class Zone:
     kind: Literal["shoal", "hazard", "uncharted", "restricted", "traffic", "shut"]
     name: str
     rule: str
-    area: BaseGeometry
-
-
-@dataclass(frozen=True, slots=True)
-class DepthArea:
-    """Water of a chart between two depths in metres at chart datum, NaN where not charted.
-
-    A negative depth dries. `area` is in lon/lat degrees.
-    """
-
-    kind: Literal["natural", "dredged"]
-    least_m: float
-    greatest_m: float
-    area: BaseGeometry
-
-
-@dataclass(frozen=True, slots=True)
-class TideRange:
-    """Between which heights (m over chart datum) the tide relied on always stays."""
-
-    lowest_m: float
-    highest_m: float
-
-
-NO_TIDE = TideRange(0.0, 0.0)
-"""Water that always stands at chart datum."""
-
-
-@dataclass(frozen=True, slots=True)
-class DepthRule:
-    """Which charted depths (m) are deep enough for a vessel.
-
-    `safety_depth_m` is draught, squat and under-keel clearance, `tide` the range of the tide.
-    """
-
-    safety_depth_m: float
-    tide: TideRange = NO_TIDE
-
-    @property
-    def least_m(self) -> float:
-        """Depth below which water is never deep enough."""
-        return self.safety_depth_m - self.tide.highest_m
-
-    def need_m(self, depth_m: float) -> float:
-        """Return the height of tide that water of a charted depth needs."""
-        return self.safety_depth_m - depth_m
-
-    def is_tidal(self, depth_m: float) -> bool:
-        """Whether water of a charted depth is deep enough for some hours only."""
-        return self.least_m <= depth_m < self.safety_depth_m - self.tide.lowest_m
-
-
-@dataclass(frozen=True, slots=True)
-class TidalWater:
-    """Water that is deep enough for some hours only, and the height of tide that it needs.
-
-    The height is in metres over chart datum, `area` in lon/lat degrees. `name` says what the chart
-    shows there.
-    """
-
-    name: str
-    need_m: float
     area: BaseGeometry
 
 

@@ -20,7 +20,8 @@ from pipeline.errors import RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE, DepthCover, KnownCells
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, Zone
-from pipeline.model.inputs import DepthRule, LandSource, TidalWater
+from pipeline.model.depths import DepthRule, TidalWater
+from pipeline.model.inputs import LandSource
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.depth_file import DepthFile, Heights, name_of
 from pipeline.sources.land.shapes import box_around, extract_polygons

@@ -19,14 +19,8 @@ from pipeline.errors import RequestError, StageError
 from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
-from pipeline.model.inputs import (
-    NO_TIDE,
-    CurrentSource,
-    DepthRule,
-    Issue,
-    LandSource,
-    TideRange,
-)
+from pipeline.model.depths import NO_TIDE, DepthRule, TideRange
+from pipeline.model.inputs import CurrentSource, Issue, LandSource
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
 from pipeline.scenario.model import Scenario
@@ -87,7 +81,7 @@ def _single_source(
             f"chart.source: {path} is {found}, not {source.name!r}; leave the name out"
         )
     if is_s57:
-        from pipeline.sources.land.s57 import S57Chart, find_cells
+        from pipeline.sources.land.s57_chart import S57Chart, find_cells
 
         find_cells(path)  # refused before a missing draught is
         return S57Chart(path, _depth_rule(chart, draught_m, tide))

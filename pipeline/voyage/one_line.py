@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +17,19 @@ from pipeline.scenario.loading import asked_currents, parse_scenario, require_cu
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import Name
+from pipeline.scenario.tide import TideSpec
 from pipeline.sources.registry import current_source
-from pipeline.sources.tides.station import find_station
+from pipeline.sources.tides.zones import stations_of
 from pipeline.stages.choosing.coverage import are_water_swapped, least_region, require_sailable
-from pipeline.voyage.positions import Position, read_positions, read_via
+from pipeline.voyage.positions import (
+    Position,
+    read_positions,
+    read_via,
+    spelled,
+    voyage_name,
+)
 from pipeline.voyage.times import Departing, departing, read_months
-from pipeline.voyage.vessel_options import RANGE, VesselFigures, length_m, vessel_spec
+from pipeline.voyage.vessel_options import RANGE, VesselFigures, read_clearance_m, vessel_spec
 
 # Datasets of the service with monthly means, the best first; the first that has the month is used.
 _SERVICE = (
@@ -189,7 +195,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     ends = faults.part(lambda: read_positions(request.positions))
     via = faults.part(lambda: read_via(request.via, ends[0].lon if ends else 0.0))
     vessel = faults.part(lambda: _vessel(request))
-    clearance_m = faults.part(lambda: _clearance_m(request.clearance))
+    clearance_m = faults.part(lambda: read_clearance_m(request.clearance))
     departing_at = faults.part(lambda: _departing(request))
     is_timed = bool(request.depart or request.until or request.arrive_by)
     is_steady = not is_timed or _is_still(request) or _has_steady_months(request)
@@ -202,8 +208,8 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     start, goal = ends
     data: dict[str, Any] = {
         "schema_version": 1,
-        "name": request.name or _name(start, goal),
-        "title": f"{_spelled(start)} to {_spelled(goal)}",
+        "name": request.name or voyage_name(start, goal),
+        "title": f"{spelled(start)} to {spelled(goal)}",
         "vessel": vessel.model_dump(exclude_defaults=True),
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
@@ -277,8 +283,7 @@ def _files(request: VoyageRequest) -> dict[str, Any]:
         data.setdefault("chart", {})["depths"] = read("--depths", request.depths, remedy)
     if request.tide:
         data["tide"] = {"stations": [_station(one) for one in request.tide]}
-        for one in data["tide"]["stations"]:
-            faults.part(partial(find_station, one))
+        faults.part(lambda: stations_of(TideSpec(**data["tide"])))
     if faults.lines:
         raise RequestError(faults.lines)
     return data
@@ -314,19 +319,6 @@ def _when(departing_at: Departing | None, request: VoyageRequest) -> dict[str, A
 def _station(text: str) -> str:
     """Return a station's name in the catalogue, or the path of its file."""
     return text if text in catalogue.stations() else str(resolved(Path(text), "--tide"))
-
-
-def _clearance_m(text: str) -> float | None:
-    """Read the clearance, true metres; return None if it was left out."""
-    if not text:
-        return None
-    try:
-        metres = length_m(text)
-    except ValueError as error:
-        raise RequestError(f"--clearance {error}") from None
-    if metres < 0:
-        raise RequestError(f"--clearance {text} is below 0; give metres, 0 or more")
-    return metres
 
 
 def _departing(request: VoyageRequest) -> Departing | None:
@@ -402,24 +394,3 @@ def _known_currents(month: str, ends: tuple[Position, Position]) -> list[str]:
 
     service = [name for name in _SERVICE if covers(name)]
     return [*service[:1], *filter(covers, tables)] or [_SERVICE[0]]
-
-
-def _name(start: Position, goal: Position) -> str:
-    """Return the name of a voyage, made of the degrees and minutes of start and goal."""
-    return f"{_short(start)}-to-{_short(goal)}"
-
-
-def _short(position: Position) -> str:
-    """Return a position as part of a name: 12n48-120e18."""
-    lon = (position.lon + 180) % 360 - 180
-    parts = []
-    for degrees, letters in ((position.lat, "ns"), (lon, "ew")):
-        minutes = round(abs(degrees) * 60)
-        parts.append(f"{minutes // 60}{letters[degrees < 0]}{minutes % 60:02d}")
-    return "-".join(parts)
-
-
-def _spelled(position: Position) -> str:
-    """Return a position for a title: 12.80 N 120.30 E."""
-    lon = (position.lon + 180) % 360 - 180
-    return f"{abs(position.lat):.2f} {'NS'[position.lat < 0]} {abs(lon):.2f} {'EW'[lon < 0]}"

@@ -210,3 +210,24 @@ def _coordinate(tokens: list[re.Match[str]]) -> _Coordinate:
     size = sum(value / 60**power for power, value in enumerate(values))
     is_negative = numbers[0].startswith("-") or letter in {"S", "W"}
     return _Coordinate(-size if is_negative else size, letter)
+
+
+def voyage_name(start: Position, goal: Position) -> str:
+    """Return the name of a voyage, made of the degrees and minutes of start and goal."""
+    return f"{_short(start)}-to-{_short(goal)}"
+
+
+def _short(position: Position) -> str:
+    """Return a position as part of a name: 12n48-120e18."""
+    lon = (position.lon + 180) % 360 - 180
+    parts = []
+    for degrees, letters in ((position.lat, "ns"), (lon, "ew")):
+        minutes = round(abs(degrees) * 60)
+        parts.append(f"{minutes // 60}{letters[degrees < 0]}{minutes % 60:02d}")
+    return "-".join(parts)
+
+
+def spelled(position: Position) -> str:
+    """Return a position for a title: 12.80 N 120.30 E."""
+    lon = (position.lon + 180) % 360 - 180
+    return f"{abs(position.lat):.2f} {'NS'[position.lat < 0]} {abs(lon):.2f} {'EW'[lon < 0]}"

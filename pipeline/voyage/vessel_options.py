@@ -171,3 +171,16 @@ def _figures(figures: VesselFigures, faults: list[str]) -> dict[str, Any]:
             if given[key] <= 0:
                 faults.append(f"{option} {text} is not above 0; give a larger figure")
     return given
+
+
+def read_clearance_m(text: str) -> float | None:
+    """Read the clearance, true metres; return None if it was left out."""
+    if not text:
+        return None
+    try:
+        metres = length_m(text)
+    except ValueError as error:
+        raise RequestError(f"--clearance {error}") from None
+    if metres < 0:
+        raise RequestError(f"--clearance {text} is below 0; give metres, 0 or more")
+    return metres

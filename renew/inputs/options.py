@@ -267,10 +267,7 @@ class Request(PlanOptions):
 
 
 def check_objects(
-    chart: Chart,
-    vessel: Vessel,
-    avoid: Sequence[ShutArea] = (),
-    depth: TidalDepth | None = None,
+    chart: Chart, vessel: Vessel, avoid: Sequence[ShutArea] = (), depth: TidalDepth | None = None
 ) -> None:
     """Refuse arguments that are no chart, no vessel, no row of areas or no depth."""
     check_kind("chart", chart, Chart)

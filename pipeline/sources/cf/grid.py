@@ -223,8 +223,7 @@ _CHUNK_BYTES, _VALUE_BYTES = 32 << 20, 8
 _MAX_NODES = 2_000_000
 # Neighbouring nodes further apart than this multiple of the axis's largest step have a gap between.
 _GAP_STEPS = 1.5
-# Number of files that are open at a time: one for each component.
-_MAX_OPEN = 2
+_MAX_OPEN = 2  # files at a time: one for each component
 
 
 @dataclass(frozen=True)
@@ -361,15 +360,7 @@ class FieldReader:
     def blocks(
         self, files: Sequence[Component], index: Sequence[tuple[int, int]], steps: Iterable[int]
     ) -> Iterator[tuple[list[int], FloatArray]]:
-        """Read a component's steps, some megabytes at a time.
-
-        Yields the numbers of steps, and their values (nt, ny, nx) in m/s.
-
-        Raises
-        ------
-        ValueError
-            A file is damaged.
-        """
+        """Yield numbers and values (nt, ny, nx), m/s, of some megabytes of steps at a time."""
         by_file: dict[int, dict[int, int]] = {}
         for step in steps:
             file, own = index[step]
@@ -377,16 +368,14 @@ class FieldReader:
         size = self._window.lat.size * self._window.lon.size
         most = max(1, _CHUNK_BYTES // max(1, size * _VALUE_BYTES))
         for file, numbers in by_file.items():
-            ordered = sorted(numbers)
-            for first in range(0, len(ordered), most):
-                own_steps = ordered[first : first + most]
-                values = self._values(files[file], own_steps)
-                yield [numbers[own] for own in own_steps], values
+            for first in range(0, len(numbers), most):
+                some = sorted(numbers)[first : first + most]
+                yield [numbers[own] for own in some], self._values(files[file], some)
 
     def _values(self, component: Component, steps: Sequence[int]) -> FloatArray:
         """Read ascending steps of a file (nt, ny, nx), m/s."""
         window = self._window
-        part: dict[str, slice | list[int]] = {}
+        part = dict[str, slice | list[int]]()
         if component.time:
             is_range = steps[-1] - steps[0] == len(steps) - 1
             part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)

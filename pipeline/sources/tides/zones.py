@@ -9,7 +9,7 @@ import shapely
 from pipeline.errors import Faults, RequestError
 from pipeline.geo.lonlat import position_text
 from pipeline.geo.projection import Projection
-from pipeline.model.inputs import TideRange
+from pipeline.model.depths import TideRange
 from pipeline.scenario.tide import TideSpec
 from pipeline.sources.tides.station import Station, find_station
 

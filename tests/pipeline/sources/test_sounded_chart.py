@@ -15,7 +15,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_text
 from pipeline.model import Credit, Land
-from pipeline.model.inputs import DepthRule
+from pipeline.model.depths import DepthRule
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.combined_charts import SoundedChart
 from pipeline.sources.depth_file import DepthFile

@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.geo.projection import Projection
-from pipeline.model.inputs import DepthRule
+from pipeline.model.depths import DepthRule
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
-from pipeline.sources.land.s57 import S57Chart
+from pipeline.sources.land.s57_chart import S57Chart
 from tests.true_scale import clearance_m
 
 

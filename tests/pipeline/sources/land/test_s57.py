@@ -15,11 +15,11 @@ import shapely
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import Land
-from pipeline.model.inputs import DepthRule
+from pipeline.model.depths import DepthRule
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.land import s57
-from pipeline.sources.land.s57 import S57Chart
 from pipeline.sources.land.s57_cells import Cell, Objects, base_files, read_cell
+from pipeline.sources.land.s57_chart import S57Chart
 from pipeline.sources.registry import land_source
 
 GEOD = pyproj.Geod(ellps="WGS84")
