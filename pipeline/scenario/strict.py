@@ -104,7 +104,7 @@ LonLatRing = Annotated[tuple[LonLat, ...], Field(min_length=3), _SimpleRing]
 # Maximum length of a value in a message, in characters.
 _MAX_VALUE = 60
 # Largest length, in characters, of a list of known names, given where none of them is similar.
-_MAX_NAMES = 250
+_MAX_NAMES = 240
 # Limits of at least this size are written with thousands separators.
 _LARGE = 10_000
 _LIMITS = {

@@ -96,9 +96,11 @@ def tide_notes(scenario: Scenario, scene: Scene, plans: Iterable[SeasonPlan]) ->
             yield from _least_water(scene, plan.season, plan.plan)
             for area in plan.plan.shut:
                 if isinstance(area, renew.TidalArea):
-                    hours = _next_hours(scene, plan.season, area, float(plan.plan.best.times[0]))
-                    note = Note.of("tide-too-low", area=area.name, need_m=area.need, **hours)
-                    yield note.about(plan.season)
+                    departure = float(plan.plan.best.times[0])
+                    begin, until = _next_hours(scene, plan.season, area, departure)
+                    yield Note.of(
+                        "tide-too-low", area=area.name, need_m=area.need, begin=begin, until=until
+                    ).about(plan.season)
 
 
 def _least_water(scene: Scene, season: str, plan: renew.Plan) -> Iterator[Note]:
@@ -106,6 +108,7 @@ def _least_water(scene: Scene, season: str, plan: renew.Plan) -> Iterator[Note]:
     least, kept_m = plan.best.least_water, scene.under_keel_clearance_m
     if least is None:
         return
+    begin, until = _next_hours(scene, season, least.area, least.time)
     yield Note.of(
         "least-water",
         least_m=least.spare + kept_m,
@@ -113,19 +116,20 @@ def _least_water(scene: Scene, season: str, plan: renew.Plan) -> Iterator[Note]:
         late_m=least.late + kept_m,
         at=scene.moment(season, least.time),
         place=scene.place(least.place),
-        **_next_hours(scene, season, least.area, least.time),
+        begin=begin,
+        until=until,
     ).about(season)
 
 
 def _next_hours(
     scene: Scene, season: str, area: renew.TidalArea, time_s: float
-) -> dict[str, datetime | float | None]:
+) -> tuple[datetime | float | None, datetime | float | None]:
     """Return from when until when an area has enough water, at a time (s) or next after it."""
     hours = area.next_hours(time_s)
     if hours is None:
-        return {"begin": None, "until": None}
-    begin, until = (scene.moment(season, one) for one in hours)
-    return {"begin": begin, "until": until}
+        return None, None
+    begin, until = hours
+    return scene.moment(season, begin), scene.moment(season, until)
 
 
 def _check_datum(scenario: Scenario, land: Land, stations: Sequence[Station]) -> None:
