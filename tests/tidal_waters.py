@@ -73,7 +73,7 @@ class TidalScene:
         higher = replace(tide, mean_level=tide.mean_level + rise)
         return replace(self, depth=replace(self.depth, tide=higher))
 
-    def oracle(self, spacing: float = 2.0 * SCALE) -> tuple[float, FloatArray]:
+    def oracle(self, spacing: float = 3.0 * SCALE) -> tuple[float, FloatArray]:
         """Least fuel by a grid (m) and string pulling, with legs shut by the tide; and the path."""
         arguments = self.chart, self.current, self.vessel
         common = {"drift": self.drift, "is_shut": self.is_shut}

@@ -285,7 +285,7 @@ class Season(StrictModel):
 
     @property
     def timeless_fault(self) -> str:
-        """Say what of it needs water that changes with time; empty if nothing does."""
+        """Name its keys that need water that changes with time; empty if there are none."""
         given = [
             repr(name)
             for name in ("departures", "to_within", "arrive_by")

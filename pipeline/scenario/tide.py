@@ -24,7 +24,7 @@ def _as_path(station: str, info: ValidationInfo) -> str:
 
 
 class TideSpec(StrictModel):
-    """Stations whose tide stands over the chart datum, and what of it the vessel relies on."""
+    """Stations that predict the tide over the chart datum, and how far the vessel relies on it."""
 
     stations: tuple[Annotated[str, AfterValidator(_as_path)], ...] = Field(
         min_length=1,

@@ -80,7 +80,7 @@ def later_tides(depth: renew.TidalDepth, shift_s: float) -> renew.TidalDepth:
 
 
 def tide_notes(scenario: Scenario, scene: Scene, plans: Iterable[SeasonPlan]) -> Iterator[Note]:
-    """Yield notes on what of the tide is relied on, on the least water, and on low tides."""
+    """Yield notes on the tide relied on, on the least water, and on water that is too shallow."""
     if scenario.tide is None:
         return
     stations = stations_of(scenario.tide)

@@ -132,7 +132,7 @@ def _slices_met(voyage: Voyage) -> int:
 
 
 def _refined(voyage: Voyage, cells: int, halvings: int, wanted: float) -> tuple[float, float]:
-    """U (s), and a bound no larger than U, from a grid that is halved so many times."""
+    """Return U (s), and a bound no larger than U, from a grid that is refined `halvings` times."""
     room = _MAX_NODES // len(voyage.current.slice_times)
     grid = whole_grid(voyage, max(_COARSE, min(cells // 4**halvings, room)))
     counts, most, slack, proven = grid.wet.copy(), math.inf, _SLACK, 0.0

@@ -218,7 +218,7 @@ def _off_line(
     c: FloatArray, at: int, i: int, j: int, slices: int, rows: int, columns: int,
     axis: FloatArray, k: int,
 ) -> float:  # fmt: skip
-    """How far a velocity is off the line through those so many slices, rows and columns beside it.
+    """Return how far a velocity is off the line through its two neighbours at given offsets.
 
     `axis` has their places: its own is the kth.
     """
@@ -245,7 +245,7 @@ _AROUND = 2
 
 
 def whole_grid(voyage: Voyage, cells: int) -> TravelGrid:
-    """Grid of about so many cells over the extent's bounding box, with nodes at start and goal."""
+    """Return a grid of about `cells` cells over the extent, with nodes at start and goal."""
     chart = voyage.chart
     xmin, ymin, xmax, ymax = chart.bounds
     wide, high = xmax - xmin, ymax - ymin
@@ -298,7 +298,7 @@ def turned_round(grid: TravelGrid, arrival: float) -> TravelGrid:
 
 
 def widened(cells: BoolArray, by: int) -> BoolArray:
-    """Cells within so many rows and columns of some cells."""
+    """Return the cells within `by` rows and columns of some cells."""
     wide = cells.copy()
     for _ in range(by):
         wide[1:] |= wide[:-1].copy()

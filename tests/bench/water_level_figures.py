@@ -10,7 +10,7 @@ import numpy as np
 import renew
 from pipeline.sources.tides.fit import fit_files
 from tests.bench.figure import Figure, at_most
-from tests.tidal_waters import tidal_scene
+from tests.tidal_waters import SCALE, tidal_scene
 from tests.tide_oracles import (
     NOISE,
     PREDICTORS,
@@ -62,7 +62,7 @@ def bars() -> Iterator[Figure]:
     ratios, bounds, roundabout, shut, low, turns = [], [], 0, 0, 0, 0
     for seed in BARS:
         scene = tidal_scene(seed)
-        fuel, path = scene.oracle()
+        fuel, path = scene.oracle(2.0 * SCALE)
         in_time = scene.is_in_time_for_water(path) and len(path) > 0
         try:
             best = scene.plan(padding="none", classes=8).best

@@ -32,9 +32,9 @@ CONSTITUENTS = (
     *("MU2", "2N2", "J1", "M1", "OO1", "RHO", "LAM2", "M6", "S4", "MK3", "2MK3", "2SM2", "M3"),
     *("S1", "R2", "2Q1", "S6", "M8", "MF", "MM", "MSF", "SSA", "SA"),
 )
-"""Constituents by their weight in most waters: of two that a series can't tell apart the first is
+"""Constituents by their weight in most waters: of two that a series can't separate the first is
 fitted, and has the other's share."""
-# Shortest series, days: M2 and N2 are told apart after 27.6, and M2 and S2 after 14.8.
+# Shortest series, days: M2 and N2 can be separated after 27.6, and M2 and S2 after 14.8.
 _LEAST_DAYS = 29.0
 _HOUR = timedelta(hours=1)
 # Steps may be off the hour by this: times in float32 days are.
@@ -73,7 +73,7 @@ def fit_files(paths: Sequence[str]) -> "xr.Dataset":
         raise RequestError(f"{name_of(files)}: {error}") from None
 
 
-def told_apart(days: float, interval: timedelta) -> tuple[str, ...]:
+def separable(days: float, interval: timedelta) -> tuple[str, ...]:
     """Return the constituents that a series tells apart, by Rayleigh's and Nyquist's criterion."""
     turn = 360.0 / (24 * days)
     found: dict[str, float] = {}
@@ -92,7 +92,7 @@ def _series_faults(steps: TimeSteps) -> Iterator[str]:
         return
     interval = steps.interval
     days = (moments[-1] - moments[0] + interval) / timedelta(days=1)
-    apart = ", ".join(told_apart(days, interval)) or "no constituent at all"
+    apart = ", ".join(separable(days, interval)) or "no constituent at all"
     if interval > _HOUR + _SLACK:
         hours = interval / _HOUR
         yield (
@@ -119,7 +119,7 @@ def _fitted(contents: Contents) -> "xr.Dataset":
 
     steps = contents.steps
     moments = np.array([one.replace(tzinfo=None) for one in steps.moments], "datetime64[us]")
-    names = told_apart(len(moments) * (steps.interval / timedelta(days=1)), steps.interval)
+    names = separable(len(moments) * (steps.interval / timedelta(days=1)), steps.interval)
     design = _design(names, moments, steps.width)
     bounds = (contents.lon.min(), contents.lat.min(), contents.lon.max(), contents.lat.max())
     window = find_window(contents.lon, contents.lat, bounds)

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
-from pipeline.sources.tides.fit import fit_files, told_apart
+from pipeline.sources.tides.fit import fit_files, separable
 from tests.tide_oracles import NOISE, STREAM, fit_errors, series, utide_sum
 
 HOUR = timedelta(hours=1)
@@ -69,11 +69,11 @@ def test_the_fit_is_utide_s_with_the_same_constituents(tmp_path: Path) -> None:
 
 
 def test_rayleigh_says_what_a_series_tells_apart() -> None:
-    month, year = told_apart(29, HOUR), told_apart(366, HOUR)
+    month, year = separable(29, HOUR), separable(366, HOUR)
     assert {"M2", "S2", "N2", "K1", "O1", "Q1", "M4"} <= set(month)
     assert not {"K2", "P1", "NU2", "T2", "SSA", "SA"} & set(month)
     assert {"K2", "P1", "T2", "SSA", "SA", "S1"} <= set(year)
-    assert told_apart(400, 24 * HOUR)[:2] == ("MF", "MM")
+    assert separable(400, 24 * HOUR)[:2] == ("MF", "MM")
 
 
 def test_means_of_an_hour_are_told_by_their_bounds_and_mended(tmp_path: Path) -> None:
