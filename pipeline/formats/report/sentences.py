@@ -10,6 +10,8 @@ from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
 
 # Difference, as a share, below which two lengths, or two figures of fuel, are printed alike.
 _SAME_LENGTH, _SAME_FUEL = 5e-4, 5e-4
+# Least share by which a bound exceeds the fuel that a sentence names.
+_TELLING = 1e-3
 # A current is not mentioned if its mean speed is below this share of the vessel's, and no route
 # gains or loses that much by it.
 _NO_CURRENT = 0.01
@@ -93,10 +95,12 @@ class Season:
         if self.lacks_current:
             return "The side is not proven: the current on the way is not known."
         if self.sides is not None and self.sides.fuel > self.best.fuel:
-            least = text.at_least_percent(self.sides.fuel / self.best.fuel - 1)
+            more = self.sides.fuel / self.best.fuel - 1
+            # The bound stops as soon as it decides, which may be at hardly more.
+            needs = f"at least {text.at_least_percent(more)} more" if more >= _TELLING else "more"
             return (
                 "The side is proven, within the chart and in this current: any way on the other "
-                f"needs at least {least} more fuel."
+                f"needs {needs} fuel."
             )
         if self.sides is not None:
             return (

@@ -160,6 +160,8 @@ def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
         "The side is proven, within the chart and in this current: any way on the other needs at "
         "least 2.0 % more fuel."
     )
+    # A bound stops once it decides.
+    assert certainty(900.5).endswith("any way on the other needs more fuel.")
     assert "not proven: it is only known that no way on the other saves more than 10.0 %" in (
         certainty(810.0)
     )
