@@ -134,7 +134,9 @@ def _next_hours(
 
 def _check_datum(scenario: Scenario, land: Land, stations: Sequence[Station]) -> None:
     """Refuse a chart without depths, and depths and tides that are not counted from one datum."""
-    stated, datum, faults = scenario.chart.datum, scenario.chart.datum or land.datum, list[str]()
+    stated, faults = scenario.chart.datum, list[str]()
+    # A grid does not state its datum, whatever the cells beside it state.
+    datum = stated or ("" if scenario.chart.depths else land.datum)
     if land.depths is None:
         raise RequestError(
             "[tide] needs a chart with depths; give S-57 cells (chart.source, --charts) or a grid "

@@ -18,9 +18,13 @@ import shapely
 import pipeline
 from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_texts
+from pipeline.geo.lonlat import DepthCover
+from pipeline.geo.projection import Projection
+from pipeline.model import Land, Simplified
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.sources.tides.station import find_station
+from pipeline.stages.tides import tidal_depths
 from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
 from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.sources.depth_grids import emodnet
@@ -168,6 +172,17 @@ def test_what_does_not_fit_the_tide_is_refused(
         run(parse_scenario(data, tmp_path), tmp_path / "outputs")
     assert text in str(caught.value)
     assert not (tmp_path / "outputs" / "bar").exists()
+
+
+def test_a_grid_beside_cells_does_not_take_their_datum(tmp_path: Path) -> None:
+    data = scenario_data(tmp_path)
+    data["chart"] = {**data["chart"], "datum": ""}
+    scenario = parse_scenario(data, tmp_path)
+    cells = Land((), (), 5.0, depths=DepthCover(()), datum="MLLW")
+    region = shapely.box(*BOX)
+    simplified = Simplified((), (), 0, 0, 5.0, 5.0)
+    with pytest.raises(RequestError, match="does not state the datum of its depths"):
+        tidal_depths(scenario, cells, simplified, region, Projection.for_region(region))
 
 
 def test_water_far_from_every_station_is_refused_with_the_nearest(tmp_path: Path) -> None:
