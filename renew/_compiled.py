@@ -1,9 +1,9 @@
 """Compiles kernels and caches their machine code, so that only the first run on a machine waits.
 
-The one module of `renew` that knows files. Numba's own cache looks at the source of each function
-alone and misses an edit of another that it inlines; here the cache's folder is named by a hash of
-all sources with kernels. It lies in the package where that can be written, else in the user's
-cache, else in a temporary folder; a folder that can only be read (an installation by root, a
+This is the only module of `renew` that uses files. Numba's own cache checks the source of each
+function alone, and misses an edit of a function that it inlines. So the cache's folder is named by
+a hash of all sources with kernels. The folder is in the package if that can be written, else in the
+user's cache, else in a temporary folder; a folder that can only be read (an installation by root, a
 container that was warmed up) is still read. A file that can't be read, or is damaged, counts as
 missing.
 """
@@ -47,8 +47,8 @@ _DIGEST = hashlib.sha256().digest_size
 def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
     """Compile a function in nopython mode when it is first called; cached on disk.
 
-    Division by zero gives inf or NaN, as NumPy does. Other threads run on meanwhile, among them one
-    that ends the process on a signal. Under NUMBA_DISABLE_JIT=1 the function stays as it is.
+    Division by zero gives inf or NaN, as NumPy does. Other threads go on running, such as the one
+    that ends the process on a signal. Under NUMBA_DISABLE_JIT=1 the function is returned unchanged.
     """
     if not is_switched_on():
         return function
@@ -63,8 +63,8 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
 def small_kernel(function: FunctionT) -> FunctionT:
     """Compile a kernel that is inlined into the kernels that call it.
 
-    This is for lookups that are made millions of times: a call that takes arrays counts the
-    references to each of them, which takes longer than the lookup.
+    For lookups that are made millions of times: a call counts the references to each array that it
+    takes, which takes longer than the lookup.
     """
     return kernel(function, forceinline=True)
 
@@ -72,14 +72,14 @@ def small_kernel(function: FunctionT) -> FunctionT:
 def for_kernels(array: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return an array as floats in C order that can be written to; copied only if needed.
 
-    For any other kind of array the kernels would be compiled once more.
+    Kernels would be compiled again for any other kind of array.
     """
     return np.require(array, np.float64, ["C", "W"])
 
 
 @cache
 def cache_folder() -> Path:
-    """Return the folder to write machine code to: the first possible one that allows it."""
+    """Return the folder to write machine code to: the first candidate that can be written."""
     for folder in _lasting_folders():
         with contextlib.suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
@@ -98,7 +98,7 @@ def cache_is_temporary() -> bool:
 
 
 def _folders() -> tuple[Path, ...]:
-    """All folders from which machine code is loaded, first the one into which it is written."""
+    """All folders from which machine code is loaded; the first is the one to write to."""
     return tuple(dict.fromkeys((cache_folder(), *_lasting_folders())))
 
 
@@ -116,8 +116,8 @@ def _lasting_folders() -> tuple[Path, ...]:
 def _asked() -> Path | None:
     """Return the folder that NUMBA_CACHE_DIR names.
 
-    Numba's own value may come from a `.numba_config.yaml` in the working directory, and a
-    downloaded folder must not decide from where machine code is loaded.
+    Numba's own setting may come from a `.numba_config.yaml` in the working directory, and a
+    downloaded folder must not decide where machine code is loaded from.
     """
     asked = os.environ.get("NUMBA_CACHE_DIR")
     return Path(asked) if asked else None
@@ -142,7 +142,7 @@ def _open_as_package(*folders: Path) -> None:
 def _temporary_folder() -> Path:
     """Return a folder that only this user may write to: machine code is loaded from it.
 
-    Where none can be made, the answer is a folder that can't exist, and nothing is saved.
+    If none can be made, returns a folder that can't exist, and nothing is saved.
     """
     with contextlib.suppress(OSError):
         own = Path(tempfile.gettempdir()) / f"renew-{os.getuid()}"
@@ -162,7 +162,7 @@ def _temporary_folder() -> Path:
 
 @cache
 def _name() -> str:
-    """Return the folder's name; it changes with each edit of a source with kernels, and Numba."""
+    """Return the folder's name: a hash of all sources with kernels, and of Numba's version."""
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         source = path.read_bytes()
@@ -184,7 +184,7 @@ def is_switched_on() -> bool:
 
 
 def is_cold() -> bool:
-    """Whether nothing is compiled yet, and code compiled by this process is kept for others."""
+    """Whether nothing is compiled yet, and this process can save the code that it compiles."""
     folders = () if cache_is_temporary() else _lasting_folders()
     return is_switched_on() and bool(folders) and not any(map(_holds_code, folders))
 
@@ -197,14 +197,14 @@ def _holds_code(folder: Path) -> bool:
 
 
 def processor() -> str:
-    """Return the processor that code is made for: this machine's, or that of NUMBA_CPU_NAME."""
+    """Return the processor for which code is made: this machine's, or the one in NUMBA_CPU_NAME."""
     return str(cpu_target.target_context.codegen().magic_tuple()[1])
 
 
 def has_all() -> bool:
-    """Whether all code of which `note_all` took note can still be loaded, undamaged.
+    """Whether all code that `note_all` listed can still be loaded, undamaged.
 
-    A folder that NUMBA_CACHE_DIR names has to hold it alone; while it holds none, it gets a copy.
+    A folder that NUMBA_CACHE_DIR names must hold all of it; if it holds none, it gets a copy.
     """
     first, *others = _folders()
     if first.parent == _asked() and not _holds_code(first):
@@ -218,14 +218,14 @@ def has_all() -> bool:
 
 
 def note_all() -> None:
-    """Take note of all code that there is, once everything was called that plans may call."""
+    """List all compiled code, after every kernel that a plan may call has been called."""
     if not save_failures():
         with _noting_failures():
             _note(cache_folder()).save(_circumstances(), _loadable())
 
 
 def _self_contained() -> tuple[Path, ...]:
-    """Folders that together are to hold all code: one that was asked for may be shipped alone."""
+    """Folders that together must hold all code; one that was asked for may be shipped alone."""
     return _folders()[:1] if cache_folder().parent == _asked() else _folders()
 
 
@@ -234,7 +234,7 @@ def _note(folder: Path) -> "_CacheFiles":
 
 
 def _circumstances() -> str:
-    """What decides which kernels plans call, with which types: callers also, and the processor."""
+    """What decides which kernels are called, and how: all sources, versions and the processor."""
     sources = hashlib.sha256(b"\0".join(map(Path.read_bytes, sorted(_PACKAGE.rglob("*.py")))))
     machine = cpu_target.target_context.codegen().magic_tuple()
     return f"{sources.hexdigest()} {platform.python_version()} {np.__version__} {machine}"
@@ -255,7 +255,7 @@ _failures: list[OSError] = []
 
 @contextlib.contextmanager
 def _noting_failures() -> Iterator[None]:
-    """Go on where machine code can't be saved, and note why."""
+    """Continue if machine code can't be saved, and record why."""
     try:
         yield
     except OSError as error:
@@ -297,14 +297,14 @@ def _content(path: Path) -> bytes:
 class _CacheFiles(IndexDataCacheFile):
     """Index and machine code of a kernel in a folder, each file with a digest at its end.
 
-    They need neither stamp nor version: the folder is named by both.
+    They hold neither a stamp nor a version, because both are in the folder's name.
     """
 
     def _load_index(self) -> Any:  # noqa: ANN401 - a dictionary by keys of Numba's
         return self._load(self._index_path) or {}
 
     def loadable(self) -> Iterator[object]:
-        """Keys of all that can be loaded."""
+        """Keys of all code that can be loaded."""
         for key, data in self._load_index().items():
             with contextlib.suppress(OSError):
                 _content(Path(self._data_path(data)))
@@ -345,7 +345,7 @@ class _Locator(_CacheLocator):
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "_Locator":
-        """Return the locator of a function; Numba's own name for this."""
+        """Return the locator of a function; Numba calls this method by name."""
         del py_file
         return cls(py_func.__module__)
 
@@ -392,6 +392,6 @@ class _KernelCache(FunctionCache):
         return found
 
     def save_overload(self, sig: object, data: object) -> None:
-        """Save machine code; a full disk costs the next run its time, and nothing else."""
+        """Save machine code; if the disk is full, the next run merely has to compile again."""
         with _noting_failures():
             super().save_overload(sig, data)

@@ -1,7 +1,7 @@
 """Numba's compiler, changed so that only the kernels that Python calls get machine code.
 
-Numba fully compiles each function that another one calls: with optimization, machine code, and
-wrappers for Python and for C, although the caller gets a copy of its code. Most kernels are only
+Numba fully compiles every function that another one calls, with optimization, machine code and
+wrappers for Python and C, although the caller only needs a copy of its code. Most kernels are only
 called by others, as are all of Numba's own functions for arrays. Here, such a *part* is only typed,
 and becomes machine code only within its callers, which saves a third of the time.
 """
@@ -71,12 +71,12 @@ class _KernelCompiler(Compiler):
 def _for_kernels() -> Iterator[None]:
     """Have Numba compile its own functions as parts, too, and emit code that handles signals.
 
-    The garbage collector is off meanwhile: it would take a tenth of the time to look again and
-    again through compiled code, none of which is freed. Options are read all at once and not one by
-    one, as Numba uses them to look up its functions some 60,000 times.
+    The garbage collector is switched off meanwhile: it would spend a tenth of the time on compiled
+    code, none of which is freed. All options are read at once, because Numba looks up its functions
+    by them some 60,000 times.
     """
     if PythonAPI.unserialize is _unserialized_or_raised:
-        yield  # already set up for a kernel that calls this one
+        yield  # already set up, for a kernel that calls this one
         return
     codegen, collects = cpu_target.target_context.codegen(), gc.isenabled()
     PythonAPI.unserialize = _unserialized_or_raised  # type: ignore[method-assign]

@@ -240,7 +240,7 @@ class InfeasibleError(PlanningError):
     """One class can't be sailed; only inside the planner: a plan lists the class as rejected.
 
     `strait` is the narrowest gap that blocks its channel, if any does; `blocked` are the triangles
-    of all such gaps, each with the ones before and after it.
+    of all gaps that block it, each with the triangles before and after it.
     """
 
     strait: Strait | None = None
@@ -311,7 +311,7 @@ def is_finite(value: object) -> TypeGuard[float]:
     """Whether a value is a number that is finite as a float."""
     try:
         return is_number(value) and math.isfinite(value)
-    except OverflowError:  # a whole number beyond the floats
+    except OverflowError:  # an int too large for a float
         return False
 
 

@@ -12,8 +12,8 @@ from renew.voyage.voyage import Voyage
 class FuelBound:
     """The fuel that no route of a voyage can stay below, of any class.
 
-    It is computed from the voyage when first asked for, unless it is known already. `kept` is the
-    bound on routes that keep the plan's clearance, or gives the voyage in their water.
+    It is computed from the voyage when first asked for, unless a number is given. `kept` is the
+    bound on routes that keep the plan's clearance, or a function that gives their voyage.
     """
 
     source: Voyage | float
@@ -62,7 +62,7 @@ class FuelBound:
 
     def gap_at_clearance(self, fuel: float) -> float:
         """Share by which fuel exceeds the bound on routes that keep the plan's clearance, >= 0."""
-        # The bound in less water may be looser, but holds there as well.
+        # The bound on any route holds here too, and may be the tighter one.
         return _gap(fuel, max(self.value, self.at_clearance))
 
 

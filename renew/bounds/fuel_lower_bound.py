@@ -95,27 +95,27 @@ from renew.voyage.voyage import Voyage
 _COARSE = 2_000
 # Largest number of nodes of all slices together.
 _MAX_NODES = 6_000_000
-# Share of it that a grid is laid out for.
+# Share of these nodes for which a grid is planned.
 _SPARE = 0.9
 # U, as a multiple of the time in the mean current, on the first grid and on finer ones.
 _SLACK, _CLOSE = 1.02, 1.001
-# Number of rounds on a grid, and on one whose bound is only to tell which cells count.
+# Number of rounds on the finest grid, and on coarser grids, which only tell which cells count.
 _ROUNDS, _ROUNDS_BEFORE = 3, 2
-# Share of U above which a bound counts as U itself: then it is U that holds the bound down.
+# A bound above this share of U counts as limited by U.
 _ALL = 1 - 1e-9
 
 
 def least_time(voyage: Voyage, cells: int, wanted: float) -> float:
-    """Time (s) below which no route of a voyage without stops can stay; a cost at a price of time.
+    """Return a lower bound (s) on a voyage without via points; on its cost, at a price of time.
 
-    The finest grid has about `cells` cells in the whole extent. Above `wanted` the bound is made no
-    better.
+    The finest grid has about `cells` cells in the whole extent. Refinement ends when the bound is
+    above `wanted`.
     """
     cells = min(cells, int(_SPARE * _MAX_NODES / _slices_met(voyage)))
     halvings, proven = max(0, math.floor(math.log(cells / _COARSE, 4))), 0.0
     while True:
-        # On a coarse grid the front may slip through narrow land. Then U, taken from it, holds the
-        # bound down, and a finer grid is begun with; the finest makes do without U.
+        # On a coarse grid the front may slip through narrow land. Then U is too small and limits
+        # the bound, so the next try begins with a finer grid; the finest does not use U.
         most, bound = _refined(voyage, cells, halvings, wanted)
         proven = max(proven, bound)
         if bound < most * _ALL or halvings == 0:
@@ -124,7 +124,7 @@ def least_time(voyage: Voyage, cells: int, wanted: float) -> float:
 
 
 def _slices_met(voyage: Voyage) -> int:
-    """Number of slices of the current that a quick route meets, nearly."""
+    """Estimate the number of slices of the current that a quick route meets."""
     if not (voyage.has_price or voyage.current.is_steady):
         mean = _mean_time(whole_grid(voyage, _COARSE), voyage.start, voyage.goal)
         voyage = in_hours(voyage, _SLACK * mean)
@@ -139,7 +139,7 @@ def _refined(voyage: Voyage, cells: int, halvings: int, wanted: float) -> tuple[
     for level in range(halvings + 1):
         if level > 0:
             grid, counts = halved(voyage, grid, counts)
-        # A finer grid than the second tells hardly more.
+        # Grids finer than the second hardly change U.
         if halvings > 0 and level <= 1:
             most, slack = min(most, slack * _mean_time(grid, voyage.start, voyage.goal)), _CLOSE
             if not voyage.has_price:
@@ -160,7 +160,7 @@ def _on_grid(
     wanted: float,
     rounds: int,
 ) -> float:
-    """Time (s) that a grid proves, `most` at the most; cells that it drops count no longer."""
+    """Return the bound (s) that a grid proves, up to `most`; dropped cells count no longer."""
     ends, proven = (voyage.start, voyage.goal), 0.0
     there, back = Front(grid, *ends), None
     if most < math.inf:
@@ -207,7 +207,7 @@ class Front:
         self.time, self.dirty = source(self.grid, self.start)
 
     def advance(self, counts: BoolArray) -> float:
-        """Solve for u, make it obey (1) in the cells that count; the time (s) that this proves."""
+        """Solve for u so that (1) holds in the cells that count; return the bound (s) proven."""
         at_start, at_goal = locate(self.grid, self.start), locate(self.grid, self.goal)
         solve(self.time, self.dirty, self.stretch, self.grid, at_goal.corners(self.time))
         # Nodes far beyond the goal need no exact time: any φ will do that obeys (1).
@@ -239,7 +239,7 @@ class Front:
 
 
 def _mean_time(grid: TravelGrid, start: FloatArray, goal: FloatArray) -> float:
-    """Nearly the least time (s) from start to goal: no bound."""
+    """Estimate the least time (s) from start to goal; this is no bound."""
     return float(locate(grid, goal).values(mean_times(grid, start, goal)).max())
 
 
@@ -258,7 +258,7 @@ def _drop(
     rise_back: Rise,
     most: float,
 ) -> None:
-    """Drop the cells in which φₐ + φᵦ is `most` or more, by linear functions that are no larger."""
+    """Drop the cells in which linear functions that are nowhere above φₐ + φᵦ reach `most`."""
     rows, columns = counts.shape
     corners, bends = np.empty(5), np.empty(6)
     for r in range(rows):
@@ -314,25 +314,25 @@ def _add_least(
 
 # Number of cells of the finest grid, were it to cover the whole extent.
 _CELLS = 128_000
-# Number where speeds are chosen in a current that changes: that bound is loose, but not for the
-# grid.
+# The same if speeds are chosen in a changing current: a finer grid does not tighten that loose
+# bound.
 _CELLS_AT_CHOICE = 4_000
-# Price of time there, as a share of the route's own: where all hours count time is worth less.
+# Price of time in that case, as a share of the route's own: a lower price gives a better bound.
 _SHARE_OF_PRICE = 0.9
 
 
 def fuel_lower_bound(voyage: Voyage, cells: int = 0, enough: float = math.inf) -> float:
-    """Fuel below which no route from start to goal can stay, over all homotopy classes.
+    """Return a lower bound on the fuel of any route from start to goal, over all homotopy classes.
 
-    Infinite if no water joins them. See the module for the proof and for which currents it holds.
-    The grid has at least `cells` cells, as far as a changing current's slices leave room: where
-    narrow land matters, a coarse one lets the front through. A bound above `enough` (fuel units) is
-    made no better.
+    It is infinite if no water joins start and goal. See the module for the proof, and for the
+    currents for which it holds. The grid has at least `cells` cells, unless many slices of a
+    changing current need the memory: on a coarse grid the front slips through narrow land.
+    Refinement ends when the bound is above `enough` (fuel units).
 
-    With via points the bounds of the parts add up. Each holds for a part begun no earlier than the
-    bounds before it say, as a later start brings no earlier end (FIFO). Where
-    the current changes, and is as strong as the vessel in places, that may fail: then a part after
-    a via point takes no less than the straight way with the strongest current behind.
+    With via points the bounds of the parts add up. Each bound assumes that its part begins when the
+    bounds before it end, or later; a later start never means an earlier end (FIFO). This may fail
+    in a changing current that is as strong as the vessel in places. Then the bound of a part after
+    a via point is the straight line with the strongest current behind the vessel.
     """
     fewest = _CELLS
     if voyage.has_price and voyage.waters.current_change > 0:

@@ -30,11 +30,11 @@ from renew.voyage.voyage import Voyage, Waters
 def wet_cells(
     chart: Chart, x: FloatArray, y: FloatArray, among: BoolArray | None = None
 ) -> BoolArray:
-    """Cells (ny - 1, nx - 1) that hold water, of some; a sliver along their sides is none."""
+    """Which cells (ny - 1, nx - 1), `among` some, hold water; slivers along sides don't count."""
     from scipy.ndimage import label
 
     near_shore = _near_lines(chart.open_water.boundary, x, y)
-    # A region apart from all shores is all water or all land: one point tells which.
+    # A region of cells without a shore is all water or all land: one point decides.
     regions, count = label(~near_shore)
     one_of = np.zeros(count + 1, dtype=np.int64)
     one_of[regions.ravel()] = np.arange(regions.size)
@@ -139,7 +139,7 @@ def _slope_spread(
 
 
 def _least_of_columns(values: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Least of values (n, m, 2) in the columns from `first` (c,) to `last`, or one: (n, c, 2)."""
+    """Least (n, c, 2) of values (n, m, 2) in columns `first` (c,) to `last`, at least in one."""
     least = values[:, first]
     for further in range(1, int((last - first).max(initial=0)) + 1):
         least = np.minimum(least, values[:, np.maximum(first, np.minimum(first + further, last))])
@@ -200,7 +200,7 @@ def _sampled_deviation(
 
 @small_kernel
 def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArray) -> float:
-    """How far a node's velocity is off the lines through its neighbours; at a side, of the next."""
+    """How far a velocity is off the lines through its neighbours; at a side, the next node's."""
     m, n = min(max(i, 1), y.size - 2), min(max(j, 1), x.size - 2)
     along_x = _off_line(c, at, i, n, 0, 0, 1, x, n) if x.size > 2 else 0.0
     along_y = _off_line(c, at, m, j, 0, 1, 0, y, m) if y.size > 2 else 0.0
@@ -220,7 +220,7 @@ def _off_line(
 ) -> float:  # fmt: skip
     """Return how far a velocity is off the line through its two neighbours at given offsets.
 
-    `axis` has their places: its own is the kth.
+    `axis` has the coordinates, the node's own being `axis[k]`.
     """
     part = (axis[k] - axis[k - 1]) / (axis[k + 1] - axis[k - 1])
     u, v = c[at, i, j, 0], c[at, i, j, 1]
@@ -232,15 +232,15 @@ def _off_line(
 
 
 ROUNDING = 1e-6
-"""Share by which a bound is lowered for rounding, and for routes that graze a shore by that."""
+"""Share by which a bound is lowered, for rounding and for routes that touch a shore by rounding."""
 
 # Least number of cells along the shorter side, and largest along the longer.
 _MIN_CELLS, _MAX_CELLS = 4, 50_000
 # Least distance, as a share of a cell, of the grid lines through start and goal from each other and
 # from the extent's sides.
 _NARROWEST = 0.2
-# Number of cells around those that count over which a finer grid still finds its travel times: the
-# way of a front that leaves them for a while.
+# Travel times on a finer grid are also computed on this number of cells around those that count,
+# because a front may leave them for a while.
 _AROUND = 2
 
 
@@ -257,7 +257,7 @@ def whole_grid(voyage: Voyage, cells: int) -> TravelGrid:
 
 
 def halved(voyage: Voyage, grid: TravelGrid, counts: BoolArray) -> tuple[TravelGrid, BoolArray]:
-    """Grid of half the step around the cells that count, and which of its own cells count."""
+    """Return a grid of half the step around the cells that count, and which of its cells count."""
     wet = grid.wet & widened(counts, _AROUND)
     rows, columns = np.flatnonzero(wet.any(axis=1)), np.flatnonzero(wet.any(axis=0))
     tall, wide = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
@@ -269,9 +269,9 @@ def halved(voyage: Voyage, grid: TravelGrid, counts: BoolArray) -> tuple[TravelG
 
 
 def in_hours(voyage: Voyage, duration: float) -> Voyage:
-    """A voyage in the slices of its current from the departure until so much later (s).
+    """Return the voyage with the slices of its current from departure to `duration` (s) later.
 
-    A route that takes no longer meets no others.
+    A route that takes no longer than that meets no other slices.
     """
     current = voyage.current
     if not isinstance(current, VaryingCurrent):
@@ -318,7 +318,7 @@ def _over(voyage: Voyage, x: FloatArray, y: FloatArray, wet: BoolArray) -> Trave
 
 
 def _hours(voyage: Voyage, x: FloatArray, y: FloatArray, strongest: float) -> FloatArray:
-    """Hours (2, ny - 1, nx - 1), s, from and until which a vessel in time may be in each cell.
+    """Times (2, ny - 1, nx - 1), s, from and until which a vessel that is in time may be in cells.
 
     It goes no faster than at its highest speed with the strongest current (m/s) behind. Where the
     end comes before the beginning no way leads there.
@@ -363,7 +363,7 @@ def _with_middles(axis: FloatArray) -> FloatArray:
 
 
 def _axis(low: float, high: float, through: tuple[float, float], step: float) -> FloatArray:
-    """Ascending nodes from low to high, about a step apart, some at the places well inside."""
+    """Ascending nodes from low to high, about a step apart, and at `through` if well inside."""
     stops = [low]
     for place in sorted(through):
         if min(place - stops[-1], high - place) > _NARROWEST * step:

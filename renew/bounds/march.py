@@ -345,10 +345,10 @@ def set_bends(bends: FloatArray, time: FloatArray, wet: BoolArray, r: int, c: in
 
 @small_kernel
 def _bend(time: FloatArray, wet: BoolArray, r: int, c: int, dr: int, dc: int) -> float:
-    """Bend of a side from a node (r, c) on: a quarter of a second difference of u, negative.
+    """Bend of a side that begins at a node (r, c): minus a quarter of a second difference of u.
 
-    It is the lesser one of those at its ends, or 0 where they disagree: where two fronts meet, or
-    in a fan, u bends at one end alone. Without water beyond both ends it is 0.
+    It is the smaller of the bends at its ends, or 0 if their signs differ: where two fronts meet,
+    and in a fan, u bends at one end only. Without water beyond both ends it is 0.
     """
     least, most = np.inf, -np.inf
     for k in range(-1, 2):
@@ -365,7 +365,7 @@ def _bend(time: FloatArray, wet: BoolArray, r: int, c: int, dr: int, dc: int) ->
 
 @small_kernel
 def _is_open(wet: BoolArray, r: int, c: int, dr: int, dc: int) -> bool:
-    """Whether there is a side, or a diagonal, from a node (r, c) on, and water beside it."""
+    """Whether a side or diagonal begins at a node (r, c), with water beside it."""
     rows, columns = wet.shape
     to_r, to_c = r + dr, c + dc
     if min(r, to_r) < 0 or max(r, to_r) > rows or min(c, to_c) < 0 or max(c, to_c) > columns:

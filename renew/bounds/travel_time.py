@@ -1,10 +1,10 @@
 """Travel times from a point to the nodes of a grid in a current: the value function u.
 
-u, the least time from the start, is taken as linear on the grid's triangles: a node is reached
-from the best place on a segment between two others of its triangle (Tsitsiklis, 1995), in the
-mean current of the way there at the time of the first. Nodes are settled in Dijkstra's
-order, and settled again where a later node improves them, as it may in a current. Only the cells
-that hold water are crossed.
+u, the least time from the start, is taken as linear on the grid's triangles: a node is reached from
+the best place on a segment between two others of its triangle (Tsitsiklis, 1995), in the mean
+current on the way, at the time when the first of the two is reached. Nodes are settled in
+Dijkstra's order, and settled again where a later node improves them, as it may in a current. Only
+the cells that hold water are crossed.
 
 u is an approximation: :mod:`renew.bounds.fuel_lower_bound` derives a proven bound from it, and has
 it solved again with the slowness of some cells lowered.
@@ -107,19 +107,19 @@ def locate(grid: TravelGrid, point: FloatArray) -> Place:
 def _passage(dx: float, dy: float, cx: float, cy: float, deviation: float, polar: Polar) -> float:
     """Least time (s) along (dx, dy) m in a current c that may be off by a deviation (m/s).
 
-    Projected, a vessel may tack: v + c·T is no convex polar below v/2, and its hull there is
-    v²/(-4 c·T).
+    In the projected model a vessel may tack: below v/2 the polar v + c·T is not convex, and its
+    hull is v²/(-4 c·T).
     """
     length = math.sqrt(dx * dx + dy * dy)
     tx, ty = dx / length, dy / length
-    # What the current is off helps no more than as much speed would. A vessel that chooses its
-    # speed may not want more of it: the deviation is a following current to it.
+    # The deviation helps no more than the same increase of speed would. A vessel that chooses its
+    # speed may not want more speed; for it the deviation is taken as a following current.
     following = deviation if polar.least < polar.speed else 0.0
     cx, cy = cx + following * tx, cy + following * ty
     speed = ground_speed(cx, cy, tx, ty, polar)
     if not polar.crab and speed <= polar.speed / 2:
         speed = polar.speed * polar.speed / (4 * (polar.speed - speed))
-    # The speed of a course that can't be held is no number.
+    # The speed is NaN on a course that can't be held.
     if not speed > _MIN_SPEED * polar.speed:
         speed = _MIN_SPEED * polar.speed
     return float(length / (speed + deviation - following))
@@ -211,8 +211,8 @@ def _reached(
 ) -> float:
     """Earliest arrival (s) at a neighbour of the node (row, column), left at `times[0]`.
 
-    It is reached from the segments between the node and the two beside it on the neighbour's own
-    ring, if these are settled already, else straight. `legs` (2, 2) and `times[1]` are written to.
+    It is reached from the two segments that join the node to the nodes next to both, if those nodes
+    are settled already, else straight from the node. `legs` (2, 2) and `times[1]` are written to.
     """
     rows, columns = time.shape
     now = times[0]
@@ -232,7 +232,7 @@ def _reached(
             continue
         times[1] = time[by_row, by_column]
         if times[1] == np.inf or (dirty[by_row, by_column] and times[1] > now):
-            # Its turn comes, and this triangle's with it.
+            # The node beside is settled later, and uses this triangle then.
             straight, deviation = min(straight, stretch[r, c]), grid.deviation[r, c]
             continue
         # The mean of the current on the way from the segment's middle.
@@ -250,7 +250,7 @@ def _reached(
 
 
 def mean_times(grid: TravelGrid, start: FloatArray, goal: FloatArray) -> FloatArray:
-    """Times (ny, nx), s, from a start on in the grid's current as it is, until the goal's cell."""
+    """Times (ny, nx), s, from a start to the goal's cell, in the current without its deviation."""
     grid = grid._replace(deviation=np.zeros(grid.wet.shape))
     time, dirty = source(grid, start)
     corners = locate(grid, goal).corners(time)

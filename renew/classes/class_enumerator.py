@@ -1,19 +1,19 @@
-"""The k first homotopy classes between two points, each as a channel of triangles.
+"""The first k homotopy classes between two points, each as a channel of triangles.
 
-A channel is a simple path in the dual graph of the triangulation. ``order="fuel"`` gives first the
-class whose quickest path on a roadmap needs the least fuel
-(:mod:`renew.classes.k_best_paths`); ``"length"`` the one of the shortest path; ``"depth-first"``
-takes classes in the order in which the paper's depth-first search meets them.
+A channel is a simple path in the dual graph of the triangulation. ``order="fuel"`` sorts classes by
+the fuel of their quickest path on a roadmap (:mod:`renew.classes.k_best_paths`); ``"length"`` by
+the length of their shortest path; ``"depth-first"`` is the order in which the paper's depth-first
+search meets them.
 
 Where small islands have no ray (see :mod:`renew.classes.h_signature`), one class has many channels,
 and the first may be blocked by its padding. So blocked transitions can be excluded, and the
 enumerator gives the next channel of that class.
 
-Via points part a voyage. Each part begins when the one before it ends. An earlier arrival at a via
-point means no later arrival at the next one (FIFO), so the best way of all begins with the best way
-to each via point, and the k best combinations of classes are found part by part. Of two lists in
-ascending order the i-th of one and the j-th of the other can be among the k least sums only where
-i x j <= k, counted from 1.
+Via points divide a voyage into parts; each part begins when the one before ends. An earlier arrival
+at a via point never means a later arrival at the next (FIFO). So the best route begins with the
+best path to each via point, and the k best combinations of classes are found part by part. Of two
+lists in ascending order the i-th of one and the j-th of the other can be among the k least sums
+only where i x j <= k, counted from 1.
 """
 
 import itertools
@@ -184,7 +184,7 @@ class ClassEnumerator:
         blocked: Collection[Transition] = (),
     ) -> list[Channel]:
         """Return the channels of the quickest paths on a roadmap that rays distinguish."""
-        # Without rays all channels are one class, which needn't be looked for everywhere.
+        # Without rays all channels are of one class, so the roadmap need not cover all water.
         count = count if len(rays.x) else 1
         columns = RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0))
         task = Task(graph, columns, self._excluded(blocked))
@@ -216,7 +216,7 @@ class ClassEnumerator:
                 yield channel
 
     def _excluded(self, blocked: Collection[Transition]) -> BoolArray:
-        """Return transitions as the compiled search takes them: (t, 4, 4)."""
+        """Return blocked transitions in the form for compiled code: (t, 4, 4)."""
         neighbours = self._triangulation.neighbours
         excluded = np.zeros((len(neighbours), 4, 4), dtype=bool)
         for before, triangle, after in blocked:
@@ -277,7 +277,7 @@ class ViaEnumerator:
         combined: list[tuple[float, tuple[Channel, ...]]] = [(0.0, ())]
         for at, part in enumerate(self.parts):
             earliest = combined[0][0]
-            # Where no way can be made the clock stops.
+            # If the part can't be sailed, the clock stops.
             begin = self.voyage.departure + (earliest if math.isfinite(earliest) else 0.0)
             voyage = self.voyage.part(at, begin)
             found = [

@@ -9,8 +9,8 @@ touches the end of the chart can't be passed on that side and has no ray.
 Some islands get no ray, so that classes which differ only around a rock have the same word: islands
 below a given size, or all but the few largest on the way, by which a navigator distinguishes ways.
 Otherwise, among hundreds of islets, all of the best classes would pass the large islands on the
-same side. There are just enough of these few to give k classes if each is passed on either side.
-The largest island has a ray, however small it is.
+same side. Just enough large islands get a ray to give k classes, if each can be passed on both
+sides. The largest island has a ray, however small it is.
 """
 
 import math
@@ -33,7 +33,7 @@ At each via point there is a `VIA` in the word.
 """
 
 VIA = 0
-"""Stands between the words of two parts of a voyage."""
+"""Separates the words of the parts of a voyage, at a via point."""
 
 IDENTITY = "e"
 """The name of the empty word: no ray is crossed."""
@@ -71,7 +71,7 @@ class Rays:
         return cls(x[order], y[order], order + 1, _sizes(islands)[order])
 
     def only(self, chosen: BoolArray) -> "Rays":
-        """Return some of the rays (i,), under their numbers."""
+        """Return only the chosen (i,) rays; they keep their numbers."""
         return Rays(
             self.x[chosen],
             self.y[chosen],
@@ -117,10 +117,10 @@ def _sizes(islands: npt.NDArray[np.object_]) -> FloatArray:
 
 @kernel
 def rays_between(x: FloatArray, ax: float, bx: float) -> tuple[int, int, int]:
-    """Return first, last and step of the rays between ax and bx, in a leg's order; last excluded.
+    """Return first, last (excluded) and step of the rays that a leg from ax to bx meets, in order.
 
-    A leg crosses a ray whose origin lies below the leg: see :func:`is_crossed`. Half-open on the
-    west, so that a path through a point right above an origin counts once.
+    A leg crosses a ray whose origin lies below the leg: see :func:`is_crossed`. The interval is
+    half-open on the west, so that a path with a point right above an origin counts once.
     """
     here = int(np.searchsorted(x, ax, side="right"))
     there = int(np.searchsorted(x, bx, side="right"))

@@ -170,7 +170,7 @@ def _by_clock(
 
 @kernel
 def _no_rows() -> list[IntArray]:
-    """Return an empty list of rows; the compiler knows its type by a row that is removed again."""
+    """Return an empty list of rows; a row is removed again so that the compiler knows its type."""
     rows = [np.empty(0, dtype=np.int64)]
     rows.clear()
     return rows

@@ -1,8 +1,8 @@
 """Straight legs between points, followed from triangle to triangle and timed.
 
-A leg has two times: the one when it is sailed, with the clock running, and the least one at any
-hour. The least time decides whether the leg can be part of one of the k best paths. In a steady
-current both are equal.
+A leg has two times: the time it takes when the vessel gets there, and the least time at any hour.
+The least time decides whether the leg can be part of one of the k best paths. In a steady current
+both are equal.
 """
 
 import math
@@ -128,7 +128,7 @@ def _fastest(
 class Mesh(NamedTuple):
     """The triangulation as legs are followed through it; `clearance` in m.
 
-    A passing edge is only crossed at places that are `clearance` off its ends on land.
+    A passing edge is only crossed at `clearance` or more from its ends on land.
     """
 
     corners: FloatArray  # (t, 3, 2), m

@@ -1,8 +1,8 @@
 """Rows of triangles that a search has met, and the words of their paths.
 
-A row leads from the start's triangle to where a path has got. It is *reduced*: a path that turns
-back through the edge by which it entered a triangle shortens it, so that paths that can be deformed
-into each other have the same row.
+A row leads from the start's triangle to the last triangle that a path has entered. It is *reduced*:
+a path that turns back through the edge by which it entered a triangle shortens it, so that paths
+that can be deformed into each other have the same row.
 """
 
 from typing import NamedTuple, TypeVar
@@ -34,9 +34,9 @@ _Number = TypeVar("_Number", np.int64, np.float64)
 
 # Columns of rows of triangles, (r, 8): they are a tree, each is one triangle longer than its stem.
 # A row is reduced: a path that turns back through the edge by which it entered a triangle shortens
-# it. _ENTRY is the corner opposite to that edge, 3 at the start; _ASTRAY counts its last triangles
-# from which the goal can't be reached without turning back; the last three columns say which row it
-# becomes across each edge of its last triangle.
+# it. _ENTRY is the corner opposite to that edge, 3 at the start; _ASTRAY is how many triangles a
+# path has to turn back from, at the row's end, to reach the goal; the last three columns give the
+# next row, across each edge of the last triangle.
 _STEM, _TRIANGLE, _ENTRY, WORD, _ASTRAY, _LONGER = range(6)
 
 
@@ -85,7 +85,7 @@ def first_row(task: Task) -> IntArray:
 def _note(
     rows: IntArray, new: int, stem: int, triangle: int, entry: int, word: int, astray: int
 ) -> None:
-    """Fill in the columns of a row, except those of longer rows."""
+    """Fill in the columns of a row; the rows that follow it are not known yet."""
     rows[new, _STEM], rows[new, _TRIANGLE], rows[new, _ENTRY] = stem, triangle, entry
     rows[new, WORD], rows[new, _ASTRAY] = word, astray
 
@@ -203,7 +203,7 @@ def _across(mesh: Mesh, triangle: int, out: int) -> tuple[Segment, Segment]:
 
 @kernel
 def _leads_on(task: Task, rows: IntArray, row: int, out: int) -> bool:
-    """Whether the goal can be reached across an edge of a row, entering none of its triangles."""
+    """Whether the goal can be reached across an edge without entering the row's triangles again."""
     mesh, last = task.graph.mesh, task.graph.triangle[GOAL]
     count = len(mesh.neighbours)
     if count > MAX_FLOODED:
@@ -262,7 +262,7 @@ def up_to(table: IntArray, row: int, column: int, before: int) -> IntArray:
 
 @kernel
 def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
-    """Return the number of the word after a leg that follows a word."""
+    """Return the number of the word that a leg makes of a word."""
     first, last, step = rays_between(rays.x, leg.ax, leg.bx)
     for i in range(first, last, step):
         if not is_crossed(rays.x[i], rays.y[i], leg):
@@ -290,7 +290,7 @@ def may_end(task: Task, rows: IntArray, row: int) -> bool:
 def number_of_classes(
     task: Task, words: Words, rows: IntArray, most: int
 ) -> tuple[int, IntArray, int]:
-    """Return the number of rows to the goal, at most `most`, the rows made, and their number.
+    """Return how many rows reach the goal (counted up to `most`), all rows made, and their number.
 
     Among many triangles nothing is counted, and the number is `most`.
     """

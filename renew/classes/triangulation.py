@@ -3,10 +3,10 @@
 Every vertex lies on the no-go zone or the extent (no Steiner points), so each simple path in the
 dual graph is exactly one homotopy class (RENEW, AAAI 2026). Shewchuk's Triangle makes it where that
 is installed (an extra, for its licence bars commercial distribution), else GEOS through shapely.
-Both give the same triangles, in another order, wherever the constrained Delaunay triangulation is
-unique: where no four vertices lie on one circle.
+Where no four vertices lie on one circle the constrained Delaunay triangulation is unique, and both
+give the same triangles, in another order.
 
-Water can be closed as if it were land. So is water whose current is as strong as the vessel.
+Water can be closed as if it were land, such as water whose current is as strong as the vessel.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from renew.inputs.chart import Chart
 from renew.kernels.current_table import weakest_and_strongest
 from renew.voyage.voyage import Voyage
 
-# A point this share of the chart's size outside all triangles lies on the water's edge.
+# A point outside all triangles by at most this share of the chart's size lies on the water's edge.
 _ON_EDGE = 1e-7
 
 Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
@@ -125,7 +125,7 @@ _KEPT: WeakKeyDictionary[Chart, Triangulation] = WeakKeyDictionary()
 
 
 def triangulation_of(chart: Chart) -> Triangulation:
-    """Return triangulation of a chart's whole water, made once: all plans on a chart share it."""
+    """Return the triangulation of a chart's whole water, made once for all plans on the chart."""
     if (kept := _KEPT.get(chart)) is None:
         kept = _KEPT[chart] = triangulate(chart)
     return kept
@@ -236,7 +236,7 @@ def _hazardous(
 ) -> BoolArray:
     """Mark the edges (t, 3) with no triangle behind them that lie on land.
 
-    Neither the extent's edge is land, nor the edge of closed water.
+    The edge of the extent and the edge of closed water are not land.
     """
     hazardous = neighbours < 0
     triangle, corner = np.nonzero(hazardous)
@@ -255,7 +255,7 @@ def _hazardous(
 
 
 def _area(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Return the twice the signed area (...) of triangles abc, positive anticlockwise."""
+    """Return twice the signed area (...) of triangles abc, positive anticlockwise."""
     return _cross(b - a, c - a)
 
 

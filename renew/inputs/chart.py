@@ -10,9 +10,9 @@ from shapely import MultiPolygon, Polygon
 
 from renew.errors import GeometryError, shown
 
-# Coordinates closer than this share of the extent's diagonal are one point. The grid keeps
-# overlay results noded (no sliver between an island and the extent that it touches), and is
-# far below anything that a vessel could notice: 1 mm on 1,000 km.
+# Coordinates closer than this share of the extent's diagonal are one point. Snapping to this grid
+# avoids slivers between an island and an extent that it touches. It is far below anything that a
+# vessel could notice: 1 mm on 1,000 km.
 _PRECISION = 1e-9
 
 
@@ -49,7 +49,7 @@ class Chart:
         islands = _all_polygons("no_go", no_go)
         bare = None if land is None else _all_polygons("land", land)
         _check(extent, {"no_go": islands, "land": bare or []})
-        # Where the extent has a hole there is no water: land like any other.
+        # A hole in the extent holds no water, so it is land.
         islands += [Polygon(hole) for hole in extent.interiors]
         extent = Polygon(extent.exterior)
         minx, miny, maxx, maxy = extent.bounds
@@ -80,7 +80,7 @@ class Chart:
         areas = list(areas)
         bare = list(self.no_go if self._land is None else self._land)
         other = Chart(self.extent, [*self.no_go, *areas], bare + areas if is_land else bare)
-        # An area that touches land is one obstacle with it, and land has a number.
+        # An area that touches land forms one obstacle with it, which keeps the land's number.
         merged = _polygons(shapely.union_all(np.array(areas, dtype=object)))
         land = shapely.union_all(np.array(sum(self.islands, ()), dtype=object))
         apart = tuple(one for one in merged if not shapely.intersects(one, land))
@@ -88,7 +88,7 @@ class Chart:
         return other
 
     def with_open_water(self, water: shapely.Geometry) -> "Chart":
-        """Return the chart for a bound on fuel that holds in other water (m)."""
+        """Return the chart with other water (m) for the bound on fuel."""
         other = copy.copy(self)
         vars(other)["open_water"] = water
         return other
@@ -117,7 +117,7 @@ class Chart:
         rest = shapely.difference(area, other, grid_size=self.precision)
         if isinstance(rest, Polygon | MultiPolygon):
             return rest
-        # Where both only touch, the grid leaves lines and points.
+        # Where the two areas only touch, snapping leaves lines and points.
         return MultiPolygon(_polygons(rest))
 
     @property
@@ -130,7 +130,7 @@ class Chart:
 def _all_polygons(name: str, geometries: object) -> list[Polygon]:
     """Return the polygons in geometries; refuse anything else."""
     is_text = isinstance(geometries, str | bytes)
-    # An array without axes claims to be iterable, and is not.
+    # A 0-dimensional array claims to be iterable, but is not.
     if is_text or not isinstance(geometries, Iterable) or not np.iterable(geometries):
         raise GeometryError(f"chart: {name} must be polygons in a row, not {shown(geometries)}")
     given = list(geometries)

@@ -21,12 +21,13 @@ from renew.kernels.capsules import wrapped
 from renew.kernels.current_table import CurrentTable, table_of, velocities
 
 # Number of rows of the lattice of barycentric coordinates over which a triangle's mean and spread
-# are taken: 36 points, vertices included. The single gyre's paddings are 2.8 % wider by them, in
-# the median, than by a dense lattice, and none is narrower (`python -m tests.bench draws`).
+# are taken: 36 points, vertices included. In the single gyre, paddings are in the median 2.8 %
+# wider than with a dense lattice, and none is narrower (`python -m tests.bench draws`).
 _LATTICE_ROWS = 8
 # Largest number of times in a window over which mean and spread are taken.
 _MAX_TIMES = 25
-# Largest figure of a field (m, m/s): far beyond any sea, and squares don't overflow.
+# Largest coordinate or speed (m, m/s): far larger than in any sea, but its square does not
+# overflow.
 _MAX_FIGURE = 1e12
 
 
@@ -137,8 +138,8 @@ def _sample_statistics(
             u, v = velocity[i, k]
             strength = math.hypot(u, v)
             speed_std[i] += (strength - speed[i]) ** 2 / samples
-            # Deviations from the mean direction, wrapped, and weighted by speed: the direction of
-            # nearly still water says nothing of where the vessel will drift.
+            # Deviations from the mean direction are wrapped, and weighted by speed, because the
+            # direction of nearly still water hardly matters for the drift.
             deviation = wrapped(math.atan2(v, u) - direction[i])
             if speed[i] > 0.0:
                 direction_std[i] += strength / (samples * speed[i]) * deviation**2
@@ -158,7 +159,7 @@ def as_field(current: CurrentLike) -> CurrentField:
 
 
 def checked_velocity(points: FloatArray, answer: object) -> FloatArray:
-    """Velocities (..., 2) that a function gave for points (..., 2); refuses any other answer."""
+    """Check and return velocities (..., 2) that a function returned for points (..., 2)."""
     velocity = as_floats("current: what the function returned", answer)
     if velocity.shape != points.shape:
         raise ParameterError(

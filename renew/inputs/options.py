@@ -46,10 +46,11 @@ class PlanOptions:
     clearance : float
         Floor on the padding (m).
     narrow_share : float
-        Where no way keeps the clearance, the share of its distance from the middle of the passage
-        that land keeps. The padding for turns never yields. 1: the clearance yields nowhere.
+        In passages too narrow for the clearance, the clearance is reduced to this share of the
+        distance between land and the middle of the passage. 1: it is never reduced. The padding for
+        turns is never reduced either.
     distinct_by : float or "auto"
-        Classes that differ only by islands smaller than this (m) count as one, with its best path.
+        Classes that differ only by islands smaller than this (m) count as one class.
         "auto": only the few largest islands near the route tell classes apart; all other islands
         are ignored.
     method : {"optimal", "sampled"}
@@ -67,8 +68,8 @@ class PlanOptions:
         Where adaptive padding meets the risk: on the way through each triangle (paper), or from
         every point of the final route as well, on its own heading.
     lateness : float
-        Share of the time since departure by which the vessel may be early or late anywhere: with
-        adaptive padding it can turn away at all these times. Of no effect in a steady current.
+        Share of the time since departure by which the vessel may be early or late. With adaptive
+        padding it can turn away at all these times. Has no effect in a steady current.
     min_lateness : float
         Time (s) by which it may be early or late at least, but not before the departure.
 
@@ -112,11 +113,11 @@ class PlanOptions:
 
     @property
     def min_width(self) -> float:
-        """Width (m) that every padding has at least, but in narrows to which clearance yields."""
+        """Least width (m) of any padding, except in narrows where the clearance is reduced."""
         return max(self.fixed_width, self.clearance)
 
     def likely_width(self, turning_radius: float) -> float:
-        """Width (m) that hardly any padding stays below: a turn is twice as wide as its radius."""
+        """Width (m) that nearly every padding has: a turn reaches further than its radius."""
         least = self.min_width if self.narrow_share == 1.0 else self.fixed_width
         return max(least, turning_radius if self.is_adaptive else 0.0)
 
@@ -182,7 +183,7 @@ def count_faults(name: str, value: object) -> list[str]:
 
 
 def choice_faults(name: str, value: object) -> list[str]:
-    """Faults of an option that is one of some words."""
+    """Return the fault of an option whose value must be one of some words."""
     words = get_args(_CHOICES[name])
     if is_one_of(value, words):
         return []
@@ -269,7 +270,7 @@ class Request(PlanOptions):
 def check_objects(
     chart: Chart, vessel: Vessel, avoid: Sequence[ShutArea] = (), depth: TidalDepth | None = None
 ) -> None:
-    """Refuse arguments that are no chart, no vessel, no row of areas or no depth."""
+    """Refuse a chart, vessel, areas or depth of another type."""
     check_kind("chart", chart, Chart)
     check_kind("vessel", vessel, Vessel)
     if not _is_row(avoid):

@@ -11,10 +11,10 @@ import numpy as np
 from renew._types import FloatArray
 from renew.inputs.tide import Tide
 
-# Time (s) between the heights of which the hours are made. At a tide of 6 m twice a day, a straight
-# line between two is off by 0.2 mm.
+# Time step (s) of the heights from which the hours are computed. With a tide of 6 m twice a day,
+# linear interpolation between two steps is off by 0.2 mm.
 _STEP = 120.0
-# Time (s) before and after a voyage that is looked at, so that messages name whole hours.
+# Time (s) before and after a voyage that is searched too, so that messages name complete periods.
 _AROUND = 86_400.0
 
 
@@ -64,7 +64,7 @@ class ReliedOnTide:
 
     def _excess(self, need: float, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
         """Times (n,), s, and by how much the predicted height less the surge exceeds a need, m."""
-        # Whole multiples of the step: the hours of a tide do not depend on who asks.
+        # Times are whole multiples of the step, so that the hours do not depend on `begin`.
         first, last = np.floor((begin - _AROUND) / _STEP), np.ceil((end + _AROUND) / _STEP)
         times = _STEP * np.arange(first, last + 1)
         return times, self.tide.heights(times) - self.surge - need
@@ -82,7 +82,7 @@ def _spells(times: FloatArray, excess: FloatArray) -> FloatArray:
 
 
 def _joined(hours: FloatArray) -> FloatArray:
-    """Hours (n, 2), s, in ascending order, with those joined that overlap."""
+    """Hours (n, 2), s, in ascending order, with overlapping ones joined."""
     if not len(hours):
         return hours
     apart = hours[1:, 0] > hours[:-1, 1]

@@ -14,8 +14,8 @@ from renew.kernels.current_table import CurrentTable, largest_speed, table_of, v
 # Number of cells along each side of the first table. Cells are halved until the table is fine, or
 # until it has the largest number, and 16 MB.
 _MIN_CELLS, _MAX_CELLS = 64, 1024
-# Ratio of a table's error to the coarser table's above which refining stops: it is a quarter in a
-# smooth field, and more in a field that has a step.
+# Refining stops if the error falls by less than this ratio when cells are halved. The ratio is 1/4
+# in a smooth field, and larger in a field with a step.
 _MAX_ERROR_RATIO = 0.5
 # Largest number of nodes of all slices together: 128 MB.
 _MAX_NODES = 8_000_000
@@ -32,12 +32,12 @@ _RANDOM_POINTS, _MAX_EXCESS = 16_384, 1.5
 def tabulated(
     field: Callable[[FloatArray], FloatArray], bounds: tuple[float, float, float, float]
 ) -> CurrentTable:
-    """Table of a steady field inside (xmin, ymin, xmax, ymax), as fine as it needs to be."""
+    """Table of a steady field inside (xmin, ymin, xmax, ymax), as fine as the field needs."""
     return _made(field, bounds).table
 
 
 class _Made(NamedTuple):
-    """A table, and the number of cells a side at whose nodes it has the field, not the cubics."""
+    """A table, and the cells per side at whose nodes it holds the field, not the cubics."""
 
     table: CurrentTable
     cells_asked: int
@@ -143,7 +143,7 @@ def _error_at_random(field: Callable[[FloatArray], FloatArray], table: CurrentTa
 
 @kernel
 def halved(uv: FloatArray) -> FloatArray:
-    """Velocities (2n - 1, 2m - 1, 2) of halved cells, from velocities (n, m, 2) of nodes; n >= 4.
+    """Velocities (2n - 1, 2m - 1, 2) at twice as many nodes, from (n, m, 2) at nodes; n, m >= 4.
 
     New nodes lie on the cubics through the nearest four.
     """

@@ -27,19 +27,21 @@ Instants: TypeAlias = npt.NDArray[np.datetime64]
 
 # NOAA's names of constituents that pyfes spells otherwise.
 _SPELLED = {"LAM2": "LAMBDA2", "RHO": "RHO1"}
-# What pyfes's argument lacks to Schureman's, degrees: his T, of which M3 has three, is the hour
-# angle of the mean sun, 180° at midnight. The highest and lowest tides that NOAA publishes meet it.
+# Schureman's argument minus that of pyfes, degrees. His T is the hour angle of the mean sun, 180°
+# at midnight, and M3 contains 3 T. With this, predictions meet the extreme tides that NOAA
+# publishes.
 _TURNED = {"M3": 180.0}
-# Figures beyond these are typing errors: m, and one; s. And m or degrees of a constituent.
+# Larger figures are typing errors: heights (m) and ratios; times (s); a constituent's m and
+# degrees.
 _LIMITS = {"mean_level": (-1e3, 1e3), "ratio": (0.0, 1e3), "offset": (-86400.0, 86400.0)}
 _MOST = 1e6
 # Largest time from the epoch, s: three centuries, beyond which the arguments' series err.
 _MOST_TIME = 1e10
-# Time between predicted heights, s, and of those that are kept together. Straight between two, they
-# err by (ω 60 s)² A / 8: 0.1 mm with 9 m of M2.
+# Time step of predicted heights, s, and length of a block that is kept, s. Linear interpolation
+# errs by (ω 60 s)² A / 8: 0.1 mm for an M2 of 9 m.
 _STEP, _BLOCK = 60.0, 86400.0
-# The nodal factors follow the moon's node and perigee (18.6 and 8.85 years): ten turns of the one
-# and 21 of the other bring all their combinations. They are sampled every 20 days, and what lies
+# The nodal factors follow the moon's node and perigee (18.6 and 8.85 years): ten turns of one and
+# 21 of the other give all their combinations. The factors are sampled every 20 days; what is missed
 # between is less than the share below.
 _NODAL_DATES = ("1900-01-01", "2087-01-01", 20)
 _NODAL_MARGIN = 1.001
@@ -120,7 +122,7 @@ class Tide:
         object.__setattr__(self, "epoch", _instant(self.epoch))
 
     def __reduce__(self) -> tuple[type["Tide"], tuple[object, ...]]:
-        """Pickle the parameters alone: what was predicted is soon predicted anew."""
+        """Pickle the parameters only; predictions are quickly computed again."""
         return Tide, tuple(getattr(self, field.name) for field in fields(self))
 
     def heights(self, times: FloatArray) -> FloatArray:
@@ -255,7 +257,7 @@ def _waves(names: Iterable[str]) -> "WaveTableInterface":
 
 @lru_cache(maxsize=1)
 def _known() -> dict[str, str]:
-    """Names of all constituents by the library, by themselves in capitals."""
+    """The library's names of all constituents, by their spelling in capitals."""
     try:
         import pyfes
     except ImportError as error:

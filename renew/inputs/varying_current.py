@@ -1,6 +1,6 @@
 """Currents that change with time: slices with linear change between them, functions, a gyre.
 
-Times are seconds on the field's own clock, on which a plan's departure and arrivals stand, too.
+Times are seconds on the field's own clock; a plan's departure and arrivals use the same clock.
 """
 
 import math
@@ -39,9 +39,8 @@ class VaryingCurrent(CurrentField):
     times : array_like
         Strictly ascending times (nt,), s, two at least.
     currents : sequence or callable
-        A steady field for each time, between which the current changes linearly; or one function
-        of points (..., 2) and times (...) which is the current at any time; `times` then say how
-        closely it has to be sampled.
+        One steady field per time, with linear change in between; or one function of points (..., 2)
+        and times (...), which is sampled at `times`.
 
     Raises
     ------
@@ -105,7 +104,7 @@ class VaryingCurrent(CurrentField):
 
     @cached_property
     def _nodes(self) -> CurrentTable | None:
-        """All slices as one table, where each is a table of the same nodes."""
+        """All slices as one table, if their tables have the same nodes; else None."""
         nodes = [one.nodes for one in self._slices if isinstance(one, TabulatedCurrent)]
         if len(nodes) != self._times.size or not all(_same_axes(nodes[0], one) for one in nodes):
             return None
@@ -190,7 +189,7 @@ class SwingingGyre(CurrentField):
 
 
 def _faults(times: FloatArray) -> list[str]:
-    """Faults of the times of a current, each with the two times around it."""
+    """Return the faults of a current's times, each with the values concerned."""
     if times.ndim != 1 or times.size <= 1:
         return [f"times have shape {times.shape}; there must be two or more in a row"]
     if not np.isfinite(times).all():

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from renew.errors import ParameterError, is_number, shown
 
 MAX_SPEED = 1e6
-"""Highest speed through water (m/s) that is taken for no typing error."""
+"""Highest speed through water (m/s); a higher one is taken for a typing error."""
 
-# Largest figures that are taken for no typing error: m/s, rad/s, m; beyond them powers overflow.
+# Largest figures (m/s, rad/s, m, ...); larger ones are typing errors, and their powers overflow.
 _LIMITS = {
     "speed": MAX_SPEED,
     "turn_rate": 1e6,
@@ -54,7 +54,7 @@ class Vessel:
         ]
         if faults:
             raise ParameterError("vessel: " + "; ".join(faults))
-        # For whole numbers the compiler would compile every kernel once more.
+        # As floats, because every kernel would be compiled again for ints.
         for name in _LIMITS:
             object.__setattr__(self, name, float(getattr(self, name)))
 

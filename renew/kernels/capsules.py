@@ -32,7 +32,7 @@ class Segment(NamedTuple):
 class Capsules(NamedTuple):
     """Capsules around segments `start` to `end` (c, 2), m, with radii (c,), m.
 
-    A radius of 0 is no capsule; a negative radius is a bare edge, which a leg may not even touch.
+    A radius of 0 means no capsule; a negative radius means a bare edge, which a leg must not touch.
     """
 
     start: FloatArray

@@ -75,7 +75,7 @@ class CurrentTable(NamedTuple):
         return self.error <= _TOLERANCE * self.strongest
 
     def extremes(self) -> "tuple[CurrentTable, CurrentTable, bool]":
-        """Return steady tables of least and largest velocity by axis, and whether they agree."""
+        """Return steady tables of the least and the largest u and v, and whether they are equal."""
         if self.is_steady:
             return self, self, True
         least, largest = self.uv.min(axis=0), self.uv.max(axis=0)

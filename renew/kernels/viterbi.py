@@ -130,7 +130,7 @@ def arrivals(path: FloatArray, water: Stream) -> FloatArray:
 
 @kernel
 def shortcut(path: FloatArray, water: Stream, capsules: Capsules, longest: float) -> BoolArray:
-    """Return which points (n,) to keep, so that no short leg past one is clear and no slower.
+    """Return which points (n,) to keep: points that a short leg passes clear and no slower go.
 
     Legs up to `longest` metres are tried in one pass along the path, from the time of passage.
     """

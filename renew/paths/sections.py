@@ -274,7 +274,7 @@ def _without_repeats(path: FloatArray) -> tuple[FloatArray, int]:
 
 @kernel
 def points_beside(path: FloatArray, window: float, count: int, capsules: Capsules) -> FloatArray:
-    """Return points (n, count, 2) on the transversals of a path (n, 2), n >= 3; its ends repeat.
+    """Return points (n, count, 2) on transversals of a path (n, 2), n >= 3; at its ends, copies.
 
     They lie up to `window` m to either side, outside capsules; the last one of each row is the
     path's own point.

@@ -14,8 +14,9 @@ from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.sampled_paths import chosen_class
 from renew.results import Plan, Rejected
 
-# A variant is a class that differs only around islands that normally distinguish no classes.
-# Number of variants that are searched for the best route, and number planned beside the best route.
+# A variant is a channel of a class that passes a small island, one without a ray, on another side.
+# Number of variants searched if only the best route is wanted, and number planned near the best
+# route.
 _VARIANTS, _BESIDE = 8, 4
 # Ratio to the best fuel up to which a route is searched for variants around small islands: the
 # first estimate of fuel is no more exact.
@@ -116,9 +117,9 @@ class ClassSearch:
     ) -> None:
         """Find paths of the first k classes; see :func:`plan_classes`.
 
-        The first `variants` variants are tried, and the first `beside` variants beside the best
-        route. Classes whose estimate is more than `dearest` times the best one are skipped if
-        another class has a path.
+        Up to `variants` variants are tried, and up to `beside` variants near the best route.
+        Classes whose estimate is more than `dearest` times the best one are skipped if another
+        class has a path.
         """
         problem, options = self._planner.problem, self._planner.options
         clearance = options.likely_width(problem.voyage.vessel.turning_radius)
@@ -128,7 +129,7 @@ class ClassSearch:
             options.order == "fuel" and options.method == "optimal" and self._planner.is_thorough
         )
         if is_free and problem.rays.omits_islands:
-            # The best of all channels is the best of its class, by whichever islands.
+            # The best channel of all is also the best of its class, whichever islands it passes.
             self.plan_in_rounds(scout, min(classes, variants), self.add_variant)
         seen_all = self.plan_in_rounds(enumerator, classes, self.add)
         count = len(self.found.keys() | self._too_dear.keys())
@@ -157,7 +158,7 @@ class ClassSearch:
         classes: int,
         add: Callable[[Channel], frozenset[Transition]],
     ) -> bool:
-        """Plan the first k classes around blocked places; return whether these are all classes."""
+        """Plan the first k classes around blocked places; return whether there are no others."""
         blocked: set[Transition] = set()
         there_are = classes
         for _ in range(_MAX_ROUNDS):
@@ -178,7 +179,7 @@ class ClassSearch:
         return frozenset() if channel.word in self.found else self._add(channel, channel.word)
 
     def add_variant(self, channel: Channel) -> frozenset[Transition]:
-        """Plan a channel named by more islands; its class keeps the best of its channels."""
+        """Plan a variant; its class keeps the best path of all its channels."""
         return self._add(channel, self._rays.of_word(channel.word))
 
     def find_beside_best(self, scout: ClassEnumerator | ViaEnumerator, count: int) -> None:
@@ -219,7 +220,7 @@ class ClassSearch:
         return frozenset()
 
     def _find(self, channel: Channel) -> ClassPath:
-        """Return the path of a channel's class; if it leaves the class, keep it for another."""
+        """Return a channel's path if it stays in its class; else keep it for the class it is in."""
         found = self._planner.find(channel)
         word = self._planner.problem.word(found.path)
         if word != channel.word:

@@ -1,4 +1,4 @@
-"""The whole method in the paper's order: triangulate, classes, padding, best path, verify."""
+"""The whole method in the paper's order: triangulation, classes, padding, path, verification."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""What the classes of a plan share at any padding; each part is computed once."""
+"""What the classes of a plan share, whatever their padding; each item is computed once."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -58,7 +58,7 @@ class Problem:
         if options.distinct_by != "auto":
             return rays.only(rays.size >= options.distinct_by)
         start, goal = self.voyage.start, self.voyage.goal
-        # If padding shuts all ways, the best of them.
+        # If padding shuts every channel, take the best one without padding.
         found = self.scout(self.likely_width).channels(1) or self.scout(0.0).channels(1)
         path = found[0].midline(start, goal) if found else np.stack([start, goal])
         return rays_that_matter(rays, path, options.classes)

@@ -97,7 +97,7 @@ def _densified(
 def without_meeting(
     plan: Plan, areas: Sequence[Area], planner: ClassPlanner
 ) -> tuple[Plan, dict[Area, float]]:
-    """Return the plan without routes that meet shut areas, and the least fuel to meet each area."""
+    """Return the plan without routes that meet shut areas, and their least fuel by area."""
     routes, rejected, met = list[Route](), list(plan.rejected), dict[Area, float]()
     for route in plan.routes:
         reasons = meetings(route, areas, planner)

@@ -2,12 +2,13 @@
 
 The rule (:mod:`renew.turns.padding_model`) pads an edge e for each triangle t that a path crosses
 near it, by a quantile of the reach of drawn turns from t towards e, on a heading that depends on
-the path. So a path in t keeps at least the least quantile over all headings, g(t, e), off e; and
-whoever is nearer to e than P(e) = min over t of max(distance of t from e, g(t, e)) breaks the rule.
+the path. So a path in t stays at least g(t, e) off e, which is the least quantile over all
+headings. A path that comes nearer to e than P(e) = min over t of max(distance of t from e, g(t, e))
+breaks the rule.
 
-g is bounded by the turns that are drawn at least an angle γ off the heading, to one side. As none
-is off by more than 20°, such turns to the one side or to the other begin at an angle β from the
-normal of e with γ <= |β| <= 180° - γ, whatever the heading. A turn away from that side reaches
+g is bounded by the turns that are drawn at least an angle γ off the heading, to one side. As no
+turn is off by more than 20°, whatever the heading, such turns to one side or to the other begin at
+an angle β from the normal of e with γ <= |β| <= 180° - γ. A turn away from that side reaches
 
     h(|β|) = v/ω (√(1 - r²) + sin |β|) + δ (arccos r + |β|)/ω,    r = -δ/v,
 
@@ -37,20 +38,21 @@ from renew.inputs.options import PlanOptions
 from renew.turns.turn_reach import DrawnAside, TurnReach, TurnSampler
 from renew.voyage.voyage import Voyage, Waters
 
-# Largest padding that counts, in multiples of v/ω: edges have few triangles as near.
+# Largest padding that is considered, in multiples of v/ω: few triangles lie within it of an edge.
 _MOST = 1.5
 # Distance, as a share of an edge, within which a triangle lies on its line.
 _FLAT = 1e-9
 # Share by which paddings are lowered: a path may touch a triangle without crossing it.
 _ROUNDING = 1e-6
-# Share of a width that the water straight off an edge has to be off other land: else the edge lies
-# behind others. Places on a long edge from which that is looked at, and the one on a short edge.
+# An edge lies behind other land if a point at a width straight off it is less than this share of
+# the width away from that land. Places on a long edge from which this is checked, and on a short
+# edge.
 _FREE, _PLACES, _MIDDLE = 0.99, (0.02, 0.5, 0.98), 0.5
-# Number of cells on which ways past land are timed, and multiple of the best way's time up to which
-# the padding there counts.
+# Number of cells of the grid on which travel times are estimated. Padding at a place counts if a
+# route past it takes at most this multiple of the least time.
 _CELLS, _SLACK = 16_000, 1.01
-# Multiple of a turn's reach from a stop within which edges demand nothing: padding that has grown
-# there may hold the stop.
+# Edges within this multiple of a turn's reach from a stop get no padding here, because padding that
+# has grown there may contain the stop.
 _GROWN = 2.0
 # Places on a section, as shares, one of which keeps the clearance if the section is not narrow.
 _SHARES = (0.5, 0.25, 0.75)
@@ -104,9 +106,9 @@ def _outside(lines: npt.NDArray[np.object_], area: shapely.Geometry) -> npt.NDAr
 
 
 def _worth(voyage: Voyage, points: FloatArray) -> BoolArray:
-    """Which points (n, 2) a way past is so quick that their padding may raise the bound.
+    """Whether a route past each point (n, 2) is so quick that padding there may raise the bound.
 
-    Times are no more than estimates: without padding elsewhere the bound is no less true.
+    Times are estimates; the bound stays valid if padding is left out.
     """
     if not voyage.current.is_steady or len(voyage.via):
         return np.ones(len(points), dtype=bool)
@@ -122,7 +124,7 @@ def _worth(voyage: Voyage, points: FloatArray) -> BoolArray:
 
 
 def _outermost(triangulation: Triangulation, width: float, edges: FloatArray) -> BoolArray:
-    """Which edges (e, 2, 2) have water straight off that is as far from all other land."""
+    """Which edges (e, 2, 2) face water: the point at a width straight off is that far from land."""
     along = edges[:, 1] - edges[:, 0]
     # Water is on the left of an edge.
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
@@ -142,9 +144,9 @@ def _outermost(triangulation: Triangulation, width: float, edges: FloatArray) ->
 def _narrows(
     voyage: Voyage, triangulation: Triangulation, clearance: float, reach: float
 ) -> shapely.Geometry:
-    """Area around triangles with sections, maybe, none of whose places keeps the clearance (m).
+    """Area around triangles that may have a section without a place that keeps the clearance (m).
 
-    Within `reach` (m) of such triangles the clearance may yield
+    Within `reach` (m) of such triangles the clearance may be reduced
     (:func:`renew.planner.hindrances.with_clearance`).
     """
     ends = [triangulation.locate(stop) for stop in voyage.stops]
@@ -182,7 +184,7 @@ def _paddings(
     vessel, sampler = voyage.vessel, TurnSampler.for_risk(options.seed, options.risk)
     aside, *both = sampler.aside(options.risk)
     if not voyage.current.is_steady:
-        # No turn in a current of at most that speed drifts further off than that.
+        # Within this speed of the current no turn drifts further away from an edge.
         strongest = voyage.table.strongest + voyage.table.error
         sure = all(one.weight[one.speed <= 0].sum() > one.least for one in both)
         reach = _least_reach(-strongest, aside, vessel.speed, vessel.turn_rate) if sure else 0.0
@@ -228,7 +230,7 @@ def _lower(
     speed: float,
     turn_rate: float,
 ) -> None:
-    """Lower the padding (e,), m, of edges to what each triangle `row[p]`, `apart[p]` m off, gives.
+    """Lower the padding (e,), m, to the bound from each triangle `row[p]`, `apart[p]` m away.
 
     The rows ascend.
     """
@@ -262,9 +264,9 @@ def _lower(
 
 @kernel
 def _sides(edge: FloatArray, corners: FloatArray) -> tuple[float, float, bool, bool]:
-    """Normal of an edge (2, 2) to its left, and whether a triangle (3, 2) has points on each side.
+    """Return an edge's left normal, and whether a triangle has points on each side of its line.
 
-    One that is flat on the edge's line counts on both.
+    A triangle that is flat on the line counts as on both sides.
     """
     nx, ny = edge[0, 1] - edge[1, 1], edge[1, 0] - edge[0, 0]
     length = math.hypot(nx, ny)
@@ -277,9 +279,9 @@ def _sides(edge: FloatArray, corners: FloatArray) -> tuple[float, float, bool, b
 
 @kernel
 def _sure_drift(drift: FloatArray, drawn: DrawnAside, enough: float) -> float:
-    """Drift (m/s) that more of the draws (d,) reach than the risk allows; -inf if there is none.
+    """Return the largest drift (m/s) that more draws (d,) reach than the risk allows; else -inf.
 
-    Infinite if that many reach `enough`. The drifts are written to.
+    It is infinite if that many draws reach `enough`. The array `drift` is overwritten.
     """
     if drawn.weight[drift >= enough].sum() > drawn.least:
         return math.inf

@@ -209,7 +209,7 @@ class TurnSampler:
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def aside(self, risk: float) -> tuple[float, DrawnAside, DrawnAside]:
-        """Return an angle (rad), and the draws that are off by it to port, and to starboard."""
+        """Return an angle (rad), and the draws at least so far off course to port and starboard."""
         share = min(_SHARE_ASIDE, max(_LEAST_ASIDE, _TIMES_ASIDE * _SAFETY * risk))
         angle = HEADING_SPREAD * (1 - 2 * share)
         port, starboard = (

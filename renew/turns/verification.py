@@ -67,13 +67,13 @@ def passage_windows(
 
 _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 
-# Margin (share of v/ω) by which land is taken as wider, so that draws of another seed, or the field
-# between two stations, don't find what the verification missed; growing adds the same again.
+# Margin (share of v/ω) added to land, so that another seed, or a place between two stations, shows
+# no collision that the verification missed. Growing padding adds this margin once more.
 _MARGIN = 0.05
 # Factor by which padding grows more than it lacks: the re-planned path meets another current.
 _OVERSHOOT = 1.3
-# Factor by which a perturbed current may carry a turn further off than the current of one turn's
-# water suggests: a track that is carried off meets other water.
+# Factor on the distance by which a perturbed current may carry a turn away: on the way the turn
+# meets other currents than those around its beginning.
 _ELSEWHERE = 2.0
 # Distance between stations (share of v/ω), and the largest number of stations.
 _SPACING, _MAX_STATIONS = 0.6, 1_000_000
@@ -127,7 +127,8 @@ def colliding_edges(
         return turns, *tracks_touch(turns, bounds, edges, padded.start, padded.end, radius)
 
     if len(close):
-        # Perturbed turns are not flown where the unperturbed one stays too far off for any of them.
+        # No perturbed turns are flown where the unperturbed one stays so far off that none can
+        # touch land.
         drift = (furthest[close] - 2 * vessel.turning_radius) / 2
         off = _max_offset(points[close], field, vessel, drift, times[close])
         turns, track, _ = touching(close, margin + off, _CORNERS[:, :1])
@@ -143,7 +144,7 @@ def colliding_edges(
 
 
 def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:
-    """Return the current for flying turns, and how far off their tracks it may bring them (m).
+    """Return the current for simulated turns, and the error (m) that it may cause in their tracks.
 
     It is the table if that is fine, or if its error moves the tracks by little compared with the
     margin: a table of many slices may have to be coarse, to fit in memory.
@@ -166,7 +167,7 @@ def passed_stations(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return stations (n, 2) along a path, courses (n,), rad, and times of passage (n,), s.
 
-    In a current that changes each is there three times: passed early, on time and late.
+    In a changing current each station is listed three times: passed early, on time and late.
     """
     points, course = stations(path, spacing)
     times = voyage.reading_times(points)
@@ -278,7 +279,7 @@ def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Station
     )
     found, first = np.unique(found, return_index=True)
     met, back = np.unique(triangle[first], return_inverse=True)
-    # In each triangle from when the first of its stations is passed until the last is.
+    # A triangle's window lasts from the passage of its first station to that of its last one.
     within = np.tile([np.inf, -np.inf], (len(met), 1))
     np.minimum.at(within[:, 0], back, windows[found, 0])
     np.maximum.at(within[:, 1], back, windows[found, 1])

@@ -139,8 +139,8 @@ def _durations(
 class Passage(NamedTuple):
     """Times (p + 1,), s, at the ends of the pieces of a path, and the leg (p,) of each piece.
 
-    The first time is the departure, on the current's clock. A place to which no way leads has an
-    infinite time.
+    The first time is the departure, on the current's clock. A place that the vessel can't reach has
+    an infinite time.
     """
 
     leg: IntArray
@@ -152,7 +152,7 @@ class Passage(NamedTuple):
         with np.errstate(invalid="ignore"):
             lasts = np.diff(self.times)
         durations = np.zeros(self.leg[-1] + 1)
-        # Nothing is known of legs behind one that can't be passed.
+        # Nothing is known of legs after one that can't be sailed.
         np.add.at(durations, self.leg, np.where(np.isfinite(lasts), lasts, math.inf))
         return durations
 
@@ -226,8 +226,8 @@ def reading_times(
 ) -> FloatArray:
     """Return times (n,), s, at which the current at the points of a path (n, 2) is to be read.
 
-    They are times of passage at speeds (n - 1,), m/s, from the time at which it begins; in a steady
-    current all are that time. Where no way can be made the clock stops.
+    They are times of passage at speeds (n - 1,), m/s, with `begin` as the first; in a steady
+    current all are `begin`. At a leg that can't be sailed the clock stops.
     """
     if current.is_steady or len(path) < 2:
         return np.full(len(path), begin)
@@ -243,12 +243,12 @@ def times_under_way(
     is_steady: bool,
     guess: FloatArray | None = None,
 ) -> FloatArray:
-    """Return times (count + 1,), s, at the ends of the pieces of a way, the first at departure.
+    """Return times (count + 1,), s, at the ends of the pieces of a path, the first at departure.
 
     `durations` gives the time over some pieces from the times at their ends. In a steady current it
-    is asked once. In a current that changes, it is asked with the times that it gave before (first
-    with a `guess`) until they no longer change; a stretch of the way on which they do not settle is
-    halved.
+    is called once. In a changing current it is called with the times that it returned before (first
+    with a `guess`) until they no longer change; a stretch of the path on which they do not settle
+    is halved.
     """
     times = np.full(count + 1, float(departure))
     if is_steady:
@@ -261,7 +261,7 @@ def times_under_way(
     first, size, pace = 0, count, 0.0
     while first < count:
         last = min(first + size, count)
-        # Each piece may take about as long as the last one before.
+        # Guess that each piece takes about as long as the last known one.
         guess = np.linspace(0.0, pace * (last - first), last - first + 1)
         since, is_settled = _settled(durations, slice(first, last), guess, times[first])
         if is_settled or size == 1:
@@ -281,7 +281,7 @@ def _settled(
     since: FloatArray,
     begin: float,
 ) -> tuple[FloatArray, bool]:
-    """Return times (s + 1,), s, at the ends of pieces since their begin, and if these are settled.
+    """Return times (s + 1,), s, at ends of pieces since their begin, and whether these settled.
 
     By Newton's method, from a guess: the time over a piece is taken as linear in the time at its
     middle, with the slope that the last two rounds show.
@@ -299,7 +299,8 @@ def _settled(
             slope[far] = np.clip((lasts - last_lasts)[far] / moved[far], -_STEEP, _STEEP)
         found = _chained(middle, lasts, slope)
         if not (np.diff(found) >= 0).all():
-            # Where the current nearly stops the vessel, slopes may be any value: take the sum.
+            # Where the current nearly stops the vessel, slopes are unreliable: take the sum of the
+            # times.
             return np.append(0.0, np.cumsum(lasts)), False
         change = np.abs(found - since).max()
         since = found

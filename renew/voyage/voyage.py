@@ -273,7 +273,7 @@ class Voyage:
 
     @cached_property
     def _arrivals(self) -> dict[bytes, FloatArray]:
-        """Times at the points of paths, kept because each step towards a route asks again."""
+        """Times at the points of paths, cached because every step of planning needs them."""
         return {}
 
     def _timed(self, path: FloatArray) -> FloatArray:
@@ -297,7 +297,7 @@ class Voyage:
         return end - self.departure if math.isfinite(end) else math.inf
 
     def reading_times(self, path: FloatArray) -> FloatArray:
-        """Return times (n,), s, at about which the current at a path's points (n, 2) is to be read.
+        """Return the approximate times (n,), s, for reading the current at a path's points (n, 2).
 
         They are times of passage by the schedule, or else by the table; in a steady current all are
         the departure. A leg that can't be sailed takes no time.
