@@ -100,7 +100,7 @@ def _section(table: Table) -> str:
             _type_text(key),
             _unit(name, key),
             "required" if field.is_required() else _default_text(key),
-            field.description or "",
+            key.get("description", ""),
             _example_text(key),
         )
         lines.append(f"| {' | '.join(cell.replace('|', _BAR) for cell in row)} |")

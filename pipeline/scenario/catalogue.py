@@ -27,58 +27,30 @@ _UNNAMED = "vessel"
 class VesselSpec(StrictModel):
     """A vessel: speed, turn rate and fuel law. An entry of the catalogue has the same keys."""
 
-    name: strict.Name = Field(
-        default=_UNNAMED,
-        description="Name of the vessel. Use up to 64 lower-case letters, digits, '-' and '_'.",
-    )
-    title: str = Field(
-        default="",
-        description="Name of the vessel for readers. Give any text.",
-        examples=["Ocean-going unmanned surface vessel, 7 m"],
-    )
-    origin: str = Field(
-        default="",
-        description="Where the vessel's figures come from. Give any text.",
-        examples=["Sea trials of May 2025"],
-    )
-    length_m: _Figure = Field(
-        description="Length overall, metres. Give the length overall in metres.", examples=[7.0]
-    )
-    draught_m: strict.Positive | None = Field(
-        default=None,
-        description="Draught, metres; needed on charts with depths. Give the metres that the "
-        "vessel reaches below the water line.",
-        examples=[0.9],
-    )
-    squat_m: strict.NonNegative = Field(
-        default=0.0,
-        description="Squat, metres: by how much more the vessel reaches below the water line under "
-        "way in shallow water; added to the draught. Give metres, 0 or more.",
-    )
-    speed_m_s: _Figure = Field(
-        description="Speed through water, m/s, the same all the way. Give the speed through water "
-        "in m/s.",
-        examples=[5.0],
-    )
-    turn_rate_deg_s: strict.Positive = Field(
-        le=_TURN_RATE_LIMIT_DEG_S,
-        description="Turn rate with the helm hard over, degrees/s. Give the hard-over turn rate "
-        "in degrees/s.",
-        examples=[16.5],
-    )
-    fuel_coefficient: strict.Positive = Field(
-        default=1.0,
-        le=1e12,
-        description="Factor of the fuel law: fuel per second = coefficient × speed^exponent, "
-        "which sets the unit of all fuel figures. Give a number above 0.",
-    )
-    fuel_exponent: strict.Positive = Field(
-        default=2.0,
-        le=20,
-        description="Exponent of the fuel law: fuel per second = coefficient × speed^exponent. "
-        "Give a number above 0, at most 20: 2 is the paper's, 3 the propeller law of displacement "
-        "hulls.",
-    )
+    name: strict.Name = _UNNAMED
+    """Name of the vessel. Use up to 64 lower-case letters, digits, '-' and '_'."""
+    title: str = Field(default="", examples=["Ocean-going unmanned surface vessel, 7 m"])
+    """Name of the vessel for readers. Give any text."""
+    origin: str = Field(default="", examples=["Sea trials of May 2025"])
+    """Where the vessel's figures come from. Give any text."""
+    length_m: _Figure = Field(examples=[7.0])
+    """Length overall, metres. Give the length overall in metres."""
+    draught_m: strict.Positive | None = Field(default=None, examples=[0.9])
+    """Draught, metres; needed on charts with depths. Give the metres that the vessel reaches below
+    the water line."""
+    squat_m: strict.NonNegative = 0.0
+    """Squat, metres: by how much more the vessel reaches below the water line under way in shallow
+    water; added to the draught. Give metres, 0 or more."""
+    speed_m_s: _Figure = Field(examples=[5.0])
+    """Speed through water, m/s, the same all the way. Give the speed through water in m/s."""
+    turn_rate_deg_s: strict.Positive = Field(le=_TURN_RATE_LIMIT_DEG_S, examples=[16.5])
+    """Turn rate with the helm hard over, degrees/s. Give the hard-over turn rate in degrees/s."""
+    fuel_coefficient: strict.Positive = Field(default=1.0, le=1e12)
+    """Factor of the fuel law: fuel per second = coefficient × speed^exponent, which sets the unit
+    of all fuel figures. Give a number above 0."""
+    fuel_exponent: strict.Positive = Field(default=2.0, le=20)
+    """Exponent of the fuel law: fuel per second = coefficient × speed^exponent. Give a number above
+    0, at most 20: 2 is the paper's, 3 the propeller law of displacement hulls."""
 
     @property
     def label(self) -> str:
@@ -112,6 +84,8 @@ class SourceBase(StrictModel):
 
     schema_version: Literal[1]
     name: strict.Name
+    """Name in the catalogue, and of the files made from it. Use up to 64 lower-case letters,
+    digits, '-' and '_'."""
     title: str
 
 

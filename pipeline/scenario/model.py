@@ -34,105 +34,63 @@ class PlannerOptions(StrictModel):
     # A test compares ranges and defaults with renew.PlanOptions: to import them would load the
     # compiler for every `renew --help`.
 
-    classes: strict.Integer = Field(
-        default=16,
-        ge=1,
-        le=10_000,
-        description="Number of homotopy classes, ways round the islands, to find a route for; "
-        "which ones, 'order' says. Give a whole number from 1 to 10,000, such as 16.",
-    )
-    risk: strict.Number = Field(
-        default=0.05,
-        ge=1e-9,
-        lt=1,
-        description="Share of sampled hard-over turns that may reach beyond the adaptive padding: "
-        "smaller keeps routes further off land. Give a share between 0 and 1, such as 0.05.",
-    )
+    classes: strict.Integer = Field(default=16, ge=1, le=10_000)
+    """Number of homotopy classes, ways round the islands, to find a route for; which ones, 'order'
+    says. Give a whole number from 1 to 10,000, such as 16."""
+    risk: strict.Number = Field(default=0.05, ge=1e-9, lt=1)
+    """Share of sampled hard-over turns that may reach beyond the adaptive padding: smaller keeps
+    routes further off land. Give a share between 0 and 1, such as 0.05."""
     padding: Literal["adaptive", "none"] | strict.NonNegative = Field(
-        default="adaptive",
-        description="Width of the soft no-go zone around land: adaptive to the current, none, or "
-        "the same number of planar metres everywhere. Give 'adaptive', 'none' or metres.",
-        json_schema_extra={"unit": "planar m"},
+        default="adaptive", json_schema_extra=strict.unit("planar m")
     )
+    """Width of the soft no-go zone around land: adaptive to the current, none, or the same number
+    of planar metres everywhere. Give 'adaptive', 'none' or metres."""
     clearance: strict.NonNegative | None = Field(
-        default=None,
-        description="Minimum padding, planar metres; by default an offing for the vessel and the "
-        "chart, which the notes of a run state, and 0 in a plane. Give metres, 0 or more.",
-        examples=[500],
-        json_schema_extra={"unit": "planar m"},
+        default=None, examples=[500], json_schema_extra=strict.unit("planar m")
     )
-    narrow_share: strict.Number = Field(
-        default=1.0,
-        ge=0.01,
-        le=1,
-        description="Share of the distance from the middle of a narrow passage that its shores "
-        "keep, if no way keeps the clearance; 1: the clearance yields nowhere. It is at most 0.5 "
-        "with an offing that a run chooses. Give a share from 0.01 to 1.",
-    )
+    """Minimum padding, planar metres; by default an offing for the vessel and the chart, which the
+    notes of a run state, and 0 in a plane. Give metres, 0 or more."""
+    narrow_share: strict.Number = Field(default=1.0, ge=0.01, le=1)
+    """Share of the distance from the middle of a narrow passage that its shores keep, if no way
+    keeps the clearance; 1: the clearance yields nowhere. It is at most 0.5 with an offing that a
+    run chooses. Give a share from 0.01 to 1."""
     distinct_by: Literal["auto"] | strict.NonNegative = Field(
-        default="auto",
-        description="Islands smaller than this distinguish no classes, planar metres; automatic: "
-        "only the few largest islands near the route do. Give 'auto', metres, or 0 to count every "
-        "island.",
-        json_schema_extra={"unit": "planar m"},
+        default="auto", json_schema_extra=strict.unit("planar m")
     )
-    method: Literal["optimal", "sampled"] = Field(
-        default="optimal",
-        description="How the path inside a class is found: by dynamic programming, or as the best "
-        "of random chains as in the paper. Give 'optimal' or 'sampled'.",
-    )
-    samples: strict.Integer = Field(
-        default=500,
-        ge=1,
-        le=1_000_000,
-        description="Number of random chains per class with method 'sampled'. Give a whole "
-        "number from 1 to 1,000,000, such as 500.",
-    )
-    drift: Literal["projected", "crab"] = Field(
-        default="projected",
-        description="Drift model of the fuel law: the current projected on the course, as in the "
-        "paper, or a vessel that crabs to hold its course. Give 'projected' or 'crab'.",
-    )
-    seed: strict.Integer = Field(
-        default=0,
-        ge=0,
-        le=2**63 - 1,
-        description="Seed of all random numbers: the same seed gives the same plan. Give a whole "
-        "number, 0 or more, below 2^63.",
-    )
-    order: Literal["fuel", "length", "depth-first"] = Field(
-        default="fuel",
-        description="Which classes are planned: the cheapest, the shortest, or the first ones of "
-        "a depth-first search as in the paper. Give 'fuel', 'length' or 'depth-first'.",
-    )
-    risk_at: Literal["route", "point"] = Field(
-        default="route",
-        description="Where adaptive padding meets the risk: on the way through each triangle, as "
-        "in the paper, or from every point of the route as well. Give 'route' or 'point'.",
-    )
-    lateness: strict.Number = Field(
-        default=0.05,
-        ge=0,
-        lt=1,
-        description="Share of the time since departure by which the vessel may be early or late in "
-        "currents that change: its turns are safe at all these times. Give a share from 0 to "
-        "below 1, such as 0.05.",
-    )
+    """Islands smaller than this distinguish no classes, planar metres; automatic: only the few
+    largest islands near the route do. Give 'auto', metres, or 0 to count every island."""
+    method: Literal["optimal", "sampled"] = "optimal"
+    """How the path inside a class is found: by dynamic programming, or as the best of random chains
+    as in the paper. Give 'optimal' or 'sampled'."""
+    samples: strict.Integer = Field(default=500, ge=1, le=1_000_000)
+    """Number of random chains per class with method 'sampled'. Give a whole number from 1 to
+    1,000,000, such as 500."""
+    drift: Literal["projected", "crab"] = "projected"
+    """Drift model of the fuel law: the current projected on the course, as in the paper, or a
+    vessel that crabs to hold its course. Give 'projected' or 'crab'."""
+    seed: strict.Integer = Field(default=0, ge=0, le=2**63 - 1)
+    """Seed of all random numbers: the same seed gives the same plan. Give a whole number, 0 or
+    more, below 2^63."""
+    order: Literal["fuel", "length", "depth-first"] = "fuel"
+    """Which classes are planned: the cheapest, the shortest, or the first ones of a depth-first
+    search as in the paper. Give 'fuel', 'length' or 'depth-first'."""
+    risk_at: Literal["route", "point"] = "route"
+    """Where adaptive padding meets the risk: on the way through each triangle, as in the paper, or
+    from every point of the route as well. Give 'route' or 'point'."""
+    lateness: strict.Number = Field(default=0.05, ge=0, lt=1)
+    """Share of the time since departure by which the vessel may be early or late in currents that
+    change: its turns are safe at all these times. Give a share from 0 to below 1, such as 0.05."""
 
 
 class OutputOptions(StrictModel):
     """Options of the output files."""
 
-    rtz_version: Literal["1.0", "1.1", "1.2"] = Field(
-        default="1.1",
-        description="Version of the RTZ files (IEC 61174). Give '1.0', '1.1' or '1.2', whichever "
-        "the chart plotter reads.",
-    )
-    explain_gap: bool = Field(
-        default=False,
-        description="Whether to tell what the optimality gap is made of: the chart's share, the "
-        "padding's, the bound's own. It may take as long as planning. Give true or false.",
-    )
+    rtz_version: Literal["1.0", "1.1", "1.2"] = "1.1"
+    """Version of the RTZ files (IEC 61174). Give '1.0', '1.1' or '1.2', whichever the chart plotter
+    reads."""
+    explain_gap: bool = False
+    """Whether to tell what the optimality gap is made of: the chart's share, the padding's, the
+    bound's own. It may take as long as planning. Give true or false."""
 
 
 def _known_vessel(given: object) -> object:
@@ -148,100 +106,64 @@ def _known_vessel(given: object) -> object:
 class Scenario(StrictModel):
     """What `renew run` plans: from where to where, with which vessel, in which currents."""
 
-    schema_version: Literal[1] = Field(
-        description="Version of this format. Write schema_version = 1.", examples=[1]
-    )
-    name: strict.Name = Field(
-        description="Name of the scenario, and of its folder of results. Use up to 64 lower-case "
-        "letters, digits, '-' and '_'.",
-        examples=["my-strait"],
-    )
-    title: str = Field(
-        default="",
-        description="Title of the report. Give any text.",
-        examples=["Through my strait"],
-    )
-    description: str = Field(
-        default="",
-        description="What the scenario is about, printed in the report. Give any text.",
-        examples=["North or south of the island?"],
-    )
-    region: Region | None = Field(
-        default=None,
-        description="The region of a chart scenario; by default one that has the ways round the "
-        "islands between start and goal. Add a [region] table, or leave it out.",
-    )
-    plane: Plane | None = Field(
-        default=None,
-        description="The area of a plane scenario. Add a [plane] table, or leave it out.",
-    )
-    chart: ChartSpec = Field(
-        default=ChartSpec(),
-        description="The land of a chart scenario. Add a [chart] table, or leave it out.",
-    )
+    schema_version: Literal[1] = Field(examples=[1])
+    """Version of this format. Write schema_version = 1."""
+    name: strict.Name = Field(examples=["my-strait"])
+    """Name of the scenario, and of its folder of results. Use up to 64 lower-case letters, digits,
+    '-' and '_'."""
+    title: str = Field(default="", examples=["Through my strait"])
+    """Title of the report. Give any text."""
+    description: str = Field(default="", examples=["North or south of the island?"])
+    """What the scenario is about, printed in the report. Give any text."""
+    region: Region | None = None
+    """The region of a chart scenario; by default one that has the ways round the islands between
+    start and goal. Add a [region] table, or leave it out."""
+    plane: Plane | None = None
+    """The area of a plane scenario. Add a [plane] table, or leave it out."""
+    chart: ChartSpec = ChartSpec()
+    """The land of a chart scenario. Add a [chart] table, or leave it out."""
     vessel: Annotated[
         VesselSpec, BeforeValidator(_known_vessel, json_schema_input_type=str | VesselSpec)
-    ] = Field(
-        description="The vessel. Give a name of the catalogue (`renew list`), or a [vessel] table.",
-        examples=["usv-7m"],
-    )
+    ] = Field(examples=["usv-7m"])
+    """The vessel. Give a name of the catalogue (`renew list`), or a [vessel] table."""
     # Below this limit memory grows as 1 / scale, as routes get longer in vessel lengths.
     scale: strict.Number = Field(
-        default=1.0,
-        ge=0.1,
-        le=1e6,
-        description="True metres per planar metre: routes are planned in a plane shrunk by this, "
-        "with speeds unchanged. Give true metres to a planar metre: 1 is the true scale.",
-        json_schema_extra={"unit": "true m per planar m"},
+        default=1.0, ge=0.1, le=1e6, json_schema_extra=strict.unit("true m per planar m")
     )
+    """True metres per planar metre: routes are planned in a plane shrunk by this, with speeds
+    unchanged. Give true metres to a planar metre: 1 is the true scale."""
     start: strict.Point = Field(
-        description="Where the routes start, in water. Give [lon, lat] in degrees, or [x, y] in "
-        "metres in a plane.",
-        examples=[[120.3, 12.8]],
-        json_schema_extra={"unit": "degrees, or m in a plane"},
+        examples=[[120.3, 12.8]], json_schema_extra=strict.unit("degrees, or m in a plane")
     )
+    """Where the routes start, in water. Give [lon, lat] in degrees, or [x, y] in metres in a plane.
+    """
     goal: strict.Point = Field(
-        description="Where the routes end, in water. Give [lon, lat] in degrees, or [x, y] in "
-        "metres in a plane.",
-        examples=[[116.8, 7.7]],
-        json_schema_extra={"unit": "degrees, or m in a plane"},
+        examples=[[116.8, 7.7]], json_schema_extra=strict.unit("degrees, or m in a plane")
     )
+    """Where the routes end, in water. Give [lon, lat] in degrees, or [x, y] in metres in a plane.
+    """
     via: tuple[strict.Point, ...] = Field(
         default=(),
         max_length=100,
-        description="Points that the routes pass in this order, in water and clear of its padding. "
-        "Give a list of [lon, lat] in degrees, or of [x, y] in metres in a plane, or leave it out.",
         examples=[[[119.2, 11.9]]],
-        json_schema_extra={"unit": "degrees, or m in a plane"},
+        json_schema_extra=strict.unit("degrees, or m in a plane"),
     )
-    avoid: tuple[AvoidedArea, ...] = Field(
-        default=(),
-        max_length=1000,
-        description="Areas that are shut, always or for some hours: the vessel and its turns "
-        "stay out of them then, even if it is early or late. Add an [[avoid]] table for each.",
-    )
-    tide: TideSpec | None = Field(
-        default=None,
-        description="The tide over charted depths: water that is too shallow for some hours is "
-        "then passed in the others. Add a [tide] table, or leave it out.",
-    )
-    seasons: tuple[Season, ...] = Field(
-        min_length=1,
-        max_length=MAX_SEASONS,
-        description="The currents to plan in, each by itself. Add a [[seasons]] table for each.",
-    )
-    planner: PlannerOptions = Field(
-        default=PlannerOptions(),
-        description="Options of the planner. Add a [planner] table, or leave it out.",
-    )
-    outputs: OutputOptions = Field(
-        default=OutputOptions(),
-        description="Options of the output files. Add an [outputs] table, or leave it out.",
-    )
-    published: Published | None = Field(
-        default=None,
-        description="Published figures to compare with. Add a [published] table, or leave it out.",
-    )
+    """Points that the routes pass in this order, in water and clear of its padding. Give a list of
+    [lon, lat] in degrees, or of [x, y] in metres in a plane, or leave it out."""
+    avoid: tuple[AvoidedArea, ...] = Field(default=(), max_length=1000)
+    """Areas that are shut, always or for some hours: the vessel and its turns stay out of them
+    then, even if it is early or late. Add an [[avoid]] table for each."""
+    tide: TideSpec | None = None
+    """The tide over charted depths: water that is too shallow for some hours is then passed in the
+    others. Add a [tide] table, or leave it out."""
+    seasons: tuple[Season, ...] = Field(min_length=1, max_length=MAX_SEASONS)
+    """The currents to plan in, each by itself. Add a [[seasons]] table for each."""
+    planner: PlannerOptions = PlannerOptions()
+    """Options of the planner. Add a [planner] table, or leave it out."""
+    outputs: OutputOptions = OutputOptions()
+    """Options of the output files. Add an [outputs] table, or leave it out."""
+    published: Published | None = None
+    """Published figures to compare with. Add a [published] table, or leave it out."""
 
     def explaining_gap(self) -> Self:
         """Return the scenario with the option set that explains optimality gaps."""

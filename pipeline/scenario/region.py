@@ -33,24 +33,19 @@ class Region(StrictModel):
     """
 
     bbox: strict.LonLatBox | None = Field(
-        default=None,
-        description="Limits of the region, degrees. Give [west, south, east, north], or a polygon.",
-        examples=[[115.5, 7.0, 122.0, 13.5]],
-        json_schema_extra={"unit": "degrees"},
+        default=None, examples=[[115.5, 7.0, 122.0, 13.5]], json_schema_extra=strict.unit("degrees")
     )
+    """Limits of the region, degrees. Give [west, south, east, north], or a polygon."""
     polygon: strict.LonLatRing | None = Field(
         default=None,
-        description="Corners [lon, lat] of the region, degrees, in place of bbox. List them in "
-        "their order round the edge.",
         examples=[[[115.5, 7.0], [122.0, 7.0], [122.0, 13.5]]],
-        json_schema_extra={"unit": "degrees"},
+        json_schema_extra=strict.unit("degrees"),
     )
-    crs: str | None = Field(
-        default=None,
-        description="Conformal projected CRS to plan in, as pyproj knows it. Leave it out to have "
-        "one chosen that fits the region.",
-        examples=["EPSG:32651"],
-    )
+    """Corners [lon, lat] of the region, degrees, in place of bbox. List them in their order round
+    the edge."""
+    crs: str | None = Field(default=None, examples=["EPSG:32651"])
+    """Conformal projected CRS to plan in, as pyproj knows it. Leave it out to have one chosen that
+    fits the region."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
@@ -84,21 +79,18 @@ class Plane(StrictModel):
     """The area of a plane scenario in metres, in place of region and chart."""
 
     extent: tuple[strict.Number, strict.Number, strict.Number, strict.Number] = Field(
-        description="Limits of the plane, metres. Give [xmin, ymin, xmax, ymax].",
-        examples=[[0, 0, 100, 100]],
-        json_schema_extra={"unit": "m"},
+        examples=[[0, 0, 100, 100]], json_schema_extra=strict.unit("m")
     )
+    """Limits of the plane, metres. Give [xmin, ymin, xmax, ymax]."""
     obstacles: tuple[strict.Corners, ...] = Field(
         default=(),
-        description="No-go polygons, each a list of its corners [x, y], metres. List the corners "
-        "in their order round the edge.",
         examples=[[[[40, 30], [60, 30], [60, 70], [40, 70]]]],
-        json_schema_extra={"unit": "m"},
+        json_schema_extra=strict.unit("m"),
     )
-    credit: str = Field(
-        default="Figures of the scenario",
-        description="Credit line for the obstacles, printed with the results. Give any text.",
-    )
+    """No-go polygons, each a list of its corners [x, y], metres. List the corners in their order
+    round the edge."""
+    credit: str = "Figures of the scenario"
+    """Credit line for the obstacles, printed with the results. Give any text."""
 
     @model_validator(mode="after")
     def _not_empty(self) -> Self:
@@ -137,53 +129,28 @@ class ChartSource(StrictModel):
     An entry states the licence and accuracy of the data in the path; keys given here override it.
     """
 
-    name: str = Field(
-        default="",
-        description="Source of land in the catalogue. Give a name that `renew list` shows under "
-        "sources, or a path.",
-        examples=["osm-land"],
-    )
-    path: strict.PathText = Field(
-        default="",
-        description="File or folder with the data; relative paths start at the scenario's folder. "
-        "Give a vector file, or a folder of S-57 cells.",
-        examples=["./piers.gpkg"],
-    )
-    layer: str = Field(
-        default="",
-        description="Layer of the vector file, needed if it has several. Give the name of a layer "
-        "of the file.",
-        examples=["piers"],
-    )
-    crs: str = Field(
-        default="",
-        description="CRS of the vector file, in place of the one that it states itself; needed if "
-        "it states none. Give what pyproj knows, such as 'EPSG:4326'.",
-        examples=["EPSG:4326"],
-    )
-    radius_m: strict.Positive | None = Field(
-        default=None,
-        description="Radius of the no-go zone around each point and line of the file, metres; "
-        "needed if it has any. Give metres above 0.",
-        examples=[50],
-    )
-    accuracy_m: NonNegative | None = Field(
-        default=None,
-        description="How far the file's coast may lie from the true one, metres; by default the "
-        "accuracy of the catalogue entry, or 50 m without one. Give metres, 0 or more.",
-        examples=[5],
-    )
-    credit: str = Field(
-        default="",
-        description="Credit line for the data, printed with the results. Give the text that the "
-        "data's licence requires.",
-        examples=["© Harbour office"],
-    )
-    licence: str = Field(
-        default="",
-        description="Licence of the data. Give its name.",
-        examples=["CC BY 4.0"],
-    )
+    name: str = Field(default="", examples=["osm-land"])
+    """Source of land in the catalogue. Give a name that `renew list` shows under sources, or a
+    path."""
+    path: strict.PathText = Field(default="", examples=["./piers.gpkg"])
+    """File or folder with the data; relative paths start at the scenario's folder. Give a vector
+    file, or a folder of S-57 cells."""
+    layer: str = Field(default="", examples=["piers"])
+    """Layer of the vector file, needed if it has several. Give the name of a layer of the file."""
+    crs: str = Field(default="", examples=["EPSG:4326"])
+    """CRS of the vector file, in place of the one that it states itself; needed if it states none.
+    Give what pyproj knows, such as 'EPSG:4326'."""
+    radius_m: strict.Positive | None = Field(default=None, examples=[50])
+    """Radius of the no-go zone around each point and line of the file, metres; needed if it has
+    any. Give metres above 0."""
+    accuracy_m: NonNegative | None = Field(default=None, examples=[5])
+    """How far the file's coast may lie from the true one, metres; by default the accuracy of the
+    catalogue entry, or 50 m without one. Give metres, 0 or more."""
+    credit: str = Field(default="", examples=["© Harbour office"])
+    """Credit line for the data, printed with the results. Give the text that the data's licence
+    requires."""
+    licence: str = Field(default="", examples=["CC BY 4.0"])
+    """Licence of the data. Give its name."""
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
@@ -211,42 +178,28 @@ class ChartSpec(StrictModel):
         ),
     ] = Field(
         default=(ChartSource(name="osm-land"),),
-        description="Sources of land: what one of them marks as no-go is no-go. Give a source's "
-        "name (`renew list`), a path, a table, or a list of them.",
         examples=["osm-land", ["osm-land", {"path": "./piers.gpkg", "accuracy_m": 5}]],
     )
-    depths: strict.PathText = Field(
-        default="",
-        description="Grid of depths in NetCDF, as of GEBCO or EMODnet: what it shows shallower "
-        "than the vessel's draught plus the under-keel clearance is no-go, with one cell around; "
-        "relative paths start at the scenario's folder. Give a NetCDF file, or leave it out.",
-        examples=["gebco.nc"],
-    )
-    under_keel_clearance_m: NonNegative = Field(
-        default=1.0,
-        description="Under-keel clearance, metres: on charts with depths, water shallower than "
-        "the vessel's draught plus this is no-go; allow for waves, and without a [tide] for low "
-        "water. Give metres, 0 or more.",
-    )
-    datum: str = Field(
-        default="",
-        description="Chart datum from which the depths are counted; left out, that which the chart "
-        "states. Give the name that the tide's station uses, as MLLW or LAT.",
-        examples=["MLLW"],
-    )
-    margin_m: NonNegative | None = Field(
-        default=None,
-        description="Margin added to every coast, metres; by default the chart's accuracy, and "
-        "never less than that. Give metres, 0 or more.",
-        examples=[60],
-    )
-    tolerance_m: NonNegative | None = Field(
-        default=None,
-        description="How far the simplified coast may lie off the land and its margin, metres, "
-        "always on the water's side; by default chosen by the chart's accuracy, the vessel's "
-        "turning radius and the size of the region. Give metres, 0 or more.",
-        examples=[100],
-    )
+    """Sources of land: what one of them marks as no-go is no-go. Give a source's name (`renew
+    list`), a path, a table, or a list of them."""
+    depths: strict.PathText = Field(default="", examples=["gebco.nc"])
+    """Grid of depths in NetCDF, as of GEBCO or EMODnet: what it shows shallower than the vessel's
+    draught plus the under-keel clearance is no-go, with one cell around; relative paths start at
+    the scenario's folder. Give a NetCDF file, or leave it out."""
+    under_keel_clearance_m: NonNegative = 1.0
+    """Under-keel clearance, metres: on charts with depths, water shallower than the vessel's
+    draught plus this is no-go; allow for waves, and without a [tide] for low water. Give metres, 0
+    or more."""
+    datum: str = Field(default="", examples=["MLLW"])
+    """Chart datum from which the depths are counted; left out, that which the chart states. Give
+    the name that the tide's station uses, as MLLW or LAT."""
+    margin_m: NonNegative | None = Field(default=None, examples=[60])
+    """Margin added to every coast, metres; by default the chart's accuracy, and never less than
+    that. Give metres, 0 or more."""
+    tolerance_m: NonNegative | None = Field(default=None, examples=[100])
+    """How far the simplified coast may lie off the land and its margin, metres, always on the
+    water's side; by default chosen by the chart's accuracy, the vessel's turning radius and the
+    size of the region. Give metres, 0 or more."""
 
 
 class AvoidedArea(StrictModel):
@@ -254,24 +207,17 @@ class AvoidedArea(StrictModel):
 
     model_config = ConfigDict(populate_by_name=True)
 
-    path: strict.PathText = Field(
-        description="File with the polygons, in lon/lat or the CRS that it states; relative paths "
-        "start at the scenario's folder. Give a GeoJSON file, or another vector file.",
-        examples=["./firing-range.geojson"],
-    )
+    path: strict.PathText = Field(examples=["./firing-range.geojson"])
+    """File with the polygons, in lon/lat or the CRS that it states; relative paths start at the
+    scenario's folder. Give a GeoJSON file, or another vector file."""
     begin: AwareDatetime | None = Field(
-        default=None,
-        alias="from",
-        description="Time from which the area is shut; if left out, it always was. Give a time "
-        "with its zone, as 2026-07-01T09:00:00Z, or leave it out.",
-        examples=["2026-07-01T09:00:00Z"],
+        default=None, alias="from", examples=["2026-07-01T09:00:00Z"]
     )
-    until: AwareDatetime | None = Field(
-        default=None,
-        description="Time until which the area is shut; if left out, it stays so. Give a time with "
-        "its zone, as 2026-07-01T12:40:00Z, or leave it out.",
-        examples=["2026-07-01T12:40:00Z"],
-    )
+    """Time from which the area is shut; if left out, it always was. Give a time with its zone, as
+    2026-07-01T09:00:00Z, or leave it out."""
+    until: AwareDatetime | None = Field(default=None, examples=["2026-07-01T12:40:00Z"])
+    """Time until which the area is shut; if left out, it stays so. Give a time with its zone, as
+    2026-07-01T12:40:00Z, or leave it out."""
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:

@@ -24,17 +24,11 @@ _Speed = Annotated[strict.Positive, Field(le=1e6)]
 class SpeedRange(StrictModel):
     """Lowest and highest speed through water, in place of the vessel's own speed."""
 
-    least: _Speed = Field(
-        description="Lowest speed through water, m/s. Give a speed in m/s, above 0.",
-        examples=[2.5],
-        json_schema_extra={"unit": "m/s"},
-    )
-    most: _Speed = Field(
-        description="Highest speed through water, m/s, for which land is padded. Give a speed in "
-        "m/s, not below 'least'.",
-        examples=[6.0],
-        json_schema_extra={"unit": "m/s"},
-    )
+    least: _Speed = Field(examples=[2.5], json_schema_extra=strict.unit("m/s"))
+    """Lowest speed through water, m/s. Give a speed in m/s, above 0."""
+    most: _Speed = Field(examples=[6.0], json_schema_extra=strict.unit("m/s"))
+    """Highest speed through water, m/s, for which land is padded. Give a speed in m/s, not below
+    'least'."""
 
 
 TimeMethod = Literal["mean", "nearest", "linear"]
@@ -54,33 +48,22 @@ Velocity = Annotated[strict.Number, Field(ge=-MAX_CURRENT_M_S, le=MAX_CURRENT_M_
 class Gyre(StrictModel):
     """Gyres that fill the extent of a plane scenario; see `renew.GyreCurrent`."""
 
-    amplitude: Velocity = Field(
-        description="Maximum speed of the current, m/s; negative values turn the other way. Give "
-        "the strongest current in m/s, at most 100.",
-        examples=[0.8],
-        json_schema_extra={"unit": "m/s"},
-    )
-    columns: strict.Integer = Field(
-        default=1, ge=1, description="Number of gyres along x. Give a whole number, 1 or more."
-    )
-    rows: strict.Integer = Field(
-        default=1, ge=1, description="Number of gyres along y. Give a whole number, 1 or more."
-    )
+    amplitude: Velocity = Field(examples=[0.8], json_schema_extra=strict.unit("m/s"))
+    """Maximum speed of the current, m/s; negative values turn the other way. Give the strongest
+    current in m/s, at most 100."""
+    columns: strict.Integer = Field(default=1, ge=1)
+    """Number of gyres along x. Give a whole number, 1 or more."""
+    rows: strict.Integer = Field(default=1, ge=1)
+    """Number of gyres along y. Give a whole number, 1 or more."""
 
 
 class Uniform(StrictModel):
     """A uniform current in a plane scenario."""
 
-    u: Velocity = Field(
-        default=0.0,
-        description="Velocity along x, m/s. Give m/s, at most 100.",
-        json_schema_extra={"unit": "m/s"},
-    )
-    v: Velocity = Field(
-        default=0.0,
-        description="Velocity along y, m/s. Give m/s, at most 100.",
-        json_schema_extra={"unit": "m/s"},
-    )
+    u: Velocity = Field(default=0.0, json_schema_extra=strict.unit("m/s"))
+    """Velocity along x, m/s. Give m/s, at most 100."""
+    v: Velocity = Field(default=0.0, json_schema_extra=strict.unit("m/s"))
+    """Velocity along y, m/s. Give m/s, at most 100."""
 
 
 def _valid_period(valid: str) -> str:
@@ -118,93 +101,55 @@ Currents = Annotated[
 class Season(StrictModel):
     """One current to plan in: from sources in order of preference, or given as numbers."""
 
-    name: strict.Name = Field(
-        description="Name of the season, and of its files. Use up to 64 lower-case letters, "
-        "digits, '-' and '_'.",
-        examples=["summer"],
-    )
-    title: str = Field(
-        default="",
-        description="Name of the season for readers. Give any text.",
-        examples=["July 2024"],
-    )
-    valid: Valid = Field(
-        default="",
-        description="Time that the current is valid for, in UTC: a month 'YYYY-MM', a day "
-        "'YYYY-MM-DD' or an instant 'YYYY-MM-DDTHH:MMZ'; needed with all 'currents' but 'still', "
-        "unless they change. Give a month as 'YYYY-MM', or a day.",
-        examples=["2024-07"],
-    )
-    time_method: TimeMethod | Literal["changing"] | None = Field(
-        default=None,
-        description="How one field is made from a source's time steps: their mean, the nearest "
-        "step, or linear in time; by default the mean for a month or a day, the nearest for an "
-        "instant. Or none is made, and the current changes on the way with all steps from "
-        "'departure' on. Give 'mean', 'nearest', 'linear' or 'changing', or leave it out.",
-        examples=["linear"],
-    )
+    name: strict.Name = Field(examples=["summer"])
+    """Name of the season, and of its files. Use up to 64 lower-case letters, digits, '-' and '_'.
+    """
+    title: str = Field(default="", examples=["July 2024"])
+    """Name of the season for readers. Give any text."""
+    valid: Valid = Field(default="", examples=["2024-07"])
+    """Time that the current is valid for, in UTC: a month 'YYYY-MM', a day 'YYYY-MM-DD' or an
+    instant 'YYYY-MM-DDTHH:MMZ'; needed with all 'currents' but 'still', unless they change. Give a
+    month as 'YYYY-MM', or a day."""
+    time_method: TimeMethod | Literal["changing"] | None = Field(default=None, examples=["linear"])
+    """How one field is made from a source's time steps: their mean, the nearest step, or linear in
+    time; by default the mean for a month or a day, the nearest for an instant. Or none is made, and
+    the current changes on the way with all steps from 'departure' on. Give 'mean', 'nearest',
+    'linear' or 'changing', or leave it out."""
     currents: tuple[Currents, ...] = Field(
-        default=(),
-        description="Sources of the current in order of preference; files that belong together "
-        "form a list of their own; 'still' is no current at all. Give sources' names (`renew "
-        "list`), and paths of files.",
-        examples=[["daily/*.nc", "copernicus-glorys-monthly"]],
+        default=(), examples=[["daily/*.nc", "copernicus-glorys-monthly"]]
     )
-    gyre: Gyre | None = Field(
-        default=None,
-        description="Gyres as the current of a plane scenario. Give a table with its amplitude.",
-        examples=[{"amplitude": 0.8}],
-    )
-    uniform: Uniform | None = Field(
-        default=None,
-        description="A uniform current of a plane scenario. Give a table with u and v.",
-        examples=[{"u": 0.1, "v": 0.0}],
-    )
-    departure: AwareDatetime | None = Field(
-        default=None,
-        description="Time of departure, which dates the times in RTZ and GPX files; with currents "
-        "that change the voyage begins then. Give a time with its zone, as 2026-07-01T06:00:00Z, "
-        "or leave it out.",
-        examples=["2026-07-01T06:00:00Z"],
-    )
-    departures: DepartureTimes | None = Field(
-        default=None,
-        description="Departures from which the best is chosen, in place of 'departure', in "
-        "currents that change. Give a table as { first = 2026-07-01T06:00:00Z, every = '1h', "
-        "count = 24 }, or leave it out.",
-    )
-    to_within: Interval | None = Field(
-        default=None,
-        description="Largest time that another departure of the window may still save: departures "
-        "between those given are added until no path found saves more; by default none are "
-        "added. Give an interval, such as '1h', or leave it out.",
-        examples=["1h"],
-    )
-    arrive_by: AwareDatetime | None = Field(
-        default=None,
-        description="Latest arrival at the goal, in currents that change or with 'speed'. Without "
-        "'speed' the latest departure is chosen, not before 'departure', that still arrives in "
-        "time; with it the vessel leaves at 'departure', or at the best of 'departures', and "
-        "chooses speeds that arrive in time. Give a time with its zone, as 2026-07-02T18:00:00Z, "
-        "or leave it out.",
-        examples=["2026-07-02T18:00:00Z"],
-    )
-    speed: SpeedRange | None = Field(
-        default=None,
-        description="Range of speeds through water, in place of the vessel's own: it chooses a "
-        "speed for each leg, for least fuel from 'departure', or the best of 'departures', to "
-        "'arrive_by'. Give a table as "
-        "{ least = 2.5, most = 6.0 } in m/s, or leave it out.",
-    )
+    """Sources of the current in order of preference; files that belong together form a list of
+    their own; 'still' is no current at all. Give sources' names (`renew list`), and paths of
+    files."""
+    gyre: Gyre | None = Field(default=None, examples=[{"amplitude": 0.8}])
+    """Gyres as the current of a plane scenario. Give a table with its amplitude."""
+    uniform: Uniform | None = Field(default=None, examples=[{"u": 0.1, "v": 0.0}])
+    """A uniform current of a plane scenario. Give a table with u and v."""
+    departure: AwareDatetime | None = Field(default=None, examples=["2026-07-01T06:00:00Z"])
+    """Time of departure, which dates the times in RTZ and GPX files; with currents that change the
+    voyage begins then. Give a time with its zone, as 2026-07-01T06:00:00Z, or leave it out."""
+    departures: DepartureTimes | None = None
+    """Departures from which the best is chosen, in place of 'departure', in currents that change.
+    Give a table as { first = 2026-07-01T06:00:00Z, every = '1h', count = 24 }, or leave it out."""
+    to_within: Interval | None = Field(default=None, examples=["1h"])
+    """Largest time that another departure of the window may still save: departures between those
+    given are added until no path found saves more; by default none are added. Give an interval,
+    such as '1h', or leave it out."""
+    arrive_by: AwareDatetime | None = Field(default=None, examples=["2026-07-02T18:00:00Z"])
+    """Latest arrival at the goal, in currents that change or with 'speed'. Without 'speed' the
+    latest departure is chosen, not before 'departure', that still arrives in time; with it the
+    vessel leaves at 'departure', or at the best of 'departures', and chooses speeds that arrive in
+    time. Give a time with its zone, as 2026-07-02T18:00:00Z, or leave it out."""
+    speed: SpeedRange | None = None
+    """Range of speeds through water, in place of the vessel's own: it chooses a speed for each leg,
+    for least fuel from 'departure', or the best of 'departures', to 'arrive_by'. Give a table as {
+    least = 2.5, most = 6.0 } in m/s, or leave it out."""
     max_hours: strict.Positive | None = Field(
-        default=None,
-        le=MAX_HOURS,
-        description="Longest voyage in changing currents: later time steps, counted from the last "
-        "departure, are not read; by default a day more than three times the time of the straight "
-        "way from start to goal. Give hours, such as 240, or leave it out.",
-        examples=[240],
-        json_schema_extra={"unit": "hours"},
+        default=None, le=MAX_HOURS, examples=[240], json_schema_extra=strict.unit("hours")
     )
+    """Longest voyage in changing currents: later time steps, counted from the last departure, are
+    not read; by default a day more than three times the time of the straight way from start to
+    goal. Give hours, such as 240, or leave it out."""
 
     @model_validator(mode="after")
     def _one_current(self) -> Self:

@@ -4,10 +4,14 @@ The last sentence of a key's description is the remedy: an error message about t
 Each of pydantic's errors becomes a line that states the value, the limit and the remedy.
 """
 
+import ast
 import difflib
+import inspect
 import itertools
 import json
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import (
@@ -24,7 +28,7 @@ from pipeline.errors import RequestError
 from pipeline.machine.paths import resolved, shown as shown_path, unusable_reason
 
 if TYPE_CHECKING:
-    from pydantic.fields import FieldInfo
+    from pydantic.config import JsonDict
     from pydantic_core import ErrorDetails
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -32,21 +36,46 @@ ModelT = TypeVar("ModelT", bound=BaseModel)
 FAULT_SEPARATOR = "\n"
 
 
-class StrictModel(BaseModel):
-    """A frozen table that refuses unknown keys and numbers that are not finite."""
+@cache
+def descriptions(model: type[BaseModel]) -> dict[str, str]:
+    """Return the docstrings of a model's keys; its source is read when they are first needed."""
+    found: dict[str, str] = {}
+    for owner in (one for one in reversed(model.__mro__) if issubclass(one, StrictModel)):
+        (table,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        for key, text in itertools.pairwise(getattr(table, "body", ())):
+            match key, text:
+                case ast.AnnAssign(ast.Name(name)), ast.Expr(ast.Constant(str(said))):
+                    found[model.model_fields[name].alias or name] = " ".join(said.split())
+    return found
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+def _describe(schema: dict[str, Any], model: type[BaseModel]) -> None:
+    """Add the keys' descriptions to a model's schema."""
+    for key, text in descriptions(model).items():
+        schema["properties"][key]["description"] = text
+
+
+class StrictModel(BaseModel):
+    """A frozen table that refuses unknown keys and numbers that are not finite.
+
+    The docstring of a key is its description in the reference, in the schema and in messages.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, json_schema_extra=_describe
+    )
+
+
+def unit(name: str) -> "JsonDict":
+    """Return what the schema says of a number's unit, where the key's name does not."""
+    return {"unit": name}
 
 
 # A name becomes the name of folders and files: only characters that every file system and shell
 # accepts.
 Name = Annotated[
     str,
-    Field(
-        pattern=r"^[a-z0-9]([a-z0-9_-]{0,62}[a-z0-9])?$",
-        description="Name in the catalogue, and of the files made from it. Use up to 64 "
-        "lower-case letters, digits, '-' and '_'.",
-    ),
+    Field(pattern=r"^[a-z0-9]([a-z0-9_-]{0,62}[a-z0-9])?$"),
 ]
 Number = Annotated[float, Strict()]
 Integer = Annotated[int, Strict()]
@@ -185,11 +214,12 @@ def _lines(
     """Return the lines for one of pydantic's errors."""
     key, kind, given = _spelled(path), details["type"], details["input"]
     context = details.get("ctx", {})
-    field = _field(model, path)
-    remedy = f"; {remedy_of(field.description)}" if field is not None and field.description else ""
+    description = _description(model, path)
+    remedy = f"; {remedy_of(description)}" if description else ""
     if kind == "extra_forbidden":
         owner = _model(model, path[:-1])
-        known = _keys(owner) if owner is not None else ()
+        fields = owner.model_fields if owner is not None else {}
+        known = (field.alias or name for name, field in fields.items())
         return [f"unknown key {key}: {near_miss(str(path[-1]), known)}"]
     if kind == "missing":
         return [f"{key} is missing{remedy}"]
@@ -245,16 +275,13 @@ def _spelled(path: Sequence[str | int]) -> str:
     return text
 
 
-def _field(model: type[BaseModel], path: Sequence[str | int]) -> "FieldInfo | None":
-    """Return the last field on a path, or None."""
+def _description(model: type[BaseModel], path: Sequence[str | int]) -> str:
+    """Return the description of the last key on a path, or ""."""
     names = [step for step in path if isinstance(step, str)]
     owner = _model(model, names[:-1])
-    return _keys(owner).get(names[-1]) if names and owner is not None else None
-
-
-def _keys(model: type[BaseModel]) -> "dict[str, FieldInfo]":
-    """Return a model's fields by the keys that a scenario has for them."""
-    return {field.alias or name: field for name, field in model.model_fields.items()}
+    if not names or owner is None:
+        return ""
+    return descriptions(owner).get(names[-1], "")
 
 
 def _model(model: type[BaseModel], path: Sequence[str | int]) -> type[BaseModel] | None:

@@ -27,22 +27,16 @@ class TideSpec(StrictModel):
     """Stations that predict the tide over the chart datum, and how far the vessel relies on it."""
 
     stations: tuple[Annotated[str, AfterValidator(_as_path)], ...] = Field(
-        min_length=1,
-        max_length=100,
-        description="Tide stations. Each counts in its zone, or else in the waters within 10 km of "
-        "it to which it is the nearest. Give names of the catalogue (`renew list`), or paths of "
-        "files with harmonic constants.",
-        examples=[["boston"], ["./boston.json"]],
+        min_length=1, max_length=100, examples=[["boston"], ["./boston.json"]]
     )
-    surge_m: strict.NonNegative = Field(
-        default=0.3,
-        description="Height by which the water may stand lower than predicted, by wind and air "
-        "pressure, metres. Give metres, 0 or more.",
-    )
-    lag: Annotated[str, AfterValidator(_checked)] = Field(
-        default="15min",
-        description="Time by which the tide may be early or late. Give '15min' or '1h', or '0min'.",
-    )
+    """Tide stations. Each counts in its zone, or else in the waters within 10 km of it to which it
+    is the nearest. Give names of the catalogue (`renew list`), or paths of files with harmonic
+    constants."""
+    surge_m: strict.NonNegative = 0.3
+    """Height by which the water may stand lower than predicted, by wind and air pressure, metres.
+    Give metres, 0 or more."""
+    lag: Annotated[str, AfterValidator(_checked)] = "15min"
+    """Time by which the tide may be early or late. Give '15min' or '1h', or '0min'."""
 
     @property
     def lag_s(self) -> float:

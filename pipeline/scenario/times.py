@@ -82,18 +82,7 @@ def _checked(text: str) -> str:
 Interval = Annotated[str, AfterValidator(_checked)]
 
 
-Every = Annotated[
-    Interval,
-    Field(description="Time from one departure to the next. Give '30min', '6h' or '1d'."),
-]
-Count = Annotated[
-    Integer,
-    Field(
-        ge=1,
-        le=10_000,
-        description="Number of departures. Give a whole number from 1 to 10,000.",
-    ),
-]
+Count = Annotated[Integer, Field(ge=1, le=10_000)]
 
 
 class DepartureTimes(StrictModel):
@@ -102,18 +91,15 @@ class DepartureTimes(StrictModel):
     The end of a window, `last`, is one of them too, even if `every` does not lead to it.
     """
 
-    first: AwareDatetime = Field(
-        description="First departure. Give a time with its zone, as 2026-07-01T06:00:00Z.",
-        examples=["2026-07-01T06:00:00Z"],
-    )
-    every: Every = "1h"
+    first: AwareDatetime = Field(examples=["2026-07-01T06:00:00Z"])
+    """First departure. Give a time with its zone, as 2026-07-01T06:00:00Z."""
+    every: Interval = "1h"
+    """Time from one departure to the next. Give '30min', '6h' or '1d'."""
     count: Count = Field(examples=[24])
-    last: AwareDatetime | None = Field(
-        default=None,
-        description="Last departure, after the others: the end of a window that 'every' does not "
-        "divide. Give a time with its zone, as 2026-07-02T05:50:00Z, or leave it out.",
-        examples=["2026-07-02T05:50:00Z"],
-    )
+    """Number of departures. Give a whole number from 1 to 10,000."""
+    last: AwareDatetime | None = Field(default=None, examples=["2026-07-02T05:50:00Z"])
+    """Last departure, after the others: the end of a window that 'every' does not divide. Give a
+    time with its zone, as 2026-07-02T05:50:00Z, or leave it out."""
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:

@@ -6,14 +6,13 @@ import dataclasses
 
 import pytest
 from pydantic import BaseModel, ValidationError
-from pydantic.fields import FieldInfo
 
 import renew
 from pipeline.model import plan_options, planner_vessel
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
-from pipeline.scenario.strict import remedy_of
+from pipeline.scenario.strict import descriptions, remedy_of
 from renew.inputs.options import RANGES
 from tests.scenario_reference import tables
 
@@ -21,11 +20,15 @@ VERBS = ("add", "give", "leave", "list", "name", "use", "write")
 UNITS = {"_deg_s": "degrees/s", "_m_s": "m/s", "_m": "metres"}
 
 
-def keys() -> list[tuple[str, FieldInfo]]:
-    """Return every key of a scenario, with its path."""
+def keys() -> list[tuple[str, str]]:
+    """Return the path of every key of a scenario, with its description."""
 
-    def of(model: type[BaseModel], path: str) -> list[tuple[str, FieldInfo]]:
-        return [(f"{path}.{name}".strip("."), field) for name, field in model.model_fields.items()]
+    def of(model: type[BaseModel], path: str) -> list[tuple[str, str]]:
+        known = descriptions(model)
+        return [
+            (f"{path}.{name}".strip("."), known.get(field.alias or name, ""))
+            for name, field in model.model_fields.items()
+        ]
 
     return [key for table in tables() for key in of(table.model, table.path)]
 
@@ -215,9 +218,8 @@ def test_the_vessels_limits_are_accepted_by_the_planner() -> None:
             VesselSpec.model_validate(largest | {key: largest[key] * 1.1})
 
 
-@pytest.mark.parametrize(("path", "field"), keys(), ids=[path for path, _ in keys()])
-def test_a_keys_description_says_meaning_unit_and_remedy(path: str, field: FieldInfo) -> None:
-    description = field.description or ""
+@pytest.mark.parametrize(("path", "description"), keys(), ids=[path for path, _ in keys()])
+def test_a_keys_description_says_meaning_unit_and_remedy(path: str, description: str) -> None:
     meaning, _, remedy = description.removesuffix(".").rpartition(". ")
     assert meaning, "a sentence on the meaning comes before the remedy"
     assert description.endswith(".")
