@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.errors import PipelineError
 from pipeline.machine.store import Store, artefact_key, read_checked
 from pipeline.nightly.cycle.part import Partial, gaps, part_path, write_part
@@ -20,6 +22,7 @@ from pipeline.nightly.request.newest_currents import Newest, named_currents
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
+from pipeline.stages.fetch import with_max_hours
 from pipeline.stages.seasons.cluster import Fleet
 
 # Largest number of cases in a slice; neighbours stay together, because they share a current.
@@ -195,11 +198,13 @@ class Planning:
             update["currents"] = self._usable_currents(case)
         leaves = self.leaves(case)
         if case.departure is not None and leaves is not None and not case.block.scenario.is_planar:
-            update["valid"] = leaves.strftime("%Y-%m-%dT%H:%MZ")
             update["departure"] = leaves
+            if not case.season.is_changing:
+                update["valid"] = leaves.strftime("%Y-%m-%dT%H:%MZ")
             if case.season.time_method == "mean":
                 update["time_method"] = None
-        return case.season.model_copy(update=update)
+        season = case.season.model_copy(update=update)
+        return with_max_hours(season, _longest(case)) if season.is_changing else season
 
     def leaves(self, case: Case) -> datetime | None:
         """Return a case's departure; None if neither the night nor the season gives one."""
@@ -285,6 +290,18 @@ def _ends(case: Case) -> tuple[Point, ...]:
     """Return start and goal of all pairs on a case's chart; the chart keeps them in water."""
     pairs = (pair for pair in case.block.pairs if pair is not None)
     return tuple(end for pair in pairs for end in (pair.start, pair.goal))
+
+
+def _longest(case: Case) -> Scenario:
+    """Return a case's scenario with the pair of its block that lies farthest apart."""
+    scenario, pairs = _scenario(case), [one for one in case.block.pairs if one is not None]
+    if not pairs:
+        return scenario
+    import pyproj
+
+    starts, goals = (np.array([getattr(one, name) for one in pairs]) for name in ("start", "goal"))
+    farthest = pairs[int(pyproj.Geod(ellps="WGS84").inv(*starts.T, *goals.T)[2].argmax())]
+    return scenario.model_copy(update={"start": farthest.start, "goal": farthest.goal})
 
 
 def _pieces(first: int, end: int, share: Share) -> Iterator[tuple[int, int]]:

@@ -158,7 +158,14 @@ def plan_case(
         scene = _scene(case, chart, current)
         options = options_of(chart, scene.start, scene.goal)
         planned = plan_season(scene, case.parts[1], options)
-        measured = evaluate_season(scene, planned, chart.scenario.scale, options.seed)
+        measured = evaluate_season(
+            scene,
+            planned,
+            chart.scenario.scale,
+            options.seed,
+            options.drift,
+            options.lateness,
+        )
         figures = with_way_names(combine_seasons([measured]), scene, [planned], ()).routes
     except Exception as error:  # noqa: BLE001 - the other cases continue
         return [failed_row(case, one_line(error), rules, earlier)]
@@ -248,13 +255,21 @@ def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
 
 
 def _scene(case: CaseTask, chart: NightChart, current: NightCurrent) -> Scene:
-    """Return the scene of one case: the shared chart with the case's ends and current."""
+    """Return the scene of one case: the shared chart with the case's ends, current and clock."""
     start, goal = (
         chart.scene.start if case.start is None else _placed(chart, case.start),
         chart.scene.goal if case.goal is None else _placed(chart, case.goal),
     )
-    currents = {case.parts[1]: current.current}
-    return replace(chart.scene, start=start, goal=goal, currents=currents)
+    season, departures = case.parts[1], dict[str, datetime]()
+    if case.leaves is not None and not current.current.is_steady:
+        departures[season] = case.leaves
+    return replace(
+        chart.scene,
+        start=start,
+        goal=goal,
+        currents={season: current.current},
+        departures=departures,
+    )
 
 
 def _placed(chart: NightChart, place: Point) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
@@ -283,8 +298,9 @@ def compared(
 ) -> Row:
     """Return the columns that compare tonight's best route with yesterday's.
 
-    `keep_fuel` is the fuel of yesterday's route in tonight's current. It is missing if the current
-    overpowers the vessel or the route now meets land. The arrival is computed from it, because
+    `keep_fuel` is the fuel of yesterday's route in tonight's current, from tonight's departure on
+    if the current changes. It is missing if the current overpowers the vessel or ends before the
+    arrival, or if the route now meets land. The arrival is computed from it, because
     duration and fuel are proportional at constant thrust.
     """
     path = scene.projection.to_plane(earlier.path)
@@ -292,10 +308,12 @@ def compared(
     allowed = _SAME_END * max(route.length, 1e-9)
     if max(np.hypot(*(path[0] - scene.start)), np.hypot(*(path[-1] - scene.goal))) > allowed:
         return {}
-    keep = renew.fuel(path, scene.currents[planned.season], scene.vessel, drift=options.drift)
+    current = scene.currents[planned.season]
+    keep = renew.fuel(path, current, scene.vessel, drift=options.drift)
     line = shapely.LineString(path)
     # A route without padding may touch land, and rounding may move it onto the land.
-    if shapely.intersection(scene.chart.hard_no_go, line).length > allowed:
+    is_over_land = shapely.intersection(scene.chart.hard_no_go, line).length > allowed
+    if is_over_land or keep > scene.vessel.fuel_rate * current.span[1]:
         keep = math.inf
     row = earlier.columns()
     apart = shapely.hausdorff_distance(line, shapely.LineString(route.path), densify=_DENSIFY)

@@ -4,6 +4,7 @@ import glob
 import os
 import re
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -176,14 +177,16 @@ class _Expansion:
                 )
         asked = known if self._table.seasons is None else self._table.seasons
         for name in asked:
-            if name in known and known[name].is_changing:
+            if name not in known:
+                continue
+            if known[name].speed is None and known[name].leaves_departure_open:
                 self._fault(
                     "scenario" if self._table.seasons is None else "seasons",
-                    f"season {name!r} of {scenario.name} has changing currents and a departure of "
-                    "its own; a night plans each case in a steady current: leave the season out, "
-                    "or give it time_method = 'nearest' and 'valid'",
+                    f"season {name!r} of {scenario.name} leaves its departure open; each departure "
+                    "of a night is a case: give the season a 'departure' in place of 'departures' "
+                    "or 'arrive_by', and list them in this table's 'departures'",
                 )
-            if name in known and known[name].speed is not None:
+            if known[name].speed is not None:
                 self._fault(
                     "scenario" if self._table.seasons is None else "seasons",
                     f"season {name!r} of {scenario.name} has 'speed' and its own times; a night "
@@ -253,20 +256,25 @@ def _outside(scenario: Scenario, pairs: Sequence[Pair], file: str) -> list[str]:
 
 
 def _with_times(data: dict[str, Any]) -> dict[str, Any]:
-    """Add a time to seasons that have files of currents but no time.
+    """Add a time to seasons that have changing currents or files of currents, but no time.
 
     It is replaced by each case's departure.
     """
     given = data.get("seasons")
     seasons = [
-        {"valid": "1970-01", **season}
-        if isinstance(season, dict)
-        and season.get("time_method") != "changing"
-        and any(not isinstance(one, str) or looks_like_path(one) for one in _listed(season))
-        else season
+        {**_time(season), **season} if isinstance(season, dict) else season
         for season in (given if isinstance(given, list) else ())
     ]
     return {**data, "seasons": seasons} if seasons else data
+
+
+def _time(season: dict[str, Any]) -> dict[str, Any]:
+    """Return a time for a season's table to begin with, if it may lack one."""
+    if season.get("time_method") == "changing":
+        is_open = {"departures", "arrive_by"} & season.keys()
+        return {} if is_open else {"departure": datetime.fromtimestamp(0, UTC)}
+    is_file = any(not isinstance(one, str) or looks_like_path(one) for one in _listed(season))
+    return {"valid": "1970-01"} if is_file else {}
 
 
 def _listed(season: dict[str, Any]) -> list[Any]:

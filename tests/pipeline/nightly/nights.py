@@ -72,14 +72,16 @@ def write_forecast(
     seed: int = 1,
     says_reference: bool = True,
     speed_m_s: float = 0.3,
+    changes: bool = False,
 ) -> Path:
     """Write a forecast of some steps, six hours apart, from its reference time on."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    field = sea(
-        np.arange(117.0, 121.0, 0.25), np.arange(8.0, 12.0, 0.25), seed=seed, speed_m_s=speed_m_s
-    )
+    lon, lat = np.arange(117.0, 121.0, 0.25), np.arange(8.0, 12.0, 0.25)
+    fields = [
+        sea(lon, lat, seed=seed + i if changes else seed, speed_m_s=speed_m_s) for i in range(steps)
+    ]
     times = [(reference + i * timedelta(hours=6)).replace(tzinfo=None) for i in range(steps)]
-    data = dataset(*[field] * steps, times=times)
+    data = dataset(*fields, times=times)
     if says_reference:
         data = data.assign_coords(
             forecast_reference_time=(

@@ -12,13 +12,17 @@ import geopandas
 import pyarrow.parquet as pq
 import pystac
 import pytest
+import shapely
 
+import renew
 from pipeline.errors import RequestError, StageError
 from pipeline.nightly.cycle.results import LookBack
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.config import load_config
 from pipeline.nightly.status import case_lines, status_lines
+from pipeline.run import run
+from pipeline.scenario.loading import load_scenario
 from tests.pipeline.nightly.nights import (
     REFERENCE,
     contents,
@@ -99,6 +103,54 @@ def test_a_second_night_sails_the_first_ones_routes_again(tmp_path: Path, cluste
     with pytest.raises(ComeAgainError, match="older than those of the last cycle"):
         run_night(load_config(file, output), scheduler=cluster)
     assert (output / "latest").resolve().name == "2026-11-22T00Z"
+
+
+def test_changing_currents_are_sailed_by_each_cases_own_clock(tmp_path: Path, cluster: str) -> None:
+    """Each case equals a run of the season from its departure, and so does yesterday's route."""
+    output, forecast = tmp_path / "out", tmp_path / "currents" / "m1.nc"
+    file = region_night(tmp_path)
+    scenario = tmp_path / "region.toml"
+    text = scenario.read_text().replace("scale = 1000", "scale = 1")
+    text = text.replace('valid = "2024-07"', 'time_method = "changing"\nmax_hours = 20')
+    scenario.write_text(text)
+    write_forecast(forecast, changes=True)
+    assert run_night(load_config(file, output), scheduler=cluster).exit_code == 0
+    first = rows(output)
+    assert first[0]["fuel"] != pytest.approx(first[1]["fuel"], rel=1e-4)
+    write_forecast(forecast, REFERENCE + timedelta(days=1), seed=7, changes=True)
+    run_night(load_config(file, output), scheduler=cluster)
+    for yesterday, case in zip(first, rows(output), strict=True):
+        leaves = case["leaves"].isoformat()
+        own = text.replace('["still"]', f'["{forecast}"]\ndeparture = {leaves}')
+        scenario.write_text(own)
+        result = run(load_scenario(str(scenario)), tmp_path / "run", offline=True).result
+        routes = [row for row in rows(output, "routes.parquet") if row["case"] == case["case"]]
+        assert len(routes) == len(result.routes)
+        for row, route in zip(routes, result.routes, strict=True):
+            for name in ("fuel", "length_m", "duration_s", "clearance_m", "trials", "collisions"):
+                assert row[name] == getattr(route.metrics, name)
+            lonlat = result.scene.projection.to_lonlat(route.route.path)
+            assert shapely.from_wkb(row["geometry"]) == shapely.LineString(lonlat)
+        path = shapely.get_coordinates(shapely.from_wkb(yesterday["geometry"]))
+        kept = renew.fuel(
+            result.scene.projection.to_plane(path),
+            result.scene.currents["now"],
+            result.scene.vessel,
+            drift=result.scenario.planner.drift,
+        )
+        assert case["keep_fuel"] == pytest.approx(kept, rel=1e-12)
+
+
+def test_a_season_that_leaves_its_departure_open_is_refused(tmp_path: Path) -> None:
+    file = region_night(tmp_path)
+    scenario = tmp_path / "region.toml"
+    text = scenario.read_text().replace("scale = 1000", "scale = 1")
+    departures = 'departures = { first = 2026-11-21T06:00:00Z, every = "6h", count = 3 }'
+    scenario.write_text(
+        text.replace('valid = "2024-07"', f'time_method = "changing"\n{departures}')
+    )
+    with pytest.raises(RequestError, match="season 'now' of around leaves its departure open"):
+        run_night(load_config(file, tmp_path / "out"))
 
 
 def test_the_item_is_valid_by_the_schemas_that_pystac_carries(tmp_path: Path, cluster: str) -> None:
