@@ -40,7 +40,7 @@ FAULT_SEPARATOR = "\n"
 def descriptions(model: type[BaseModel]) -> dict[str, str]:
     """Return the docstrings of a model's keys; its source is read when they are first needed."""
     found: dict[str, str] = {}
-    for owner in (one for one in reversed(model.__mro__) if issubclass(one, StrictModel)):
+    for owner in model.__mro__[model.__mro__.index(BaseModel) - 1 :: -1]:
         (table,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
         for key, text in itertools.pairwise(getattr(table, "body", ())):
             match key, text:

@@ -222,9 +222,8 @@ class _HarconRow(_Loose):
 class _Harcon(_Loose):
     """NOAA's harmonic constants of a station, as its service answers."""
 
-    units: str = Field(
-        description="Unit of the amplitudes. Fetch the file with `harcon.json?units=metric`"
-    )
+    units: str
+    """Unit of the amplitudes. Fetch the file with `harcon.json?units=metric`"""
     rows: tuple[_HarconRow, ...] = Field(alias="HarmonicConstituents")
 
 
@@ -251,28 +250,29 @@ def _harcon(data: _Harcon, path: Path, faults: list[str]) -> Station:
 class OwnConstant(strict.StrictModel):
     """A constituent in a file of the user's own."""
 
-    amplitude_m: NonNegative = Field(description="Amplitude. Give it in metres")
-    phase_deg: Number = Field(description="Phase lag at Greenwich. Give it in degrees")
+    amplitude_m: NonNegative
+    """Amplitude. Give it in metres"""
+    phase_deg: Number
+    """Phase lag at Greenwich. Give it in degrees"""
 
 
 class OwnStation(strict.StrictModel):
     """A station of the user's own."""
 
-    constants: dict[str, OwnConstant] | strict.PathText = Field(
-        description="Harmonic constants. Give a table of constituents, M2 = { amplitude_m = 1.37, "
-        "phase_deg = 109.2 }, or the path of a station's file"
-    )
-    phases: Literal["UTC"] | None = Field(
-        default=None,
-        description="Clock of the phases. Give phase lags at Greenwich, and say so: phases = 'UTC'",
-    )
+    constants: dict[str, OwnConstant] | strict.PathText
+    """Harmonic constants. Give a table of constituents, M2 = { amplitude_m = 1.37, phase_deg =
+    109.2 }, or the path of a station's file"""
+    phases: Literal["UTC"] | None = None
+    """Clock of the phases. Give phase lags at Greenwich, and say so: phases = 'UTC'"""
     name: str = ""
     position: strict.LonLat | None = None
-    datum: str = Field(default="", description="Chart datum. Give its name: 'MLLW', 'LAT'")
+    datum: str = ""
+    """Chart datum. Give its name: 'MLLW', 'LAT'"""
     mean_level_m: Number | None = None
     ratio: NonNegative = 1.0
     offset_min: Number = 0.0
-    zone: strict.LonLatRing = Field(default=(), description="Give three corners at least")
+    zone: strict.LonLatRing = ()
+    """Give three corners at least"""
 
 
 def _own(data: OwnStation, path: Path, faults: list[str]) -> Station:
