@@ -149,7 +149,7 @@ def _listed(station: "Station", first: datetime, last: datetime, *, as_json: boo
             strict=True,
         )
     ]
-    # A place that follows a station has its level, too, by its ratio.
+    # A place that follows a station has the station's mean level, times the height ratio.
     mean_level_m = station.ratio * station.mean_level_m
     if as_json:
         return json.dumps(

@@ -33,7 +33,7 @@ def warm() -> str:
     started = time.perf_counter()
     number = 0
     if not _compiled.has_all():
-        from renew.warming import REHEARSALS, rehearse  # this alone loads some code
+        from renew.warming import REHEARSALS, rehearse  # importing this loads some code
 
         with _counted_compilations() as compiled, _progress(len(REHEARSALS)) as on_step:
             for what in rehearse():

@@ -311,8 +311,8 @@ def _put_time(
 ) -> bool:
     """Write the time, if it is known: CF forbids a missing one.
 
-    Times of a current that changes are a dimension. Otherwise there is one time, and the result
-    says whether it is there.
+    Times of a current that changes are a dimension. Otherwise there is one time, if it is known.
+    Returns whether there is a time.
     """
     if len(table.times) > 1:
         since = 0.0 if departure is None else departure.timestamp()

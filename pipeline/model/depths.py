@@ -21,14 +21,14 @@ class DepthArea:
 
 @dataclass(frozen=True, slots=True)
 class TideRange:
-    """Between which heights (m over chart datum) the tide relied on always stays."""
+    """The least and the greatest height (m over chart datum) of the tide that is relied on."""
 
     lowest_m: float
     highest_m: float
 
 
 NO_TIDE = TideRange(0.0, 0.0)
-"""Water that always stands at chart datum."""
+"""Water without a tide, always at chart datum."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,7 +66,7 @@ Say = Callable[[Note], None]
 
 
 def of_seasons(notes: Mapping[str, Iterable[Note]]) -> tuple[Note, ...]:
-    """Return notes by season as each note once, about all its seasons."""
+    """Merge notes by season: each note occurs once, and names all its seasons."""
     seasons: dict[Note, list[str]] = {}
     for season, own in notes.items():
         for note in dict.fromkeys(own):
@@ -91,7 +91,7 @@ class Zone:
     """An area of a chart to be shown on maps (lon/lat degrees).
 
     A `shoal` is too shallow for the vessel, a `hazard` lies in water that is not, an `uncharted`
-    area is covered by no source: all are no-go, and so also among the polygons of their Land. A
+    area is covered by no source. All three are no-go, and also among the polygons of their Land. A
     `restricted` area and a `traffic` scheme may be entered; `rule` is the chart's rule there for a
     passing vessel, if any. The user's areas are `shut` at the hours of their rule.
     """
@@ -304,7 +304,7 @@ class LandSource(Protocol):
 
 
 class CurrentSource(Protocol):
-    """Surface currents for a region and a season; as a rule on this machine, for anybody."""
+    """Surface currents for a region and a season; by default local, without an account."""
 
     def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
         """Whether `current` would download, given the files cached in the folder."""

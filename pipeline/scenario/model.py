@@ -57,7 +57,7 @@ class PlannerOptions(StrictModel):
     distinct_by: Literal["auto"] | strict.NonNegative = Field(
         default="auto", json_schema_extra=strict.unit("planar m")
     )
-    """Islands smaller than this distinguish no classes, planar metres; automatic: only the few
+    """Islands smaller than this distinguish no classes, planar metres; 'auto': only the few
     largest islands near the route do. Give 'auto', metres, or 0 to count every island."""
     method: Literal["optimal", "sampled"] = "optimal"
     """How the path inside a class is found: by dynamic programming, or as the best of random chains
@@ -148,7 +148,7 @@ class Scenario(StrictModel):
         examples=[[[119.2, 11.9]]],
         json_schema_extra=strict.unit("degrees, or m in a plane"),
     )
-    """Points that the routes pass in this order, in water and clear of its padding. Give a list of
+    """Points that the routes pass in this order, in water and outside the padding. Give a list of
     [lon, lat] in degrees, or of [x, y] in metres in a plane, or leave it out."""
     avoid: tuple[AvoidedArea, ...] = Field(default=(), max_length=1000)
     """Areas that are shut, always or for some hours: the vessel and its turns stay out of them

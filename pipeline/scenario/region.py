@@ -191,7 +191,7 @@ class ChartSpec(StrictModel):
     draught plus this is no-go; allow for waves, and without a [tide] for low water. Give metres, 0
     or more."""
     datum: str = Field(default="", examples=["MLLW"])
-    """Chart datum from which the depths are counted; left out, that which the chart states. Give
+    """Chart datum from which the depths are counted; by default the one that the chart states. Give
     the name that the tide's station uses, as MLLW or LAT."""
     margin_m: NonNegative | None = Field(default=None, examples=[60])
     """Margin added to every coast, metres; by default the chart's accuracy, and never less than

@@ -85,7 +85,7 @@ _MAX_HASHED_BYTES = 500 << 20
 # Number of places along each side of the region at which heights are compared with the chart's
 # land; least number of places in water; largest share of such places that may lie above the sea.
 _PLACES, _MIN_PLACES, _MAX_DRY_SHARE = 60, 30, 0.5
-# Height of the bands of depth, m, in which a tide has one need.
+# Depth range, m, of a band of tidal water, for all of which the same height of tide is required.
 _BAND_M = 0.25
 # A note is given if more than this share of the region has no depths.
 _MIN_NOTED_SHARE = 0.005

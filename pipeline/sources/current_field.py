@@ -79,7 +79,7 @@ class LandMask:
     def world(cls) -> "LandMask":
         """Make a mask of OpenStreetMap's land of the whole world, a raster of about 500 m.
 
-        It takes 300 MB, and a second once in a block of `land_freed_at_end`.
+        It takes 300 MB, and a second to load, once in each block of `land_freed_at_end`.
         """
         mask = _raster_of_the_world()
 

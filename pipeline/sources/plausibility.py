@@ -23,9 +23,9 @@ from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.lonlat import EARTH_RADIUS_M
 from pipeline.sources.current_field import Field, LandMask, find_shift
 
-# Limits of the root mean square speed of moving water: (width of the field in degrees, both ways,
-# from which they hold; speed in m/s above which to warn; above which to refuse). Real fields of
-# these widths reach 0.9, 0.75, 0.52 and 0.44 m/s.
+# Limits of the root mean square speed of moving water: (least width and height of the field in
+# degrees to which the limits apply; speed in m/s above which to warn; above which to refuse). Real
+# fields of these widths reach 0.9, 0.75, 0.52 and 0.44 m/s.
 _FAST_M_S = ((8.0, 1.0, 1.6), (20.0, 0.8, 1.1), (60.0, 0.6, 0.75), (100.0, 0.5, 0.6))
 # Width in degrees from which a field slower than this speed in m/s is suspicious.
 _SLOW_DEG, _SLOW_M_S = 20.0, 0.02
@@ -37,8 +37,8 @@ _CONSTANT_SHARE, _MIN_CELLS = 1e-6, 20
 # Distance from the coast beyond which cells are open water (or inland): cells, or degrees where
 # these are less. Nearer to it models leave out straits and shallows, or have water on land.
 OFFSHORE_CELLS, _OFFSHORE_DEG = 3, 0.75
-# Least contrast between divergences, and its certainty in standard errors for a warning and for a
-# fault. Of 3000 real windows (6 to 24 degrees wide), 3 gave a warning and none a fault.
+# Least contrast between divergences; least certainty of it, in standard errors, for a warning and
+# for a fault. Of 3000 real windows (6 to 24 degrees wide), 3 gave a warning and none a fault.
 _MIN_CONTRAST, _WARNING_CERTAINTY, _FAULT_CERTAINTY = 0.1, 2.0, 4.0
 # Least shift for a warning and for a fault: offset in cells, number of land cells that it explains,
 # and their share. Real fields reach 11 cells with a share of 0.01 over 120 degrees, and 16 cells
@@ -267,7 +267,7 @@ ROTATED = "the components are swapped and one has the wrong sign"
 
 
 def likeliest_variant(field: Field) -> Variant | None:
-    """Return the variant that diverges least; None if the field does, or with too few data."""
+    """Return the variant that diverges least; None if the field itself does, or data are few."""
     own = _divergence(field, field.u, field.v) ** 2
     moving = np.isfinite(own) & (_variation(field) > 0)
     if np.count_nonzero(moving) < _MIN_CORNERS:

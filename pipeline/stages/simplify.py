@@ -8,7 +8,7 @@ The steps, in true metres in the plane that is centred on the region:
 3. Keep starts and goals in water, and connected (:mod:`pipeline.geo.coast`).
 4. Simplify the land inwards, without a margin. A route that avoids only this inner land gives a
    lower bound on the cost of every route that avoids the land.
-5. Check that the results are valid, the cover contains all land, and inner land is all land.
+5. Check that the results are valid, the cover contains all land, and land contains all inner land.
 """
 
 import math

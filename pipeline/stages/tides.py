@@ -18,7 +18,8 @@ from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.sources.tides.station import Station
 from pipeline.sources.tides.zones import refuse_far_water, stations_of, tide_zones
 
-# Segments per quarter circle of a buffer; its flat sides lie this share of the radius off.
+# Segments per quarter circle of a buffer; factor on its radius, because its flat sides cut the
+# circle.
 _QUADRANT_SEGMENTS = 4
 _FLAT = math.cos(math.pi / 4 / _QUADRANT_SEGMENTS)
 

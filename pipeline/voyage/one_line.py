@@ -103,7 +103,7 @@ def go(
         vessel, whose draught must be given, is no-go.
     tide
         Stations of the catalogue, and files of harmonic constants: water that is too shallow for
-        some hours is then passed in the others. Needs `depart`, and depths by `charts` or `depths`.
+        some hours may be passed in the others. Needs `depart`, and depths by `charts` or `depths`.
     name
         Name of the scenario; by default it is made of the positions.
     explain_gap
@@ -300,7 +300,7 @@ def _require_name(name: str) -> None:
 
 
 def _is_still(request: VoyageRequest) -> bool:
-    """Whether the voyage is planned without any current, so that its times change nothing."""
+    """Whether the voyage is planned in still water, so that its times do not matter."""
     return request.currents == (STILL,)
 
 
@@ -310,7 +310,7 @@ def _has_steady_months(request: VoyageRequest) -> bool:
 
 
 def _when(departing_at: Departing | None, request: VoyageRequest) -> dict[str, Any]:
-    """Return the keys of a steady season for its departure; of several, where the tide differs."""
+    """Return a steady season's keys for its departure; with a tide, for a window of departures."""
     if departing_at is None:
         return {}
     return departing_at.window if request.tide else departing_at.passage

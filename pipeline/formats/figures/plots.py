@@ -46,7 +46,7 @@ def profile_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label:
 
 
 def profile_figure(result: RunResult, ranked: RankedRoute, width_pt: float | None = None) -> Figure:
-    """Return the figure for `profile_svg`: a panel each, that of land or water where there is."""
+    """Return the figure for `profile_svg`, with a panel each; land and water only if known."""
     profile = route_profile(ranked, result)
     plot = _ProfilePlot(result, ranked, profile, *distance_unit(float(profile.distance_m[-1])))
     draws: list[Callable[[Axes], None]] = [plot.draw_fuel, plot.draw_speed, plot.draw_current]
@@ -151,7 +151,7 @@ class _ProfilePlot:
         plot_title(axes, text, "grey: its padding" if padding.max() > floor else "")
 
     def draw_water(self, axes: Axes) -> None:
-        """Draw the water under the keel where depth and tide are known, and what is to be kept."""
+        """Draw the water under the keel where depth and tide are known, and the least allowed."""
         route, scene = self.ranked.route, self.result.scene
         kept_m, depth = scene.under_keel_clearance_m, scene.tidal_depths[self.ranked.season]
         points = scene.projection.to_plane(self.profile.lonlat)

@@ -22,7 +22,8 @@ from pipeline.geo.lonlat import position_text
 from pipeline.model import RouteMetrics, SeasonPlan
 from renew import Rejected
 
-# Longer side of the picture, in its units, and size of the smallest details, as a share of it.
+# Longer side of the picture, in its units, and size of the smallest details, as a share of that
+# side.
 _SIDE, _DETAIL = 100.0, 0.006
 _MAX_VERTICES = 900
 # Ratio of the sides beyond which a chart is cropped around its routes.
@@ -63,11 +64,11 @@ class SeasonPart:
     """A season's part of the page; `rows` are empty if `failure` gives a reason.
 
     `passage` is departure and arrival of the best route, empty if no departure is given. `lead`
-    says how much more fuel its rival needs, `because` why to take it, `certainty` whether that is
-    proven. `thumbnail` and `picture` are static maps; `profile` and `padding` are plots of the best
-    route, empty if there is nothing to plot. `departure` and `departure_plot` say when to leave,
-    `how_fast` and `trade_off_plot` how fast to go, if that was to be chosen; `speeds` are the best
-    route's lowest and highest, m/s.
+    says how much more fuel the second-best route needs, `because` why to take the best one,
+    `certainty` whether the choice is proven. `thumbnail` and `picture` are static maps; `profile`
+    and `padding` are plots of the best route, empty if there is nothing to plot. `departure` and
+    `departure_plot` say when to leave, `how_fast` and `trade_off_plot` how fast to go, if that was
+    to be chosen; `speeds` are the best route's lowest and highest, m/s.
     """
 
     title: str

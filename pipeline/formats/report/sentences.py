@@ -96,19 +96,22 @@ class Season:
             return "The side is not proven: the current on the way is not known."
         if self.sides is not None and self.sides.fuel > self.best.fuel:
             more = self.sides.fuel / self.best.fuel - 1
-            # The bound stops as soon as it decides, which may be at hardly more.
+            # The bound is not refined once it decides, so it may be hardly above the best route's
+            # fuel.
             needs = f"at least {text.at_least_percent(more)} more" if more >= _TELLING else "more"
             return (
                 "The side is proven, within the chart and in this current: any way on the other "
-                f"needs {needs} fuel."
+                f"side needs {needs} fuel."
             )
         if self.sides is not None:
             return (
-                "The side is not proven: it is only known that no way on the other saves more "
-                f"than {text.at_most_percent(1 - self.sides.fuel / self.best.fuel)}."
+                "The side is not proven: it is only known that no way on the other side saves "
+                f"more than {text.at_most_percent(1 - self.sides.fuel / self.best.fuel)}."
             )
         if not self.best.optimality_gap <= text.USEFUL_GAP:
-            return "The side is not proven: the fuel of the other has no useful lower bound."
+            return (
+                "The side is not proven: no useful lower bound on the other side's fuel is known."
+            )
         saved = self.best.optimality_gap / (1 + self.best.optimality_gap)
         return (
             "The side is not proven: it is only known that no way on any side saves more than "

@@ -13,9 +13,9 @@ from pathlib import Path
 from pipeline.nightly.planning.worker import BatchReport, PlanBatch
 from pipeline.stages.seasons.cluster import Fleet, fleet, local_cluster
 
-# Target and minimum duration of a batch, s, and its largest share of the work that is left for each
-# worker. Batches are short because a killed job loses the unfinished ones, and because at the end
-# no worker should wait long for another.
+# Target and minimum duration of a batch, s, and its largest share of one worker's part of the
+# remaining work. Batches are short because a killed job loses the unfinished ones, and because at
+# the end no worker should wait long for another.
 _TARGET_S, _LEAST_S, _SHARE = 40.0, 2.0, 1 / 8
 # Number of cases in a batch until the duration of a case is known.
 _FIRST_CASES = 1

@@ -165,10 +165,10 @@ _LONG_STEP = 1.04
 _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
 # Latest year of a step: near Python's last year, 9999, times can't be calculated with.
 _MAX_YEAR = 9000
-# Reference year in a time's units: "days since 0001-01-15" is of no real year, but a climatology's.
+# Reference year that marks a climatology: "days since 0001-01-15" names no real year.
 _SINCE = re.compile(r"\bsince\s+(-?\d+)-")
 _STANDARD_NAME = "forecast_reference_time"
-# Global attributes that hold this time: by its name in CF, in Copernicus Marine's files, in others.
+# Global attributes that hold the reference time: CF's name for it, Copernicus Marine's, and others.
 _ATTRIBUTES = ("forecast_reference_time", "bulletin_date", "forecast_reference", "reference_time")
 _DIGITS = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2})?)?")
 
@@ -250,7 +250,7 @@ def read_steps(time: "xr.DataArray | None", bounds: FloatArray | None) -> TimeSt
 def merge_steps(files: Sequence[TimeSteps]) -> tuple[TimeSteps, tuple[tuple[int, int], ...]]:
     """Merge the steps of several files in their order in time.
 
-    Also returns for each of them the number of its file, and its index there.
+    Also returns for each step the number of its file, and its index there.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Opening the user's files of currents, NetCDF or Zarr: damage gets one line, sizes are limited.
+"""Open the user's files of currents, NetCDF or Zarr; report damage in one line, and limit sizes.
 
 The libraries below raise errors of many kinds about damaged files, and read any size that a file
 declares. So they are called only here or inside `reading`, and sizes are checked before.
@@ -227,7 +227,7 @@ def missing_bytes(path: Path) -> int:
             # The length of the dimension that grows is stated as 0; it is always the first.
             grows = shape[:1] == [0]
             (records if grows else fixed).append((begin, size * math.prod(shape[grows:])))
-    # A step's parts are padded, unless there is one only.
+    # The variables of a step are padded, unless there is only one variable.
     step_bytes = sum(_padded(size) if len(records) > 1 else size for _, size in records)
     ends = [begin + size for begin, size in fixed]
     ends += [begin + (steps - 1) * step_bytes + size for begin, size in records if steps]
@@ -247,7 +247,7 @@ _START_CPU_S, _FILE_CPU_S = 5.0, 0.2
 _MAX_VALUES = 10_000
 
 
-# By path, size and time of change of a file: how it is fatal to the library; empty if it isn't.
+# Path, size and time of change of a file -> how the library fails on it; empty if it does not.
 _found: dict[tuple[Path, int, int], str] = {}
 
 

@@ -73,7 +73,7 @@ class TimeResolution:
 
 @dataclass(frozen=True, slots=True)
 class SelectedSteps:
-    """Starts (UTC, ascending), labels and weights (sum 1) of time steps; the end of the last.
+    """Starts (UTC, ascending), labels and weights (sum 1) of time steps, and the last one's end.
 
     Without weights each step is a field of its own, of a current that changes.
     """
@@ -239,7 +239,7 @@ def download(
         "version": spec.version,
         "label_format": label_format,
         "labels": steps.labels,
-        # A voyage may be over before the last possible arrival.
+        # The last step may be missing: the voyage may end before it.
         "may_lack": steps.are_fields,
         "subset": {**arguments, "output_directory": str(file.parent), "output_filename": file.name},
     }

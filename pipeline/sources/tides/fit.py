@@ -2,8 +2,8 @@
 
 At each node u(t) = mean + Σ f Re[c exp(i (V + u))], c = u_re + i u_im, and v alike: f, V and u by
 `renew.inputs.tide.arguments` for each hour, so that a series longer than a year needs no mean nodal
-factor. The normal equations are summed as the file is read. Which constituents a series tells
-apart says Rayleigh's criterion: one turn more or less within it.
+factor. The normal equations are summed as the file is read. By Rayleigh's criterion a series
+separates two constituents if one makes a turn more than the other within the series.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,12 +32,12 @@ CONSTITUENTS = (
     *("MU2", "2N2", "J1", "M1", "OO1", "RHO", "LAM2", "M6", "S4", "MK3", "2MK3", "2SM2", "M3"),
     *("S1", "R2", "2Q1", "S6", "M8", "MF", "MM", "MSF", "SSA", "SA"),
 )
-"""Constituents by their weight in most waters: of two that a series can't separate the first is
-fitted, and has the other's share."""
+"""Constituents by their weight in most waters: of two that a series can't separate, the first
+is fitted, and includes the other."""
 # Shortest series, days: M2 and N2 can be separated after 27.6, and M2 and S2 after 14.8.
 _LEAST_DAYS = 29.0
 _HOUR = timedelta(hours=1)
-# Steps may be off the hour by this: times in float32 days are.
+# Largest deviation of the time step from an hour: times stored as float32 days deviate.
 _SLACK = timedelta(minutes=2)
 WEAK_SHARE = 0.7
 """Share of the variance below which the constants of a node tell too little."""
@@ -167,7 +167,8 @@ def _design(
 ) -> FloatArray:
     """Return the columns (steps, 1 + 2 constituents) whose sum the series is.
 
-    The mean of a step's width is less than the current at its middle, by the sinc of its turn.
+    The mean over a step of some width is the current at its middle times the sinc of half the angle
+    by which the constituent turns in that width.
     """
     factors, angles = arguments(names, moments)
     if width is not None:
@@ -177,7 +178,7 @@ def _design(
 
 
 class _Solved(NamedTuple):
-    """A component: constants (constituents, ny, nx), mean, sums of squares left and about it."""
+    """A component: constants (constituents, ny, nx), mean, residual and total sums of squares."""
 
     constants: ComplexArray
     mean: FloatArray

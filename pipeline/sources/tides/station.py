@@ -24,9 +24,9 @@ from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unr
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.strict import NonNegative, Number, near_miss, shown, validated
 
-# Fewer constants than these tell no tide: M2, S2, K1 and O1 at least.
+# Least number of constants of a tide: M2, S2, K1 and O1.
 _LEAST_CONSTANTS = 4
-# Sum of amplitudes, m, above that of any place: more is feet, or centimetres.
+# Sum of amplitudes, m, that no place reaches: larger sums are in feet or centimetres.
 _MOST_M = 9.0
 _METRES = {"m", "metre", "metres", "meter", "meters", "metric"}
 # Figures among a station's datums that are ranges or intervals, not levels.
@@ -160,7 +160,7 @@ def _by_name(
 
 
 class _Loose(BaseModel):
-    """A table of a form that others define: keys that are not used are passed over."""
+    """A table in a format that others define: unused keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
@@ -293,7 +293,8 @@ def _own(data: OwnStation, path: Path, faults: list[str]) -> Station:
         rows = ((name, row.amplitude_m, row.phase_deg) for name, row in data.constants.items())
         base = Station(path.stem, _by_name(rows, faults))
     if data.datum and data.datum != base.datum:
-        # Another datum is another zero: the file knows by how much, or mean sea level is asked for.
+        # Another datum shifts the mean sea level by what the named file says; else it must be
+        # given.
         shift = base.datums.get(data.datum, math.nan)
         levels = {} if math.isnan(shift) else {name: z - shift for name, z in base.datums.items()}
         base = replace(base, mean_level_m=base.mean_level_m - shift, datums=levels)

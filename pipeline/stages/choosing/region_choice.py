@@ -111,9 +111,9 @@ class FarSide(NamedTuple):
 class RegionChoice(NamedTuple):
     """Bounds of a region, degrees, and the sides of islands that it leaves out.
 
-    `largest` are far sides of the largest islands, which all routes may leave out, though a way
-    there may be at most `FAR_WAY` times as long as the shortest. They end with the first side that
-    certainly has such a way.
+    `largest` are far sides of the largest islands where a way may be at most `FAR_WAY` times as
+    long as the shortest. The planned routes decide whether these sides are left out. They end with
+    the first side that certainly has such a way.
     """
 
     bounds: Bounds

@@ -63,7 +63,8 @@ def gap_shares(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> Gap
     best = season.plan.best
     kept = _least_fuel(scene, scene.chart, season, options, options.clearance or 0.0)
     free = _least_fuel(scene, _land_alone(scene.chart), season, options, 0.0)
-    # A search may miss the best route; but each route is also a route of the less limited problem.
+    # A search may miss the best route. But a route of a more limited problem is also a route of a
+    # less limited one, so its fuel counts there as well.
     kept = min(kept, best.fuel)
     free = min(free, kept)
     bound = best.fuel / (1 + best.optimality_gap)
@@ -152,7 +153,7 @@ def weighted(current: renew.VaryingCurrent, weights: FloatArray) -> renew.Gridde
 def _sailed(
     scene: Scene, season: SeasonPlan, planned_in: Current, options: PlannerOptions
 ) -> float:
-    """Return the fuel, in the season's current, of the best route planned in another, or inf."""
+    """Return the fuel in a season's current of the best route planned in `planned_in`, or inf."""
     asked, name = options.model_copy(update={"classes": _CLASSES}), season.season
     vessel, current = scene.vessel_in(name), scene.currents[name]
     other = replace(scene, currents={name: planned_in})
