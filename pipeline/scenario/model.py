@@ -35,11 +35,11 @@ class PlannerOptions(StrictModel):
     # compiler for every `renew --help`.
 
     classes: strict.Integer = Field(default=16, ge=1, le=10_000)
-    """Number of homotopy classes, ways round the islands, to find a route for; which ones, 'order'
-    says. Give a whole number from 1 to 10,000, such as 16."""
+    """Number of homotopy classes (ways round the islands) to find a route for; 'order' says which
+    ones. Give a whole number from 1 to 10,000, such as 16."""
     risk: strict.Number = Field(default=0.05, ge=1e-9, lt=1)
-    """Share of sampled hard-over turns that may reach beyond the adaptive padding: smaller keeps
-    routes further off land. Give a share between 0 and 1, such as 0.05."""
+    """Share of sampled hard-over turns that may reach beyond the adaptive padding: a smaller share
+    keeps routes further off land. Give a share between 0 and 1, such as 0.05."""
     padding: Literal["adaptive", "none"] | strict.NonNegative = Field(
         default="adaptive", json_schema_extra=strict.unit("planar m")
     )
@@ -51,9 +51,9 @@ class PlannerOptions(StrictModel):
     """Minimum padding, planar metres; by default an offing for the vessel and the chart, which the
     notes of a run state, and 0 in a plane. Give metres, 0 or more."""
     narrow_share: strict.Number = Field(default=1.0, ge=0.01, le=1)
-    """Share of the distance from the middle of a narrow passage that its shores keep, if no way
-    keeps the clearance; 1: the clearance yields nowhere. It is at most 0.5 with an offing that a
-    run chooses. Give a share from 0.01 to 1."""
+    """In passages too narrow for the clearance, the clearance is reduced to this share of the
+    distance from land to the passage's middle; 1: it is never reduced. Where a run chooses an
+    offing, the share is at most 0.5. Give a share from 0.01 to 1."""
     distinct_by: Literal["auto"] | strict.NonNegative = Field(
         default="auto", json_schema_extra=strict.unit("planar m")
     )

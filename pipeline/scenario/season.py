@@ -114,8 +114,8 @@ class Season(StrictModel):
     """How one field is made from a source's time steps: their mean, the nearest step, or linear in
     time; by default the mean for a month or a day, the nearest for an instant. With 'changing' no
     single field is made: the current changes during the voyage, with all time steps from
-    'departure' on. Give 'mean', 'nearest', 'linear' or 'changing', or leave it out.""" currents:
-    tuple[Currents, ...] = Field(
+    'departure' on. Give 'mean', 'nearest', 'linear' or 'changing', or leave it out."""
+    currents: tuple[Currents, ...] = Field(
         default=(), examples=[["daily/*.nc", "copernicus-glorys-monthly"]]
     )
     """Sources of the current in order of preference; files that belong together form a list of
