@@ -51,6 +51,17 @@ class Length:
         return f"{self.metres:.2f} m"
 
 
+@dataclass(frozen=True, slots=True)
+class ClassName:
+    """The name of a homotopy class that a message names, shortened for a sentence."""
+
+    name: str
+
+    def __str__(self) -> str:
+        """Return the name."""
+        return self.name
+
+
 LengthSpelling: TypeAlias = Callable[[Length], str]
 """Spells a length for a message: as it is, or in true metres if the caller knows the scale."""
 
@@ -62,11 +73,11 @@ class Text:
     Attributes
     ----------
     template : for `str.format`, {0} being the first value; used unchanged if there are no values.
-    values : places (2,), m; moments; lengths; texts inside the text.
+    values : places (2,), m; moments; lengths; names of classes; texts inside the text.
     """
 
     template: str
-    values: "tuple[FloatArray | Moment | Length | Text, ...]" = ()
+    values: "tuple[FloatArray | Moment | Length | ClassName | Text, ...]" = ()
 
     def __str__(self) -> str:
         """Return the message with places and lengths in metres and moments in seconds."""
@@ -88,6 +99,8 @@ class Text:
                     words.append(moment(value))
                 case Length():
                     words.append(length(value))
+                case ClassName():
+                    words.append(value.name)
                 case _:
                     words.append(place(value))
         return self.template.format(*words) if words else self.template
@@ -107,14 +120,19 @@ class Text:
         """The lengths that it names, in the order of its values."""
         return tuple(value for value in _values_in(self) if isinstance(value, Length))
 
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """The names of classes that it names, in the order of its values."""
+        return tuple(value.name for value in _values_in(self) if isinstance(value, ClassName))
+
     @classmethod
     def joined(cls, separator: str, texts: "Sequence[Text]") -> "Text":
         """Return texts one after the other."""
         return cls(separator.join(f"{{{at}}}" for at in range(len(texts))), tuple(texts))
 
 
-def _values_in(text: Text) -> Iterator[FloatArray | Moment | Length]:
-    """Yield places, moments and lengths of a text, and of the texts inside it."""
+def _values_in(text: Text) -> Iterator[FloatArray | Moment | Length | ClassName]:
+    """Yield the values of a text, and of the texts inside it."""
     for value in text.values:
         if isinstance(value, Text):
             yield from _values_in(value)
@@ -143,7 +161,9 @@ class PlanningError(Exception):
         places and lengths in planar metres and moments in seconds.
     """
 
-    def __init__(self, message: str | Text, *values: FloatArray | Moment | Length | Text) -> None:
+    def __init__(
+        self, message: str | Text, *values: FloatArray | Moment | Length | ClassName | Text
+    ) -> None:
         self.text = message if isinstance(message, Text) else Text(message, values)
         super().__init__(str(self.text))
 

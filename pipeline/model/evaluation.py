@@ -105,6 +105,11 @@ class RouteMetrics:
         return self.passages[0].text if self.passages else ""
 
     @property
+    def main_island(self) -> str:
+        """The main island, or both islands of the strait; empty without islands."""
+        return ", ".join(self.passages[0].islands) if self.passages else ""
+
+    @property
     def main_side(self) -> str:
         """The side on which it passes the main island: "west"; with the names of a strait."""
         if not self.passages:

@@ -175,9 +175,10 @@ class Scene:
 class SeasonPlan:
     """One season's plan; `failure` is empty when it was planned, else the reason in one line.
 
-    `is_shut` is True if the failure is that no way joins start and goal in the region; a wider
-    region may have a way. Where speeds are chosen, `arrive_by_s` is the latest arrival that the
-    planner was asked for, in seconds on the planner's clock.
+    `class_names` are the names of homotopy classes in the reason. `is_shut` is True if the failure
+    is that no way joins start and goal in the region; a wider region may have a way. Where speeds
+    are chosen, `arrive_by_s` is the latest arrival that the planner was asked for, in seconds on
+    the planner's clock.
     """
 
     season: str
@@ -186,6 +187,7 @@ class SeasonPlan:
     seconds: float
     is_shut: bool = False
     arrive_by_s: float = math.inf
+    class_names: tuple[str, ...] = ()
 
     @property
     def ranked_routes(self) -> tuple[renew.Route, ...]:

@@ -93,7 +93,8 @@ def plan_seasons(
         reasons = _reasons(plans)
         if crashed:
             raise StageError("; ".join(reasons))
-        reasons += class_names_text([plan.failure for plan in plans], chosen.scene.value)
+        names = [name for plan in plans for name in plan.class_names]
+        reasons += class_names_text(names, chosen.scene.value)
         raise (NoWayError if any(plan.is_shut for plan in plans) else RequestError)(reasons)
     key = artefact_key(
         "planned", [task.evaluation_path.name for task in tasks], [plan.failure for plan in plans]

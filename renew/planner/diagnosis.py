@@ -11,7 +11,7 @@ import numpy as np
 
 from renew.classes.dual_graph import Channel, widest_gap
 from renew.classes.h_signature import shortened
-from renew.errors import InfeasibleError, Length, Text, TooLateError, UnreachableError
+from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError, UnreachableError
 from renew.planner.one_class import ClassPlanner
 from renew.results import Rejected, Route
 
@@ -36,7 +36,7 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
     for one in rejected:
         alike.setdefault(one.reason, []).append(one)
     reasons = [
-        Text("{0}: {1}", (Text(_named(group)), group[0].text))
+        Text("{0}: {1}", (_named(group), group[0].text))
         for group in itertools.islice(alike.values(), _MAX_REASONS)
     ]
     left = len(alike) - _MAX_REASONS
@@ -60,11 +60,16 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
     return error
 
 
-def _named(group: list[Rejected]) -> str:
+def _named(group: list[Rejected]) -> Text:
     """Name the first of several classes, and count the others."""
-    names = ", ".join(shortened(one.homotopy) for one in group[:_MAX_REASONS])
+    names = [_class_name(one) for one in group[:_MAX_REASONS]]
     more = f" and {len(group) - _MAX_REASONS} more" if len(group) > _MAX_REASONS else ""
-    return f"class{'es' * (len(group) > 1)} {names}{more}"
+    return Text(f"class{'es' * (len(group) > 1)} {{0}}{more}", (Text.joined(", ", names),))
+
+
+def _class_name(one: Rejected | Route) -> Text:
+    """Return the name of a class for a sentence."""
+    return Text("{0}", (ClassName(shortened(one.homotopy)),))
 
 
 def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> list[Text]:
@@ -154,5 +159,7 @@ def _narrowest_gap(way: Channel) -> float:
 
 def _description(route: Route) -> Text:
     """Return a route's fuel and clearance as text."""
-    fuel = Text(f"class {shortened(route.homotopy)} for a fuel of {route.fuel:.6g}")
-    return Text("{0}, {1} clear of no-go zones", (fuel, Length(route.clearance)))
+    return Text(
+        f"class {{0}} for a fuel of {route.fuel:.6g}, {{1}} clear of no-go zones",
+        (_class_name(route), Length(route.clearance)),
+    )

@@ -3,7 +3,6 @@
 RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways (AAAI 2026).
 """
 
-import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -341,13 +340,11 @@ def _ranked(variant: Variant, season: str) -> tuple[RankedRoute, ...]:
 
 
 def _reason(variant: Variant, season: str) -> str:
-    """Return why a variant has no route, without the remedy."""
-    reason = variant.failure
-    if variant.result is not None:
-        failures = (one.failure for one in variant.result.plans if one.season == season)
-        reason = next(failures, "") or "no route was found"
-    # The figure shows one season only.
-    return re.sub(r"^seasons? '[^:]*': ", "", reason).partition(". ")[0].rstrip(" :")
+    """Return why a variant has no route."""
+    if variant.result is None:
+        return variant.failure
+    failures = (one.failure for one in variant.result.plans if one.season == season)
+    return next(failures, "") or "no route was found"
 
 
 def _write_reason(axes: Axes, reason: str) -> None:
@@ -374,7 +371,7 @@ def _figures(variant: Variant, season: str) -> str:
     """Return a variant's fuel, length and clearance, or why it has no route."""
     ranked = _ranked(variant, season)
     if not ranked:
-        return drawable(f"no route: {_reason(variant, season).partition(': ')[0]}")
+        return "no route"
     best = ranked[0].metrics
     return (
         f"fuel {fuel(best.fuel)}, {distance(best.length_m)}, clear by {clearance(best.clearance_m)}"

@@ -34,7 +34,7 @@ def _fields(kind: pa.DataType, names: str) -> list[tuple[str, pa.DataType]]:
 # Columns of both kinds of rows, cases and routes.
 _SHARED = [("index", _COUNT), *_fields(_TEXT, "case scenario season pair departure vessel member")]
 _ROUTE = [
-    *_fields(_TEXT, "side class"),
+    *_fields(_TEXT, "side island class"),
     *_fields(_NUMBER, "fuel fuel_per_distance length_m duration_s clearance_m optimality_gap"),
     *_fields(_COUNT, "trials collisions"),
     ("arrival", _TIME),

@@ -26,7 +26,7 @@ from pipeline.nightly.cycle.part import Row
 from pipeline.nightly.outcome import ACT, DONE, LOOK, LOOK_CODE, OUTCOMES
 
 CASES_FILE = "cases.parquet"
-_COLUMNS = ["status", "side", "class", "fuel", "arrival", "geometry"]
+_COLUMNS = ["status", "side", "island", "class", "fuel", "arrival", "geometry"]
 HISTORY_FILE = "history.parquet"
 _CONSEQUENCES = {
     CASES_FILE: "tonight is compared with an earlier night, if there is one",
@@ -175,6 +175,7 @@ class EarlierRoute:
 
     cycle: str
     side: str
+    island: str
     homotopy: str
     fuel: float
     arrival: datetime | None
@@ -225,6 +226,7 @@ class EarlierRoutes:
         return EarlierRoute(
             self.cycle,
             one["side"],
+            one["island"],
             one["class"],
             one["fuel"],
             one["arrival"],

@@ -189,7 +189,7 @@ def plan_case(
         row |= compared(
             earlier, scene, planned, figures[0], options, chart.scenario.scale, case.leaves
         )
-    outcome, why = judged(row, planned, rules)
+    outcome, why = judged(row, planned, rules, earlier)
     return [*routes, row | {"outcome": outcome, "why": why}]
 
 
@@ -235,6 +235,7 @@ def _route_row(case: CaseTask, scene: Scene, route: Route, figure: RouteMetrics)
     lonlat = scene.projection.to_lonlat(np.asarray(route.path))
     return _row_of(case, figure.rank) | {
         "side": figure.main_passage,
+        "island": figure.main_island,
         "class": figure.homotopy,
         "fuel": figure.fuel,
         "fuel_per_distance": figure.fuel_per_distance,
@@ -327,17 +328,19 @@ def compared(
     return row
 
 
-def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
+def judged(
+    row: Row, planned: SeasonPlan, rules: Rules, earlier: EarlierRoute | None
+) -> tuple[str, str]:
     """Return a planned case's outcome, and the reasons if it is not "same"."""
     act, look = list[str](), list[str]()
-    if row.get("earlier_class") is not None:
+    if earlier is not None and "earlier_class" in row:
         rejected = {one.homotopy for one in planned.plan.rejected} if planned.plan else set()
         sailed = {route.homotopy for route in planned.ranked_routes}
-        name = row["earlier_class"]
+        name = earlier.homotopy
         if name in rejected - sailed or row.get("keep_fuel") is None:
             act.append(f"yesterday's class {name} can't be sailed any more")
-        if _has_flipped(row["earlier_side"], row["side"]):
-            look.append(f"{row['earlier_side']} yesterday, {row['side']} now")
+        if earlier.island == row["island"] and earlier.side != row["side"]:
+            look.append(f"{earlier.side} yesterday, {row['side']} now")
         saving = row.get("saving_percent")
         if saving is not None and saving < -_CHEAPER_PERCENT:
             # Tonight's best route has the least fuel of all routes that are safe tonight.
@@ -353,8 +356,3 @@ def judged(row: Row, planned: SeasonPlan, rules: Rules) -> tuple[str, str]:
         look.append(row["stand_in"])
     outcome = ACT if act else LOOK if look else SAME
     return outcome, "; ".join([*act, *look])
-
-
-def _has_flipped(earlier: str, now: str) -> bool:
-    """Whether the same main island is passed on another side."""
-    return earlier != now and earlier.partition(" of ")[2] == now.partition(" of ")[2]

@@ -60,12 +60,12 @@ def with_way_names(
     )
 
 
-def class_names_text(texts: Sequence[str], scene: Scene) -> Iterator[str]:
-    """Yield a sentence that explains the names of classes in some texts, if there are any."""
-    found = [one for text in texts for one in re.findall(r"\b([ps])(\d+)\b", text)]
+def class_names_text(names: Sequence[str], scene: Scene) -> Iterator[str]:
+    """Yield a sentence that explains some names of classes, if there are any."""
+    found = [letter for name in names for letter in re.findall(r"\b([ps])(\d+)\b", name)]
     letters = dict.fromkeys((side, int(number)) for side, number in found)
     meanings = _WayNamer(scene, {}, ()).meanings(letters)
-    if any(re.search(r"\bclass(es)? [^:;]*\be\b", text) for text in texts):
+    if "e" in names:
         meanings.append("e stands for none of the letters")
     if meanings:
         yield f"in names of classes, {', '.join(meanings)}"

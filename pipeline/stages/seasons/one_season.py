@@ -82,7 +82,14 @@ def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPla
         is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
             scene, error.straits, _least_padding(error, scene, season, asked)
         )
-        return SeasonPlan(season, None, failure, time.perf_counter() - started, is_shut)
+        return SeasonPlan(
+            season,
+            None,
+            failure,
+            time.perf_counter() - started,
+            is_shut,
+            class_names=error.text.class_names,
+        )
     seconds = time.perf_counter() - started
     return SeasonPlan(season, plan, "", seconds, arrive_by_s=arrive_by_s)
 

@@ -30,6 +30,7 @@ def test_where_a_fixed_padding_blocks_all_the_adaptive_one_is_suggested_first() 
     with pytest.raises(renew.UnreachableError, match=r"the gap is 10\.00 m wide") as caught:
         renew.plan(chart_of(walls), STILL, PAPER_VESSEL, START, GOAL, padding=6.0)
     text = str(caught.value)
+    assert set(caught.value.text.class_names) == {"e"}
     adaptive = re.search(r'"adaptive" would leave one, class \S+ for a fuel of ([\d.]+)', text)
     assert adaptive
     assert float(adaptive[1]) == pytest.approx(

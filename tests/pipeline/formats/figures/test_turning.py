@@ -52,6 +52,6 @@ def test_a_variant_without_a_route_says_why(result: RunResult) -> None:
     variants = [Variant("adaptive", result), Variant("fixed", None, failure)]
     figure = variants_figure(result, "summer", variants, with_padding=True, width_pt=504.0)
     texts = [text.get_text().replace("\n", " ") for text in figure.axes[1].texts]
-    assert "all 2 classes were rejected: a gap of 18.70 m" in texts
+    assert failure in texts
     headings = {text.get_text() for text in [*figure.texts, *figure.axes[1].texts]}
-    assert "no route: all 2 classes were rejected" in headings
+    assert "no route" in headings
