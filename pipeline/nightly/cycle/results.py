@@ -226,7 +226,7 @@ class EarlierRoutes:
         return EarlierRoute(
             self.cycle,
             one["side"],
-            one["island"],
+            one.get("island", ""),  # an earlier version's table lacks the column
             one["class"],
             one["fuel"],
             one["arrival"],
