@@ -20,7 +20,7 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.stages.choose import offing_m
-from pipeline.stages.choosing.region_choice import FarSide, Voyage, choose_region
+from pipeline.stages.choosing.region_choice import DirectLine, FarSide, choose_region
 from pipeline.stages.simplify import simplify_land
 from tests.bench.sea_figures import PEAK_M_S, Water
 from tests.oracles import leg_times
@@ -59,7 +59,7 @@ class DrawnWater(Water):
     @cached_property
     def offing(self) -> float:
         """The offing that a run chooses, m."""
-        distance = Voyage.between(self.start, self.goal).distance_m
+        distance = DirectLine.between(self.start, self.goal).distance_m
         return float(math.floor(offing_m(self.spec, osm.ACCURACY_M, distance)))
 
     def simplified(self) -> renew.Chart:
@@ -107,7 +107,7 @@ def drawn(seed: int) -> DrawnWater:
         ends = _ends(rng)
         if ends is None:
             continue
-        voyage = Voyage.between(*ends)
+        voyage = DirectLine.between(*ends)
 
         def mask_of(bounds: tuple[float, float, float, float]) -> LandMask:
             return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)

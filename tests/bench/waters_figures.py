@@ -26,7 +26,7 @@ from pipeline._types import BoolArray, FloatArray
 from pipeline.sources.land import osm
 from pipeline.stages.choosing.region_choice import (
     FAR_WAY,
-    Voyage,
+    DirectLine,
     bounds_of,
     widened_by,
 )
@@ -57,7 +57,7 @@ def water_figures(water: DrawnWater) -> Iterator[Figure]:
     """All figures of a water."""
     name, spec, turns = water.name, water.spec, water.turns_m
     knots, circle = spec.speed_m_s / KNOT, 2 * water.vessel.turning_radius
-    distance = Voyage.between(water.start, water.goal).distance_m / 1000
+    distance = DirectLine.between(water.start, water.goal).distance_m / 1000
     text = f"{water.start} to {water.goal}, {distance:.0f} km; {spec.length_m:.0f} m, "
     text += f"{knots:.1f} kn, circle {circle:.0f} m, turns {turns:.0f} m, offing {water.offing:g} m"
     yield Figure(f"{name}: asked", "", text)
@@ -94,8 +94,8 @@ def water_figures(water: DrawnWater) -> Iterator[Figure]:
 
 def _far_side(water: DrawnWater, plan: renew.Plan) -> Figure:
     """Whether the far side of the largest island within 1.5 best ways is planned, or named."""
-    voyage = Voyage.between(water.start, water.goal)
-    around = widened_by(bounds_of(voyage.direct), voyage.distance_m)
+    voyage = DirectLine.between(water.start, water.goal)
+    around = widened_by(bounds_of(voyage.points), voyage.distance_m)
     land = osm.land_polygons(shapely.box(*around), 0.0).polygons
     ends = np.array(water.start), np.array(water.goal)
     island = largest_between(land, around, *ends, FAR_WAY)

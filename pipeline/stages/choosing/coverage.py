@@ -20,7 +20,7 @@ from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.registry import charted_land, current_source
-from pipeline.stages.choosing.region_choice import Voyage
+from pipeline.stages.choosing.region_choice import DirectLine
 from pipeline.stages.places import lakes_text, not_in_water
 
 # Smallest margin of a region around its stops, degrees (about 100 m).
@@ -80,7 +80,7 @@ def require_sailable(scenario: Scenario) -> None:
 
 
 def covered_by_currents(
-    seasons: Sequence[Season], voyage: Voyage, folder: Path, *, offline: bool
+    seasons: Sequence[Season], direct: DirectLine, folder: Path, *, offline: bool
 ) -> Coverage:
     """Return the area that the first usable source of every season covers.
 
@@ -92,12 +92,12 @@ def covered_by_currents(
     RequestError
         No season has a usable source; the message has a line for each reason.
     """
-    middle = (voyage.start[0] + voyage.goal[0]) / 2
+    middle = (direct.start[0] + direct.goal[0]) / 2
     world = (max(middle - 180, -180), -_MAX_LATITUDE, min(middle + 180, 360), _MAX_LATITUDE)
     found = Coverage(world, ("", "", "", ""))
     reasons: dict[str, list[str]] = {}
     for season in seasons:
-        covered, why = _of_season(season, world, voyage, folder, offline=offline)
+        covered, why = _of_season(season, world, direct, folder, offline=offline)
         if covered is None:
             reasons.setdefault(why, []).append(repr(season.name))
         else:
@@ -114,10 +114,10 @@ def covered_by_currents(
 
 
 def _of_season(
-    season: Season, world: Bounds, voyage: Voyage, folder: Path, *, offline: bool
+    season: Season, world: Bounds, direct: DirectLine, folder: Path, *, offline: bool
 ) -> tuple[Coverage | None, str]:
     """Return the coverage of a season's first usable source, or None and why there is none."""
-    ends = least_region(voyage.start, voyage.goal)
+    ends = least_region(direct.start, direct.goal)
     reasons = []
     for named in season.currents:
         source = current_source(named)

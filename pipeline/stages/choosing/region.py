@@ -22,9 +22,9 @@ from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
 from pipeline.stages.choosing.region_choice import (
     FAR_WAY,
     BoundedSide,
+    DirectLine,
     FarSide,
     RegionChoice,
-    Voyage,
     are_on_both_sides,
     bounded_sides,
     choose_region,
@@ -60,7 +60,7 @@ class ChosenRegion:
 
     bounds: Bounds
     coverage: Coverage
-    voyage: Voyage
+    direct: DirectLine
     far_sides: tuple[FarSide, ...]
     largest: tuple[FarSide, ...]
     notes: tuple[Note, ...] = ()
@@ -78,16 +78,16 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     RequestError
         No usable source of currents covers start and goal.
     """
-    parts = [Voyage.between(*ends) for ends in pairwise(scenario.stops.values())]
+    lines = [DirectLine.between(*ends) for ends in pairwise(scenario.stops.values())]
     folder = store.root / DOWNLOADS
     # The coverage of each leg; all legs have the same sources.
     *_, coverage = (
-        covered_by_currents(scenario.seasons, part, folder, offline=offline) for part in parts
+        covered_by_currents(scenario.seasons, line, folder, offline=offline) for line in lines
     )
-    voyage = max(parts, key=lambda part: part.distance_m)
+    direct = max(lines, key=lambda line: line.distance_m)
     source = charted_land(scenario)
     is_world = all(one.name == "osm-land" for one in scenario.chart.source)
-    least_deg = _LEAST_LAND * voyage.distance_m / METRES_PER_DEGREE
+    least_deg = _LEAST_LAND * direct.distance_m / METRES_PER_DEGREE
 
     def mask_of(bounds: Bounds) -> LandMask:
         box = shapely.box(*bounds)
@@ -99,13 +99,13 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     key = artefact_key("region", source.identity, *stops, coverage.bounds)
 
     def choose() -> list[RegionChoice]:
-        return [choose_region(part, mask_of, coverage.bounds) for part in parts]
+        return [choose_region(line, mask_of, coverage.bounds) for line in lines]
 
     choices = store.load_or_make("region", key, list, choose)
     far_sides = tuple(side for choice in choices for side in choice.far_sides)
     largest = tuple(side for choice in choices for side in choice.largest)
     bounds = hull([choice.bounds for choice in choices])
-    chosen = ChosenRegion(bounds, coverage, voyage, far_sides, largest)
+    chosen = ChosenRegion(bounds, coverage, direct, far_sides, largest)
     ends = _ends_of_currents(chosen, range(len(SIDES)))
     return replace(chosen, notes=(Note.of("region-chosen", bounds=bounds, ends=ends),))
 
@@ -115,8 +115,8 @@ def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenReg
 
     Returns None if no route comes near a side, or the currents end there; see `edge_notes`.
     """
-    near = sides_near(chosen.bounds, paths, chosen.voyage.margin_m)
-    bounds = grown(chosen.bounds, near, chosen.voyage.margin_m, chosen.coverage.bounds)
+    near = sides_near(chosen.bounds, paths, chosen.direct.margin_m)
+    bounds = grown(chosen.bounds, near, chosen.direct.margin_m, chosen.coverage.bounds)
     if bounds == chosen.bounds:
         return None
     sides = tuple(SIDES[side] for side in near)
@@ -126,7 +126,7 @@ def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenReg
 
 def opened_region(chosen: ChosenRegion) -> ChosenRegion | None:
     """Widen a region without a way from start to goal; None if its currents reach no further."""
-    bounds = opened(chosen.bounds, chosen.voyage.distance_m, chosen.coverage.bounds)
+    bounds = opened(chosen.bounds, chosen.direct.distance_m, chosen.coverage.bounds)
     if bounds == chosen.bounds:
         return None
     note = Note.of("region-opened", bounds=bounds)
@@ -135,7 +135,7 @@ def opened_region(chosen: ChosenRegion) -> ChosenRegion | None:
 
 def edge_notes(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> tuple[Note, ...]:
     """Return a note if a best route comes near an edge at which the currents end."""
-    near = sides_near(chosen.bounds, paths, chosen.voyage.margin_m)
+    near = sides_near(chosen.bounds, paths, chosen.direct.margin_m)
     ends = _ends_of_currents(chosen, near)
     return (Note.of("route-near-edge", ends=ends),) if ends else ()
 
@@ -248,7 +248,7 @@ def search_region(
 def _with_cheap_sides(region: ChosenRegion, sides: Sequence[BoundedSide]) -> ChosenRegion | None:
     """Widen a region to hold far sides that may need little fuel; None if there are none."""
     cheap = [one for one in sides if one.fuel_ratio <= FAR_WAY]
-    around = [widened_by(one.side.around, region.voyage.margin_m) for one in cheap]
+    around = [widened_by(one.side.around, region.direct.margin_m) for one in cheap]
     bounds = common_bounds(hull([region.bounds, *around]), region.coverage.bounds)
     if not cheap or bounds is None:
         return None

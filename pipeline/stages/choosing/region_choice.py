@@ -64,17 +64,17 @@ _MAX_LATITUDE = 89.0
 
 
 @dataclass(frozen=True, slots=True)
-class Voyage:
+class DirectLine:
     """Start and goal (lon, lat), degrees, with longitudes continuous across 180; distance in m."""
 
     start: LonLat
     goal: LonLat
     distance_m: float
-    direct: FloatArray
+    points: FloatArray
     """Points (n, 2) of the geodesic from start to goal."""
 
     @classmethod
-    def between(cls, start: LonLat, goal: LonLat) -> "Voyage":
+    def between(cls, start: LonLat, goal: LonLat) -> "DirectLine":
         """Compute the geodesic from start to goal and its length."""
         import pyproj
 
@@ -122,33 +122,33 @@ class RegionChoice(NamedTuple):
 
 
 def choose_region(
-    voyage: Voyage, mask_of: Callable[[Bounds], LandMask], limits: Bounds
+    direct: DirectLine, mask_of: Callable[[Bounds], LandMask], limits: Bounds
 ) -> RegionChoice:
     """Choose the bounds of a region for a voyage.
 
     Parameters
     ----------
-    voyage
+    direct
         Its start and goal must lie inside the limits.
     mask_of
         Returns the land inside bounds.
     limits
         Bounds of the currents, which the region does not exceed.
     """
-    reach_m = max(_REACH_SHARE * voyage.distance_m, _MIN_REACH_M)
+    reach_m = max(_REACH_SHARE * direct.distance_m, _MIN_REACH_M)
     for _ in range(_SEARCHES):
-        searched = _within(widened_by(bounds_of(voyage.direct), reach_m), limits)
+        searched = _within(widened_by(bounds_of(direct.points), reach_m), limits)
         grid = WaterGrid.of(mask_of(searched), searched)
-        start, goal = grid.water_near(*voyage.start), grid.water_near(*voyage.goal)
+        start, goal = grid.water_near(*direct.start), grid.water_near(*direct.goal)
         if start is not None and goal is not None and (ways := grid.ways(start, goal)):
-            return _around_ways(voyage, grid, (start, goal), ways[0], searched, limits)
+            return _around_ways(direct, grid, (start, goal), ways[0], searched, limits)
         reach_m *= _FURTHER
     # The coarse grid has no way, for example through a canal; the real coast may have one.
-    return RegionChoice(_region(voyage, [bounds_of(voyage.direct)], limits))
+    return RegionChoice(_region(direct, [bounds_of(direct.points)], limits))
 
 
 def _around_ways(
-    voyage: Voyage,
+    direct: DirectLine,
     grid: WaterGrid,
     ends: tuple[Cell, Cell],
     shortest: Way,
@@ -167,14 +167,14 @@ def _around_ways(
         place, ratio = grid.place_on(island), length_m / shortest.length_m
         return FarSide(*place, length_m, ratio, around, searched)
 
-    places = [bounds_of(np.array([voyage.start, voyage.goal])), grid.bounds_of(shortest.cells)]
-    for island in _islands_between(voyage, grid):
+    places = [bounds_of(np.array([direct.start, direct.goal])), grid.bounds_of(shortest.cells)]
+    for island in _islands_between(direct, grid):
         side = far_side(island)
         if side is not None and side.ratio * _DETOUR <= _LONGEST_WAY:
             places.append(side.around)
     far_sides, tried = list[FarSide](), set[int]()
     for _ in range(_MAX_ISLANDS):
-        beyond = grid.islands_beyond(_region(voyage, places, limits))
+        beyond = grid.islands_beyond(_region(direct, places, limits))
         island = next((one for one in beyond if one not in tried), 0)
         if not island:
             break
@@ -187,7 +187,7 @@ def _around_ways(
     is_long = grid.around_island(*ends) > FAR_WAY * _DETOUR * shortest.length_m
     near = [one for one in grid.large_islands if not is_long[one]][:_MAX_ISLANDS]
     largest = _up_to_short(filter(None, map(far_side, near)))
-    return RegionChoice(_region(voyage, places, limits), tuple(far_sides), tuple(largest))
+    return RegionChoice(_region(direct, places, limits), tuple(far_sides), tuple(largest))
 
 
 def _up_to_short(sides: Iterable[FarSide]) -> Iterator[FarSide]:
@@ -199,9 +199,9 @@ def _up_to_short(sides: Iterable[FarSide]) -> Iterator[FarSide]:
                 return
 
 
-def _region(voyage: Voyage, places: Sequence[Bounds], limits: Bounds) -> Bounds:
+def _region(direct: DirectLine, places: Sequence[Bounds], limits: Bounds) -> Bounds:
     """Return the bounds of all places with the voyage's margin, within limits."""
-    return _within(rounded_outward(widened_by(hull(places), voyage.margin_m)), limits)
+    return _within(rounded_outward(widened_by(hull(places), direct.margin_m)), limits)
 
 
 def hull(boxes: Sequence[Bounds]) -> Bounds:
@@ -211,9 +211,9 @@ def hull(boxes: Sequence[Bounds]) -> Bounds:
     return west, south, east, north
 
 
-def _islands_between(voyage: Voyage, grid: WaterGrid) -> list[int]:
+def _islands_between(direct: DirectLine, grid: WaterGrid) -> list[int]:
     """Return the largest islands on the direct line, the largest first."""
-    cells = grid.cells(voyage.direct)
+    cells = grid.cells(direct.points)
     met = np.unique(grid.islands[cells[:, 0], cells[:, 1]])
     size = np.bincount(grid.islands.ravel())
     largest = sorted((int(one) for one in met if one), key=lambda one: -size[one])

@@ -10,10 +10,10 @@ import pytest
 from pipeline.errors import RequestError
 from pipeline.scenario.season import Season
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
-from pipeline.stages.choosing.region_choice import Voyage
+from pipeline.stages.choosing.region_choice import DirectLine
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
-PALAWAN = Voyage.between((120.30, 12.80), (116.80, 7.70))
+PALAWAN = DirectLine.between((120.30, 12.80), (116.80, 7.70))
 GLORYS, EMBEDDED = "copernicus-glorys-monthly", "embedded-palawan"
 
 
@@ -28,8 +28,8 @@ def season(month: str, *currents: str | tuple[str, ...]) -> Season:
     return Season(name=month, valid=month, currents=currents)
 
 
-def covered(folder: Path, *seasons: Season, voyage: Voyage = PALAWAN) -> Coverage:
-    return covered_by_currents(seasons, voyage, folder, offline=False)
+def covered(folder: Path, *seasons: Season, direct: DirectLine = PALAWAN) -> Coverage:
+    return covered_by_currents(seasons, direct, folder, offline=False)
 
 
 def test_without_an_account_the_embedded_table_limits_the_region(tmp_path: Path) -> None:
@@ -71,9 +71,9 @@ def test_still_water_covers_everything(tmp_path: Path) -> None:
 
 
 def test_without_any_current_the_error_says_why_and_what_would_do(tmp_path: Path) -> None:
-    aegean = Voyage.between((23.6, 37.9), (28.3, 36.5))
+    aegean = DirectLine.between((23.6, 37.9), (28.3, 36.5))
     with pytest.raises(RequestError) as caught:
-        covered(tmp_path, season("2024-07", GLORYS, EMBEDDED), voyage=aegean)
+        covered(tmp_path, season("2024-07", GLORYS, EMBEDDED), direct=aegean)
     (line,) = caught.value.faults
     assert "free Copernicus Marine account" in line
     assert "embedded-palawan has no data west of 114.75" in line

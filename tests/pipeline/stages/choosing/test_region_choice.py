@@ -12,7 +12,7 @@ from hypothesis import given, strategies as st
 
 from pipeline.sources.current_field import LandMask
 from pipeline.stages.choosing.region_choice import (
-    Voyage,
+    DirectLine,
     choose_region,
     rounded_outward,
     widened_by,
@@ -32,7 +32,7 @@ def mask(*land: shapely.Polygon) -> LandMask:
 def region(
     start: tuple[float, float], goal: tuple[float, float], *land: shapely.Polygon
 ) -> list[float]:
-    return list(choose_region(Voyage.between(start, goal), lambda _: mask(*land), WORLD).bounds)
+    return list(choose_region(DirectLine.between(start, goal), lambda _: mask(*land), WORLD).bounds)
 
 
 def test_open_water_gives_start_and_goal_with_a_margin() -> None:
@@ -86,7 +86,7 @@ def test_a_way_that_is_further_than_the_first_search_is_found() -> None:
 
 def test_a_region_ends_where_the_currents_do() -> None:
     limits = (9.9, 50.4, 12.1, 50.6)
-    voyage = Voyage.between((10, 50.5), (12, 50.5))
+    voyage = DirectLine.between((10, 50.5), (12, 50.5))
     assert choose_region(voyage, lambda _: mask(), limits).bounds == limits
 
 
@@ -129,7 +129,7 @@ def test_real_waters_hold_what_a_navigator_thinks_of(
     start: tuple[float, float], goal: tuple[float, float], inside: list[tuple[float, float]]
 ) -> None:
     world = LandMask.world()
-    bounds = choose_region(Voyage.between(start, goal), lambda _: world, WORLD).bounds
+    bounds = choose_region(DirectLine.between(start, goal), lambda _: world, WORLD).bounds
     for place in inside:
         assert shapely.box(*bounds).contains(shapely.Point(place)), (bounds, place)
 
@@ -137,7 +137,7 @@ def test_real_waters_hold_what_a_navigator_thinks_of(
 def test_no_island_is_cut_whose_far_side_a_voyage_might_use() -> None:
     """The direct line passes south of the island, and the region would cut it in two."""
     island = shapely.box(119.0, 10.1, 121.0, 11.2)
-    voyage = Voyage.between((118.0, 10.0), (122.0, 10.0))
+    voyage = DirectLine.between((118.0, 10.0), (122.0, 10.0))
     bounds, far_sides, _ = choose_region(voyage, lambda _: mask(island), WORLD)
     assert far_sides == ()
     assert shapely.box(*bounds).contains(island)
@@ -147,7 +147,7 @@ def test_an_island_behind_the_start_with_a_short_way_round_it_is_known() -> None
     island, islet = shapely.box(117.7, 9.9, 117.85, 10.1), shapely.box(119.9, 9.97, 120.0, 10.03)
     # Ways round these are too long, however large they are.
     far_off = [shapely.box(lon, 12.5, lon + 0.6, 13.3) for lon in np.arange(117.0, 122.5, 0.9)]
-    voyage = Voyage.between((118.0, 10.0), (122.0, 10.0))
+    voyage = DirectLine.between((118.0, 10.0), (122.0, 10.0))
     (largest,) = choose_region(voyage, lambda _: mask(island, islet, *far_off), WORLD).largest
     assert island.contains(shapely.Point(largest.lon, largest.lat))
     # By hand: past two corners behind the start, and beside the start on.
@@ -157,7 +157,7 @@ def test_an_island_behind_the_start_with_a_short_way_round_it_is_known() -> None
 
 def test_a_side_that_is_left_out_is_named_with_how_much_longer_it_is() -> None:
     island = shapely.box(119.0, 10.1, 121.0, 12.9)
-    voyage = Voyage.between((118.0, 10.0), (122.0, 10.0))
+    voyage = DirectLine.between((118.0, 10.0), (122.0, 10.0))
     bounds, (side,), _ = choose_region(voyage, lambda _: mask(island), WORLD)
     assert island.contains(shapely.Point(side.lon, side.lat))
     # By hand: to the north-western corner, along the north and back, in degrees of about one size.
@@ -180,7 +180,7 @@ def test_real_islands_beside_the_line_are_whole(
     start: tuple[float, float], goal: tuple[float, float], island: tuple[float, float]
 ) -> None:
     world = LandMask.world()
-    bounds = choose_region(Voyage.between(start, goal), lambda _: world, WORLD).bounds
+    bounds = choose_region(DirectLine.between(start, goal), lambda _: world, WORLD).bounds
     grid = WaterGrid.of(world, bounds)
     row, column = grid.cells(np.array([island]))[0]
     number = int(grid.islands[row, column])
@@ -191,7 +191,7 @@ def test_real_islands_beside_the_line_are_whole(
 def test_islands_behind_an_end_are_not_taken_for_islands_between() -> None:
     """Luzon lies behind the start: ways round it are more than thrice as long."""
     world = LandMask.world()
-    voyage = Voyage.between((120.30, 12.80), (116.80, 7.70))
+    voyage = DirectLine.between((120.30, 12.80), (116.80, 7.70))
     (west, south, east, north), far_sides, _ = choose_region(voyage, lambda _: world, WORLD)
     assert (east - west) * (north - south) < 50
     assert north < 15
