@@ -28,8 +28,8 @@ from renew.kernels.ground_speed import Polar, ground_speed
 # Squared ratio of current to vessel speed from which water counts as too strong at a point; between
 # two points on a leg the current may be a little stronger.
 TOO_STRONG = 0.97**2
-# Least way made (m²/s: length times speed over ground), so that its inverse is finite.
-_MIN_WAY = 1e-300
+# Least headway (m²/s: length times speed over ground), so that its inverse is finite.
+_MIN_HEADWAY = 1e-300
 # Number of values that processors handle at once, or a multiple of it.
 _LANES = 4
 
@@ -249,7 +249,7 @@ def _advance_in_steady(
             continue
         for i in range(len(totals)):
             dx, dy = bx - x[i], by - y[i]
-            first, second = _way(u[i], v[i], dx, dy, polar), _way(bu, bv, dx, dy, polar)
+            first, second = _headway(u[i], v[i], dx, dy, polar), _headway(bu, bv, dx, dy, polar)
             totals[i] = departure[i] + 0.5 * (dx * dx + dy * dy) * (1.0 / first + 1.0 / second)
         while True:
             i = int(totals.argmin())
@@ -263,11 +263,11 @@ def _advance_in_steady(
 
 
 @small_kernel
-def _way(u: float, v: float, dx: float, dy: float, polar: Polar) -> float:
-    """Return the way made along a leg in a current (m²/s): length times speed over ground."""
+def _headway(u: float, v: float, dx: float, dy: float, polar: Polar) -> float:
+    """Return the headway along a leg in a current (m²/s): length times speed over ground."""
     most = polar.speed * polar.speed * (dx * dx + dy * dy)
     across = v * dx - u * dy if polar.crab else 0.0
-    return max(u * dx + v * dy + math.sqrt(max(most - across * across, 0.0)), _MIN_WAY)
+    return max(u * dx + v * dy + math.sqrt(max(most - across * across, 0.0)), _MIN_HEADWAY)
 
 
 @kernel
@@ -347,13 +347,13 @@ def _arrivals(
     for i in range(len(totals)):
         dx, dy = bx - x[i], by - y[i]
         square = dx * dx + dy * dy
-        a_metre = 1.0 / _way(u[i], v[i], dx, dy, polar)
+        a_metre = 1.0 / _headway(u[i], v[i], dx, dy, polar)
         since = departure[i] + square * a_metre - bend.time
         before, after = max(min(since, 0.0), -bend.before), min(max(since, 0.0), bend.after)
         bu = bend.u + before * bend.u_before + after * bend.u_after
         bv = bend.v + before * bend.v_before + after * bend.v_after
         # Between points that coincide the time is 0.
-        time = 0.5 * square * (a_metre + 1.0 / _way(bu, bv, dx, dy, polar))
+        time = 0.5 * square * (a_metre + 1.0 / _headway(bu, bv, dx, dy, polar))
         is_known = square <= step * step and since == before + after
         totals[i] = departure[i] + (time if is_known else math.sqrt(square) / fastest)
         timed[i] = is_known

@@ -33,7 +33,7 @@ def largest_between(
     """Point (lon, lat) in the largest island with both ways at most so long, in best ways."""
     grid = _grid(land, bounds)
     first, last = grid.water_near(*start), grid.water_near(*goal)
-    if first is None or last is None or not (ways := grid.ways(first, last)):
+    if first is None or last is None or not (ways := grid.shortest_paths(first, last)):
         return None
     longest = longest_way * ways[0].length_m
     size = np.bincount(grid.islands.ravel())
@@ -41,7 +41,7 @@ def largest_between(
     largest_first = [int(one) for one in np.argsort(-size) if size[one] >= _LEAST_CELLS]
     inner = [island for island in largest_first if not grid.leaves(island)]
     for island in inner[:_TRIED]:
-        ways = grid.ways(first, last, island)
+        ways = grid.shortest_paths(first, last, island)
         if len(ways) > 1 and ways[-1].length_m <= longest:
             return np.array(grid.place_on(island))
     return None

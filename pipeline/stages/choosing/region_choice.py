@@ -31,7 +31,7 @@ from pipeline.model import Note, Place, Scene, SeasonPlan
 from pipeline.scenario.region import Region
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land.shapes import extract_polygons, repaired
-from pipeline.stages.choosing.water_grid import Cell, LonLat, WaterGrid, Way
+from pipeline.stages.choosing.water_grid import Cell, GridPath, LonLat, WaterGrid
 from pipeline.stages.comparing.islands import island_places
 from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across
 from pipeline.stages.fetch import fetch
@@ -140,7 +140,7 @@ def choose_region(
         searched = _within(widened_by(bounds_of(direct.points), reach_m), limits)
         grid = WaterGrid.of(mask_of(searched), searched)
         start, goal = grid.water_near(*direct.start), grid.water_near(*direct.goal)
-        if start is not None and goal is not None and (ways := grid.ways(start, goal)):
+        if start is not None and goal is not None and (ways := grid.shortest_paths(start, goal)):
             return _around_ways(direct, grid, (start, goal), ways[0], searched, limits)
         reach_m *= _FURTHER
     # The coarse grid has no way, for example through a canal; the real coast may have one.
@@ -151,7 +151,7 @@ def _around_ways(
     direct: DirectLine,
     grid: WaterGrid,
     ends: tuple[Cell, Cell],
-    shortest: Way,
+    shortest: GridPath,
     searched: Bounds,
     limits: Bounds,
 ) -> RegionChoice:
@@ -159,7 +159,7 @@ def _around_ways(
 
     @cache
     def far_side(island: int) -> FarSide | None:
-        ways = grid.ways(*ends, island)
+        ways = grid.shortest_paths(*ends, island)
         if len(ways) == 1:
             return None
         length_m = ways[-1].length_m / _DETOUR

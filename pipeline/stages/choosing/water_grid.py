@@ -1,4 +1,4 @@
-"""A coarse grid of water and land, to find the shortest ways round islands, not routes."""
+"""A coarse grid of water and land, to find the shortest paths round islands, not routes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,8 +24,8 @@ _MIN_CELLS, _FEW_CELLS = 10, 3
 
 
 @dataclass(frozen=True)
-class Way:
-    """A way through water: cells (n, 2) of row and column, and its length in metres."""
+class GridPath:
+    """A path through water: cells (n, 2) of row and column, and its length in metres."""
 
     cells: IndexArray
     length_m: float
@@ -138,14 +138,14 @@ class WaterGrid:
         np.maximum.at(longest, self.islands.ravel(), length.ravel())
         return longest
 
-    def ways(self, start: Cell, goal: Cell, island: int = 0) -> list[Way]:
-        """Return the shortest way between two cells of water; with an island, on either side of it.
+    def shortest_paths(self, start: Cell, goal: Cell, island: int = 0) -> list[GridPath]:
+        """Return the shortest path between two cells of water; with an island, on either side.
 
         Steps go to the eight neighbours. A diagonal step needs water in both cells beside it, so
-        that no way passes between cells of land that touch at a corner.
+        that no path passes between cells of land that touch at a corner.
 
-        With an island there are up to two ways, the shorter one first. A ray leads from the island
-        to the east. Ways that cross it an even number of times pass the island on one side, the
+        With an island there are up to two paths, the shorter one first. A ray leads from the island
+        to the east. Paths that cross it an even number of times pass the island on one side, the
         others on the other. So the search is on two copies of the cells, and a step across the ray
         leads from one copy to the other.
         """
@@ -166,8 +166,8 @@ class WaterGrid:
             while cells[-1] != origin:
                 cells.append(int(before[cells[-1]]))
             places = np.array(cells[::-1]) % size
-            found.append(Way(np.stack(np.divmod(places, width), axis=1), float(reached[end])))
-        return sorted(found, key=lambda way: way.length_m)
+            found.append(GridPath(np.stack(np.divmod(places, width), axis=1), float(reached[end])))
+        return sorted(found, key=lambda path: path.length_m)
 
     def _two_copies(self, island: int) -> tuple[IndexArray, IndexArray, FloatArray]:
         """Return the steps on two copies of the cells, and between them across an island's ray."""

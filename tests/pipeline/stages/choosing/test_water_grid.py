@@ -48,7 +48,7 @@ def oracle(is_water: np.ndarray, start: tuple[int, int], goal: tuple[int, int]) 
 def test_the_way_is_as_short_as_that_of_another_search(is_water: np.ndarray) -> None:
     start, goal = (0, 0), (SHAPE[0] - 1, SHAPE[1] - 1)
     is_water[start] = is_water[goal] = True
-    ways = near_the_equator(is_water).ways(start, goal)
+    ways = near_the_equator(is_water).shortest_paths(start, goal)
     known = oracle(is_water, start, goal)
     if known is None:
         assert not ways
@@ -100,7 +100,7 @@ def test_ways_on_both_sides_are_as_short_as_those_of_another_search(is_water: np
     grid = near_the_equator(is_water)
     number = int(grid.islands[3, 4])
     island = np.argwhere(grid.islands == number)
-    ways = grid.ways(start, goal, number)
+    ways = grid.shortest_paths(start, goal, number)
     known = shortest_on_each_side(is_water, start, goal, island)
     assert [way.length_m for way in ways] == pytest.approx(
         [length * METRES_PER_DEGREE / 100 for length in known], rel=1e-6
