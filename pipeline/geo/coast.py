@@ -10,7 +10,7 @@ the cut from the simplified ring is inside it if and only if it was inside the o
 outwards by the cut covers the area, and a buffer inwards lies within it. (shapely's own
 simplification of polygons drops lobes where a ring crosses itself.)
 
-The widest way between two points is found over a triangulation of the water (constrained Delaunay,
+The widest path between two points is found over a triangulation of the water (constrained Delaunay,
 with vertices on the coast only). Each edge of the triangulation is a gate as wide as it is long.
 The path between two nodes of a maximum spanning tree is the one whose narrowest gate is widest (Hu,
 *The maximum capacity route problem*, 1961).
@@ -53,12 +53,12 @@ def covering_land(
     # amount that the buffer's factor adds to the margin.
     cut_m = max(0.0, tolerance_m - (_REACH - 1) * margin_m) / (1 + _REACH)
     radius_m = (cut_m + margin_m) * _REACH
-    rough = thinned(_without_lakes(polygons, endpoints), _BEFORE * cut_m)
+    rough = simplified(_without_lakes(polygons, endpoints), _BEFORE * cut_m)
     grown = shapely.buffer(
         np.concatenate([rough.areas, rough.outlines]), radius_m, quad_segs=_QUADRANT_SEGMENTS
     )
     land = _without_lakes(_united(grown), endpoints)
-    smooth = _united(thinned(land, (1 - _BEFORE) * cut_m).areas)
+    smooth = _united(simplified(land, (1 - _BEFORE) * cut_m).areas)
     # Filling may enclose other water: its islands are united with the land around.
     return _united(_without_lakes(smooth, endpoints))
 
@@ -69,7 +69,7 @@ def inner_land(polygons: Geometries, tolerance_m: float, margin_m: float) -> Geo
     They overlap where the given ones do. All land further from the coast than margin plus twice the
     tolerance (planar metres; 5 % more) is inside, except for narrow necks.
     """
-    rough = thinned(polygons, _BEFORE * tolerance_m)
+    rough = simplified(polygons, _BEFORE * tolerance_m)
     radius_m = (tolerance_m + margin_m) * _REACH
     shrunk = shapely.buffer(rough.areas, -radius_m, quad_segs=_QUADRANT_SEGMENTS)
     has_area = ~shapely.is_empty(rough.areas[rough.owner])
@@ -78,7 +78,7 @@ def inner_land(polygons: Geometries, tolerance_m: float, margin_m: float) -> Geo
     for index in np.unique(owner):
         shrunk[index] = shapely.difference(shrunk[index], shapely.union_all(around[owner == index]))
     cut_m = (1 - _BEFORE) * tolerance_m
-    return _parts(thinned(_parts(shrunk), cut_m).areas)
+    return _parts(simplified(_parts(shrunk), cut_m).areas)
 
 
 def _united(areas: Geometries) -> Geometries:
@@ -111,7 +111,7 @@ _MIN_RING = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Thinned:
+class SimplifiedAreas:
     """Areas (n,) of fewer vertices: valid, some of them empty or in several parts.
 
     `outlines` are parts of simplified rings that bound no area, because a ring crosses itself or
@@ -123,7 +123,7 @@ class Thinned:
     owner: IndexArray
 
 
-def thinned(polygons: Geometries, cut_m: float) -> Thinned:
+def simplified(polygons: Geometries, cut_m: float) -> SimplifiedAreas:
     """Remove vertices of polygons (n,) by moving no part of a ring further than the cut."""
     rings, owner = shapely.get_rings(polygons, return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)
@@ -139,7 +139,7 @@ def thinned(polygons: Geometries, cut_m: float) -> Thinned:
     inside = has_area & crossed[owner]
     lines[inside] = shapely.difference(lines[inside], shapely.boundary(areas[owner[inside]]))
     outlined = (~has_area | inside) & ~shapely.is_empty(lines)
-    return Thinned(areas, lines[outlined], owner[outlined])
+    return SimplifiedAreas(areas, lines[outlined], owner[outlined])
 
 
 def _from_rings(lines: Geometries, owner: IndexArray, count: int) -> Geometries:
@@ -223,7 +223,7 @@ def _connected(
     added_m: float,
 ) -> OpenWater:
     """Open the widest way between the ends (2, 2) of a voyage, if there is one."""
-    way = widest_way(original, extent, ends[0], ends[1], added_m)
+    way = widest_path(original, extent, ends[0], ends[1], added_m)
     if way is None:
         return water
     near = np.unique(shapely.STRtree(way).query(water.land, predicate="intersects")[1])
@@ -268,10 +268,10 @@ def _without(land: Geometries, cleared: shapely.Geometry) -> Geometries:
     return np.concatenate([land[~meets], parts[~shapely.is_empty(parts)]])
 
 
-def widest_way(
+def widest_path(
     land: Geometries, extent: shapely.Polygon, start: FloatArray, goal: FloatArray, piece_m: float
 ) -> Geometries | None:
-    """Return the widest way as lines (n,) no longer than `piece_m`; None if there is no way.
+    """Return the widest path as lines (n,) no longer than `piece_m`; None if there is none.
 
     Coasts are divided into pieces of that length as well, so that a gate is hardly longer than the
     strait is wide.

@@ -23,7 +23,7 @@ from renew.kernels.ground_speed import chosen_speeds
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.planner.problem import Problem
-from renew.steering.steer_in_corridor import steer_in_corridor, steer_thinned_in_places
+from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified_in_places
 from renew.turns.padding_model import PaddingModel
 from renew.turns.verification import colliding_edges, passage_windows, risky_edges
 
@@ -286,7 +286,7 @@ def steered_with_room(
 
     A path without padding wraps corners closely, which may leave no room to round them. Where it
     can't be steered, the edges nearby get more padding, and the path is refined again. If no edge
-    is nearby, or padding doesn't help, the path is thinned there.
+    is nearby, or padding doesn't help, the path is simplified there.
     """
     radius, tried = corridor.voyage.vessel.turning_radius, path
     used, places, widths = corridor, np.empty((0, 2)), np.empty(0)
@@ -313,5 +313,5 @@ def steered_with_room(
                 break
             used = corridor.with_padding(wider)
     with contextlib.suppress(InfeasibleError):
-        return corridor, *steer_thinned_in_places(path, corridor)
+        return corridor, *steer_simplified_in_places(path, corridor)
     raise first or InfeasibleError("no attempt was made")

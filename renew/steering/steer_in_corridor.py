@@ -30,21 +30,21 @@ _ROUNDING, _TOGETHER = 1.06, 1.2
 _MARGIN, _MOST_AT_ONCE, _LARGEST = 1.01, 1.13, 1.5
 # Number of times that discs may grow, and by how much they may be too small.
 _MAX_GROWTHS, _GROWTH = 6, 1.01
-# Tolerances, as shares of v/ω, for thinning a path: where sections meet, close points leave a sharp
-# corner no room. The last tolerances are used only if the path can't be steered otherwise.
+# Tolerances, as shares of v/ω, for simplifying a path: where sections meet, close points leave a
+# sharp corner no room. The last tolerances are used only if the path can't be steered otherwise.
 _TOLERANCES = (0.01, 0.03, 0.1, 0.3, 0.6, 1.0)
-# Number of tolerances for thinning the whole path: maximum, and the first if places differ later.
-_MAX_THINNED, _FIRST_THINNED = 4, 3
-# Distance, in v/ω, around an unsteerable place within which a path is thinned more, and number of
-# repetitions.
-_AROUND, _MAX_THINNINGS = 4.0, 12
+# Number of tolerances for the whole path: maximum, and the first if places differ later.
+_MAX_SIMPLIFIED, _FIRST_SIMPLIFIED = 4, 3
+# Distance, in v/ω, around an unsteerable place within which a path is simplified more, and number
+# of repetitions.
+_AROUND, _MAX_REPETITIONS = 4.0, 12
 # Largest distance, in v/ω, at which a path and its track may pass a via point.
 _MISS = 0.02
 # Turns a point into a complex number, so that points can be searched as values.
 _AS_COMPLEX = np.array([1.0, 1.0j])
 # Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
 _CHEAP = 1.005
-# Ratio of these fuels from which the path is also thinned in places.
+# Ratio of these fuels from which the path is also simplified in places.
 _DEAR = 1.01
 
 
@@ -75,22 +75,24 @@ def steer_in_corridor(path: FloatArray, corridor: Corridor) -> tuple[FloatArray,
         raise first or InfeasibleError("no tolerance to try")
     if least > _DEAR * voyage.fuel(path):
         with contextlib.suppress(InfeasibleError):
-            other = steer_thinned_in_places(path, corridor)
+            other = steer_simplified_in_places(path, corridor)
             best = min(best, other, key=lambda one: voyage.fuel(one[0]))
     return best
 
 
-def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, FloatArray]:
-    """Return path and trajectory of a path that is thinned more where it can't be steered.
+def steer_simplified_in_places(
+    path: FloatArray, corridor: Corridor
+) -> tuple[FloatArray, FloatArray]:
+    """Return path and trajectory of a path that is simplified more where it can't be steered.
 
     Among small eddies some curves of a least-fuel path follow each other too closely to be steered.
-    The rest of the path can be steered, and would lose fuel if it were thinned as much.
+    The rest of the path can be steered, and would lose fuel if it were simplified as much.
     """
     path, stays = _tolerances_that_keep(path, corridor)
     reach = _AROUND * corridor.voyage.vessel.turning_radius
-    wanted = np.full(len(path), _FIRST_THINNED)
+    wanted = np.full(len(path), _FIRST_SIMPLIFIED)
     first: InfeasibleError | None = None
-    for _ in range(_MAX_THINNINGS):
+    for _ in range(_MAX_REPETITIONS):
         try:
             return _steered(path[stays >= wanted], corridor)
         except InfeasibleError as error:
@@ -103,7 +105,7 @@ def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[Float
             break
         wanted[near] = stays[kept].min() + 1
         if not corridor.legs_clear(path[stays >= wanted]).all():
-            # A path thinned so much touches V.
+            # A path simplified so much touches V.
             break
     raise first or InfeasibleError("no tolerance to try")
 
@@ -111,26 +113,26 @@ def steer_thinned_in_places(path: FloatArray, corridor: Corridor) -> tuple[Float
 def _tries(path: FloatArray, corridor: Corridor) -> Iterator[tuple[FloatArray, bool]]:
     """Yield variants of a path (n, 2), and whether a disc is placed for all corners it rounds.
 
-    Usually the path itself can be steered, so it is thinned only on demand.
+    Usually the path itself can be steered, so it is simplified only on demand.
     """
     variants: list[FloatArray] = []
-    for variant in _thinned(path, corridor):
+    for variant in _simplified(path, corridor):
         variants.append(variant)
         yield variant, False
     for variant in variants:
         yield variant, True
 
 
-def _thinned(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
-    """Yield a path (n, 2) thinned by growing tolerances, without repetitions."""
+def _simplified(path: FloatArray, corridor: Corridor) -> Iterator[FloatArray]:
+    """Yield a path (n, 2) simplified by growing tolerances, without repetitions."""
     yield path
     path, stays = _tolerances_that_keep(path, corridor)
     count = len(path)
-    for tolerances in range(1, _MAX_THINNED + 1):
-        thinned = path[stays >= tolerances]
-        if len(thinned) < count:
-            yield thinned
-            count = len(thinned)
+    for tolerances in range(1, _MAX_SIMPLIFIED + 1):
+        simplified = path[stays >= tolerances]
+        if len(simplified) < count:
+            yield simplified
+            count = len(simplified)
 
 
 def _tolerances_that_keep(path: FloatArray, corridor: Corridor) -> tuple[FloatArray, IntArray]:

@@ -138,7 +138,7 @@ def evaluate_season(
     rows, flown, crossings = [], {}, list[ShoreCrossing]()
     for rank, route in enumerate(routes, start=1):
         turns = evaluator.turns(route)
-        flown[plan.season, rank] = _thinned(turns)
+        flown[plan.season, rank] = _sampled(turns)
         rows.append(evaluator.metrics(route, turns, rank))
         crossings += second_shoreline.crossings(np.asarray(route.path), plan.season, rank)
     return SeasonEvaluation(tuple(rows), flown, tuple(crossings))
@@ -313,7 +313,7 @@ def mean_speed_m_s(route: renew.Route) -> float:
     return float(np.average(route.speeds, weights=np.diff(route.times)))
 
 
-def _thinned(turns: renew.Contingency) -> renew.Contingency:
+def _sampled(turns: renew.Contingency) -> renew.Contingency:
     """Keep every point with a collision, and at most _MAX_POINTS others."""
     others = np.flatnonzero(~turns.collided)
     kept = others[np.linspace(0, others.size - 1, min(_MAX_POINTS, others.size)).astype(int)]

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from hypothesis import given, settings, strategies as st
 
-from pipeline.geo.coast import thinned
+from pipeline.geo.coast import simplified
 from tests.pipeline.geo.shapes import coasts
 
 CUTS = st.sampled_from([0.0, 10.0, 150.0, 3000.0])
@@ -17,7 +17,7 @@ CUTS = st.sampled_from([0.0, 10.0, 150.0, 3000.0])
 def test_only_what_is_nearer_than_the_cut_to_a_new_ring_changes_sides(
     land: np.ndarray, cut: float
 ) -> None:
-    result = thinned(land, cut)
+    result = simplified(land, cut)
     assert shapely.is_valid(result.areas).all()
     for index, (polygon, area) in enumerate(zip(land, result.areas, strict=True)):
         own = result.outlines[result.owner == index]
@@ -29,7 +29,7 @@ def test_only_what_is_nearer_than_the_cut_to_a_new_ring_changes_sides(
 def test_an_islet_becomes_a_line_and_a_dot_a_point() -> None:
     islet = shapely.box(0, 0, 90, 10)
     dot = shapely.box(500, 0, 501, 1)
-    result = thinned(np.array([islet, dot, shapely.box(0, 100, 90, 190)]), 20.0)
+    result = simplified(np.array([islet, dot, shapely.box(0, 100, 90, 190)]), 20.0)
     assert shapely.is_empty(result.areas).tolist() == [True, True, False]
     assert result.owner.tolist() == [0, 1]
     line, point = result.outlines
@@ -43,7 +43,7 @@ def test_an_islet_becomes_a_line_and_a_dot_a_point() -> None:
 def test_a_lake_that_collapses_is_an_outline_of_its_land() -> None:
     lake = shapely.box(100, 100, 400, 110)
     land = shapely.box(0, 0, 1000, 1000).difference(lake)
-    result = thinned(np.array([land]), 20.0)
+    result = simplified(np.array([land]), 20.0)
     assert result.areas[0].equals(shapely.box(0, 0, 1000, 1000))
     assert result.owner.tolist() == [0]
     assert result.outlines[0].buffer(20.0).covers(lake)

@@ -15,7 +15,7 @@ from renew.errors import InfeasibleError
 from renew.inputs.current import as_field
 from renew.inputs.options import Padding
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
-from renew.steering.steer_in_corridor import steer_in_corridor, steer_thinned_in_places
+from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified_in_places
 from tests.eddies import walls
 from tests.renew.paths.corridors import corridor_of
 from tests.renew.steering.motion import assert_sailable
@@ -116,7 +116,7 @@ def test_only_the_place_that_cannot_be_steered_is_thinned_more() -> None:
     path = np.vstack([wave[x < 40], kink, wave[x > 43]])
     with pytest.raises(InfeasibleError, match="two opposite turns near"):
         steer_in_corridor(path, corridor)
-    steered, trajectory = steer_thinned_in_places(path, corridor)
+    steered, trajectory = steer_simplified_in_places(path, corridor)
     assert_sailable(trajectory, STILL, voyage.start, voyage.goal)
     assert shapely.LineString(steered).length < shapely.LineString(path).length
     # Far from the kink the wave stays, to less than a fifth of a metre.
@@ -128,7 +128,8 @@ def test_the_best_class_among_eddies_as_wide_as_two_turns_is_steered() -> None:
     """Half-waves of 7.7 m: the least-fuel path of the northern class has S-bends too tight to turn.
 
     Zermelo's isochrones need 165.42 there, on a path that no vessel of this turning radius can
-    steer; without thinning in places our route of that class needed 171.7, the best of all 166.1.
+    steer. Without simplifying in places our route of that class needed 171.7, the best of all
+    166.1.
     """
     islands = [
         Polygon([(62, 70), (88, 62), (96, 84), (70, 92)]),

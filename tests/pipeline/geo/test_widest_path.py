@@ -9,7 +9,7 @@ import pytest
 import shapely
 from hypothesis import given, settings, strategies as st
 
-from pipeline.geo.coast import widest_way
+from pipeline.geo.coast import widest_path
 
 EXTENT = shapely.box(0, 0, 10e3, 10e3)
 START, GOAL = np.array([500.0, 5e3]), np.array([9.5e3, 5e3])
@@ -21,7 +21,7 @@ def test_of_many_straits_the_widest_is_taken(widths: list[float]) -> None:
     edges = [(i + 0.5) * 10e3 / len(widths) for i in range(len(widths))]
     gates = [shapely.box(4e3, y, 6e3, y + width) for y, width in zip(edges, widths, strict=True)]
     land = shapely.get_parts(shapely.box(4.5e3, -1, 5.5e3, 10.1e3) - shapely.union_all(gates))
-    way = widest_way(land, EXTENT, START, GOAL, 100.0)
+    way = widest_path(land, EXTENT, START, GOAL, 100.0)
     assert way is not None
     line = shapely.union_all(way)
     assert line.distance(shapely.union_all(land)) > 0
@@ -33,7 +33,7 @@ def test_of_many_straits_the_widest_is_taken(widths: list[float]) -> None:
 
 def test_no_way_through_a_wall() -> None:
     wall = np.array([shapely.box(4.5e3, -1, 5.5e3, 10.1e3)])
-    assert widest_way(wall, EXTENT, START, GOAL, 100.0) is None
+    assert widest_path(wall, EXTENT, START, GOAL, 100.0) is None
 
 
 def _skerry(seed: int) -> np.ndarray:
@@ -80,7 +80,7 @@ def _widest_gate(
 def test_among_many_islets_the_way_passes_the_widest_gate_that_joins_the_ends(seed: int) -> None:
     piece_m = 400.0
     land = _skerry(seed)
-    way = widest_way(land, EXTENT, START, GOAL, piece_m)
+    way = widest_path(land, EXTENT, START, GOAL, piece_m)
     waters = shapely.get_parts(EXTENT.difference(shapely.union_all(land)))
     water = next((one for one in waters if one.covers(shapely.MultiPoint([START, GOAL]))), None)
     if water is None:
