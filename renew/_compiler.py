@@ -2,7 +2,7 @@
 
 Numba fully compiles every function that another one calls, with optimization, machine code and
 wrappers for Python and C, although the caller only needs a copy of its code. Most kernels are only
-called by others, as are all of Numba's own functions for arrays. Here, such a *part* is only typed,
+called by others, as are all of Numba's own functions for arrays. Here, such code is only typed,
 and becomes machine code only within its callers, which saves a third of the time.
 """
 
@@ -26,7 +26,7 @@ _ENVIRONMENT = "_ZN08NumbaEnv"
 
 
 class KernelDispatcher(CPUDispatcher):
-    """A kernel, compiled completely for Python, and as a part for other kernels."""
+    """A kernel, compiled completely for Python, and as code to inline into others."""
 
     def __init__(
         self,
@@ -39,19 +39,19 @@ class KernelDispatcher(CPUDispatcher):
         compiler = pipeline_class or _KernelCompiler
         super().__init__(py_func, locals or {}, options, compiler)
         options = {**options, "no_cpython_wrapper": True}
-        self._part = CPUDispatcher(py_func, locals or {}, options, compiler)
+        self._inlined = CPUDispatcher(py_func, locals or {}, options, compiler)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:  # noqa: ANN401 - types of Numba's
-        """Return the part's types, for a call by another kernel. Overrides Numba's method."""
-        return self._part.get_call_template(args, kws)
+        """Return the types of the inlined code for a caller. Overrides Numba's method."""
+        return self._inlined.get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:  # noqa: ANN401 - types of Numba's
-        """Return the code of the part, to which other kernels link. Overrides Numba's method."""
-        return self._part.get_overload(sig)
+        """Return the code that other kernels inline. Overrides Numba's method."""
+        return self._inlined.get_overload(sig)
 
 
 class _KernelCompiler(Compiler):
-    """Numba's compiler, changed to make parts, and to make kernels that a signal can't crash.
+    """Numba's compiler, changed to make inlined code, and kernels that a signal can't crash.
 
     Arrays and named tuples that a kernel returns are built with the help of a Python function, and
     a Ctrl-C that came while the kernel ran is raised there. Numba itself goes on without what this
@@ -61,7 +61,7 @@ class _KernelCompiler(Compiler):
     def _compile_core(self) -> object:
         with global_compiler_lock, _for_kernels():
             state = self.state
-            kind = _Part if state.flags.no_cpython_wrapper else _Whole
+            kind = _InlinedCode if state.flags.no_cpython_wrapper else _Whole
             state.library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
             state.library.enable_object_caching()
             return super()._compile_core()
@@ -69,7 +69,7 @@ class _KernelCompiler(Compiler):
 
 @contextlib.contextmanager
 def _for_kernels() -> Iterator[None]:
-    """Have Numba compile its own functions as parts, too, and emit code that handles signals.
+    """Have Numba compile its own functions for inlining, too, and emit code that handles signals.
 
     The garbage collector is switched off meanwhile: it would spend a tenth of the time on compiled
     code, none of which is freed. All options are read at once, because Numba looks up its functions
@@ -81,7 +81,7 @@ def _for_kernels() -> Iterator[None]:
     codegen, collects = cpu_target.target_context.codegen(), gc.isenabled()
     PythonAPI.unserialize = _unserialized_or_raised  # type: ignore[method-assign]
     TargetConfig.values = _values  # type: ignore[method-assign]
-    codegen._library_class = _Part  # noqa: SLF001 - what Numba has no option for
+    codegen._library_class = _InlinedCode  # noqa: SLF001 - what Numba has no option for
     gc.disable()
     try:
         yield
@@ -93,7 +93,7 @@ def _for_kernels() -> Iterator[None]:
             gc.enable()
 
 
-class _Part(JITCodeLibrary):
+class _InlinedCode(JITCodeLibrary):
     """Code that callers copy: neither optimized as a whole nor turned into machine code."""
 
     @property
@@ -116,14 +116,14 @@ class _Part(JITCodeLibrary):
 
 
 class _NoMachineCode:
-    """Stands in for the code generator of a part, which has no machine code."""
+    """Stands in for the code generator of inlined code, which has no machine code."""
 
     def set_env(self, env_name: str, env: object) -> None:
-        """Do nothing: :class:`_Whole` sets the environments of its parts."""
+        """Do nothing: :class:`_Whole` sets the environments of its code."""
 
 
 class _Whole(JITCodeLibrary):
-    """Code that Python calls, with all its parts."""
+    """Code that Python calls, with all inlined code."""
 
     def _finalize_specific(self) -> None:
         super()._finalize_specific()

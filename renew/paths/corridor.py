@@ -13,7 +13,13 @@ from renew.errors import InfeasibleError, Strait
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Stream
-from renew.paths.sections import FreeParts, Sections, free_intervals, free_parts, sections_of
+from renew.paths.sections import (
+    FreeIntervals,
+    Sections,
+    free_intervals,
+    intervals_outside,
+    sections_of,
+)
 from renew.turns.padding_model import PaddedEdges
 from renew.voyage.voyage import Voyage
 
@@ -160,7 +166,7 @@ class Corridor:
             length = np.linalg.norm(exits - end, axis=1) + np.linalg.norm(exits - ahead[0], axis=1)
             return np.vstack([end, exits[length.argmin()], ahead])
         soft = self.search_capsules.select(holding)
-        (free,), (count,) = free_intervals(path[:1].copy(), path[1:2].copy(), soft)
+        (free,), (count,) = intervals_outside(path[:1].copy(), path[1:2].copy(), soft)
         radius, leg = self.voyage.vessel.turning_radius, path[1] - path[0]
         length = np.linalg.norm(leg)
         # A leg that goes on beyond can bend there.
@@ -187,7 +193,7 @@ class Corridor:
         angle = np.linspace(0.0, 2 * np.pi, _DIRECTIONS, endpoint=False)
         rays = np.column_stack([np.cos(angle), np.sin(angle)])
         starts = np.broadcast_to(end, rays.shape).copy()
-        free, count = free_intervals(starts, end + furthest * rays, soft)
+        free, count = intervals_outside(starts, end + furthest * rays, soft)
         last = free[np.arange(len(rays)), np.maximum(count - 1, 0)]
         out = (count > 0) & (last[:, 1] == 1.0)
         exits = end + (furthest * last[out, :1] + SLACK * radius) * rays[out]
@@ -235,7 +241,7 @@ class Corridor:
         """Return a path (n, 2) with the triangles that it crosses."""
         return RoughPath(path, self.triangles[visits(path, self.corners).triangle])
 
-    def open_sections(self, spacing: float, angle: float) -> tuple[Sections, FreeParts]:
+    def open_sections(self, spacing: float, angle: float) -> tuple[Sections, FreeIntervals]:
         """Return sections at most `spacing` m and `angle` rad apart, with their parts outside V.
 
         Raises
@@ -244,7 +250,7 @@ class Corridor:
             V covers a whole section; the message names the strait.
         """
         sections = sections_of(self.channel, self.voyage.start, self.voyage.goal, spacing, angle)
-        free = free_parts(sections, self.search_capsules)
+        free = free_intervals(sections, self.search_capsules)
         keep = self._outside_soft_ends(sections, free)
         sections, free = sections.select(keep), free.select(keep)
         if free.blocked.any():
@@ -266,7 +272,7 @@ class Corridor:
             radius,
         )
 
-    def _outside_soft_ends(self, sections: Sections, free: FreeParts) -> BoolArray:
+    def _outside_soft_ends(self, sections: Sections, free: FreeIntervals) -> BoolArray:
         """Return which sections (s,) to keep, so that a path can leave V around a start or goal.
 
         Of sections without a free part, three kinds are left out: in the first triangle and in the
@@ -282,11 +288,11 @@ class Corridor:
             near = np.arange(len(keep))[::step]
             near = near[: _first_true(~free.blocked[near])]
             others = self.search_capsules.select(~holding)
-            is_shut = keep[near] & free_parts(sections.select(near), others).blocked
+            is_shut = keep[near] & free_intervals(sections.select(near), others).blocked
             keep[near[: _first_true(is_shut)]] = False
         return keep
 
-    def _narrowest(self, sections: Sections, free: FreeParts) -> Strait:
+    def _narrowest(self, sections: Sections, free: FreeIntervals) -> Strait:
         """Return the narrowest section that V covers completely."""
         widths = np.linalg.norm(sections.right - sections.left, axis=1)
         narrowest = int(np.where(free.blocked, widths, np.inf).argmin())

@@ -100,7 +100,7 @@ def _steps(left: FloatArray, right: FloatArray, spacing: float, angle: float) ->
 
 
 @dataclass(frozen=True, slots=True)
-class FreeParts:
+class FreeIntervals:
     """The parts of each section outside the soft no-go zone V, as intervals of [0, 1].
 
     The first `count` (s,) intervals in each row of `intervals` (s, n, 2) are valid, and in order.
@@ -114,9 +114,9 @@ class FreeParts:
         """Whether each section (s,) has no free part."""
         return np.asarray(self.count == 0)
 
-    def select(self, keep: BoolArray | IntArray) -> "FreeParts":
+    def select(self, keep: BoolArray | IntArray) -> "FreeIntervals":
         """Return only the free parts of some of the sections."""
-        return FreeParts(self.intervals[keep], self.count[keep])
+        return FreeIntervals(self.intervals[keep], self.count[keep])
 
     def spread(self, points: int) -> FloatArray:
         """Return places (s, points), evenly over the free length, with all ends of intervals."""
@@ -133,16 +133,16 @@ class FreeParts:
         return np.asarray(self.intervals[row, chosen, 1] - (ends[row, chosen] - along))
 
 
-def free_parts(sections: Sections, capsules: Capsules) -> FreeParts:
+def free_intervals(sections: Sections, capsules: Capsules) -> FreeIntervals:
     """Return the parts of each section outside all capsules."""
-    return FreeParts(*free_intervals(sections.left, sections.right, capsules))
+    return FreeIntervals(*intervals_outside(sections.left, sections.right, capsules))
 
 
 @kernel
-def free_intervals(
+def intervals_outside(
     left: FloatArray, right: FloatArray, capsules: Capsules
 ) -> tuple[FloatArray, IntArray]:
-    """Return the intervals (s, n, 2) of :class:`FreeParts`, and their number in each row."""
+    """Return the intervals (s, n, 2) of :class:`FreeIntervals`, and their number in each row."""
     start, end, radius = capsules
     bounds = capsule_bounds(capsules)
     near = np.zeros(len(left), dtype=np.int64)
@@ -192,7 +192,7 @@ def _insert(intervals: FloatArray, count: int, enter: float, leave: float) -> No
 
 @kernel
 def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
-    """Return places (s, points) over the intervals of each row; see :meth:`FreeParts.spread`."""
+    """Return places (s, points) over the intervals of each row; see `FreeIntervals`."""
     places = np.zeros((len(count), points))
     for i in range(len(count)):
         total = 0.0
@@ -287,7 +287,7 @@ def points_beside(path: FloatArray, window: float, count: int, capsules: Capsule
         x, y = path[k + 1, 0], path[k + 1, 1]
         left[k, 0], left[k, 1] = x - dy * scale, y + dx * scale
         right[k, 0], right[k, 1] = x + dy * scale, y - dx * scale
-    intervals, found = free_intervals(left, right, capsules)
+    intervals, found = intervals_outside(left, right, capsules)
     points = np.empty((rows, count, 2))
     for j in range(count):
         points[0, j, 0], points[0, j, 1] = path[0]

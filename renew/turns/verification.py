@@ -250,7 +250,7 @@ def risky_edges(
     gap = np.linalg.norm(towards, axis=1)
     towards /= np.maximum(gap, 1e-300)[:, None]
     beyond, blamed = [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
-    for pairs in _parts(row, sampler.count):
+    for pairs in _batches(row, sampler.count):
         some, own = np.unique(row[pairs], return_inverse=True)
         near = route.chosen(some)
         asked = TurnsAtEdges(near.current, near.course, own, towards[pairs], voyage.vessel)
@@ -288,7 +288,7 @@ def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Station
     return _Stations(points[found], course[found], current)
 
 
-def _parts(row: IntArray, draws: int) -> Iterator[slice]:
+def _batches(row: IntArray, draws: int) -> Iterator[slice]:
     """Yield slices of ascending rows (p,) with all pairs of their rows and not too many turns."""
     bounds = np.append(np.flatnonzero(np.diff(row, prepend=-1)), len(row))
     begin = 0

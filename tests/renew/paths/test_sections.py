@@ -10,12 +10,12 @@ import shapely
 from hypothesis import given, settings, strategies as st
 
 from renew.kernels.capsules import Capsules
-from renew.paths.sections import FreeParts, Sections, free_parts, sections_of
+from renew.paths.sections import FreeIntervals, Sections, free_intervals, sections_of
 from tests.renew.paths.corridors import corridor_in_scene
 from tests.strategies import seeds
 
 
-def random_free_parts(seed: int) -> tuple[Sections, Capsules, FreeParts]:
+def random_free_parts(seed: int) -> tuple[Sections, Capsules, FreeIntervals]:
     """Thirty sections among nine capsules, and their free parts."""
     rng = np.random.default_rng(seed)
     left = rng.uniform(0, 20, (30, 2))
@@ -23,7 +23,7 @@ def random_free_parts(seed: int) -> tuple[Sections, Capsules, FreeParts]:
     start = rng.uniform(0, 20, (9, 2))
     capsules = Capsules(start, start + rng.normal(0, 4, (9, 2)), rng.uniform(0.2, 2.0, 9))
     sections = Sections(left, right, np.ones(30, dtype=bool), np.arange(30))
-    return sections, capsules, free_parts(sections, capsules)
+    return sections, capsules, free_intervals(sections, capsules)
 
 
 @settings(max_examples=10)
