@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 import renew
 from experiments.environments.model import Case, EnvironmentSpec
-from pipeline.nightly.request.config import CaseTable, DepartureSpec, NightTable
+from pipeline.nightly.request.config import CaseSpec, DepartureSpec, NightSpec
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.tides.fit import CONSTITUENTS
 from pipeline.sources.tides.station import OwnConstant, OwnStation
@@ -40,8 +40,8 @@ FOREIGN = {"docs/how-to/operation.md": {"--collector.textfile.directory"}}
 # Models of TOML files beside a scenario's, and their tables.
 OTHER_MODELS: tuple[type[BaseModel], ...] = (
     VesselSpec,
-    NightTable,
-    CaseTable,
+    NightSpec,
+    CaseSpec,
     DepartureSpec,
     EnvironmentSpec,
     Case,
@@ -187,7 +187,7 @@ def _writers() -> str:
 
 def test_keys_of_a_night_are_on_their_page() -> None:
     page = (ROOT / NIGHT).read_text("utf-8")
-    for model in (NightTable, CaseTable):
+    for model in (NightSpec, CaseSpec):
         missing = [name for name in model.model_fields if not re.search(rf"\b{name}\b", page)]
         assert missing == []
 

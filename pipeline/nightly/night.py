@@ -98,7 +98,7 @@ class _Night:
         if self.only is not None:
             output = output / _ONLY / self.only.strip("/").replace("/", "_")
         self.cycles = Cycles(output)
-        self._deadline = time.monotonic() + self.config.table.limit_hours * _HOUR_S
+        self._deadline = time.monotonic() + self.config.spec.limit_hours * _HOUR_S
 
     def run(self) -> NightOutcome:
         """Plan and publish the cycle, unless it is published already."""
@@ -142,7 +142,7 @@ class _Night:
         if base_of(latest) == base_of(newest.cycle):
             if not self.cycles.is_named(latest) or self._reason_to_revise(latest):
                 return None
-            stale = newest.stale_reason(self.started, self.config.table.stale_hours)
+            stale = newest.stale_reason(self.started, self.config.spec.stale_hours)
             if newest.time is None and not newest.is_timeless:
                 stale = "the currents have no date"
             if stale:
@@ -168,7 +168,7 @@ class _Night:
         for cycle in reversed(self.cycles.revisions(self.newest.cycle)):
             if not self._reason_to_revise(cycle):
                 self.cycles.point_at(cycle)
-                self.cycles.prune(self.config.table.keep)
+                self.cycles.prune(self.config.spec.keep)
                 return self._outcome_of(cycle, "", fresh=True)
         return None
 
@@ -224,8 +224,8 @@ class _Night:
             Store(self.cycles.output / ".artefacts", "nightly"),
             partial,
             Rules(
-                self.config.table.look_percent,
-                self.newest.stale_reason(partial.started, self.config.table.stale_hours),
+                self.config.spec.look_percent,
+                self.newest.stale_reason(partial.started, self.config.spec.stale_hours),
             ),
             earlier,
             identity,
@@ -245,8 +245,8 @@ class _Night:
             return
         with night_workers(
             self.scheduler,
-            workers=self.config.table.workers,
-            memory_gb=self.config.table.memory_gb,
+            workers=self.config.spec.workers,
+            memory_gb=self.config.spec.memory_gb,
             shared=planning.partial.request_file,
         ) as workers:
             with self._stage("prepare"):
@@ -303,7 +303,7 @@ class _Night:
             )
         partial.clear()
         self.cycles.publish(self.newest.cycle)
-        self.cycles.prune(self.config.table.keep)
+        self.cycles.prune(self.config.spec.keep)
         self._prune_store(planning.store)
         return self._outcome_of(self.newest.cycle, "", fresh=True)
 
@@ -371,6 +371,6 @@ class _Night:
         """Raise StageError after the night's time limit."""
         if time.monotonic() > self._deadline:
             raise StageError(
-                f"the limit of {self.config.table.limit_hours:g} h is reached; nothing is "
+                f"the limit of {self.config.spec.limit_hours:g} h is reached; nothing is "
                 "published, and the parts that are done are kept: run again to continue"
             )

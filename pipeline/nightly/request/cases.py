@@ -335,7 +335,7 @@ def request_hash(config: NightConfig, cases: Cases) -> str:
     Charts, depths and pairs are represented by their content.
     """
     described = [
-        config.table.model_dump_json(exclude=_NO_RESULT),
+        config.spec.model_dump_json(exclude=_NO_RESULT),
         *(text for block in cases.blocks for text in _described(block)),
     ]
     return hashlib.sha256("\n".join(described).encode()).hexdigest()

@@ -120,7 +120,7 @@ class TomlLines:
         return f"{file}, line {self.line(found[1]) if found else 1}: {fault}"
 
 
-class CaseTable(StrictModel):
+class CaseSpec(StrictModel):
     """One [[cases]] table: a scenario, and the lists whose combinations are its cases."""
 
     scenario: str
@@ -143,7 +143,7 @@ class CaseTable(StrictModel):
     of the catalogue, or of files."""
 
 
-class NightTable(StrictModel):
+class NightSpec(StrictModel):
     """The keys of a night's file."""
 
     schema_version: Literal[1] = 1
@@ -168,7 +168,7 @@ class NightTable(StrictModel):
     memory_gb: Annotated[Number, Field(ge=0.5)] = 2.0
     """Memory limit of a local worker, GB; a worker that exceeds it is ended. Give GB, 0.5 or more.
     """
-    cases: tuple[CaseTable, ...] = Field(min_length=1)
+    cases: tuple[CaseSpec, ...] = Field(min_length=1)
     """What to plan. Add a [[cases]] table for each scenario."""
 
 
@@ -176,7 +176,7 @@ class NightTable(StrictModel):
 class NightConfig:
     """A file's values, its path, the lines of its keys, and the folder of all cycles."""
 
-    table: NightTable
+    spec: NightSpec
     path: Path
     lines: TomlLines
     output: Path
@@ -213,11 +213,11 @@ def load_config(file: Path | None = None, output: Path | None = None) -> NightCo
         raise RequestError(f"--config: {shown(path)} is a folder; name the TOML file in it")
     data = catalogue.read_toml(path)
     lines = TomlLines(path.read_text(encoding="utf-8"))
-    table = validated(NightTable, data, lambda fault: lines.located(fault, path.name))
+    spec = validated(NightSpec, data, lambda fault: lines.located(fault, path.name))
     if output is not None:
         folder = folder_to_write(output, "--output")
-    elif table.output is not None:
-        folder = folder_to_write(path.parent / table.output, "output")
+    elif spec.output is not None:
+        folder = folder_to_write(path.parent / spec.output, "output")
     else:
         folder = folder_to_write(expanded(_DEFAULT_OUTPUT, "--output"), "--output")
-    return NightConfig(table, path, lines, folder)
+    return NightConfig(spec, path, lines, folder)

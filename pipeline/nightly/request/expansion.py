@@ -12,7 +12,7 @@ import shapely
 
 from pipeline.errors import RequestError
 from pipeline.nightly.request.cases import Block, Cases, Member, Pair, doubled, read_pairs
-from pipeline.nightly.request.config import CaseTable, Departure, NightConfig
+from pipeline.nightly.request.config import CaseSpec, Departure, NightConfig
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import parse_scenario
@@ -47,8 +47,8 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
     """
     faults: list[str] = []
     blocks = []
-    for number, table in enumerate(config.table.cases):
-        block, found = _Expansion(config, number, table).block()
+    for number, spec in enumerate(config.spec.cases):
+        block, found = _Expansion(config, number, spec).block()
         faults += found
         if block is not None:
             blocks.append(block)
@@ -77,27 +77,27 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
 class _Expansion:
     """Expands one [[cases]] table into a block."""
 
-    def __init__(self, config: NightConfig, number: int, table: CaseTable) -> None:
-        self._config, self._number, self._table = config, number, table
+    def __init__(self, config: NightConfig, number: int, spec: CaseSpec) -> None:
+        self._config, self._number, self._spec = config, number, spec
         self._faults: list[str] = []
 
     def block(self) -> tuple[Block | None, list[str]]:
         """Return the block and no faults, or None and the faults."""
-        table = self._table
+        spec = self._spec
         vessels = self._vessels()
         members = self._members()
         scenario = self._scenario()
         if scenario is None:
             return None, self._faults
-        if scenario.is_planar and (table.members or table.currents):
+        if scenario.is_planar and (spec.members or spec.currents):
             self._fault(
-                "members" if table.members else "currents", "needs a chart; a plane has none"
+                "members" if spec.members else "currents", "needs a chart; a plane has none"
             )
         seasons = self._seasons(scenario)
         pairs = self._pairs(scenario)
         departures: tuple[Departure | None, ...] = (None,)
-        if table.departures is not None:
-            departures = table.departures.departures()
+        if spec.departures is not None:
+            departures = spec.departures.departures()
         if self._faults:
             return None, self._faults
         return Block(
@@ -114,12 +114,12 @@ class _Expansion:
 
     def _scenario(self) -> Scenario | None:
         """Load the scenario; files of its currents may not exist yet."""
-        asked = self._table.scenario
+        asked = self._spec.scenario
         try:
             is_named = asked in catalogue.names("scenarios")
             path = catalogue.scenario_path(asked if is_named else self._named_or_path(asked))
             data = catalogue.read_toml(path)
-            if self._table.departures is not None:
+            if self._spec.departures is not None:
                 data = _with_times(data)
             scenario = parse_scenario(data, path.parent)
             require_covered(_without_files(scenario))
@@ -137,10 +137,10 @@ class _Expansion:
 
     def _with_own_currents(self, scenario: Scenario) -> Scenario:
         """Replace the scenario's currents with those of the table, if it has any."""
-        if not self._table.currents or scenario.is_planar:
+        if not self._spec.currents or scenario.is_planar:
             return scenario
         named = tuple(
-            (self._here(one),) if looks_like_path(one) else one for one in self._table.currents
+            (self._here(one),) if looks_like_path(one) else one for one in self._spec.currents
         )
         for one in named:
             if isinstance(one, str) and one not in catalogue.names("sources"):
@@ -154,16 +154,16 @@ class _Expansion:
 
     def _vessels(self) -> tuple[VesselSpec | None, ...]:
         """Return the vessels of the table, or None for the scenario's own."""
-        if self._table.vessels is None:
+        if self._spec.vessels is None:
             return (None,)
         found = []
-        for name in self._table.vessels:
+        for name in self._spec.vessels:
             try:
                 found.append(catalogue.vessel(name))
             except RequestError as error:
                 for fault in error.faults:
                     self._fault("vessels", fault)
-        self._refuse_repeated("vessels", self._table.vessels)
+        self._refuse_repeated("vessels", self._spec.vessels)
         return tuple(found)
 
     def _seasons(self, scenario: Scenario) -> tuple[Season, ...]:
@@ -175,41 +175,41 @@ class _Expansion:
                     "scenario",
                     f"{scenario.name} has '{key}', which a night can't plan with; leave it out",
                 )
-        asked = known if self._table.seasons is None else self._table.seasons
+        asked = known if self._spec.seasons is None else self._spec.seasons
         for name in asked:
             if name not in known:
                 continue
             if known[name].speed is None and known[name].leaves_departure_open:
                 self._fault(
-                    "scenario" if self._table.seasons is None else "seasons",
+                    "scenario" if self._spec.seasons is None else "seasons",
                     f"season {name!r} of {scenario.name} leaves its departure open; each departure "
                     "of a night is a case: give the season a 'departure' in place of 'departures' "
                     "or 'arrive_by', and list them in this table's 'departures'",
                 )
             if known[name].speed is not None:
                 self._fault(
-                    "scenario" if self._table.seasons is None else "seasons",
+                    "scenario" if self._spec.seasons is None else "seasons",
                     f"season {name!r} of {scenario.name} has 'speed' and its own times; a night "
                     "plans each case at the vessel's speed: leave out the season, or its 'speed' "
                     "and 'arrive_by'",
                 )
-        if self._table.seasons is None:
+        if self._spec.seasons is None:
             return scenario.seasons
-        for name in self._table.seasons:
+        for name in self._spec.seasons:
             if name not in known:
                 self._fault(
                     "seasons",
                     f"{name!r} is no season of {scenario.name}; there are: " + ", ".join(known),
                 )
-        self._refuse_repeated("seasons", self._table.seasons)
-        return tuple(known[name] for name in self._table.seasons if name in known)
+        self._refuse_repeated("seasons", self._spec.seasons)
+        return tuple(known[name] for name in self._spec.seasons if name in known)
 
     def _members(self) -> tuple[Member | None, ...]:
         """Return a member for each file; a missing file is no fault, as it may arrive later."""
-        if self._table.members is None:
+        if self._spec.members is None:
             return (None,)
         paths: list[str] = []
-        for pattern in map(self._here, self._table.members):
+        for pattern in map(self._here, self._spec.members):
             paths += sorted(glob.glob(str(Path(pattern).expanduser()))) or [pattern]  # noqa: PTH207 - Path.glob takes no absolute pattern
         members = [Member(_name(Path(path).stem), path) for path in paths]
         self._refuse_repeated("members", [member.name for member in members])
@@ -217,17 +217,15 @@ class _Expansion:
 
     def _pairs(self, scenario: Scenario) -> tuple[Pair | None, ...]:
         """Read the pairs; pairs outside the region are faults."""
-        if self._table.pairs is None:
+        if self._spec.pairs is None:
             return (None,)
-        pairs, faults = read_pairs(
-            Path(self._here(self._table.pairs)), is_planar=scenario.is_planar
-        )
+        pairs, faults = read_pairs(Path(self._here(self._spec.pairs)), is_planar=scenario.is_planar)
         if not scenario.is_planar and scenario.region is None:
             self._fault(
                 "pairs", f"need a region that contains them; add a [region] to {scenario.name}"
             )
         elif pairs:
-            faults = [*faults, *_outside(scenario, pairs, Path(self._table.pairs).name)]
+            faults = [*faults, *_outside(scenario, pairs, Path(self._spec.pairs).name)]
         for fault in faults:
             self._fault("pairs", fault)
         return pairs
@@ -312,7 +310,7 @@ def pairs_on_land(config: NightConfig, cases: Cases) -> list[str]:
     for block in cases.blocks:
         if block.scenario.is_planar:
             continue
-        file = config.table.cases[block.number].pairs
+        file = config.spec.cases[block.number].pairs
         voyages = _voyages(block)
         for suspect in _suspects([scenario for scenario, _ in voyages]):
             scenario, row = voyages[suspect]
