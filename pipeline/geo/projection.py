@@ -186,11 +186,11 @@ class Projection:
 
     def rotate_to_lonlat(self, lonlat: ArrayLike, xy: ArrayLike) -> FloatArray:
         """Rotate vectors (..., 2) along the plane's axes at lon/lat to (east, north)."""
-        return rotated(np.asarray(xy, dtype=np.float64), -self.turn_rad(lonlat))
+        return rotated(np.asarray(xy, dtype=np.float64), -self.rotation_rad(lonlat))
 
     def convergence(self, lonlat: ArrayLike) -> FloatArray:
         """Return the meridian convergence (...), degrees: y axis clockwise from true north."""
-        return np.degrees(self.turn_rad(lonlat))
+        return np.degrees(self.rotation_rad(lonlat))
 
     def point_scale(self, lonlat: ArrayLike) -> FloatArray:
         """Return planar metres (before `scale`) per true metre at lon/lat (...)."""
@@ -218,7 +218,7 @@ class Projection:
         """Return the values that identify a projection in the keys of the store."""
         return type(self).__name__, self.crs, self.scale, self.central_longitude
 
-    def turn_rad(self, lonlat: ArrayLike) -> FloatArray:
+    def rotation_rad(self, lonlat: ArrayLike) -> FloatArray:
         """Return the angle (...) by which directions turn in the plane, anticlockwise, radians."""
         jacobian = self._jacobian(lonlat)
         # The mean angle of east and of north, which are equal where the plane is conformal.

@@ -172,10 +172,10 @@ def planar_current(
     x = np.linspace(xmin, xmax, max(2, int(np.ceil((xmax - xmin) / step)) + 1))
     y = np.linspace(ymin, ymax, max(2, int(np.ceil((ymax - ymin) / step)) + 1))
     lonlat = projection.to_lonlat(np.stack(np.meshgrid(x, y), axis=-1))
-    turn_rad = projection.turn_rad(lonlat)
+    rotation_rad = projection.rotation_rad(lonlat)
     slices = []
     for step in range(len(grid.times_s)):
-        uv = rotated(bilinear(grid, lonlat, step), turn_rad)
+        uv = rotated(bilinear(grid, lonlat, step), rotation_rad)
         slices.append(renew.GriddedCurrent(x, y, uv[..., 0], uv[..., 1]))
     return renew.VaryingCurrent(grid.times_s, slices) if grid.changes else slices[0]
 

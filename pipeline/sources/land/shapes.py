@@ -34,7 +34,7 @@ BEYOND_M = 20_000.0
 # Dimension of areas in shapely.
 _AREA = 2
 # Whole turns, degrees, by which longitudes may differ.
-_TURNS = (-360.0, 0.0, 360.0)
+_WHOLE_TURNS = (-360.0, 0.0, 360.0)
 # Segments per quarter circle: the buffer around a point has 16 corners.
 _QUADRANT_SEGMENTS = 4
 # Grid on which areas are merged and subtracted, degrees (1 cm): an overlap or gap that is narrower
@@ -57,7 +57,7 @@ def box_around(region: shapely.Polygon, beyond_m: float = BEYOND_M) -> shapely.P
 
 def meets_box(bounds: FloatArray, box: shapely.Polygon) -> BoolArray:
     """Say which bounds (n, 4), degrees, meet a box in any whole turn."""
-    return np.asarray(np.any([_meets(bounds, box, turn) for turn in _TURNS], axis=0))
+    return np.asarray(np.any([_meets(bounds, box, turn) for turn in _WHOLE_TURNS], axis=0))
 
 
 def _meets(bounds: FloatArray, box: shapely.Polygon, turn: float) -> BoolArray:
@@ -78,7 +78,7 @@ def near_box(geometries: Geometries, box: shapely.Polygon) -> tuple[Geometries, 
     bounds = shapely.bounds(geometries)
     found: list[Geometries] = [np.empty(0, dtype=object)]
     index: list[IntArray] = [np.empty(0, dtype=np.int64)]
-    for turn in _TURNS:
+    for turn in _WHOLE_TURNS:
         meets = _meets(bounds, box, turn)
         chosen = geometries[meets]
         found.append(chosen if turn == 0 else _moved_east(chosen, turn))

@@ -88,7 +88,7 @@ def test_vectors_turn_as_the_plane_does(
     back = GEOD.fwd(lon, lat, azimuth + 180, 50.0)[:2]
     step = projection.to_plane(forth) - projection.to_plane(back)
     uv = speed * np.array([np.sin(np.radians(azimuth)), np.cos(np.radians(azimuth))])
-    turned = rotated(uv, projection.turn_rad(point))
+    turned = rotated(uv, projection.rotation_rad(point))
     assert np.linalg.norm(turned) == pytest.approx(speed)
     off = np.cross(np.append(step, 0), np.append(turned, 0))[2]
     assert np.degrees(np.arctan2(off, step @ turned)) == pytest.approx(0, abs=2e-3)
@@ -184,7 +184,7 @@ def test_scale_divides_metres_and_only_them() -> None:
     point = np.array([[119.0, 10.0], [120.0, 12.0]])
     assert small.to_plane(point) * 1000 == pytest.approx(true.to_plane(point))
     assert small.point_scale(point) == pytest.approx(true.point_scale(point))
-    assert small.turn_rad(point) == pytest.approx(true.turn_rad(point))
+    assert small.rotation_rad(point) == pytest.approx(true.rotation_rad(point))
 
 
 def test_geometries_there_and_back() -> None:
