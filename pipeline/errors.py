@@ -15,7 +15,7 @@ _MIN_ALIKE, _MAX_PLACES = 4, 3
 _PLACE = re.compile(r"\w*\[\d+\]|\b(?:row|line) \d+\b")
 _LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
 _DIGITS = re.compile(r"\d+")
-_Part = TypeVar("_Part")
+_Value = TypeVar("_Value")
 
 
 def shortened(text: str) -> str:
@@ -99,7 +99,7 @@ class Faults:
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def part(self, read: Callable[[], _Part]) -> _Part | None:
+    def collect(self, read: Callable[[], _Value]) -> _Value | None:
         """Read one part of a request; if it has faults, keep their lines and return None."""
         try:
             return read()

@@ -260,21 +260,21 @@ class _Stages:
         with self._stage("fetch", scenario) as say:
             for note in region_notes[-1:]:
                 say(note)
-            parts = fetch(scenario, store, offline=options.offline, strict=options.strict)
-            for note in parts.fetched.notes:
+            data = fetch(scenario, store, offline=options.offline, strict=options.strict)
+            for note in data.fetched.notes:
                 say(note)
         if store.has_made:
             # Something new was made, so the run will plan and write. Until "plan" a core is idle,
             # and can load the libraries that planning and writing need.
             threading.Thread(target=load_libraries).start()
         with self._stage("simplify", scenario) as say:
-            land = simplify(scenario, parts.land, store)
+            land = simplify(scenario, data.land, store)
             for note in land.value.notes:
                 say(note)
         with self._stage("project", scenario):
-            scene = projected(scenario, parts.fetched, parts.current_keys, land, store)
+            scene = projected(scenario, data.fetched, data.current_keys, land, store)
         with self._stage("choose", scenario) as say:
-            chosen = choose(Chosen(scenario, parts, scene, notes=region_notes), store, say)
+            chosen = choose(Chosen(scenario, data, scene, notes=region_notes), store, say)
         with self._stage("plan", scenario):
             self.compiled()
             planned = plan_seasons(

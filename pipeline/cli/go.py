@@ -95,8 +95,8 @@ def _scenario(given: dict[str, Any]) -> "tuple[Scenario, tuple[str, ...]]":
         name=given["name"],
     )
     faults = Faults()
-    faults.part(lambda: folder_to_write(given["output"], "--output"))
-    made = faults.part(lambda: voyage_scenario(request))
+    faults.collect(lambda: folder_to_write(given["output"], "--output"))
+    made = faults.collect(lambda: voyage_scenario(request))
     if made is None or faults.lines:
         raise RequestError(faults.lines)
     return made

@@ -86,7 +86,7 @@ def _runs_offline(season: Season) -> bool:
         source = catalogue.source(name)
         if source.adapter == "still":
             return True
-        if source.adapter == "embedded-table" and source.part(season) is not None:
+        if source.adapter == "embedded-table" and source.season_for(season) is not None:
             return True
     return False
 

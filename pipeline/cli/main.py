@@ -318,12 +318,12 @@ def _wanted(
 
     notes: list[str] = []
     faults = Faults()
-    faults.part(lambda: folder_to_write(output, "--output"))
-    scenario = faults.part(
+    faults.collect(lambda: folder_to_write(output, "--output"))
+    scenario = faults.collect(
         lambda: load_scenario(asked, charts=charts, currents=currents or (), on_note=notes.append)
     )
     if scenario is not None:
-        faults.part(partial(require_seasons, scenario, seasons))
+        faults.collect(partial(require_seasons, scenario, seasons))
     if scenario is None or faults.lines:
         raise RequestError(faults.lines)
     from pipeline.session import Origin

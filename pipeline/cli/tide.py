@@ -59,8 +59,8 @@ def show(
         from pipeline.sources.tides.station import find_station
 
         faults = Faults()
-        span = faults.part(lambda: _span(begin, end))
-        found = faults.part(lambda: find_station(station))
+        span = faults.collect(lambda: _span(begin, end))
+        found = faults.collect(lambda: find_station(station))
         if span is None or found is None:
             raise RequestError(faults.lines)
         typer.echo(_listed(found, *span, as_json=as_json))
@@ -111,8 +111,8 @@ def _span(begin: str | None, end: str | None) -> tuple[datetime, datetime]:
     """Read the first and the last moment."""
     faults = Faults()
     today = f"{datetime.now(UTC):%Y-%m-%d}"
-    first = faults.part(lambda: _moment("--from", begin or today, at_end=False))
-    last = faults.part(lambda: _moment("--to", end, at_end=True)) if end else None
+    first = faults.collect(lambda: _moment("--from", begin or today, at_end=False))
+    last = faults.collect(lambda: _moment("--to", end, at_end=True)) if end else None
     if faults.lines or first is None:
         raise RequestError(faults.lines)
     last = last or first + timedelta(days=_DAYS)

@@ -78,16 +78,16 @@ def inner_land(polygons: Geometries, tolerance_m: float, margin_m: float) -> Geo
     for index in np.unique(owner):
         shrunk[index] = shapely.difference(shrunk[index], shapely.union_all(around[owner == index]))
     cut_m = (1 - _BEFORE) * tolerance_m
-    return _parts(simplified(_parts(shrunk), cut_m).areas)
+    return _polygons_of(simplified(_polygons_of(shrunk), cut_m).areas)
 
 
 def _united(areas: Geometries) -> Geometries:
     """Unite areas that overlap; the polygons returned are disjoint."""
     # Much faster than one union of all: most polygons are far from each other.
-    return _parts(shapely.disjoint_subset_union_all(areas))
+    return _polygons_of(shapely.disjoint_subset_union_all(areas))
 
 
-def _parts(areas: Geometries | shapely.Geometry) -> Geometries:
+def _polygons_of(areas: Geometries | shapely.Geometry) -> Geometries:
     """Split areas into polygons."""
     parts = shapely.get_parts(areas)
     return np.asarray(parts[~shapely.is_empty(parts)])

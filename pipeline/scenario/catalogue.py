@@ -125,7 +125,7 @@ class EmbeddedTableSpec(SourceBase):
     table: str = Field(pattern=r"^[a-z0-9_-]+\.csv$")
     seasons: dict[str, TableSeason]
 
-    def part(self, season: Season) -> str | None:
+    def season_for(self, season: Season) -> str | None:
         """Return the table's season that stands for a season of a scenario; None where none does.
 
         Either both have the same name, or the scenario's season is a month of the table's season.

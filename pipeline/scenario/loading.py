@@ -61,13 +61,13 @@ def load_scenario(
         )
     faults = Faults()
     if charts is not None:
-        data = faults.part(partial(_with_chart, data, charts)) or data
+        data = faults.collect(partial(_with_chart, data, charts)) or data
     if currents:
-        data, notes = faults.part(partial(with_currents, data, currents)) or (data, [])
+        data, notes = faults.collect(partial(with_currents, data, currents)) or (data, [])
         if on_note is not None:
             for note in notes:
                 on_note(note)
-    scenario = faults.part(lambda: parse_scenario(data, path.parent))
+    scenario = faults.collect(lambda: parse_scenario(data, path.parent))
     if scenario is None or faults.lines:
         raise RequestError(faults.lines)
     return scenario
@@ -293,7 +293,7 @@ def _is_in_no_table(season: object, currents: Sequence[str | list[str]]) -> bool
     except ValidationError:
         return False
     return len(tables) == len(currents) and all(
-        isinstance(table, catalogue.EmbeddedTableSpec) and table.part(valid) is None
+        isinstance(table, catalogue.EmbeddedTableSpec) and table.season_for(valid) is None
         for table in tables
     )
 

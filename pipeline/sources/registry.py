@@ -141,12 +141,12 @@ class EmbeddedTable(CurrentSource):
     def identity(self, season: Season) -> tuple[str, ...]:
         """Return the hash of the table, and the season in it."""
         digest = hashlib.sha256(self._bytes).hexdigest()
-        part = self.spec.part(season) or season.name
+        part = self.spec.season_for(season) or season.name
         return (self.spec.name, digest, part, self.spec.model_dump_json())
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say how far the region reaches beyond the table's cells."""
-        part = self.spec.part(season)
+        part = self.spec.season_for(season)
         if season.is_changing:
             return (
                 f"{self.spec.name} has one field for a season, and season {season.name!r} has "
@@ -167,12 +167,12 @@ class EmbeddedTable(CurrentSource):
 
     def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
         """Return the part that the table's cells cover."""
-        part = self.spec.part(season)
+        part = self.spec.season_for(season)
         return None if part is None else common_bounds(region.bounds, self._bounds(part))
 
     def issue(self, season: Season) -> Issue:
         """Return the table's hash, and the last day of the season's part."""
-        part = self.spec.part(season)
+        part = self.spec.season_for(season)
         digest = hashlib.sha256(self._bytes).hexdigest()
         if part is None:
             return Issue(None, None, None, digest)
@@ -182,7 +182,7 @@ class EmbeddedTable(CurrentSource):
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Return the season's whole grid, as it is small."""
         del folder
-        part = self.spec.part(season)
+        part = self.spec.season_for(season)
         if part is None:
             raise StageError(self.uncovered_reason(region, season))
         entry = self.spec.seasons[part]

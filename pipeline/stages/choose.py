@@ -37,7 +37,7 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import departure_name, interval, named_departure
-from pipeline.stages.fetch import FetchedParts
+from pipeline.stages.fetch import FetchedData
 from pipeline.stages.places import later
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
 from pipeline.stages.tides import later_tides
@@ -48,7 +48,7 @@ class Chosen:
     """A complete scenario with its data and scene; the chosen departures, and notes on choices."""
 
     scenario: Scenario
-    parts: FetchedParts
+    data: FetchedData
     scene: Made[Scene]
     choices: tuple[DepartureChoice, ...] = ()
     notes: tuple[Note, ...] = ()
@@ -70,7 +70,7 @@ def choose(given: Chosen, store: Store, say: Say) -> Chosen:
 
 def _with_offing(given: Chosen) -> Chosen:
     """Set the planner's clearance to the chosen offing if the scenario does not give one."""
-    scenario, accuracy_m = given.scenario, given.parts.fetched.land.accuracy_m
+    scenario, accuracy_m = given.scenario, given.data.fetched.land.accuracy_m
     options = with_offing(scenario, given.scene.value, accuracy_m)
     if options is scenario.planner:
         return given
@@ -175,7 +175,7 @@ def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
     """
     departed, scenario, scene = given, given.scenario, given.scene
     for season in scenario.seasons:
-        if not season.leaves_departure_open or season.name not in given.parts.current_keys:
+        if not season.leaves_departure_open or season.name not in given.data.current_keys:
             continue
         key = artefact_key(
             "departures", scene.key, scenario.planner.model_dump(mode="json"), season.model_dump()
@@ -196,9 +196,9 @@ def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
         except renew.PlanningError as error:
             reason = planner_text(error.text, scene.value, season.name)
             departed = _without(departed, season.name, reason)
-    if scenario.seasons and not departed.parts.current_keys:
+    if scenario.seasons and not departed.data.current_keys:
         raise RequestError(
-            [f"{season_text(n)}: {why}" for n, why in departed.parts.failures.items()]
+            [f"{season_text(n)}: {why}" for n, why in departed.data.failures.items()]
         )
     if departed.scene.key != scene.key:  # tasks load it from the store
         store.load_or_make("project", departed.scene.key, Scene, lambda: departed.scene.value)
@@ -283,7 +283,7 @@ def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
 
 def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
     """Set a season's chosen departure, and count the times of its current and areas from it."""
-    name, parts, scene = choice.season, departed.parts, departed.scene.value
+    name, data, scene = choice.season, departed.data, departed.scene.value
     # Output files have times in whole seconds, so the plan starts at a whole second, too.
     shift = float(round(choice.chosen_s))
     chosen = choice.first + timedelta(seconds=shift)
@@ -294,23 +294,23 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
         current = renew.VaryingCurrent(current.slice_times - shift, current.slices)
     grids = tuple(
         replace(grid, season=label, times_s=grid.times_s - shift) if grid.season == name else grid
-        for grid in parts.fetched.currents
+        for grid in data.fetched.currents
     )
-    key = artefact_key("departures", parts.current_keys[name], chosen)
+    key = artefact_key("departures", data.current_keys[name], chosen)
     return replace(
         departed,
         scenario=scenario,
-        parts=replace(
-            parts,
+        data=replace(
+            data,
             fetched=replace(
-                parts.fetched,
+                data.fetched,
                 currents=grids,
                 notes=tuple(
                     one.about(*(label if of == name else of for of in one.seasons))
-                    for one in parts.fetched.notes
+                    for one in data.fetched.notes
                 ),
             ),
-            current_keys={**_renamed(parts.current_keys, name, label), label: key},
+            current_keys={**_renamed(data.current_keys, name, label), label: key},
         ),
         scene=Made(
             artefact_key("departures", departed.scene.key, name, chosen),
@@ -357,7 +357,7 @@ def _renamed(by_season: Mapping[str, _T], season: str, label: str) -> dict[str, 
 
 def _without(departed: Chosen, season: str, reason: str) -> Chosen:
     """Move a season that has no departure from the currents to the failures, with the reason."""
-    parts = departed.parts
-    keys = {name: key for name, key in parts.current_keys.items() if name != season}
-    failures = {**parts.failures, season: reason}
-    return replace(departed, parts=replace(parts, current_keys=keys, failures=failures))
+    data = departed.data
+    keys = {name: key for name, key in data.current_keys.items() if name != season}
+    failures = {**data.failures, season: reason}
+    return replace(departed, data=replace(data, current_keys=keys, failures=failures))

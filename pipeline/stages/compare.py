@@ -41,7 +41,7 @@ def compare(
     """
     options, scene = chosen.scenario.planner, chosen.scene.value
     plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
-    named = with_way_names(planned.value.evaluation, scene, plans, chosen.parts.fetched.land.places)
+    named = with_way_names(planned.value.evaluation, scene, plans, chosen.data.fetched.land.places)
     # One core finds the shut straits while the others compute bounds for the other sides.
     with ThreadPoolExecutor(max_workers=1) as pool:
         found = pool.submit(
@@ -57,7 +57,7 @@ def compare(
         straits = found.result().value
     result = RunResult(
         chosen.scenario,
-        chosen.parts.fetched,
+        chosen.data.fetched,
         land.value.simplified,
         scene,
         plans,
@@ -72,8 +72,8 @@ def compare(
     notes = _notes(result)
     for note in notes:
         say(note)
-    every = (*chosen.notes, *chosen.parts.fetched.notes, *land.value.notes, *notes)
-    fetched = replace(chosen.parts.fetched, notes=addressed(every, result.scenario))
+    every = (*chosen.notes, *chosen.data.fetched.notes, *land.value.notes, *notes)
+    fetched = replace(chosen.data.fetched, notes=addressed(every, result.scenario))
     return Made(artefact_key("compare", *inputs), replace(result, fetched=fetched))
 
 

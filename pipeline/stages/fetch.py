@@ -39,7 +39,7 @@ _LONGEST_WAY, _DAY_HOURS = 3.0, 24.0
 
 
 @dataclass(frozen=True, slots=True)
-class FetchedParts:
+class FetchedData:
     """The fetched data and their keys in the store; `failures`: season → why it has no current."""
 
     fetched: Fetched
@@ -55,7 +55,7 @@ class FetchedParts:
 
 def fetch(
     scenario: Scenario, store: Store, *, offline: bool = False, strict: bool = False
-) -> FetchedParts:
+) -> FetchedData:
     """Fetch land and every season's current; if `strict`, only from each season's first source.
 
     Raises
@@ -66,26 +66,28 @@ def fetch(
         Sources were tried and none returned data; or, if `strict`, a season would use another
         source than its first.
     """
-    parts = _plane_parts(scenario) if scenario.region is None else _parts(scenario, store, offline)
+    data = (
+        _plane_data(scenario) if scenario.region is None else _region_data(scenario, store, offline)
+    )
     if strict:
-        _refuse_stand_ins(parts)
-    return parts
+        _refuse_stand_ins(data)
+    return data
 
 
-def _refuse_stand_ins(parts: FetchedParts) -> None:
+def _refuse_stand_ins(data: FetchedData) -> None:
     """Raise StageError if a season has no source, or would use another than its first."""
     faults = [
         f"{season_text(grid.season)} would be {note_text(grid.stand_in_notes[0])}, which is not "
         "its first choice" + "".join(f"; {passed.reason}" for passed in grid.passed_over)
-        for grid in parts.fetched.currents
+        for grid in data.fetched.currents
         if grid.is_stand_in
     ]
-    faults += [f"{season_text(name)}: {why}" for name, why in parts.failures.items()]
+    faults += [f"{season_text(name)}: {why}" for name, why in data.failures.items()]
     if faults:
         raise StageError("\n".join([*faults, "nothing was planned, as --strict asks"]))
 
 
-def _parts(scenario: Scenario, store: Store, offline: bool) -> FetchedParts:  # noqa: FBT001
+def _region_data(scenario: Scenario, store: Store, offline: bool) -> FetchedData:  # noqa: FBT001
     """Fetch the land and currents of a scenario with a region."""
     if scenario.region is None:
         raise ValueError("the region is chosen before")
@@ -117,7 +119,7 @@ def _parts(scenario: Scenario, store: Store, offline: bool) -> FetchedParts:  # 
     ]
     notes = (*fetcher.land.notes, *current_notes(grids), *overpowering)
     shown = (*fetcher.land.zones, *avoided_zones(scenario, region))
-    return FetchedParts(
+    return FetchedData(
         fetched=Fetched(
             replace(fetcher.land, zones=shown), grids, notes, fetcher.surroundings(scenario.chart)
         ),
@@ -237,14 +239,14 @@ class Fetcher:
         return source.unavailable_reason()
 
 
-def _plane_parts(scenario: Scenario) -> FetchedParts:
-    """Build the parts of a plane scenario, which contains its land and currents as numbers."""
+def _plane_data(scenario: Scenario) -> FetchedData:
+    """Build the data of a plane scenario, which contains its land and currents as numbers."""
     figures = scenario.model_dump(mode="json", include={"plane", "scale"})
     keys = {
         season.name: artefact_key("current", season.model_dump(mode="json"), figures)
         for season in scenario.seasons
     }
-    return FetchedParts(fetched_plane(scenario), artefact_key("land", figures), keys, {})
+    return FetchedData(fetched_plane(scenario), artefact_key("land", figures), keys, {})
 
 
 # Time step for the interpolation of a changing current, s.

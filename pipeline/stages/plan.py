@@ -68,7 +68,7 @@ def plan_seasons(
     tasks = list(_tasks(chosen, land, store, limit_s))
     done = {task.season: result for task in tasks if (result := task.result()) is not None}
     waiting = [task for task in tasks if task.season not in done]
-    crashed = dict(chosen.parts.failures)
+    crashed = dict(chosen.data.failures)
 
     def report(status: Status) -> None:
         if status.crashed:
@@ -108,7 +108,7 @@ def _tasks(
     chosen: Chosen, land: Made[SimplifiedLand], store: Store, limit_s: float | None
 ) -> Iterator[SeasonTask]:
     """Yield a task for each season that has a current."""
-    scenario, parts = chosen.scenario, chosen.parts
+    scenario, parts = chosen.scenario, chosen.data
     options, explains_gap = scenario.planner, scenario.outputs.explain_gap
     for season, current_key in parts.current_keys.items():
         # The scene's key is not used: it depends on the other seasons' currents, too.

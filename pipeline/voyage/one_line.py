@@ -192,17 +192,17 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         The message has a line for each fault.
     """
     faults = Faults()
-    ends = faults.part(lambda: read_positions(request.positions))
-    via = faults.part(lambda: read_via(request.via, ends[0].lon if ends else 0.0))
-    vessel = faults.part(lambda: _vessel(request))
-    clearance_m = faults.part(lambda: read_clearance_m(request.clearance))
-    departing_at = faults.part(lambda: _departing(request))
+    ends = faults.collect(lambda: read_positions(request.positions))
+    via = faults.collect(lambda: read_via(request.via, ends[0].lon if ends else 0.0))
+    vessel = faults.collect(lambda: _vessel(request))
+    clearance_m = faults.collect(lambda: read_clearance_m(request.clearance))
+    departing_at = faults.collect(lambda: _departing(request))
     is_timed = bool(request.depart or request.until or request.arrive_by)
     is_steady = not is_timed or _is_still(request) or _has_steady_months(request)
-    months = faults.part(lambda: _months(request)) if is_steady else []
-    files = faults.part(lambda: _files(request))
-    faults.part(lambda: require_currents(request.currents))
-    faults.part(lambda: _require_name(request.name))
+    months = faults.collect(lambda: _months(request)) if is_steady else []
+    files = faults.collect(lambda: _files(request))
+    faults.collect(lambda: require_currents(request.currents))
+    faults.collect(lambda: _require_name(request.name))
     if faults.lines or ends is None or via is None or vessel is None or files is None:
         raise RequestError(faults.lines)
     start, goal = ends
@@ -265,7 +265,7 @@ def _files(request: VoyageRequest) -> dict[str, Any]:
     faults = Faults()
 
     def read(option: str, path: Path, remedy: str) -> str:
-        file = faults.part(lambda: resolved(path, option))
+        file = faults.collect(lambda: resolved(path, option))
         if file is not None and (reason := unreadable_reason(file)):
             remedy = f"; {remedy}" if reason == NOT_THERE else ""
             faults.lines.append(f"{option} = '{shown(file)}' {reason}{remedy}")
@@ -283,7 +283,7 @@ def _files(request: VoyageRequest) -> dict[str, Any]:
         data.setdefault("chart", {})["depths"] = read("--depths", request.depths, remedy)
     if request.tide:
         data["tide"] = {"stations": [_station(one) for one in request.tide]}
-        faults.part(lambda: stations_of(TideSpec(**data["tide"])))
+        faults.collect(lambda: stations_of(TideSpec(**data["tide"])))
     if faults.lines:
         raise RequestError(faults.lines)
     return data

@@ -100,7 +100,7 @@ def vessel_spec(named: str, figures: VesselFigures) -> VesselSpec:
         return _from_figures(figures)
     faults = Faults()
     read = _from_file if looks_like_path(named) else _from_catalogue
-    vessel = faults.part(lambda: read(named))
+    vessel = faults.collect(lambda: read(named))
     if given := figures.given():
         faults.lines.append(
             f"--vessel {named} and {', '.join(given)} both describe the vessel; leave one out"

@@ -85,7 +85,7 @@ _NOAA_TERMS = "NOAA ENC user agreement: free use and redistribution; no longer a
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _VisibleCell:
     """A cell, and the part of its area that no cell of a larger scale covers."""
 
     cell: Cell
@@ -109,7 +109,7 @@ def land(
         Which depths are deep enough.
     """
     least_m = rule.least_m
-    parts = _parts(cells, box)
+    parts = _visible_cells(cells, box)
     covered = shapes.merged([part.area for part in parts])
     depths = [tuple(_depth_areas(part)) for part in parts]
     safe = [[one.area for one in areas if one.least_m >= least_m] for areas in depths]
@@ -153,7 +153,7 @@ def land(
 
 
 def _tidal_water(
-    parts: Sequence[_Part],
+    parts: Sequence[_VisibleCell],
     depths: Sequence[Sequence[DepthArea]],
     sea: shapely.Geometry,
     rule: DepthRule,
@@ -189,7 +189,7 @@ def _datum(cells: Sequence[Cell]) -> str:
     return " and ".join(sorted({cell.datum for cell in cells}))
 
 
-def _places(part: _Part) -> Iterator[PlaceName]:
+def _places(part: _VisibleCell) -> Iterator[PlaceName]:
     """Yield the names of a part's land."""
     objects = part.cell.objects.get("LNDARE")
     if objects is not None:
@@ -197,19 +197,19 @@ def _places(part: _Part) -> Iterator[PlaceName]:
         yield from shapes.named_places(objects.texts("OBJNAM"), inside)
 
 
-def _parts(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[_Part, ...]:
+def _visible_cells(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[_VisibleCell, ...]:
     """Divide the box among the cells: the larger scale first, then the later issue."""
     parts, taken = [], shapely.Polygon()
     newest = sorted(cells, key=lambda cell: (cell.issued, cell.name), reverse=True)
     for cell in sorted(newest, key=lambda cell: cell.scale):
         area = shapes.subtract(shapely.intersection(cell.covered, box), taken)
         if area.area > 0:
-            parts.append(_Part(cell, area))
+            parts.append(_VisibleCell(cell, area))
             taken = shapely.union(taken, area)
     return tuple(parts)
 
 
-def _depth_areas(part: _Part) -> Iterator[DepthArea]:
+def _depth_areas(part: _VisibleCell) -> Iterator[DepthArea]:
     """Yield a part's depth areas and dredged areas."""
     for name, kind in _DEPTH_CLASSES.items():
         objects = part.cell.objects.get(name)
@@ -237,7 +237,7 @@ def _fixed_radius_m(cell: Cell) -> float:
     return max(_MIN_FIXED_RADIUS_M, _DRAWING_ACCURACY_M * cell.scale)
 
 
-def _hazards(part: _Part, sea: shapely.Geometry, least_m: float) -> Iterator[Zone]:
+def _hazards(part: _VisibleCell, sea: shapely.Geometry, least_m: float) -> Iterator[Zone]:
     """Yield the objects of a part that are dangers in the safe water, as areas."""
     fixed_m = _fixed_radius_m(part.cell)
     floating_m = max(_MIN_FLOATING_RADIUS_M, _DRAWING_ACCURACY_M * part.cell.scale)
@@ -272,7 +272,7 @@ def _areas_in(sea: shapely.Geometry, geometry: Geometries, radius_m: float) -> G
     return np.asarray(near[overlaps])
 
 
-def _zones(part: _Part) -> Iterator[Zone]:
+def _zones(part: _VisibleCell) -> Iterator[Zone]:
     """Yield restricted areas and traffic schemes, which are shown but not no-go."""
     for name, objects in part.cell.objects.items():
         if name != "RESARE" and name not in _TRAFFIC:
@@ -291,7 +291,7 @@ def _zones(part: _Part) -> Iterator[Zone]:
 
 
 def _notes(
-    parts: Sequence[_Part], sea: shapely.Geometry, region: shapely.Polygon
+    parts: Sequence[_VisibleCell], sea: shapely.Geometry, region: shapely.Polygon
 ) -> Iterator[Note]:
     """Yield notes on parts of the region without chart, poorly surveyed, or with entry rules."""
     covered = shapes.merged([part.area for part in parts])
@@ -317,7 +317,7 @@ def _notes(
             yield Note.of("gdal-warning", source=part.cell.name, warning=text)
 
 
-def _poor(parts: Sequence[_Part]) -> Geometries:
+def _poor(parts: Sequence[_VisibleCell]) -> Geometries:
     """Return areas in which the survey is poor or unassessed."""
     found: list[Geometries] = [np.empty(0, dtype=object)]
     for part in parts:

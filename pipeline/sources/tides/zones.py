@@ -23,7 +23,7 @@ _MAX_NAMED = 3
 def stations_of(spec: TideSpec) -> tuple[Station, ...]:
     """Read the stations of a scenario; RequestError with the faults of all."""
     faults = Faults()
-    found = [faults.part(partial(find_station, asked)) for asked in spec.stations]
+    found = [faults.collect(partial(find_station, asked)) for asked in spec.stations]
     if faults.lines:
         raise RequestError(faults.lines)
     return tuple(station for station in found if station is not None)

@@ -210,7 +210,7 @@ def narrow_gaps(
     """
     bodies = shapely.get_parts(shapely.disjoint_subset_union_all(land))
     lines, owner = _close_pairs(bodies, widest_m)
-    parts = _Parts(shapely.bounds(bodies))
+    parts = _DisjointSets(shapely.bounds(bodies))
     found = []
     for line, (one, other) in zip(lines, owner.tolist(), strict=True):
         one, other = parts.of(one), parts.of(other)  # noqa: PLW2901 - the parts that they are in
@@ -257,7 +257,7 @@ def _pieces(bodies: Geometries) -> tuple[Geometries, IndexArray]:
     return np.atleast_1d(lines), body[ring[begins]]
 
 
-class _Parts:
+class _DisjointSets:
     """Disjoint sets of bodies, with their bounds (n, 4)."""
 
     def __init__(self, bounds: FloatArray) -> None:

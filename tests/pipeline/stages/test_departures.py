@@ -22,7 +22,7 @@ from pipeline.model.planning import speed_choices
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import departure_name
 from pipeline.stages.choose import Chosen, choose_departures
-from pipeline.stages.fetch import FetchedParts
+from pipeline.stages.fetch import FetchedData
 from pipeline.stages.seasons.one_season import plan_season
 from renew.planner.departures import Sailing, Sailings
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
@@ -37,14 +37,14 @@ def result() -> Any:  # noqa: ANN401 - a RunResult
 
 
 def _chosen(result: Any, folder: Path, told: list[Note], **asked: object) -> Chosen:  # noqa: ANN401
-    data = {**result.scenario.seasons[0].model_dump(exclude_none=True), **asked}
-    season = Season.model_validate({k: v for k, v in data.items() if v is not None})
+    keys = {**result.scenario.seasons[0].model_dump(exclude_none=True), **asked}
+    season = Season.model_validate({k: v for k, v in keys.items() if v is not None})
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
-    parts = FetchedParts(result.fetched, "land", {"tide": "current"}, {})
+    data = FetchedData(result.fetched, "land", {"tide": "current"}, {})
     store, scene = Store(folder, "test"), result.scene
     if season.speed is not None:
         scene = replace(scene, speeds=speed_choices(scenario))
-    return choose_departures(Chosen(scenario, parts, Made("scene", scene)), store, told.append)
+    return choose_departures(Chosen(scenario, data, Made("scene", scene)), store, told.append)
 
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
@@ -70,10 +70,10 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     before = result.scene.currents["tide"].velocity(result.scene.start, choice.chosen_s)
     now = departed.scene.value.currents["tide"].velocity(result.scene.start, 0.0)
     assert now == pytest.approx(before, abs=1e-4)
-    (grid,) = departed.parts.fetched.currents
+    (grid,) = departed.data.fetched.currents
     (asked,) = result.fetched.currents
     assert grid.times_s + round(choice.chosen_s) == pytest.approx(asked.times_s)
-    assert departed.parts.current_keys["tide"] != "current"
+    assert departed.data.current_keys["tide"] != "current"
     assert departed.scene.key != "scene"
     assert told[0] == Note.of("departures-asked", count=5)
     (note,) = {*departed.notes}  # notes are told once: they can be told apart
@@ -131,9 +131,9 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
         current_cells={},
         areas={},
     )
-    parts = FetchedParts(fetched, "land", {old: "current"}, {})
+    data = FetchedData(fetched, "land", {old: "current"}, {})
     told: list[Note] = []
-    given = Chosen(scenario, parts, Made("scene", scene))
+    given = Chosen(scenario, data, Made("scene", scene))
     departed = choose_departures(given, Store(tmp_path, "test"), told.append)
     (choice,) = departed.choices
     new = departure_name(choice.chosen)
@@ -143,8 +143,8 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
     assert choice.asked == season
     by_season = (departed.scene.value.currents, departed.scene.value.departures)
     assert [list(one) for one in by_season] == [[new], [new]]
-    assert [one.season for one in departed.parts.fetched.currents] == [new]
-    assert list(departed.parts.current_keys) == [new]
+    assert [one.season for one in departed.data.fetched.currents] == [new]
+    assert list(departed.data.current_keys) == [new]
 
 
 def test_an_arrival_sets_the_departure(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
