@@ -17,7 +17,7 @@ from pipeline.machine.store import MAX_STORE_BYTES, Store, prune, remove_unfinis
 from pipeline.nightly import outcome
 from pipeline.nightly.cycle import results
 from pipeline.nightly.cycle.folders import LATEST, Cycles, night_lock, writing
-from pipeline.nightly.cycle.part import Partial, gaps
+from pipeline.nightly.cycle.part_files import Partial, gaps
 from pipeline.nightly.outcome import NightEvent, NightEventHandler, NightOutcome, NightStage
 from pipeline.nightly.request.cases import Cases, request_hash
 from pipeline.nightly.request.config import NightConfig

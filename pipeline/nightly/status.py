@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
 from pipeline.nightly.cycle.folders import Cycles, holder_of, is_busy
-from pipeline.nightly.cycle.part import covering, parts_in
+from pipeline.nightly.cycle.part_files import covering, parts_in
 from pipeline.nightly.cycle.results import CASES_FILE, record_of
 from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.publishing.tables import rows_of

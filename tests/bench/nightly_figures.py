@@ -41,7 +41,7 @@ from pipeline.nightly.planning.worker import Rules
 from pipeline.nightly.request.config import load_config
 from pipeline.nightly.request.expansion import expand
 from pipeline.nightly.request.newest_currents import newest_currents
-from pipeline.nightly.cycle.part import Partial
+from pipeline.nightly.cycle.part_files import Partial
 from pipeline.nightly.planning.planning import Planning
 from pipeline.nightly.planning.worker import plan_case
 from pipeline.machine.store import Store

@@ -22,7 +22,7 @@ from pipeline.errors import StageError
 from pipeline.machine.files import flush_tree, write_whole
 from pipeline.machine.store import file_hash
 from pipeline.nightly.cycle.folders import RECORD, Cycles, writing
-from pipeline.nightly.cycle.part import Row
+from pipeline.nightly.cycle.part_files import Row
 from pipeline.nightly.outcome import ACT, DONE, LOOK, LOOK_CODE, OUTCOMES
 
 CASES_FILE = "cases.parquet"

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.errors import PipelineError
 from pipeline.machine.store import Store, artefact_key, read_checked
-from pipeline.nightly.cycle.part import Partial, gaps, part_path, write_part
+from pipeline.nightly.cycle.part_files import Partial, gaps, part_path, write_part
 from pipeline.nightly.cycle.results import EarlierRoutes
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.planning import worker
@@ -256,7 +256,7 @@ class Planning:
         return worker.CaseTask(
             case.index,
             case.name,
-            case.parts,
+            case.names,
             current,
             None if pair is None else pair.start,
             None if pair is None else pair.goal,

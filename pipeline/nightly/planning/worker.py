@@ -21,7 +21,7 @@ import renew
 from pipeline.errors import StageError, one_line
 from pipeline.machine.store import read_checked
 from pipeline.model import RouteMetrics, Scene, SeasonPlan
-from pipeline.nightly.cycle.part import Row, write_part
+from pipeline.nightly.cycle.part_files import Row, write_part
 from pipeline.nightly.cycle.results import EarlierRoute, EarlierRoutes
 from pipeline.nightly.outcome import ACT, LOOK, SAME
 from pipeline.nightly.planning.chart import (
@@ -52,14 +52,14 @@ _DENSIFY = 0.01
 class CaseTask:
     """One case for a worker.
 
-    `parts` are the six parts of its name; `leaves` is its departure. Start and goal are None if the
+    `names` are the six in its name; `leaves` is its departure. Start and goal are None if the
     case uses those of the scenario. `earlier_row` is its row in yesterday's cases, or -1. `failure`
     is the reason why the case can't be planned, or "".
     """
 
     index: int
     name: str
-    parts: tuple[str, ...]
+    names: tuple[str, ...]
     current_path: Path
     start: Point | None
     goal: Point | None
@@ -157,7 +157,7 @@ def plan_case(
         current = loaded_current(case.current_path)
         scene = _scene(case, chart, current)
         options = options_of(chart, scene.start, scene.goal)
-        planned = plan_season(scene, case.parts[1], options)
+        planned = plan_season(scene, case.names[1], options)
         measured = evaluate_season(
             scene,
             planned,
@@ -221,7 +221,7 @@ def failed_row(
 def _row_of(case: CaseTask, rank: int) -> Row:
     """Return the columns that identify a row: the case's name and the route's rank."""
     names = ("scenario", "season", "pair", "departure", "vessel", "member")
-    named = dict(zip(names, case.parts, strict=True))
+    named = dict(zip(names, case.names, strict=True))
     return {"index": case.index, "case": case.name, **named, "rank": rank}
 
 
@@ -261,7 +261,7 @@ def _scene(case: CaseTask, chart: NightChart, current: NightCurrent) -> Scene:
         chart.scene.start if case.start is None else _placed(chart, case.start),
         chart.scene.goal if case.goal is None else _placed(chart, case.goal),
     )
-    season, departures = case.parts[1], dict[str, datetime]()
+    season, departures = case.names[1], dict[str, datetime]()
     if case.leaves is not None and not current.current.is_steady:
         departures[season] = case.leaves
     return replace(

@@ -10,7 +10,7 @@ import shapely
 
 from pipeline.formats.shared import text
 from pipeline.formats.shared.palette import style_colours
-from pipeline.nightly.cycle.part import Row
+from pipeline.nightly.cycle.part_files import Row
 from pipeline.nightly.cycle.results import EarlierRoute
 from pipeline.nightly.outcome import ACT, LOOK, OUTCOMES, SAME
 from pipeline.nightly.planning.chart import NightChart

@@ -19,7 +19,7 @@ from pipeline.errors import StageError
 from pipeline.machine.store import load_artefact
 from pipeline.nightly.cycle import results
 from pipeline.nightly.cycle.folders import writing
-from pipeline.nightly.cycle.part import Row
+from pipeline.nightly.cycle.part_files import Row
 from pipeline.nightly.outcome import OUTCOMES
 from pipeline.nightly.planning.chart import NightChart
 from pipeline.nightly.planning.planning import Planning

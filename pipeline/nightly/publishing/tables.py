@@ -17,7 +17,14 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from pipeline.formats.gis import frames
-from pipeline.nightly.cycle.part import CASE_SCHEMA, ROUTE_SCHEMA, Part, Row, covering, read_part
+from pipeline.nightly.cycle.part_files import (
+    CASE_SCHEMA,
+    ROUTE_SCHEMA,
+    PartFile,
+    Row,
+    covering,
+    read_part,
+)
 from pipeline.nightly.cycle.results import LookBack
 from pipeline.nightly.request.newest_currents import cycle_time
 
@@ -56,7 +63,7 @@ _CHUNK = 4096
 _NO_DATE = "1970-01-01T00:00:00.000Z"
 
 
-def merge(parts: Sequence[Part], cases_path: Path, routes_path: Path) -> float:
+def merge(parts: Sequence[PartFile], cases_path: Path, routes_path: Path) -> float:
     """Write both tables from parts that contain every case; return the planning time, s."""
     seconds = 0.0
     with (

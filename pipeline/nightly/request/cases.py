@@ -32,7 +32,7 @@ _PLANE = ("start_x", "start_y", "goal_x", "goal_y")
 _MAX_BYTES = 100 << 20
 _NAME: TypeAdapter[str] = TypeAdapter(Name)
 NONE = "-"
-"""Replaces a part of a case's name that is left out; removed at the end of the name."""
+"""Stands for a name of a case that is left out; removed at the end of the name."""
 # Dimensions of a block, in the order of a case's name after the scenario.
 _DIMENSIONS = ("seasons", "pairs", "departures", "vessels", "members")
 # Keys that do not affect results.
@@ -222,7 +222,7 @@ class Block:
 
 
 def _name_of(part: Season | Pair | Departure | VesselSpec | Member | None) -> str:
-    """Return the name of a part of a case."""
+    """Return a name of a case."""
     return NONE if part is None else part.name
 
 
@@ -249,7 +249,7 @@ class Case:
     pair: Pair | None
 
     @property
-    def parts(self) -> tuple[str, str, str, str, str, str]:
+    def names(self) -> tuple[str, str, str, str, str, str]:
         """Names of scenario, season, pair, departure, vessel and member."""
         others = (self.pair, self.departure, self.vessel, self.member)
         pair, departure, vessel, member = map(_name_of, others)
@@ -257,21 +257,21 @@ class Case:
 
     @property
     def name(self) -> str:
-        """The parts joined by slashes, without empty parts at the end."""
-        parts = list(self.parts)
-        while parts[-1] == NONE:
-            parts.pop()
-        return "/".join(parts)
+        """The names joined by slashes, without empty ones at the end."""
+        names = list(self.names)
+        while names[-1] == NONE:
+            names.pop()
+        return "/".join(names)
 
     @property
     def chart(self) -> tuple[int, str]:
         """Key of its chart: the block's number, and the vessel for which the chart is made."""
-        return self.block.number, self.parts[4]
+        return self.block.number, self.names[4]
 
     @property
     def current(self) -> CurrentKey:
         """Key of its current."""
-        _, season, _, departure, _, member = self.parts
+        _, season, _, departure, _, member = self.names
         return CurrentKey(self.block.number, season, departure, member)
 
 
@@ -313,7 +313,7 @@ class Cases:
 
 
 def matches(name: str, asked: str) -> bool:
-    """Whether a case's name is `asked`, or begins with its parts."""
+    """Whether a case's name is `asked`, or begins with its names."""
     wanted = asked.strip("/").split("/")
     parts = name.split("/")
     parts += [NONE] * (len(wanted) - len(parts))

@@ -1,4 +1,4 @@
-"""Part files: each holds the rows of neighbouring cases and of the cases' routes.
+"""PartFile files: each holds the rows of neighbouring cases and of the cases' routes.
 
 A part has the cases from `first` to `end` - 1: one row of rank 0 for each case, and one row for
 each route of the case; the best route has rank 1. Geometries are WKB in lon/lat. A file consists
@@ -66,7 +66,7 @@ _SETUP_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PartFile:
     """A part file with the cases from `first` to `end` - 1."""
 
     path: Path
@@ -92,13 +92,13 @@ def write_part(path: Path, rows: Sequence[Row]) -> None:
         ) from error
 
 
-def parts_in(folder: Path) -> list[Part]:
+def parts_in(folder: Path) -> list[PartFile]:
     """Return the undamaged parts of a folder, sorted by first case."""
     found = []
     for path in folder.glob("*.part"):
         name = _PART_NAME.fullmatch(path.name)
         if name is not None and _is_whole(path):
-            found.append(Part(path, int(name[1]), int(name[2])))
+            found.append(PartFile(path, int(name[1]), int(name[2])))
     return sorted(found, key=lambda part: (part.first, -part.end))
 
 
@@ -108,7 +108,7 @@ def remove_unfinished(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def read_part(part: Part) -> pa.Table:
+def read_part(part: PartFile) -> pa.Table:
     """Read a part's rows; raise pa.ArrowInvalid if the file is damaged or missing."""
     content = read_checked(part.path)
     if content is None:
@@ -116,7 +116,7 @@ def read_part(part: Part) -> pa.Table:
     return pq.read_table(pa.BufferReader(content))
 
 
-def covering(parts: Sequence[Part]) -> Iterator[tuple[Part, int, int]]:
+def covering(parts: Sequence[PartFile]) -> Iterator[tuple[PartFile, int, int]]:
     """Yield each part with the range (first, end) of its cases that no earlier part has.
 
     The parts are in the order of `parts_in`. They overlap if a worker outlived its job.
@@ -129,7 +129,7 @@ def covering(parts: Sequence[Part]) -> Iterator[tuple[Part, int, int]]:
             covered = part.end
 
 
-def gaps(parts: Sequence[Part], first: int, end: int) -> list[tuple[int, int]]:
+def gaps(parts: Sequence[PartFile], first: int, end: int) -> list[tuple[int, int]]:
     """Return the ranges of cases from `first` to `end` - 1 that no part contains."""
     found, covered = [], first
     for part in parts:
@@ -209,7 +209,7 @@ class Partial:
         """Folder of the marker files of batches that are being planned."""
         return self.folder / _MARKS
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[PartFile]:
         """Return the undamaged parts, sorted by first case."""
         return parts_in(self.parts_folder)
 

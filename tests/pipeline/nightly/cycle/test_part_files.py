@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 
 from pipeline.errors import StageError
-from pipeline.nightly.cycle.part import (
-    Part,
+from pipeline.nightly.cycle.part_files import (
+    PartFile,
     covering,
     gaps,
     part_path,
@@ -25,9 +25,9 @@ RANGES = st.lists(
 )
 
 
-def parts_of(ranges: list[tuple[int, int]]) -> list[Part]:
+def parts_of(ranges: list[tuple[int, int]]) -> list[PartFile]:
     """Return parts for ranges of cases."""
-    parts = [Part(Path("part"), first, end) for first, end in ranges]
+    parts = [PartFile(Path("part"), first, end) for first, end in ranges]
     return sorted(parts, key=lambda part: (part.first, -part.end))
 
 
@@ -44,8 +44,8 @@ def test_each_case_is_taken_once_and_the_gaps_are_the_rest(ranges: list[tuple[in
 def test_only_whole_parts_count(tmp_path: Path) -> None:
     path = part_path(tmp_path, 3, 5)
     write_part(path, [{"index": 3, "rank": 0, "case": "a"}, {"index": 4, "rank": 0, "case": "b"}])
-    assert parts_in(tmp_path) == [Part(path, 3, 5)]
-    assert read_part(Part(path, 3, 5))["case"].to_pylist() == ["a", "b"]
+    assert parts_in(tmp_path) == [PartFile(path, 3, 5)]
+    assert read_part(PartFile(path, 3, 5))["case"].to_pylist() == ["a", "b"]
 
     part_path(tmp_path, 5, 6).write_bytes(path.read_bytes()[:-9])
     flipped = bytearray(path.read_bytes())
@@ -53,7 +53,7 @@ def test_only_whole_parts_count(tmp_path: Path) -> None:
     part_path(tmp_path, 6, 7).write_bytes(flipped)
     (tmp_path / ".00000006-00000007.1f.tmp").write_bytes(b"half")
     (tmp_path / "notes.part").write_bytes(path.read_bytes())
-    assert parts_in(tmp_path) == [Part(path, 3, 5)]
+    assert parts_in(tmp_path) == [PartFile(path, 3, 5)]
     remove_unfinished(tmp_path)
     assert not list(tmp_path.glob(".*"))
 
