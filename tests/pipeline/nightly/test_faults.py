@@ -165,7 +165,7 @@ def test_a_clock_that_is_elsewhere_changes_no_result(
     from datetime import UTC, datetime
 
     from pipeline.nightly import night as night_module
-    from pipeline.nightly.cycle import part as part_module
+    from pipeline.nightly.cycle import part_files
 
     config = load_config(plane_night(tmp_path, pairs=2), tmp_path / "now")
     cycle = run_night(config, scheduler=cluster).cycle
@@ -179,7 +179,7 @@ def test_a_clock_that_is_elsewhere_changes_no_result(
             return datetime.fromisoformat(date).replace(tzinfo=UTC)
 
     monkeypatch.setattr(night_module, "datetime", Clock)
-    monkeypatch.setattr(part_module, "datetime", Clock)
+    monkeypatch.setattr(part_files, "datetime", Clock)
     other = load_config(tmp_path / "night.toml", tmp_path / "then")
     assert run_night(other, scheduler=cluster).cycle == cycle
     assert contents(tmp_path / "now") == contents(tmp_path / "then")
