@@ -59,7 +59,7 @@ class Errand:
     def _slowness(
         self, points: FloatArray, times: FloatArray, unit: FloatArray, speed: FloatArray
     ) -> FloatArray:
-        """Seconds a metre (n,) along unit vectors (n, 2); water as fast as she can be is no-go."""
+        """Seconds a metre (n,) along unit vectors (n, 2); water as fast as the vessel is no-go."""
         c = self.current.velocity(points, times)
         along = (c * unit).sum(axis=1)
         across = c[:, 1] * unit[:, 0] - c[:, 0] * unit[:, 1]

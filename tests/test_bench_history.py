@@ -47,7 +47,7 @@ def test_a_run_slower_than_the_median_of_the_last_five_is_named(seconds: float, 
     assert said in sentence
 
 
-def test_nothing_is_said_where_the_machine_is_new() -> None:
+def test_a_new_machine_gets_no_note() -> None:
     (now,) = times(99.0)
     assert history.slower(now, times(1.0, machine="B")) == ""
 

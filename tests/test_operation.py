@@ -194,7 +194,7 @@ CODES = [(0, 0), (10, 0), (1, 1), (2, 2), (5, 5)]
 
 
 @pytest.mark.parametrize(("code", "ends_with"), CODES)
-def test_a_part_of_the_array_is_asked_for_and_a_look_is_no_failure(
+def test_the_array_plans_a_share_and_exit_code_10_is_no_failure(
     tmp_path: Path, programs: dict[str, str], code: int, ends_with: int
 ) -> None:
     (tmp_path / "code").write_text(str(code))
@@ -212,7 +212,7 @@ def test_a_part_of_the_array_is_asked_for_and_a_look_is_no_failure(
 
 
 @pytest.mark.parametrize(("code", "ends_with"), CODES)
-def test_the_job_of_the_cluster_takes_a_look_for_no_failure(
+def test_the_job_of_the_cluster_ends_well_with_exit_code_10(
     tmp_path: Path, programs: dict[str, str], code: int, ends_with: int
 ) -> None:
     objects = yaml.safe_load_all((OPERATION / "kubernetes.yaml").read_text("utf-8"))

@@ -40,7 +40,7 @@ def test_where_no_rival_needs_less_the_closest_is_named() -> None:
     )
 
 
-def test_a_lost_case_is_said_and_not_counted_as_won() -> None:
+def test_a_lost_case_is_reported_and_not_counted_as_won() -> None:
     rows = [rival("a", "BIT*", 0.4), rival("b", "BIT*", -0.5), rival("b", "PRM*", 0.2)]
     (kind, text), lost = said(rows)
     assert kind == "plain"

@@ -8,7 +8,7 @@ from pipeline.errors import RequestError, StageError
 from pipeline.scenario.strict import near_miss
 
 
-def test_faults_that_are_alike_are_said_once_with_their_places() -> None:
+def test_similar_faults_are_reported_once_with_their_places() -> None:
     faults = [f"seasons[{i}].valid = 'July' is not a time; give YYYY-MM" for i in range(50)]
     said = RequestError([*faults, "start is missing"]).faults
     assert said == (

@@ -311,7 +311,7 @@ MORE_DAMAGE = [
     ("damage", "kind"),
     [*DAMAGE, *(pytest.param(*one, marks=pytest.mark.slow) for one in MORE_DAMAGE)],
 )
-def test_a_damaged_cache_is_no_cache_and_is_mended(
+def test_a_damaged_cache_counts_as_missing_and_is_made_again(
     compiled: Path, kind: str, damage: Callable[[Path], None]
 ) -> None:
     for path in code_folder(compiled).glob(f"*{kind}"):

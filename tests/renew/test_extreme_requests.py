@@ -65,7 +65,7 @@ def test_endpoints_on_both_sides_of_a_wall_go_round_it() -> None:
     assert route.length == pytest.approx(2 * math.hypot(40.0, 5.0), rel=0.05)
 
 
-def test_endpoints_closer_than_the_chart_can_tell_are_refused() -> None:
+def test_endpoints_closer_than_the_precision_of_the_chart_are_refused() -> None:
     chart, gyre = single_gyre()
     with pytest.raises(renew.ParameterError, match="same point"):
         renew.plan(chart, gyre, PAPER_VESSEL, (10, 10), (10, 10 + 1e-9))

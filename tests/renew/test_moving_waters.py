@@ -186,7 +186,7 @@ def test_a_field_and_a_clock_that_are_shifted_together_give_the_same_route() -> 
     assert one.best.fuel == pytest.approx(other.best.fuel, rel=1e-6)
 
 
-def test_who_would_arrive_after_the_currents_end_is_told_so() -> None:
+def test_an_arrival_after_the_end_of_the_currents_is_refused() -> None:
     chart, current, start, goal = random_scene(3, 0.3)
     short = renew.VaryingCurrent([0.0, 50.0], [current, current])
     with pytest.raises(renew.UnreachableError, match=r"known until 50 s.*depart earlier$"):

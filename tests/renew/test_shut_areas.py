@@ -37,8 +37,8 @@ def flights_inside(
 ) -> int:
     """Number of moments at which the vessel is in an area while it is shut; flown step by step.
 
-    She sails her track early, on time and late, and from each point of it turns full circles at the
-    highest speed of her route.
+    The vessel sails its track early, on time and late, and from each point of it turns full circles
+    at the highest speed of its route.
     """
     begin = route.times[0]
     found = 0
@@ -89,10 +89,10 @@ def test_what_is_always_shut_is_gone_around_like_land() -> None:
 @pytest.mark.parametrize(
     ("hours", "is_entered"),
     [
-        ((0.0, 60.0), True),  # she comes there at 75 s, 71 s at the earliest
+        ((0.0, 60.0), True),  # it comes there at 75 s, 71 s at the earliest
         ((0.0, 72.0), False),
         ((70.0, 90.0), False),
-        ((88.0, 95.0), False),  # late, she is there until 89 s, and a turn takes 10 s
+        ((88.0, 95.0), False),  # late, it is there until 89 s, and a turn takes 10 s
         ((110.0, 200.0), True),
     ],
 )
@@ -136,7 +136,7 @@ def test_no_route_of_a_moving_scene_is_in_a_shut_area_early_on_time_or_late(
 
 def test_of_several_areas_only_those_are_closed_that_are_met() -> None:
     met = renew.ShutArea(BARRIER, 70.0, 90.0, "met")
-    early = renew.ShutArea(box(140, -1, 150, 61), 0.0, 60.0, "over before she comes")
+    early = renew.ShutArea(box(140, -1, 150, 61), 0.0, 60.0, "over before it comes")
     found = plan(avoid=[met, early])
     assert found.shut == (met,)
     assert shapely.LineString(found.best.path).intersects(early.polygon)
@@ -188,7 +188,7 @@ def test_names_of_classes_keep_the_numbers_of_the_land() -> None:
     assert free.best.homotopy in names
 
 
-def test_an_area_that_is_none_is_refused() -> None:
+def test_an_invalid_area_is_refused() -> None:
     bow = Polygon([(0, 0), (1, 1), (1, 0), (0, 1)])
     for given, text in (
         ((bow,), r"area '' is not valid: Self-intersection"),

@@ -163,7 +163,7 @@ def test_a_round_trip_ends_where_it_began() -> None:
     assert {name.count("/") for name in (route.homotopy for route in plan.routes)} == {1}
 
 
-def test_all_faults_of_points_are_told_at_once_with_the_remedy() -> None:
+def test_all_faults_of_points_are_reported_at_once_with_the_remedy() -> None:
     with pytest.raises(renew.ViaInNoGoError) as refused:
         gyre_plan([(62.0, 40.0), (200.0, 50.0), (20.0, 20.0), (20.0, 20.0)])
     text = str(refused.value)

@@ -43,7 +43,7 @@ def test_credentials_are_hidden_wherever_they_stand(secret: str) -> None:
     assert json.dumps(secret)[1:-1] not in line
 
 
-def test_a_proxys_password_is_hidden_though_nobody_told_of_it() -> None:
+def test_a_proxys_password_is_hidden_although_it_is_no_known_secret() -> None:
     stream = io.StringIO()
     json_lines(stream).info("working", detail="through http://me:opensesame@proxy:3128/")
     assert "opensesame" not in stream.getvalue()

@@ -47,7 +47,7 @@ def test_the_first_line_names_the_currents_that_were_not_used(
     assert "- no depths in this chart: the draught was not used" in result.stdout
 
 
-def test_what_was_chosen_is_said_and_no_land_was_missed(tmp_path: Path) -> None:
+def test_choices_are_reported_and_no_land_was_missed(tmp_path: Path) -> None:
     """A plane without obstacles: nothing to choose, and nothing to turn away from."""
     path = tmp_path / "open.toml"
     path.write_text(small_plane("open").replace("obstacles", "# obstacles"), encoding="utf-8")

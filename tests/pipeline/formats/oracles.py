@@ -66,7 +66,7 @@ def beside(line: FloatArray, distance_m: FloatArray | float) -> FloatArray:
 
 
 def quickest_s(points: Waypoints, result: RunResult) -> FloatArray:
-    """Seconds of each leg for the vessel at her highest speed, heading into the cross-current.
+    """Seconds of each leg for the vessel at its highest speed, heading into the cross-current.
 
     Summed over steps of 200 m on the ellipsoid. The clock of a current that changes runs along.
     """

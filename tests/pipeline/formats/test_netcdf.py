@@ -258,7 +258,7 @@ def test_the_file_has_global_attributes(currents: Path, result: RunResult) -> No
         assert "notes" not in file.attrs
 
 
-def test_notes_and_references_are_told(result: RunResult, tmp_path: Path) -> None:
+def test_notes_and_references_are_written(result: RunResult, tmp_path: Path) -> None:
     summer, winter = result.fetched.currents
     summer = replace(
         summer,

@@ -82,7 +82,7 @@ def test_each_leg_is_as_clear_of_land_as_it_says(name: str) -> None:
         assert stated_m == pytest.approx(true_m, rel=0.02, abs=20)
 
 
-def test_a_following_current_is_told_with_its_direction() -> None:
+def test_a_following_current_is_given_with_its_direction() -> None:
     """In summer it sets to the east at 0.2 to 0.4 m/s, which is 0.4 to 0.8 kn."""
     result = small_run.parts()
     for row in rows(season_waypoints(result, "summer")[0], result, None)[1:]:
@@ -151,7 +151,7 @@ def test_the_map_goes_on_beyond_the_regions_edge_and_names_it(
     assert words in texts(tmp_path / "near.pdf")[0]
 
 
-def test_land_of_another_shoreline_is_told(result: RunResult, tmp_path: Path) -> None:
+def test_land_of_another_shoreline_is_reported(result: RunResult, tmp_path: Path) -> None:
     crossings = (ShoreCrossing("summer", 1, 119.4, 9.4, 2461.0),)
     evaluation = replace(result.evaluation, shore_crossings=crossings)
     path = tmp_path / "passage-plan.pdf"

@@ -192,7 +192,7 @@ def test_metrics_that_are_no_file(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("part", ["0/3", "4/3", "1", "a/b"])
-def test_a_share_that_is_none(tmp_path: Path, part: str) -> None:
+def test_an_invalid_share_is_refused(tmp_path: Path, part: str) -> None:
     result = renew("run", "--output", tmp_path / "out", "--part", part)
     assert result.exit_code == 2
     assert "give it as 3/64" in result.stderr

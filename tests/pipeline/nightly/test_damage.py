@@ -105,7 +105,9 @@ def _check_next_night(nights: Nights, damaged: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize("damage", ["flip"])
-def test_a_damaged_yesterday_is_noted_and_the_history_mended(nights: Nights, damage: str) -> None:
+def test_damaged_results_of_yesterday_are_noted_and_the_history_is_made_again(
+    nights: Nights, damage: str
+) -> None:
     output = nights.begun()
     for name in _TABLES:
         _DAMAGES[damage](output / "2026-11-20T00Z" / name)

@@ -58,7 +58,7 @@ def test_a_night_that_ends_well_and_one_that_fails(tmp_path: Path, service: Serv
     assert bad["last_run_timestamp_seconds"] >= good["last_run_timestamp_seconds"]
 
 
-def test_a_second_job_tells_nothing(tmp_path: Path, service: Service) -> None:
+def test_a_second_job_reports_nothing(tmp_path: Path, service: Service) -> None:
     plane_night(tmp_path, pairs=2)
     (tmp_path / "out").mkdir()
     with file_lock(tmp_path / "out" / LOCK) as held:
@@ -85,7 +85,7 @@ def test_a_service_that_is_away_and_a_file_that_cannot_be_written_fail_nothing(
     assert "secret" not in result.stderr
 
 
-def test_an_address_that_is_none_is_refused_before_anything_is_done(tmp_path: Path) -> None:
+def test_an_invalid_address_is_refused_before_anything_is_done(tmp_path: Path) -> None:
     plane_night(tmp_path, pairs=2)
     result = renew(tmp_path, "ftp://host/secret")
     assert result.exit_code == 2

@@ -33,17 +33,17 @@ def test_each_event_has_its_address(service: Service, what: Ping, path: str) -> 
         *((code, None) for code in (4, 5)),
     ],
 )
-def test_what_is_told_follows_from_the_exit_code(code: int, what: Ping | None) -> None:
+def test_the_report_follows_from_the_exit_code(code: int, what: Ping | None) -> None:
     assert report_for(code) == what
 
 
-def test_an_answer_that_refuses_is_said_without_the_address(service: Service) -> None:
+def test_a_refusing_answer_is_reported_without_the_address(service: Service) -> None:
     said = ping(f"{service.url}/unknown/{SECRET}", "success")
     host = service.url.removeprefix("http://")
     assert said == f"--ping: reporting the success to {host} failed: it answered 404"
 
 
-def test_nobody_there_is_said_and_nothing_raised() -> None:
+def test_a_service_that_is_not_there_is_reported_and_nothing_is_raised() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # and doesn't listen
         port = taken.getsockname()[1]

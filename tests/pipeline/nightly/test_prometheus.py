@@ -117,7 +117,7 @@ def test_a_reader_never_sees_half_a_file(tmp_path: Path) -> None:
     assert [len(read(text)) for text in seen] == [len(read(path.read_text("utf-8")))]
 
 
-def test_what_cannot_be_written_is_said_and_leaves_nothing(tmp_path: Path) -> None:
+def test_a_failure_to_write_is_reported_and_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert write_metrics(tmp_path / "file" / "renew.prom", NIGHT).startswith(
         f"--metrics: can't write {tmp_path}/file/renew.prom: "

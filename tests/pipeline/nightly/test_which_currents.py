@@ -106,7 +106,7 @@ def test_a_forecast_that_stops_coming_is_no_success(tmp_path: Path, cluster: str
         _run(file, cluster)
 
 
-def test_a_corrected_file_and_a_changed_request_are_planned_anew(
+def test_a_corrected_file_and_a_changed_request_are_planned_again(
     tmp_path: Path, cluster: str
 ) -> None:
     file = region_night(tmp_path, departures=1)

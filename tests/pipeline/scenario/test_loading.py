@@ -55,7 +55,7 @@ def test_a_missing_or_wrong_version_hides_no_fault_of_another_key(version: int |
         assert sum(part in line for line in lines) == 1, (part, lines)
 
 
-def test_all_faults_between_tables_are_told_at_once() -> None:
+def test_all_faults_between_tables_are_reported_at_once() -> None:
     lines = faults(seasons=[SEASON, SEASON], plane={"extent": [0, 0, 9, 9]})
     for part in ("2 seasons called", "both [region]"):
         assert sum(part in line for line in lines) == 1, (part, lines)

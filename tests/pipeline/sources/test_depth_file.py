@@ -122,7 +122,7 @@ def test_a_curvilinear_grid_text_and_damage_are_refused(tmp_path: Path) -> None:
         assert len(caught.value.faults) == 1
 
 
-def test_too_many_cells_are_refused_and_no_cells_are_none(
+def test_too_many_cells_are_refused_and_a_region_without_cells_gives_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = DepthFile.open(depth_grids.gebco(tmp_path / "grid.nc", LON, LAT, HEIGHT))

@@ -114,7 +114,7 @@ def test_one_source_is_a_list_of_one(given: object, expected: ChartSource) -> No
 
 
 @pytest.mark.parametrize("given", [[], {}, [{"layer": "coast"}], [3], ""])
-def test_no_source_is_none(given: object) -> None:
+def test_an_empty_source_is_refused(given: object) -> None:
     with pytest.raises(ValidationError):
         ChartSpec.model_validate({"source": given})
 

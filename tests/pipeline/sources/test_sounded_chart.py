@@ -78,7 +78,7 @@ def test_shallow_water_joins_the_land_and_is_shown(tmp_path: Path) -> None:
     ]
 
 
-def test_a_grid_that_does_not_cover_all_is_said_and_its_gaps_stay_water(tmp_path: Path) -> None:
+def test_an_incomplete_grid_is_noted_and_its_gaps_stay_water(tmp_path: Path) -> None:
     floor = sea_floor()
     floor[:, LON < -0.5] = np.nan
     south = LAT < 50.3

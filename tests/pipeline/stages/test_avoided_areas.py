@@ -123,7 +123,7 @@ def test_the_clock_of_an_area_begins_with_the_departure_that_was_chosen() -> Non
     assert always.is_always_shut
 
 
-def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
+def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
     bad = scenario_data(
         tmp_path,
         via=[[-40.06, 35.0], [20.0, 20.0], [20.0, 20.0]],

@@ -12,7 +12,7 @@ from pipeline.stages.compare import safety_notes
 from tests.pipeline.formats import small_run
 
 
-def test_turns_that_met_land_are_told_with_the_first_place() -> None:
+def test_turns_that_met_land_are_reported_with_the_first_place() -> None:
     result = small_run.parts()
     assert safety_notes(result) == ()
     turns = result.evaluation.contingency["winter", 1]

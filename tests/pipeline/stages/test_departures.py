@@ -221,7 +221,7 @@ CHOICE = DepartureChoice(
 )
 
 
-def test_when_to_leave_is_said_in_sentences() -> None:
+def test_when_to_leave_is_written_in_sentences() -> None:
     best, dearest, window, shut, proof = departure_text(CHOICE)
     assert best.startswith("Leave at 2026-11-22 08:20 UTC: of 4 departures")
     assert "at 2026-11-22 06:20 UTC, needs 10.0 % more" in dearest

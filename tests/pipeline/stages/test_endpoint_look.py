@@ -37,7 +37,7 @@ def test_endpoints_in_water_and_far_from_the_chart_have_no_fault(chart: Path) ->
     assert endpoints_on_land(load_scenario("single-gyre")) == []
 
 
-def test_both_endpoints_on_land_are_told_where_water_is(chart: Path) -> None:
+def test_both_endpoints_on_land_are_reported_with_the_nearest_water(chart: Path) -> None:
     faults = endpoints_on_land(scenario((30.01, 10.5), (30.275, 10.5), chart))
     assert [fault.split()[0] for fault in faults] == ["start", "goal"]
     assert "1.1 km from the nearest water at [29.99" in faults[0]
@@ -51,7 +51,7 @@ def test_swapped_coordinates_are_recognised_far_inland_only(chart: Path) -> None
 
 
 @pytest.mark.slow
-def test_land_of_the_world_is_looked_at_where_no_chart_is_named() -> None:
+def test_land_of_the_world_is_checked_where_no_chart_is_named() -> None:
     """The sea east of Rhodes, with its latitude first, is a desert in Arabia."""
     (fault,) = endpoints_on_land(scenario((36.4, 28.9), (28.9, 36.2)))
     assert fault.startswith("start = [36.4, 28.9] lies on land, more than 20 km")
@@ -59,7 +59,7 @@ def test_land_of_the_world_is_looked_at_where_no_chart_is_named() -> None:
 
 
 @pytest.mark.slow
-def test_a_position_in_a_lake_is_told_that_the_chart_has_no_lakes(chart: Path) -> None:
+def test_for_a_position_in_a_lake_the_message_says_that_the_chart_has_no_lakes(chart: Path) -> None:
     faults = endpoints_on_land(scenario((6.5, 46.45), (28.9, 36.2)))  # Lake Geneva
     assert ["without lakes and rivers" in fault for fault in faults] == [True]
     own = endpoints_on_land(scenario((30.01, 10.5), (30.275, 10.5), chart))

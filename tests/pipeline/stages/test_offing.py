@@ -75,7 +75,7 @@ def a_wall(gap_m: float) -> Scene:
 
 
 @pytest.mark.parametrize("gap_m", [60.0, 30.0])
-def test_where_it_yields_is_told_in_metres_of_route(gap_m: float) -> None:
+def test_the_length_with_reduced_offing_is_reported(gap_m: float) -> None:
     scene, options = a_wall(gap_m), PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1)
     season = plan_season(scene, "calm", options)
     (note,) = narrows_notes(scene, [season], options)
@@ -94,7 +94,7 @@ def test_where_the_offing_has_room_it_does_not_yield() -> None:
     assert narrows_notes(scene, [plan_season(scene, "calm", options)], options) == ()
 
 
-def test_a_clearance_that_is_given_yields_nowhere() -> None:
+def test_a_clearance_that_is_given_is_never_reduced() -> None:
     scene, options = a_wall(60.0), PlannerOptions(clearance=40.0, classes=1)
     assert "gap is" in plan_season(scene, "calm", options).failure
     scenario = parse_scenario(scenario_text(clearance=40.0))

@@ -135,7 +135,7 @@ def test_a_current_without_values_is_refused() -> None:
         fill_gaps(np.full((3, 3, 2), np.nan))
 
 
-def test_land_that_the_plane_makes_invalid_is_mended() -> None:
+def test_land_that_the_plane_makes_invalid_is_repaired() -> None:
     """A ring that is thinner than rounding crosses itself there: its union with others failed."""
     asked = small_run.scenario(seasons=[small_run.scenario().seasons[1].model_dump()])
     got = small_run.fetched(asked)

@@ -107,7 +107,7 @@ def test_a_passage_wider_than_margin_and_tolerance_on_both_sides_stays_open(exam
 
 
 @EXAMPLES
-def test_nothing_is_joined_but_what_overlaps(examples: int) -> None:
+def test_only_areas_that_overlap_are_joined(examples: int) -> None:
     @settings(max_examples=examples)
     @given(land=archipelagos)
     def tried(land: list[shapely.Polygon]) -> None:

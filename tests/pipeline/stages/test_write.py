@@ -161,7 +161,7 @@ def test_a_manifest_that_names_files_elsewhere_takes_none_of_them_away(
 
 @pytest.mark.gate_share(5)
 @pytest.mark.parametrize("name", [n for n in FILES if "winter" not in n and "manifest" not in n])
-def test_every_format_tells_of_a_disk_that_is_full(
+def test_every_format_reports_a_full_disk(
     result: RunResult, written: Path, tmp_path: Path, name: str
 ) -> None:
     """The file may not grow to half the size that it has: SQLite writes some of its own twice."""

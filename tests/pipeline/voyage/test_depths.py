@@ -37,7 +37,7 @@ def depth_grid(file: Path) -> Path:
 
 
 @pytest.mark.usefixtures("plain_report")
-def test_shallow_cells_are_kept_off_and_uncharted_depth_is_told(
+def test_routes_keep_off_shallow_cells_and_uncharted_depth_is_reported(
     tmp_path: Path, chart: Path
 ) -> None:
     file = depth_grid(tmp_path / "depths.nc")

@@ -45,7 +45,7 @@ def test_every_way_of_writing_gives_the_same_place(text: str) -> None:
     assert (position.lon, position.lat) == pytest.approx((120.3, 12.8))
 
 
-def test_a_swapped_order_is_noticed_and_said_only_where_it_is_the_only_possible_one() -> None:
+def test_a_swapped_order_is_noted_only_where_it_is_the_only_possible_one() -> None:
     assert "latitude, longitude" in read_position("12.8,120.3").note
     assert read_position("12.8N 120.3E").note == ""
     plain = read_position("37.9,23.6")

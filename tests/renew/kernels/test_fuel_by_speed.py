@@ -47,7 +47,7 @@ def test_no_time_is_known_behind_water_that_is_too_strong() -> None:
     crab = False
     errand = Errand(3.0, crab, 2.0, 2.0, math.inf, 1.0)
     path = np.array([[95.0, 90.0], [60.0, 90.0], [5.0, 90.0]])
-    # At 0.3 m/s she can't stem a fair current turned foul.
+    # At 0.3 m/s the vessel can't stem a fair current that has turned.
     times = Sailed(*sailed(path, np.array([2.0, 0.3]), 90.0, turning_tide(), errand)).times
     assert math.isfinite(times[1])
     assert math.isinf(times[2])

@@ -28,7 +28,9 @@ def random_table(seed: int, period: float = math.inf) -> CurrentTable:
 
 @pytest.mark.parametrize("period", [math.inf, 21.0])
 @given(seed=seeds)
-def test_what_is_looked_at_is_as_strong_inside_and_weaker_outside(seed: int, period: float) -> None:
+def test_the_current_is_strong_inside_the_spells_and_weaker_outside(
+    seed: int, period: float
+) -> None:
     table = random_table(seed, period)
     rng = np.random.default_rng([seed, 1])
     begin, end = np.sort(rng.uniform(-30.0, 80.0, 2))

@@ -86,7 +86,7 @@ def test_a_legs_time_is_its_length_times_its_mean_slowness(seed: int, slices: in
 
 @settings(max_examples=20, deadline=None)
 @given(seed=seeds)
-def test_who_leaves_later_does_not_arrive_earlier(seed: int) -> None:
+def test_a_later_departure_does_not_arrive_earlier(seed: int) -> None:
     rng = np.random.default_rng(seed)
     water = stream(rng, 6, 0.1, crab=bool(seed % 2))
     a, b = rng.uniform(-10, 10, (2, 2))

@@ -183,7 +183,7 @@ def test_equal_slices_are_searched_as_a_steady_current(monkeypatch: pytest.Monke
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 def test_in_a_tide_that_is_the_same_everywhere_one_speed_is_best(exponent: float) -> None:
-    # From 0.3 m/s against her to as much with her: in the water's own frame it is a straight way.
+    # From 0.3 m/s against the vessel to 0.3 m/s with it: a straight line in the water's own frame.
     tide = renew.VaryingCurrent(
         [0.0, 380.0], [renew.UniformCurrent(-0.3, 0.0), renew.UniformCurrent(0.3, 0.0)]
     )

@@ -272,7 +272,7 @@ def test_bad_departures_are_refused(
         )
 
 
-def test_options_that_depend_on_the_departure_are_none_of_a_sweep() -> None:
+def test_options_that_depend_on_the_departure_are_refused_in_a_sweep() -> None:
     with pytest.raises(TypeError, match="no option 'departure'"):
         renew.plan_departures(  # type: ignore[call-arg]
             CHART, TIDE, PAPER_VESSEL, START, GOAL, [0.0], departure=1.0

@@ -37,7 +37,7 @@ def apart(route: renew.Route, chart: renew.Chart, water: shapely.Polygon) -> flo
 
 
 @pytest.mark.parametrize("width", [180.0, 120.0, 60.0, 45.0])
-def test_it_yields_in_a_strait_to_a_share_of_the_half_width(width: float) -> None:
+def test_the_offing_is_reduced_in_a_strait_to_a_share_of_the_half_width(width: float) -> None:
     chart = renew.Chart(EXTENT, [*wall(2000, width), *wall(4000, 700)])
     with pytest.raises(renew.UnreachableError):
         planned(chart, clearance=CLEARANCE)
@@ -51,7 +51,7 @@ def test_it_yields_in_a_strait_to_a_share_of_the_half_width(width: float) -> Non
     assert beside >= SHARE * 100
 
 
-def test_the_padding_for_turns_never_yields() -> None:
+def test_the_padding_for_turns_is_never_reduced() -> None:
     chart = renew.Chart(EXTENT, wall(2000, 3.8 * RADIUS))
     with pytest.raises(renew.UnreachableError, match=r"padding takes 20\.00 m"):
         planned(chart, clearance=CLEARANCE, narrow_share=SHARE)

@@ -118,7 +118,7 @@ def _scene(seed: int) -> tuple[renew.Chart, np.ndarray, np.ndarray, renew.Curren
     return chart, start, goal, current
 
 
-def test_a_path_that_padding_pushes_off_its_way_is_looked_for_elsewhere_in_its_class() -> None:
+def test_a_path_that_padding_pushes_away_is_searched_for_elsewhere_in_its_class() -> None:
     """Unpadded, s2 passes close by an island; a grid out of V needs 193.42 through other eddies.
 
     Pushed off that island by 5.7 m of padding, the path near its first way needs 199.9.

@@ -51,13 +51,13 @@ def check(hours: renew.OverpoweredHours) -> None:
     assert (strength(times[[0, -1]] + np.array([-1.0, 1.0])) < level).all()
 
 
-def test_who_comes_while_a_strait_is_shut_is_told_when_it_opens() -> None:
-    """At slack she passes without a word; in the stream the reason has the hours, and they hold."""
+def test_an_arrival_while_a_strait_is_shut_is_refused_with_its_hours() -> None:
+    """At slack water the vessel passes; in the stream it is refused with the right hours."""
     with pytest.raises(renew.UnreachableError, match="The current shuts its way at") as refused:
         sailed(105.0)
     first, last = (float(text.split()[0]) for text in _hours(str(refused.value)))
     assert (first, last) == pytest.approx((PERIOD - 27.6, PERIOD + 27.6), abs=0.3)
-    # Who comes that much later, when it opens, is through; and she leaves well before it does.
+    # A vessel that arrives when the strait opens passes; it departs well before.
     for departure in (last - 72.0, last - 60.0):
         route = sailed(departure).best
         through = np.interp(MIDDLE, route.path[:, 0], route.times)
@@ -72,7 +72,7 @@ def _hours(text: str) -> tuple[str, str]:
     return begin, end
 
 
-def test_who_may_come_late_is_told_when_it_shuts() -> None:
+def test_a_vessel_that_may_be_late_gets_the_hours_when_a_strait_shuts() -> None:
     """Passing just before it shuts, with a lateness that reaches into those hours or does not."""
     early = sailed(75.0, lateness=0.0).best
     through = float(np.interp(MIDDLE, early.path[:, 0], early.times))
@@ -117,7 +117,7 @@ def test_a_slower_stream_says_nothing() -> None:
     assert not plan.best.overpowered
 
 
-def test_a_departure_in_the_stream_is_told_until_when() -> None:
+def test_a_refused_departure_in_the_stream_states_until_when_it_lasts() -> None:
     with pytest.raises(renew.CurrentTooStrongError, match=r"stays so until 226\.\d* s") as refused:
         renew.plan(STRAIT, CURRENT, PAPER_VESSEL, (100, 50), (190, 50), departure=190.0)
     end = float(str(refused.value).partition("until ")[2].split()[0])

@@ -1,4 +1,4 @@
-"""How fast: least fuel by a deadline where the vessel chooses her speeds."""
+"""How fast: least fuel by a deadline where the vessel chooses its speeds."""
 
 from __future__ import annotations
 

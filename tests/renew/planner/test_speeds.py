@@ -83,15 +83,15 @@ def test_via_points_in_a_current_that_changes_are_refused_with_the_remedy() -> N
 @pytest.mark.parametrize(
     ("hours", "is_entered"),
     [
-        ((60.0, 90.0), True),  # at her highest speed she would be there then, at 75 s
-        ((140.0, 160.0), False),  # at the speed of least fuel she comes there at 150 s
+        ((60.0, 90.0), True),  # at its highest speed the vessel arrives at 75 s
+        ((140.0, 160.0), False),  # at the speed of least fuel it arrives there at 150 s
         ((205.0, 260.0), True),
     ],
 )
 def test_an_area_is_kept_out_of_at_the_speeds_chosen(
     hours: tuple[float, float], is_entered: bool
 ) -> None:
-    """Least fuel in still water takes all the time there is: half her speed, and 150 s to it."""
+    """Least fuel in still water takes all the time there is: half the speed, and 150 s."""
     area = renew.ShutArea(BARRIER, *hours)
     plan = renew.plan(
         CHART, STILL, PAPER_VESSEL, START, GOAL, avoid=[area], speed=(0.2, 1.0), arrive_by=320.0

@@ -26,8 +26,8 @@ def _southward_after_300_s(points: np.ndarray, times: np.ndarray) -> np.ndarray:
     return np.asarray(np.stack([np.zeros_like(v), v], axis=-1) + 0 * points)
 
 
-def test_turns_are_safe_when_she_is_late_by_the_least_lateness() -> None:
-    """The set towards the shore begins when she has passed it, if she is punctual."""
+def test_turns_are_safe_when_the_vessel_is_late_by_the_least_lateness() -> None:
+    """The set towards the shore begins when the vessel has passed it, if it is punctual."""
     chart = renew.Chart(box(0, 0, 200, 60), [box(60, 0, 140, 30)])
     current = renew.VaryingCurrent(np.arange(0.0, 1001.0, 50.0), _southward_after_300_s)
     ends = (20.0, 30.0), (180.0, 30.0)

@@ -69,7 +69,7 @@ def cheapest_of_all(
     return float(least[own[-1]])
 
 
-def test_no_chain_is_cheaper_and_few_legs_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_chain_is_cheaper_and_few_legs_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     looked_at, pairs, compared = 0, 0, 0
     drawn = Drawing.lines
 

@@ -125,7 +125,7 @@ def test_names_tell_a_person_what_a_route_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("departure", [None, DEPARTURE])
-def test_opencpn_is_told_speeds_and_departure(
+def test_gpx_gives_opencpn_speeds_and_departure(
     any_run: RunResult, tmp_path: Path, departure: datetime | None
 ) -> None:
     """As OpenCPN 5.10 shows them: each waypoint's speed is that of the leg which leads to it."""

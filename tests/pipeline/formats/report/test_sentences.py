@@ -53,7 +53,7 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
     assert "needs less than 720.0; this one is within 25.0 % of that bound" in text
 
 
-def test_the_parts_of_a_gap_are_told() -> None:
+def test_the_parts_of_a_gap_are_reported() -> None:
     text = Season([BEST, OTHER], gap=GapShares("summer", 0.05, 0.08, 0.12)).verdict()[-1]
     assert "gap of 25.0 %, the chart's simplification, margin and offing cause 5.0 %" in text
     assert "the room for hard-over turns (padding) 8.0 %" in text
@@ -82,7 +82,7 @@ def test_the_only_class_and_its_collisions_are_stated() -> None:
     assert "saved" not in text
 
 
-def test_where_there_is_no_land_no_turn_is_said_to_have_missed_it() -> None:
+def test_where_there_is_no_land_no_turn_is_reported_to_have_missed_it() -> None:
     alone = replace(BEST, collisions=0, clearance_m=math.inf)
     text = " ".join(Season([alone]).verdict())
     assert "The chart has no land to keep clear of." in text
@@ -121,7 +121,7 @@ def test_the_reason_is_length_or_the_current() -> None:
     assert "the current adds nothing to its speed and takes" in Season([unhelped, OTHER]).because()
 
 
-def test_the_current_is_told_by_each_routes_own_speed() -> None:
+def test_the_gain_from_the_current_is_relative_to_each_routes_own_speed() -> None:
     """A route that is sailed faster through the water does not owe that to the current."""
     faster = replace(OTHER, speed_m_s=1.251, duration_s=OTHER.length_m / 1.25)
     first, *_ = Season([replace(BEST, speed_m_s=0.75), faster]).verdict()

@@ -96,7 +96,7 @@ def test_counts_take_their_nouns() -> None:
     assert "a.shp: 2,107 areas were invalid and were repaired" in note_text(many)
 
 
-def test_a_note_of_several_seasons_is_told_once() -> None:
+def test_a_note_of_several_seasons_is_listed_once() -> None:
     tide, depth = Note.of("current-without-tide"), Note.of("current-at-depth", depth_m=5.0)
     told = of_seasons({"summer": (tide, depth, tide), "winter": (tide,)})
     assert told == (tide.about("summer", "winter"), depth.about("summer"))

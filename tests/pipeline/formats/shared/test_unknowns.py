@@ -42,7 +42,7 @@ def test_a_chart_without_depths_says_so_and_nothing_else() -> None:
     assert note_texts(with_shares(small_run.parts(), {}).unknowns) == [NO_DEPTHS]
 
 
-def test_shares_of_the_current_are_told_for_the_best_and_the_worst() -> None:
+def test_shares_of_the_current_are_reported_for_the_best_and_the_worst() -> None:
     result = with_shares(small_run.parts(), {1: 0.123, 2: 0.2, 3: 0.95})
     _, text = note_texts(result.unknowns)
     assert text == (
@@ -65,7 +65,7 @@ def without_current(result: RunResult, season: str) -> RunResult:
     return replace(result, fetched=replace(result.fetched, currents=grids))
 
 
-def test_a_current_that_is_not_known_at_all_is_told_first() -> None:
+def test_a_current_that_is_not_known_at_all_is_reported_first() -> None:
     result = with_shares(small_run.parts(), {1: 1.0, 2: 0.2})
     assert [result.lacks_current(season) for season in ("summer", "winter")] == [True, False]
     first = note_texts(result.unknowns)[0]
@@ -97,7 +97,7 @@ def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
     assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
 
 
-def test_missing_depths_are_told_and_complete_ones_are_nothing_unknown() -> None:
+def test_missing_depths_are_reported_and_complete_ones_are_not() -> None:
     (text,) = note_texts(with_shares(small_run.parts(), {}, 0.04).unknowns)
     assert "no depth is charted for 4.0 % of route 1 and 4.0 % of route" in text
     complete = with_shares(small_run.parts(), {}, 0.0)

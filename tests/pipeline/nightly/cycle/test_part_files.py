@@ -58,6 +58,6 @@ def test_only_whole_parts_count(tmp_path: Path) -> None:
     assert not list(tmp_path.glob(".*"))
 
 
-def test_a_folder_that_is_gone_is_said(tmp_path: Path) -> None:
+def test_a_missing_folder_is_reported(tmp_path: Path) -> None:
     with pytest.raises(StageError, match=r"can't write 00000000-00000001.part"):
         write_part(part_path(tmp_path / "gone", 0, 1), [{"index": 0, "rank": 0}])

@@ -201,7 +201,9 @@ def test_a_gap_at_one_time_alone(tmp_path: Path, steps: list[Field]) -> None:
     assert "1 cells have data either at 2026-11-22T07:00Z" in message
 
 
-def test_a_speed_that_is_none_at_one_time_alone(tmp_path: Path, steps: list[Field]) -> None:
+def test_an_impossible_speed_at_a_single_time_is_refused(
+    tmp_path: Path, steps: list[Field]
+) -> None:
     data = hourly(steps)
     data.vo[9, 24, 18] = 4321.0
     message = refusal(tmp_path, data)

@@ -207,10 +207,10 @@ currents = ["{currents}"]
 
 
 @pytest.mark.slow
-def test_a_voyage_is_planned_whole_or_told_when_the_currents_end(
+def test_a_voyage_is_planned_completely_or_refused_with_the_end_of_the_currents(
     tmp_path: Path, across_outputs: Path
 ) -> None:
-    """The vessel needs six hours; leaving in the forecast's last two she is refused."""
+    """The vessel needs six hours; a departure in the forecast's last two is refused."""
     table = load_scenario("palawan-season").model_dump(mode="json")
     table["region"]["bbox"] = ACROSS_BOX
     land = fetch(

@@ -55,7 +55,7 @@ def test_a_day_is_its_own_steps_but_no_month() -> None:
 
 
 @pytest.mark.parametrize(("length", "words"), [("6 hours", "of 6 hours,"), ("hour", "of an hour,")])
-def test_the_length_of_steps_is_said_in_words(length: StepLength, words: str) -> None:
+def test_the_length_of_steps_is_written_in_words(length: StepLength, words: str) -> None:
     moment = datetime(2024, 7, 15, 12, tzinfo=UTC)
     with pytest.raises(ValueError, match=words):
         select_steps(Period(moment, moment), TimeResolution(length, "mean"), "mean")

@@ -68,7 +68,7 @@ def test_the_fit_is_utide_s_with_the_same_constituents(tmp_path: Path) -> None:
         assert abs(fitted[names.index(name)]) == pytest.approx(amplitude, abs=0.02)
 
 
-def test_rayleigh_says_what_a_series_tells_apart() -> None:
+def test_a_series_separates_constituents_by_rayleighs_criterion() -> None:
     month, year = separable(29, HOUR), separable(366, HOUR)
     assert {"M2", "S2", "N2", "K1", "O1", "Q1", "M4"} <= set(month)
     assert not {"K2", "P1", "NU2", "T2", "SSA", "SA"} & set(month)
@@ -76,7 +76,7 @@ def test_rayleigh_says_what_a_series_tells_apart() -> None:
     assert separable(400, 24 * HOUR)[:2] == ("MF", "MM")
 
 
-def test_means_of_an_hour_are_told_by_their_bounds_and_mended(tmp_path: Path) -> None:
+def test_means_of_an_hour_are_recognised_by_their_bounds_and_corrected(tmp_path: Path) -> None:
     minutes = np.arange(0, 60 * 24 * 40, 10) / 60 + 5 / 60
     means = utide_sum(minutes).reshape(-1, 6).mean(axis=1)
     hours = np.arange(len(means)) + 0.5

@@ -94,7 +94,7 @@ def test_a_side_that_a_current_makes_cheap_is_planned(tmp_path: Path) -> None:
     assert "because ways round the far side of the island at" in note_text(widened)
 
 
-def test_paths_on_one_side_of_a_place_are_told_from_paths_on_both() -> None:
+def test_paths_on_one_side_of_a_place_are_distinguished_from_paths_on_both() -> None:
     south = np.array([START, (-29.0, -0.2), GOAL])
     north, round_it = np.array(NORTH_ABOUT), np.array([START, (-29.2, 1.7), (-28.8, 1.7), GOAL])
     place = (-29.0, 0.8)

@@ -51,7 +51,7 @@ def test_no_note_where_the_current_is_weaker(strength: float) -> None:
     assert note_texts(overpowering_notes(grid(np.full((15, 15), strength)), REGION, 1.0)) == []
 
 
-def test_the_hours_are_told_at_which_the_current_shuts_water() -> None:
+def test_the_hours_when_the_current_shuts_water_are_reported() -> None:
     """A tide of 1.5 m/s and twelve hours is above 1 m/s where its cosine is above 2/3."""
     lon, lat = np.arange(128.0, 143.0), np.arange(28.0, 43.0)
     times = np.arange(-600.0, 24 * 3600.0 + 1, 600.0)
@@ -77,7 +77,7 @@ def test_the_hours_are_told_at_which_the_current_shuts_water() -> None:
     assert note_texts(overpowering_notes(known, REGION, 2.0, departure)) == []
 
 
-def test_the_hours_at_which_the_way_of_a_class_is_shut_are_told_as_times() -> None:
+def test_the_hours_when_a_class_is_shut_are_reported_as_dates() -> None:
     """The tide of a strait, read at the place and at the two times that the note names."""
     chart = renew.Chart(shapely.box(0, -60, 200, 100), [*STRAIT.no_go])
 

@@ -90,7 +90,9 @@ def is_open(scene: Scene, padding: float) -> bool:
     ("width_m", "clearance", "by"),
     [(110.0, 300.0, "margin"), (500.0, 300.0, "padding"), (1000.0, 300.0, ""), (300.0, 0.0, "")],
 )
-def test_a_strait_is_told_where_it_is_shut(width_m: float, clearance: float, by: str) -> None:
+def test_a_shut_strait_is_reported_with_its_place(
+    width_m: float, clearance: float, by: str
+) -> None:
     found, scene, simplified = straits(islands(width_m), clearance, AGILE)
     assert is_open(scene, clearance) == (not by), "the oracle's own chart"
     assert is_open(scene, 0.0) == (by != "margin")
@@ -105,7 +107,7 @@ def test_a_strait_is_told_where_it_is_shut(width_m: float, clearance: float, by:
         assert strait.seasons == ()
 
 
-def test_a_strait_that_takes_wider_padding_than_most_is_told_by_the_rejected_class() -> None:
+def test_a_strait_with_wider_padding_than_most_is_found_by_its_rejected_class() -> None:
     radius = SLOW["speed_m_s"] / math.radians(SLOW["turn_rate_deg_s"])
     width_m = 2 * radius + 2 * (MARGIN_M + TOLERANCE_M) + 60
     (strait,), scene, _ = straits(islands(width_m), 0.0, SLOW)

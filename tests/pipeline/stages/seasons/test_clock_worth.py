@@ -58,7 +58,7 @@ def test_other_plans_are_sailed_in_the_changing_current() -> None:
     assert min(worth.frozen, worth.mean, worth.shortest) > 0.999 * worth.best
 
 
-def test_a_reader_is_told() -> None:
+def test_the_sentence_compares_the_plans() -> None:
     worth = ClockWorth("tide", best=100.0, frozen=107.0, mean=100.01, shortest=math.inf, bound=98.5)
     assert clock_text(worth) == (
         "Sailed in the changing current from the same departure on, the plan on the current at "

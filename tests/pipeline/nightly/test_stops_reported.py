@@ -55,7 +55,7 @@ def _stop(folder: Path, service: Service, number: int, after_s: float) -> str:
 
 
 @pytest.mark.slow
-def test_every_stop_is_told(tmp_path: Path, service: Service) -> None:
+def test_every_stop_is_reported(tmp_path: Path, service: Service) -> None:
     plane_night(tmp_path, pairs=30)
     rng = random.Random(SEED)  # noqa: S311 - a test's seed
     faults = {}
@@ -87,7 +87,7 @@ with ending_promptly():
 
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_the_end_is_told_before_anything_is_closed(
+def test_the_end_is_reported_before_anything_is_closed(
     tmp_path: Path, service: Service, number: int
 ) -> None:
     metrics = tmp_path / "renew.prom"
