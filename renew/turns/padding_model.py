@@ -27,7 +27,7 @@ from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, furthest_reach, no
 # A path may bulge by this number of triangles out of its channel, or out of the triangles of the
 # path by which its class was found.
 _LAYERS = 2
-# Number of triangles that are surveyed besides the ones asked for: fewer cost no less time.
+# Number of triangles that are surveyed besides the ones asked for: a small chart is done at once.
 _BATCH = 128
 # Where the current changes, edges are searched for up to the reach times this factor, because the
 # reach may be larger in the next window of time.
@@ -289,7 +289,7 @@ class PaddingModel:
         if self._current.is_steady:
             others = ((t, 0, 0) for t in range(len(self._triangulation.triangles)))
             unknown = (one for one in others if one not in self._row)
-            new = list(dict.fromkeys([*new, *itertools.islice(unknown, len(new) + _BATCH)]))
+            new = list(dict.fromkeys([*new, *itertools.islice(unknown, _BATCH)]))
         triangles, first, last = np.array(new).T
         corners = self._triangulation.corners[triangles]
         windows = np.stack([first, last], axis=1) * self._clock_step
@@ -315,10 +315,13 @@ class PaddingModel:
             lacking, distance = np.array(list(further)), np.array(list(further.values()))
             tree = self._triangulation.constrained_edge_tree
             shapes = shapely.polygons(self._triangulation.corners[lacking])
-            row, edge = tree.query(shapes, predicate="dwithin", distance=distance)
-            order = np.lexsort((edge, row))
-            row, edge = row[order], edge[order]
+            # The tree's predicate "dwithin" takes three times as long.
+            boxes = shapely.bounds(shapes) + distance[:, None] * [-1, -1, 1, 1]
+            row, edge = tree.query(shapely.box(*boxes.T))
             apart = shapely.distance(shapes[row], tree.geometries[edge])
+            near = np.flatnonzero(apart <= distance[row])
+            near = near[np.lexsort((edge[near], row[near]))]
+            row, edge, apart = row[near], edge[near], apart[near]
             bounds = np.searchsorted(row, np.arange(len(lacking) + 1))
             for at, (triangle, most) in enumerate(further.items()):
                 own = slice(bounds[at], bounds[at + 1])
