@@ -1,10 +1,16 @@
-"""Time of a call, warm: what the code takes on a quiet machine."""
+"""Time of a call, warm: what the code takes on a quiet machine; and of a command."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple, TypeVar
+
+from tests.conftest import ROOT
 
 ResultT = TypeVar("ResultT")
 
@@ -25,3 +31,28 @@ def warm(run: Callable[[], ResultT], times: int = 3) -> tuple[Took, ResultT]:
         result = run()
         taken.append(Took(time.perf_counter() - wall, time.process_time() - cpu))
     return Took(min(t.wall for t in taken), min(t.cpu for t in taken)), result
+
+
+class Ran(NamedTuple):
+    """What a command took: time on the wall and of the processor (s), largest memory (GB)."""
+
+    wall: float
+    cpu: float
+    peak: float
+
+
+def ran(*words: str, log: Path | None = None) -> Ran:
+    """Run Python with these words, and the processes that it starts.
+
+    Its log lines go into a file, where one is named. RuntimeError where it fails.
+    """
+    begin = time.perf_counter()
+    command = [sys.executable, *words]
+    with Path(log or os.devnull).open("w", encoding="utf-8") as heard:
+        child = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=heard)
+        _, status, usage = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode:
+        raise RuntimeError(f"{' '.join(words)} ended with {child.returncode}")
+    taken = time.perf_counter() - begin
+    return Ran(taken, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1e6)

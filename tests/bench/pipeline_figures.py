@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import csv
-import os
-import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +11,7 @@ import pyogrio
 import pyproj
 import shapely
 
+from tests.bench.clock import ran
 from tests.bench.figure import Figure, at_most
 
 
@@ -36,17 +33,9 @@ def run_scenario(
 
     Its log lines go into a file, where one is named.
     """
-    command = [sys.executable, "-m", "pipeline.cli.main", "run", name, *options]
-    begin = time.perf_counter()
-    with Path(log or os.devnull).open("w", encoding="utf-8") as heard:
-        child = subprocess.Popen(
-            [*command, "--output", str(folder)], stdout=subprocess.DEVNULL, stderr=heard
-        )
-        _, status, usage = os.wait4(child.pid, 0)
-    child.returncode = os.waitstatus_to_exitcode(status)
-    if child.returncode:
-        raise RuntimeError(f"{' '.join(command)} ended with {child.returncode}")
-    return time.perf_counter() - begin, usage.ru_maxrss / 1e6
+    words = ("-m", "pipeline.cli.main", "run", name, *options, "--output", str(folder))
+    taken = ran(*words, log=log)
+    return taken.wall, taken.peak
 
 
 def _of_results(folder: Path) -> Iterator[Figure]:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 
+from tests.bench.clock import ran
 from tests.bench.figure import Figure, at_most
-from tests.conftest import ROOT
 
 FIRST_PLAN = """
 import renew
@@ -25,15 +22,5 @@ def figures() -> Iterator[Figure]:
         "renew --help": (("-m", "pipeline.cli.main", "--help"), 0.25),
     }
     for name, (words, limit) in commands.items():
-        times = [_seconds(*words) for _ in range(4)]
+        times = [ran(*words).cpu for _ in range(4)]
         yield at_most(f"{name}: CPU time", min(times[1:]), limit, " s")
-
-
-def _seconds(*words: str) -> float:
-    """Time of the processor that a process of Python takes (s): others may be at work."""
-    with subprocess.Popen([sys.executable, *words], cwd=ROOT, stdout=subprocess.DEVNULL) as child:
-        _, status, usage = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
-    if child.returncode:
-        raise RuntimeError(f"{' '.join(words)} ended with {child.returncode}")
-    return usage.ru_utime + usage.ru_stime
