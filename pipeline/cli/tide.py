@@ -80,7 +80,8 @@ def fit(
         import numpy as np
 
         from pipeline.machine.files import whole_file
-        from pipeline.sources.tides.fit import WEAK_SHARE, fit_files
+        from pipeline.sources.cf.streams import WEAK_SHARE
+        from pipeline.sources.tides.fit import fit_files
 
         folder = folder_to_write(out.parent, "--out")
         if not folder.is_dir() or out.is_dir():

@@ -13,7 +13,7 @@ import numpy as np
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pipeline._types import FloatArray
+from pipeline._types import BoolArray, FloatArray
 from pipeline.geo.lonlat import Bounds, DepthCover, KnownCells, position_text
 from pipeline.model.depths import DepthArea, TidalWater
 from pipeline.scenario.season import Season
@@ -175,6 +175,8 @@ class CurrentGrid:
     files : names and hashes of the files it came from.
     climatology_for : the season's own time where the field is a climatology in its place, or "".
     passed_over : the sources that the scenario prefers to this one, in its order.
+    weak : (ny, nx), of tidal streams: where their constants give too little of the variance of the
+        currents that they were fitted to.
     """
 
     season: str
@@ -189,6 +191,7 @@ class CurrentGrid:
     climatology_for: str = ""
     passed_over: tuple[PassedOver, ...] = ()
     times_s: FloatArray = field(default_factory=lambda: np.zeros(1))
+    weak: BoolArray | None = None
 
     @property
     def cells(self) -> KnownCells:

@@ -2,14 +2,16 @@
 
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import (
     AfterValidator,
     AwareDatetime,
     BeforeValidator,
+    Discriminator,
     Field,
-    ValidationInfo,
+    Tag,
     model_validator,
 )
 
@@ -81,21 +83,48 @@ def _as_files(given: object) -> object:
     return (given,) if isinstance(given, str) and strict.looks_like_path(given) else given
 
 
-def _usable_files(given: str | tuple[str, ...], info: ValidationInfo) -> str | tuple[str, ...]:
-    """Refuse texts that can't be paths; inside the union each of its types would add a fault."""
-    return (
-        given if isinstance(given, str) else tuple(strict.usable_path(text, info) for text in given)
-    )
+def _kind(given: object) -> str:
+    """Say which member of the union of sources a value is meant to be; no key has such a name."""
+    if isinstance(given, dict | StreamConstants):
+        return "a table"
+    return "a list" if isinstance(given, list | tuple) else "a name"
 
 
 Valid = Annotated[str, AfterValidator(_valid_period)]
-Files = Annotated[tuple[str, ...], Field(min_length=1)]
-# A source by its name in the catalogue, or files that belong together by their paths or patterns.
+Files = Annotated[tuple[strict.PathText, ...], Field(min_length=1)]
+
+
+class StreamConstants(StrictModel):
+    """Tidal streams from harmonic constants, and the current on which they run."""
+
+    constants: strict.PathText = Field(examples=["pass.nc"])
+    """Harmonic constants of tidal streams on a grid. Give the path of a NetCDF file as `renew tide
+    fit` writes it."""
+    residual: Annotated[
+        Literal["still"] | Files | None,
+        BeforeValidator(_as_files, json_schema_input_type=str | list[str] | None),
+    ] = Field(default=None, examples=["daily.nc"])
+    """Current on which the streams run: files of currents without tide, such as daily means, or
+    'still'; by default the mean that the file has. Give files, 'still', or leave it out."""
+
+
+# A source by its name in the catalogue, files that belong together by their paths or patterns, or
+# constants of tidal streams.
 Currents = Annotated[
-    str | Files,
-    BeforeValidator(_as_files, json_schema_input_type=str | list[str]),
-    AfterValidator(_usable_files),
+    Annotated[str, Tag("a name")]
+    | Annotated[Files, Tag("a list")]
+    | Annotated[StreamConstants, Tag("a table")],
+    Discriminator(_kind),
+    BeforeValidator(_as_files, json_schema_input_type=str | list[str] | StreamConstants),
 ]
+
+
+def source_name(named: Currents) -> str:
+    """Name a source in a message: as the catalogue does, or by its files."""
+    if isinstance(named, str):
+        return named
+    paths = (named.constants,) if isinstance(named, StreamConstants) else named
+    return ", ".join(Path(one).name for one in paths)
 
 
 class Season(StrictModel):
@@ -119,8 +148,8 @@ class Season(StrictModel):
         default=(), examples=[["daily/*.nc", "copernicus-glorys-monthly"]]
     )
     """Sources of the current in order of preference; files that belong together form a list of
-    their own; 'still' is no current at all. Give sources' names (`renew list`), and paths of
-    files."""
+    their own; 'still' is no current at all; a table { constants = 'pass.nc', residual = 'still' }
+    is tidal streams. Give sources' names (`renew list`), and paths of files."""
     gyre: Gyre | None = Field(default=None, examples=[{"amplitude": 0.8}])
     """Gyres as the current of a plane scenario. Give a table with its amplitude."""
     uniform: Uniform | None = Field(default=None, examples=[{"u": 0.1, "v": 0.0}])
@@ -225,7 +254,12 @@ class Season(StrictModel):
         """Find keys that a steady current lacks, or can't have."""
         yield from self._speed_faults()
         yield from (*self._window_faults(), *self._arrival_faults())
-        if not self.valid and any(named != STILL for named in self.currents):
+        if any(isinstance(named, StreamConstants) for named in self.currents):
+            yield (
+                "has harmonic constants, which need a clock; add time_method = 'changing', and a "
+                "'departure'"
+            )
+        elif not self.valid and any(named != STILL for named in self.currents):
             yield "lacks 'valid'; add the month as 'YYYY-MM'"
 
     @property

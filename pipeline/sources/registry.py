@@ -25,7 +25,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Currents, Season, StreamConstants
 from pipeline.scenario.strict import near_miss
 from pipeline.scenario.times import period
 from pipeline.sources.current_field import Field, LandMask, water_without_data
@@ -100,8 +100,12 @@ def _depth_rule(chart: ChartSpec, draught_m: float | None, tide: TideRange) -> D
     return DepthRule(draught_m + chart.under_keel_clearance_m, tide)
 
 
-def current_source(named: str | tuple[str, ...]) -> CurrentSource:
+def current_source(named: Currents) -> CurrentSource:
     """Return the source of currents that a catalogue entry names, or that files make together."""
+    if isinstance(named, StreamConstants):
+        from pipeline.sources.cf.residual import TidalStreams
+
+        return TidalStreams.of(named)
     if not isinstance(named, str):
         from pipeline.sources.cf.adapter import CfFiles
 

@@ -13,9 +13,10 @@ import shapely
 import renew
 from pipeline.formats.shared.departures_and_speeds import speed_notes
 from pipeline.formats.shared.result import RunResult, addressed
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.store import Made, Store, artefact_key
 from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan
+from pipeline.sources.cf.streams import WEAK_SHARE
 from pipeline.stages.choose import Chosen, narrows_notes
 from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
@@ -87,6 +88,7 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
         *tide_notes(result.scenario, result.scene, result.plans),
         *waiting_notes(result.scene, result.plans),
         *unresolved_strait_notes(result),
+        *weak_stream_notes(result),
         *result.unknowns,
     )
 
@@ -164,6 +166,21 @@ def unresolved_strait_notes(result: RunResult) -> Iterator[Note]:
                 yield Note.of(
                     "strait-unresolved", place=Place(*middle), width_m=width_m, cell_m=cell
                 ).about(grid.season)
+
+
+def weak_stream_notes(result: RunResult) -> Iterator[Note]:
+    """Yield a note for each season on its routes' shares where constants tell too little."""
+    for grid in result.fetched.currents:
+        if grid.weak is None or not grid.weak.any():
+            continue
+        strong = KnownCells(grid.lon, grid.lat, ~grid.weak)
+        found = [
+            (one.rank, share_without(one.route.path, result.scene.projection, strong.at))
+            for one in result.season_routes(grid.season)
+        ]
+        if shares := tuple((rank, share) for rank, share in found if share > 0):
+            note = Note.of("streams-weak", limit=WEAK_SHARE, first=found[0][0], shares=shares)
+            yield note.about(grid.season)
 
 
 def straits_of(route: renew.Route, scene: Scene) -> Iterator[tuple[float, tuple[float, float]]]:

@@ -26,7 +26,7 @@ from pipeline.model.inputs import CurrentSource, LandSource, current_notes
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSpec, Region
-from pipeline.scenario.season import MAX_HOURS, Season
+from pipeline.scenario.season import MAX_HOURS, Currents, Season, source_name
 from pipeline.sources.combined_charts import Overlay
 from pipeline.sources.current_field import land_freed_at_end
 from pipeline.sources.land.osm import OsmLand
@@ -207,7 +207,7 @@ class Fetcher:
         passed_over: list[PassedOver] = []
         was_asked = False
         for named in season.currents:
-            source, name = current_source(named), named if isinstance(named, str) else str(named)
+            source, name = current_source(named), source_name(named)
             key = artefact_key("current", source.identity(season), self._outline, season.name)
             # A stored current needs neither account nor network.
             grid = self.store.load("current", key, CurrentGrid)
@@ -228,14 +228,14 @@ class Fetcher:
             return SeasonCurrent(grid, key, grid.passed_over, was_asked)
         return SeasonCurrent(None, "", tuple(passed_over), was_asked)
 
-    def _refusal(self, source: CurrentSource, named: str | tuple[str, ...], season: Season) -> str:
+    def _refusal(self, source: CurrentSource, named: Currents, season: Season) -> str:
         """Return why a source can't be used, or "" if it can."""
         shape, folder = self.region.shape, self.store.root / DOWNLOADS
         uncovered = source.uncovered_reason(shape, season)
         if uncovered or not source.needs_network(shape, season, folder):
             return uncovered
         if self.offline:
-            return f"{named} needs the network; leave --offline out"
+            return f"{source_name(named)} needs the network; leave --offline out"
         return source.unavailable_reason()
 
 

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import shapely
-from scipy import ndimage
 
 import renew
 from pipeline._types import FloatArray
@@ -21,6 +20,7 @@ from pipeline.machine.store import Made, Store
 from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, planner_vessel
 from pipeline.model.planning import speed_choices
 from pipeline.scenario.model import Scenario
+from pipeline.sources.interpolation import bilinear
 from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.sources.tides.zones import stations_of
 from pipeline.stages.places import (
@@ -180,39 +180,8 @@ def planar_current(
     return renew.VaryingCurrent(grid.times_s, slices) if grid.changes else slices[0]
 
 
-def bilinear(grid: CurrentGrid, lonlat: FloatArray, step: int = 0) -> FloatArray:
-    """Interpolate east and north velocity (..., 2), m/s, bilinearly at lon/lat (..., 2).
-
-    `step` is the index of one of the grid's times. Gaps are filled first. Points beyond the grid
-    get the value at its nearest edge.
-    """
-    east, north = np.moveaxis(fill_gaps(np.stack([grid.u[step], grid.v[step]], axis=-1)), -1, 0)
-    return renew.GriddedCurrent(grid.lon, grid.lat, east, north)(lonlat)
-
-
 def _cell_m(grid: CurrentGrid) -> float:
     """Return the shorter side of a source's cell in true metres, limited by _MAX_ASPECT."""
     up = float(np.diff(grid.lat).min())
     across = float(np.diff(grid.lon).min() * np.cos(np.radians(grid.lat.mean())))
     return max(min(up, across), up / _MAX_ASPECT) * METRES_PER_DEGREE
-
-
-def fill_gaps(field: FloatArray) -> FloatArray:
-    """Fill the NaN of a field (ny, nx, 2) outward from its values, ring by ring.
-
-    A filled cell is the mean of those of its eight neighbours that are known. Known values stay
-    unchanged.
-    """
-    field = np.array(field, dtype=float)
-    known = np.isfinite(field).all(axis=-1)
-    if not known.any():
-        raise RequestError("the current has no values at all; name another source in 'currents'")
-    field[~known] = 0.0
-    ring_and_middle = np.ones((3, 3))
-    while not known.all():
-        count = ndimage.convolve(known.astype(float), ring_and_middle, mode="constant")
-        total = ndimage.convolve(field, ring_and_middle[..., None], mode="constant")
-        ring = ~known & (count > 0)
-        field[ring] = total[ring] / count[ring][:, None]
-        known |= ring
-    return field

@@ -1,15 +1,17 @@
-"""Heights of the tide beside two libraries and NOAA's extremes; constants fitted to a year."""
+"""Heights of the tide beside two libraries and NOAA's extremes; constants of streams."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
 import renew
 from pipeline.sources.tides.fit import fit_files
 from tests.bench.figure import Figure, at_most
+from tests.stream_scenes import stream_scene
 from tests.tidal_waters import SCALE, tidal_scene
 from tests.tide_oracles import (
     NOISE,
@@ -26,6 +28,8 @@ BEGIN = np.datetime64("2026-11-22")
 OTHER_LEVEL = "noaa-9415193"
 BARS, FLOWN = range(20), range(100)
 """Seeds of the scenes with bars that are planned beside the oracle, and of those that are flown."""
+STREAMS = range(20)
+"""Seeds of the scenes in tidal streams."""
 FUEL = 1.005
 """Largest fuel over the oracle's."""
 
@@ -54,6 +58,7 @@ def figures() -> Iterator[Figure]:
     )
     yield at_most("beside HAT and LAT: most", 1000 * float(np.abs(off).max()), 25.0, " mm", 1)
     yield from fits()
+    yield from streams()
     yield from bars()
 
 
@@ -101,3 +106,15 @@ def fits() -> Iterator[Figure]:
     yield at_most("fit of a synthetic year: amplitudes", 100 * amplitude, 1.0, " %")
     yield at_most("fit of a synthetic year: phases", phase, 1.0, "°")
     yield at_most("fit of a synthetic year: the month after, rms", month, NOISE / 10, " m/s", 4)
+
+
+def streams() -> Iterator[Figure]:
+    """Yield by how much arrivals in the fields of constants differ from those in the exact sum."""
+    apart_shares = []
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in STREAMS:
+            scene = stream_scene(seed, Path(folder))
+            best = scene.plan().best
+            apart_shares.append(abs(best.times[-1] / scene.arrival(best.path) - 1))
+    what = f"streams from constants beside the exact sum, {len(STREAMS)} scenes: arrival"
+    yield at_most(what, 100 * max(apart_shares), 0.1, " %", 4)

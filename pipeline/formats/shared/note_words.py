@@ -257,11 +257,20 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         "differ, and no choice of a way is proven"
     ),
     "current-without-tide": "the currents are without tide",
+    "constants-old": "the harmonic constants come from currents of {begin:%Y-%m-%d} to "
+    "{end:%Y-%m-%d}, {years:.0f} years from the departure: channels and banks may have moved",
     "source-passed-over": "{reason}",
     "steps-are-means": "its time steps are means of a {step}, without the tide",
     "steps-sparse": "{count:time step stands|time steps stand} for all of {asked: to }: "
     "{steps: to }",
     "still-water": "planned without currents, in still water",
+    "streams-on-residual": "the streams run on {source}, valid {valid}",
+    "tidal-streams": lambda names, step_min, error_m_s, has_mean: (
+        f"tidal streams are the sum of {text.count(len(names), 'constituent', 'constituents')} "
+        f"({_first(names, ', ', '8', ' and # more')})"
+        f"{' and the mean of their file' if has_mean else ''}, every {step_min:g} min, within "
+        f"{error_m_s:.2f} m/s in between; wind and rivers are not in them"
+    ),
     "tide-too-low": _tide_too_low,
     "time-assumed": "the file gives no time: it is assumed to hold for the requested time",
     "unit-assumed": "{variable} has no unit: m/s is assumed",
@@ -305,6 +314,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "current-filled": lambda first, shares: (
         f"the source of the current has no figure for {_shares(first, shares)}: it was filled from "
         "the water around"
+    ),
+    "streams-weak": lambda limit, first, shares: (
+        f"harmonic constants give less than {limit:.0%} of the currents' variance on "
+        f"{_shares(first, shares)}: the streams there are a guess"
     ),
     "depth-uncharted": lambda first, shares: f"no depth is charted for {_shares(first, shares)}",
     "no-depths": "no depths in this chart: the draught was not used, and shoals are not avoided",

@@ -20,7 +20,7 @@ from pipeline.nightly.planning.work import BatchWork
 from pipeline.nightly.request.cases import Case, Cases
 from pipeline.nightly.request.newest_currents import Newest, named_currents
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Currents, Season
 from pipeline.scenario.strict import Point
 from pipeline.stages.fetch import with_max_hours
 from pipeline.stages.seasons.cluster import Fleet
@@ -213,7 +213,7 @@ class Planning:
         start = self.newest.departures_from
         return None if start is None else case.departure.after(start)
 
-    def _usable_currents(self, case: Case) -> tuple[str | tuple[str, ...], ...]:
+    def _usable_currents(self, case: Case) -> tuple[Currents, ...]:
         """Return the sources of a case's currents, without those dated in the future."""
         named = named_currents(case.season, case.member)
         return tuple(one for one in named if one not in self.newest.ahead)

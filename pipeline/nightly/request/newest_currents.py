@@ -18,7 +18,7 @@ from pipeline.errors import PipelineError
 from pipeline.model.inputs import Issue
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.cases import Cases, Member
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Currents, Season, source_name
 from pipeline.sources.cf.dataset import fatal_files
 from pipeline.sources.registry import current_source
 
@@ -56,7 +56,7 @@ class Newest:
     departures_from: datetime | None
     digest: str = ""
     is_timeless: bool = False
-    ahead: Mapping[str | tuple[str, ...], str] = field(default_factory=dict)
+    ahead: Mapping[Currents, str] = field(default_factory=dict)
 
     def stale_reason(self, now: datetime, limit_hours: float) -> str:
         """Return a message if the currents are older than the limit, or ""."""
@@ -84,7 +84,7 @@ def newest_currents(cases: Cases, now: datetime, last_night: datetime | None = N
     _open_all(cases)
     issues: list[Issue | str] = []
     reasons: dict[str, None] = {}
-    ahead: dict[str | tuple[str, ...], str] = {}
+    ahead: dict[Currents, str] = {}
     for block in cases.blocks:
         if block.scenario.is_planar:
             issues.append("".join(season.model_dump_json() for season in block.seasons))
@@ -111,7 +111,7 @@ def newest_currents(cases: Cases, now: datetime, last_night: datetime | None = N
     )
 
 
-def named_currents(season: Season, member: Member | None) -> tuple[str | tuple[str, ...], ...]:
+def named_currents(season: Season, member: Member | None) -> tuple[Currents, ...]:
     """Return the sources of currents in order of preference: the season's, or the member's file."""
     return season.currents if member is None else ((member.path,),)
 
@@ -156,7 +156,7 @@ def _issue(
     member: Member | None,
     now: datetime,
     reasons: dict[str, None],
-    ahead: dict[str | tuple[str, ...], str],
+    ahead: dict[Currents, str],
 ) -> Issue | None:
     """Return the issue of the first usable source; add why the earlier sources can't be used."""
     for named in named_currents(season, member):
@@ -175,16 +175,15 @@ def _issue(
     return None
 
 
-def _ahead_reason(issue: Issue, named: str | tuple[str, ...], now: datetime) -> str:
+def _ahead_reason(issue: Issue, named: Currents, now: datetime) -> str:
     """Return a message if currents are dated in the future according to the clock, or ""."""
     what, time, limit = "reference time", issue.reference, _AHEAD
     if time is None:
         what, time, limit = "last step", issue.last_step, _STEPS_AHEAD
     if time is None or time - now <= limit:
         return ""
-    name = named if isinstance(named, str) else ", ".join(Path(one).name for one in named)
     return (
-        f"{name}: its {what}, {_spelled(time)}, is more than {limit.days} day"
+        f"{source_name(named)}: its {what}, {_spelled(time)}, is more than {limit.days} day"
         f"{'s' if limit.days > 1 else ''} ahead of this machine's clock, {_spelled(now)}: "
         "correct the one that is wrong"
     )

@@ -6,6 +6,7 @@ fields are read one after the other, as all of them would not fit in memory.
 """
 
 import hashlib
+import itertools
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +27,8 @@ from pipeline.scenario.season import Season
 from pipeline.sources.cf import grid
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import is_zarr
-from pipeline.sources.cf.grid import SelectedSlices, select_slices
+from pipeline.sources.cf.slices import SelectedSlices, select_slices
+from pipeline.sources.cf.streams import stream_slices, weak_cells
 from pipeline.sources.current_field import Field, LandMask, water_without_data
 from pipeline.sources.plausibility import (
     OFFSHORE_CELLS,
@@ -48,9 +50,13 @@ _ZARR_METADATA = {"zarr.json", ".zgroup", ".zarray", ".zattrs", ".zmetadata"}
 
 @dataclass(frozen=True)
 class CfFiles(CurrentSource):
-    """Files that belong together, given by paths and patterns."""
+    """Files that belong together, given by paths and patterns.
+
+    They have the fields of time steps, or harmonic constants; `with_mean` adds the mean of these.
+    """
 
     paths: tuple[str, ...]
+    with_mean: bool = True
 
     def identity(self, season: Season) -> tuple[str, ...]:
         """Return hashes of the files that contain the season's steps; "nothing" without any."""
@@ -60,12 +66,13 @@ class CfFiles(CurrentSource):
             return ("nothing", *self.paths)
         hashes = (digest for _, digest in _file_hashes(contents, slices))
         about = f"{season.period.begin}" if season.is_changing else season.resolved_time_method
-        return ("cf", *hashes, season.valid, about, slices.valid)
+        mean = f"{self.with_mean}" if contents.constituents else ""
+        return ("cf", *hashes, season.valid, about, slices.valid, mean)
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say why the files can't give the season's current; empty when they can."""
         try:
-            contents = self._contents()
+            contents = self.contents()
         except RequestError as error:
             return "; ".join(error.faults)
         faults = grid.coverage_faults(contents, region.bounds)
@@ -79,14 +86,14 @@ class CfFiles(CurrentSource):
         """Return the part that the files' grid covers."""
         del season
         try:
-            return grid.covered_bounds(self._contents(), region.bounds)
+            return grid.covered_bounds(self.contents(), region.bounds)
         except RequestError:
             return None
 
     def issue(self, season: Season) -> Issue:
         """Return the files' reference time, their first and last time step, and their hash."""
         del season
-        contents = self._contents()
+        contents = self.contents()
         moments = contents.steps.moments
         hashes = "".join(_hash(file, _stamp(file)) for file in contents.files)
         return Issue(
@@ -105,6 +112,8 @@ class CfFiles(CurrentSource):
             raise RequestError(f"{name_of(find_files(self.paths))}: {error}") from None
         name = name_of(contents.files)
         bounds = _with_margin(contents, region.bounds)
+        if contents.constituents:
+            slices = stream_slices(contents, season, bounds, with_mean=self.with_mean)
         window = grid.find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
         mask = LandMask.world()
         try:
@@ -122,6 +131,7 @@ class CfFiles(CurrentSource):
             u=found.u,
             v=found.v,
             times_s=np.array(slices.times_s),
+            weak=weak_cells(contents, bounds) if contents.constituents else None,
             valid=slices.valid,
             credit=_credit(contents),
             notes=(
@@ -142,10 +152,10 @@ class CfFiles(CurrentSource):
 
     def _selected(self, season: Season) -> tuple[Contents, SelectedSlices]:
         """Read the files' contents, and select the season's fields."""
-        contents = self._contents()
-        return contents, select_slices(contents, season)
+        contents = self.contents()
+        return contents, select_slices(contents, season, with_mean=self.with_mean)
 
-    def _contents(self) -> Contents:
+    def contents(self) -> Contents:
         """Read the files' contents, again only when the files have changed."""
         files = find_files(self.paths)
         return _read_version(files, tuple(_stamp(file) for file in files))
@@ -286,8 +296,8 @@ def read_checked_fields(
         first = _without(first, zeros)
 
         def fields() -> Iterator[Field]:
-            for weights in slices.weights:
-                wide = _without(reader.field(weights), zeros) if kept else first
+            others = (_without(one, zeros) for one in reader.fields(slices.weights[1:]))
+            for wide in itertools.chain([first], others):
                 kept.append(_cropped(wide, bounds))
                 yield wide
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.model import Note
-from pipeline.sources.cf.dataset import coordinate_values
+from pipeline.sources.cf.dataset import coordinate_values, reading
 from pipeline.sources.current_field import SURFACE_DEPTH_M
 
 if TYPE_CHECKING:
@@ -147,6 +147,20 @@ def coordinate_axis(dataset: "xr.Dataset", dim: str, period: float = 0.0) -> Flo
                 f"{dim} lies outside its own bounds ({name}), so it was shifted; correct it"
             )
     return values
+
+
+def coordinate_names(dataset: "xr.Dataset", dim: str) -> tuple[str, ...]:
+    """Read the names along a dimension; ValueError where it has none, or has one twice."""
+    values: list[Any] = []
+    if dim in dataset.variables and dataset.variables[dim].ndim == 1:
+        with reading():
+            values = dataset.variables[dim].values.tolist()
+    names = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in values]
+    if not names or not all(isinstance(one, str) for one in names):
+        raise ValueError(f"{dim} has no names; add the coordinate: ['M2', 'S2', …]")
+    if len({one.upper() for one in names}) < len(names):
+        raise ValueError(f"{dim} has a name twice ({', '.join(names)}); leave one out")
+    return tuple(names)
 
 
 def is_same_axis(own: FloatArray, other: FloatArray) -> bool:

@@ -21,7 +21,8 @@ from pipeline.machine.paths import shown, unreadable_reason
 from pipeline.model import Note
 from pipeline.sources.cf import axes
 from pipeline.sources.cf.axes import TimeSteps
-from pipeline.sources.cf.dataset import check_values, fatal_files, groups_of, open_dataset
+from pipeline.sources.cf.component import Component, read_component, require_one_grid
+from pipeline.sources.cf.dataset import fatal_files, groups_of, open_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,42 +42,11 @@ _STANDARD_NAMES = tuple(
     )
 )
 _VARIABLE_NAMES = (("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("utotal", "vtotal"))
-# Size of each unit of speed in m/s, and its spellings, without blanks, dots, carets and asterisks.
-_UNITS_M_S = {
-    1.0: ("ms-1", "m/s", "meters-1", "metres-1", "metersecond-1", "metresecond-1", "meters/second"),
-    0.01: ("cms-1", "cm/s", "centimeters-1", "centimetersecond-1"),
-    0.001: ("mms-1", "mm/s"),
-    1 / 3.6: ("kmh-1", "km/h", "kmhr-1", "km/hr", "kph"),
-    1852 / 3600: ("knot", "knots", "kt", "kts", "kn", "international_knot"),
-}
+# Parts of harmonic constants (u_re and u_im are those of u), and the dimension that they are along.
+_PARTS, _CONSTITUENT = ("re", "im"), "constituent"
 _REMEDY = "give a NetCDF file or a Zarr store"
 # Number of groups that a message names.
 _MAX_GROUPS = 4
-
-
-@dataclass(frozen=True)
-class Component:
-    """One component in one file: names of the variable and of its dimensions, and its axes.
-
-    `time` is empty where there is no such dimension, `fixed` is the index to use in each other
-    dimension, and `unit_m_s` is its unit in m/s.
-    """
-
-    file: Path
-    name: str
-    time: str
-    lat: str
-    lon: str
-    fixed: dict[str, int]
-    unit_m_s: float
-    lats_deg: FloatArray
-    lons_deg: FloatArray
-    steps: TimeSteps
-    notes: tuple[Note, ...]
-
-    def lazy(self, dataset: "xr.Dataset") -> "xr.Variable":
-        """Return the variable of its open file, not yet read."""
-        return dataset.variables[self.name].isel(self.fixed)
 
 
 @dataclass(frozen=True)
@@ -85,6 +55,9 @@ class Contents:
 
     `lon` (nx,) and `lat` (ny,) are in degrees, ascending or descending. For each of the `steps`,
     `u_index` and `v_index` give the number of the component's file, and the step in that file.
+
+    Harmonic constants have `constituents` and no time steps: "steps" are the real parts of all
+    constituents, then their imaginary parts, then the mean, if the file has one.
     """
 
     files: tuple[Path, ...]
@@ -98,6 +71,12 @@ class Contents:
     notes: tuple[Note, ...]
     attributes: dict[str, str]
     reference_time: datetime | None = None
+    constituents: tuple[str, ...] = ()
+
+    @property
+    def has_mean(self) -> bool:
+        """Whether harmonic constants have a mean beside them."""
+        return len(self.u_index) > len(_PARTS) * len(self.constituents)
 
     @property
     def largest_cell(self) -> tuple[float, float]:
@@ -156,6 +135,8 @@ def read_contents(files: tuple[Path, ...]) -> Contents:
 
 def _contents(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> Contents:
     """Return the contents of open files; RequestError as in `read_contents`."""
+    if any("u_re" in dataset.data_vars for dataset in datasets.values()):
+        return _constants(files, datasets)
     pair = _component_pair(list(datasets.values()))
     if isinstance(pair, str):
         raise RequestError(f"{name_of(files)}: {pair}{_groups_hint(files)}")
@@ -166,7 +147,7 @@ def _contents(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> Co
             variable = dataset.data_vars.get(name)
             if variable is not None and variable.attrs.get("standard_name", "") == standard:
                 try:
-                    components.append(_component(file, dataset, name))
+                    components.append(read_component(file, dataset, name))
                 except ValueError as error:
                     faults.append(f"{file.name}: {error}")
     if faults:
@@ -175,6 +156,51 @@ def _contents(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> Co
         return _combined(datasets, *found, _kind_notes(pair))
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}") from None
+
+
+def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> Contents:
+    """Return the contents of harmonic constants; RequestError as in `read_contents`."""
+    if len(files) > 1:
+        raise RequestError(
+            f"{name_of(files)}: harmonic constants are one file, and can't be mixed with others; "
+            "give that file alone"
+        )
+    (file, dataset) = next(iter(datasets.items()))
+    has_mean = {"u_mean", "v_mean"} <= set(dataset.data_vars)
+    parts = [*_PARTS, *["mean"] * has_mean]
+    wanted = [f"{component}_{part}" for part in parts for component in "uv"]
+    if lacking := [name for name in wanted if name not in dataset.data_vars]:
+        raise RequestError(
+            f"{file.name}: its harmonic constants lack {', '.join(lacking)}; give u_re, u_im, v_re "
+            "and v_im, as `renew tide fit` writes them"
+        )
+    try:
+        found = {
+            name: read_component(
+                file, dataset, name, along="" if name.endswith("mean") else _CONSTITUENT
+            )
+            for name in wanted
+        }
+        require_one_grid(list(found.values()))
+        names = axes.coordinate_names(dataset, _CONSTITUENT)
+    except ValueError as error:
+        raise RequestError(f"{file.name}: {error}") from None
+    u, v = (tuple(found[f"{component}_{part}"] for part in parts) for component in "uv")
+    sizes = [len(names), len(names), 1][: len(parts)]
+    index = tuple((part, step) for part, size in enumerate(sizes) for step in range(size))
+    return Contents(
+        files=files,
+        lon=u[0].lons_deg,
+        lat=u[0].lats_deg,
+        u=u,
+        v=v,
+        steps=TimeSteps(),
+        u_index=index,
+        v_index=index,
+        notes=tuple(dict.fromkeys(note for one in (*u, *v) for note in one.notes)),
+        attributes={str(k): str(v) for k, v in dataset.attrs.items()},
+        constituents=names,
+    )
 
 
 def name_of(files: Sequence[Path]) -> str:
@@ -240,61 +266,6 @@ def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[Note, ..
     return (Note.of("current-without-tide"),) if "no_tide" in standard else ()
 
 
-def _component(file: Path, dataset: "xr.Dataset", name: str) -> Component:
-    """Return a component of a file; ValueError where something is wrong with it."""
-    array = dataset[name]
-    check_values(array)
-    for dim, size in array.sizes.items():
-        if not size:
-            raise ValueError(f"{name} is empty, as {dim} has no values; give a file with data")
-    unit_m_s, notes = _unit_m_s(array)
-    roles = {dim: axes.axis_role(dataset, str(dim)) for dim in array.dims}
-    by_role = {role: str(dim) for dim, role in roles.items() if role}
-    if "lon" not in by_role or "lat" not in by_role:
-        raise ValueError(axes.grid_fault(dataset, array))
-    fixed: dict[str, int] = {}
-    for dim, role in roles.items():
-        if role == "level":
-            fixed[str(dim)], level_notes = axes.surface_level(dataset, str(dim))
-            notes += level_notes
-        elif not role and array.sizes[dim] == 1:
-            fixed[str(dim)] = 0
-        elif not role:
-            raise ValueError(
-                f"{name} has the dimension {dim} ({array.sizes[dim]}), which is neither time, "
-                "depth, latitude nor longitude; keep one index of it"
-            )
-    time = by_role.get("time", "")
-    return Component(
-        file=file,
-        name=name,
-        time=time,
-        lat=by_role["lat"],
-        lon=by_role["lon"],
-        fixed=fixed,
-        unit_m_s=unit_m_s,
-        steps=axes.read_steps(*axes.time_axis(dataset, time)) if time else TimeSteps(),
-        lons_deg=axes.coordinate_axis(dataset, by_role["lon"], period=360.0),
-        lats_deg=axes.coordinate_axis(dataset, by_role["lat"]),
-        notes=tuple(notes),
-    )
-
-
-def _unit_m_s(array: "xr.DataArray") -> tuple[float, list[Note]]:
-    """Return a variable's unit in m/s, and notes; ValueError where it is no unit of speed."""
-    units = str(array.attrs.get("units", "")).strip()
-    if not units:
-        return 1.0, [Note.of("unit-assumed", variable=str(array.name))]
-    plain = units.lower().translate(str.maketrans("", "", " .^*"))
-    for unit_m_s, spellings in _UNITS_M_S.items():
-        if plain in spellings:
-            converted = Note.of("unit-converted", variable=str(array.name), unit=units)
-            return unit_m_s, [] if unit_m_s == 1 else [converted]
-    raise ValueError(
-        f"{array.name} is in {units!r}, not in m s-1, cm s-1, km h-1 or knots; give its true unit"
-    )
-
-
 def _combined(
     datasets: "dict[Path, xr.Dataset]",
     u: Sequence[Component],
@@ -303,14 +274,7 @@ def _combined(
 ) -> Contents:
     """Combine both components of all files; ValueError where they don't match each other."""
     first = u[0]
-    for other in (*u, *v):
-        for axis in ("longitudes", "latitudes"):
-            own, theirs = (getattr(one, f"{axis[:3]}s_deg") for one in (other, first))
-            if not axes.is_same_axis(own, theirs):
-                raise ValueError(
-                    f"{other.name} has other {axis} than {first.name}: interpolate both to the "
-                    "same nodes (a staggered grid is not supported)"
-                )
+    require_one_grid([*u, *v])
     (u_steps, u_index), (v_steps, v_index) = (
         axes.merge_steps([one.steps for one in components]) for components in (u, v)
     )

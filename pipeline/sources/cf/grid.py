@@ -1,13 +1,11 @@
-"""Reading a season's current from the user's files: the steps it needs, and a window of each.
+"""Reading the user's files of currents: a window of each step.
 
 The window is cut out of each step before the steps are summed, some megabytes at a time.
 """
 
-import calendar
-import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -15,207 +13,14 @@ import numpy as np
 
 from pipeline._types import FloatArray, IndexArray
 from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond, widened
-from pipeline.model import Note
-from pipeline.scenario.season import Season, TimeMethod
-from pipeline.scenario.times import Period
-from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
-from pipeline.sources.cf.contents import Component, Contents
+from pipeline.sources.cf.axes import SAME_SHARE
+from pipeline.sources.cf.component import Component
+from pipeline.sources.cf.contents import Contents
 from pipeline.sources.cf.dataset import open_dataset, reading
 from pipeline.sources.current_field import Field
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-# Steps that are further apart than this multiple of the median interval have a hole between them.
-_MISSING_STEP = 1.5
-# Number of faults of one kind that a message names.
-_MAX_FAULTS = 3
-
-
-@dataclass(frozen=True, slots=True)
-class SelectedSlices:
-    """A season's fields: the weights (sum 1) of steps, by index, that make up each of them.
-
-    `valid` is the time that they stand for. `times_s` are seconds since departure, and `labels` the
-    times as text, one for each field; 0 and "" for a single one.
-    """
-
-    weights: tuple[Mapping[int, float], ...]
-    valid: str
-    notes: tuple[Note, ...] = ()
-    is_climatology: bool = False
-    times_s: tuple[float, ...] = (0.0,)
-    labels: tuple[str, ...] = ("",)
-
-
-def select_slices(contents: Contents, season: Season) -> SelectedSlices:
-    """Select a season's fields.
-
-    Raises
-    ------
-    ValueError
-        There are none, or steps are missing during the voyage.
-    """
-    if season.is_changing:
-        return _all_steps(contents, season.period)
-    return select_steps(contents.steps, season.period, season.resolved_time_method)
-
-
-def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> SelectedSlices:
-    """Select the steps that make up a period's field.
-
-    Raises
-    ------
-    ValueError
-        There are none; the message says which there are.
-    """
-    middle = period.begin + (period.end - period.begin) / 2
-    if steps.months:
-        return _month_of_climatology(steps, middle, method)
-    if not steps.moments:
-        return SelectedSlices(({0: 1.0},), "", (Note.of("time-assumed"),))
-    if method == "mean":
-        return _mean(steps, period)
-    return (_linear if method == "linear" else _nearest)(steps, middle)
-
-
-def _month_of_climatology(steps: TimeSteps, moment: datetime, method: TimeMethod) -> SelectedSlices:
-    """Select the step of the moment's month, whatever the year."""
-    if method == "linear":
-        raise ValueError(
-            "it is a climatology, one field per month: leave 'time_method' out, or use 'nearest'"
-        )
-    name = calendar.month_name[moment.month]
-    if moment.month not in steps.months:
-        raise ValueError(f"it is {steps.span}, not of {name}; give a file of that month")
-    index = steps.months.index(moment.month)
-    return SelectedSlices(({index: 1.0},), f"{name} of a climatology", is_climatology=True)
-
-
-def _mean(steps: TimeSteps, period: Period) -> SelectedSlices:
-    """Select all steps in the period, with equal weights."""
-    inside = [i for i, moment in enumerate(steps.moments) if period.begin <= moment < period.end]
-    if not inside:
-        _, distance = steps.nearest(period.begin + (period.end - period.begin) / 2)
-        is_near = steps.is_near(distance)
-        other = ', or time_method = "nearest" for the one around it' if is_near else ""
-        raise ValueError(
-            f"it has {steps.span}, none inside {label(period.begin)} to {label(period.end)}; set "
-            f"the season's 'valid' to what it has{other}"
-        )
-    first, last = inside[0], inside[-1]
-    valid = "/".join(steps.labels[i] for i in dict.fromkeys((first, last)))
-    weights = dict.fromkeys(inside, 1 / len(inside))
-    return SelectedSlices((weights,), valid, _sparse_notes(steps, inside, period))
-
-
-def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> tuple[Note, ...]:
-    """Return a note if the steps do not fill the period."""
-    interval = steps.interval
-    # A step stands for the time around it, or after it.
-    times = [period.begin - interval / 2, *(steps.moments[i] for i in inside), period.end]
-    largest = max(later - earlier for earlier, later in itertools.pairwise(times))
-    if largest <= _MISSING_STEP * interval:
-        return ()
-    span = tuple(dict.fromkeys((steps.labels[inside[0]], steps.labels[inside[-1]])))
-    asked = (label(period.begin), label(period.end))
-    return (Note.of("steps-sparse", count=len(inside), steps=span, asked=asked),)
-
-
-def _nearest(steps: TimeSteps, moment: datetime) -> SelectedSlices:
-    """Select the nearest step, at most half an interval away."""
-    index, distance = steps.nearest(moment)
-    if not steps.is_near(distance):
-        hours = steps.interval.total_seconds() / 2 / 3600
-        within = f"{hours:.3g} hours" if hours < 48 else f"{hours / 24:.3g} days"
-        raise ValueError(
-            f"it has {steps.span}, none within {within} of {label(moment)}; "
-            "set the season's 'valid' to what it has"
-        )
-    return SelectedSlices(({index: 1.0},), steps.labels[index])
-
-
-def _linear(steps: TimeSteps, moment: datetime) -> SelectedSlices:
-    """Select the two steps around a moment, with the weights of linear interpolation."""
-    after = int(np.searchsorted([own.timestamp() for own in steps.moments], moment.timestamp()))
-    if after < len(steps.moments) and steps.moments[after] == moment:
-        return SelectedSlices(({after: 1.0},), steps.labels[after])
-    if not 0 < after < len(steps.moments):
-        raise ValueError(
-            f"it has {steps.span}, which do not lie on both sides of {label(moment)}; set the "
-            "season's 'valid' to a time between them"
-        )
-    earlier, later = steps.moments[after - 1], steps.moments[after]
-    if later - earlier > _MISSING_STEP * steps.interval:
-        raise ValueError(
-            f"it has no steps between {label(earlier)} and {label(later)}; give a file that has"
-        )
-    share = (moment - earlier) / (later - earlier)
-    return SelectedSlices(({after - 1: 1 - share, after: share},), label(moment))
-
-
-def _all_steps(contents: Contents, period: Period) -> SelectedSlices:
-    """Select all steps from the one before a period's begin to the one after its end."""
-    steps, departure = contents.steps, period.begin
-    moments = steps.moments
-    if len(moments) < 2:
-        raise ValueError(
-            f"it has {steps.span}, which do not show how the current changes; give a file with "
-            "two time steps or more, or leave time_method out"
-        )
-    if not moments[0] <= departure < moments[-1]:
-        order = (
-            f"{label(departure)}, is before its first step, {label(moments[0])}"
-            if departure < moments[0]
-            else f"{label(departure)}, is not before its last step, {label(moments[-1])}"
-        )
-        raise ValueError(f"the departure, {order}; depart between them, or give another file")
-    times = np.array([(moment - departure).total_seconds() for moment in moments])
-    first = int(np.searchsorted(times, 0.0, side="right")) - 1
-    end_s = (period.end - departure).total_seconds()
-    last = min(max(int(np.searchsorted(times, end_s)), first + 1), len(times) - 1)
-    chosen = range(first, last + 1)
-    faults = [*_holes(contents, chosen), *_descending(contents, chosen)]
-    if faults:
-        raise ValueError("; ".join(faults))
-    labels = tuple(label(moments[i]) for i in chosen)
-    return SelectedSlices(
-        weights=tuple({i: 1.0} for i in chosen),
-        times_s=tuple(times[first : last + 1].tolist()),
-        labels=labels,
-        valid=f"{labels[0]}/{labels[-1]}",
-    )
-
-
-def _holes(contents: Contents, chosen: Sequence[int]) -> Iterator[str]:
-    """Find steps that are missing between others."""
-    moments = [contents.steps.moments[i] for i in chosen]
-    gaps = [later - earlier for earlier, later in itertools.pairwise(moments)]
-    usual = min(sorted(gaps)[(len(gaps) - 1) // 2], contents.steps.interval)
-    holes = [i for i, gap in enumerate(gaps) if gap > _MISSING_STEP * usual]
-    for i in holes[:_MAX_FAULTS]:
-        yield (
-            f"it has no step between {label(moments[i])} and {label(moments[i + 1])}, and others "
-            f"every {usual.total_seconds() / 3600:g} hours; give a file without holes"
-        )
-
-
-def _descending(contents: Contents, chosen: Sequence[int]) -> Iterator[str]:
-    """Find steps of one file that stand in another order than their times."""
-    moments = contents.steps.moments
-    wrong = [
-        (earlier, later)
-        for earlier, later in itertools.pairwise(chosen)
-        if contents.u_index[earlier][0] == contents.u_index[later][0]
-        and contents.u_index[earlier][1] > contents.u_index[later][1]
-    ]
-    for earlier, later in wrong[:_MAX_FAULTS]:
-        yield (
-            f"its steps don't ascend: {label(moments[later])} stands before "
-            f"{label(moments[earlier])}; sort them by time"
-        )
-
 
 # Amount of data read at a time, bytes; but at least one step.
 _CHUNK_BYTES, _VALUE_BYTES = 32 << 20, 8
@@ -338,23 +143,36 @@ class FieldReader:
         ValueError
             The file is damaged.
         """
-        contents, window = self._contents, self._window
-        u = self._weighted_sum(contents.u, contents.u_index, weights)
-        v = self._weighted_sum(contents.v, contents.v_index, weights)
-        gap = ~(np.isfinite(u) & np.isfinite(v))
-        u[gap] = v[gap] = np.nan
-        return Field(window.lon, window.lat, u, v)
+        return next(self.fields([weights]))
 
-    def _weighted_sum(
+    def fields(self, weights: Iterable[Mapping[int, float]]) -> Iterator[Field]:
+        """Read the fields of several weights, as `field` does.
+
+        Those that follow each other and are of the same steps are summed together, some megabytes
+        of them at a time.
+        """
+        contents, window = self._contents, self._window
+        most = max(1, _CHUNK_BYTES // max(1, window.lat.size * window.lon.size * _VALUE_BYTES))
+        for _, same in groupby(weights, key=tuple):
+            while some := list(islice(same, most)):
+                east = self._weighted_sums(contents.u, contents.u_index, some)
+                north = self._weighted_sums(contents.v, contents.v_index, some)
+                for u, v in zip(east, north, strict=True):
+                    gap = ~(np.isfinite(u) & np.isfinite(v))
+                    u[gap] = v[gap] = np.nan
+                    yield Field(window.lon, window.lat, u, v)
+
+    def _weighted_sums(
         self,
         files: Sequence[Component],
         index: Sequence[tuple[int, int]],
-        weights: Mapping[int, float],
+        weights: Sequence[Mapping[int, float]],
     ) -> FloatArray:
-        """Return the weighted sum (ny, nx) of a component's steps in m/s."""
-        total = np.zeros((self._window.lat.size, self._window.lon.size))
-        for steps, values in self.blocks(files, index, weights):
-            total += np.tensordot([weights[step] for step in steps], values, axes=1)
+        """Return weighted sums (n, ny, nx) of a component's steps in m/s, all of the same steps."""
+        total = np.zeros((len(weights), self._window.lat.size, self._window.lon.size))
+        for steps, values in self.blocks(files, index, weights[0]):
+            shares = [[one[step] for step in steps] for one in weights]
+            total += np.tensordot(shares, values, axes=1)
         return total
 
     def blocks(

@@ -39,8 +39,6 @@ _LEAST_DAYS = 29.0
 _HOUR = timedelta(hours=1)
 # Largest deviation of the time step from an hour: times stored as float32 days deviate.
 _SLACK = timedelta(minutes=2)
-WEAK_SHARE = 0.7
-"""Share of the variance below which the constants of a node tell too little."""
 _COMMENT = (
     "u = u_mean + sum of f Re((u_re + i u_im) exp(i (V + u))), v alike, with f, V and u of "
     "Schureman (1940): the amplitude is the modulus, the phase lag at Greenwich minus the argument"

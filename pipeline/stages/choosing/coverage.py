@@ -16,7 +16,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model.inputs import LandSource
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Season, source_name
 from pipeline.scenario.strict import Point
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.registry import charted_land, current_source
@@ -121,7 +121,7 @@ def _of_season(
     reasons = []
     for named in season.currents:
         source = current_source(named)
-        name = named if isinstance(named, str) else ", ".join(named)
+        name = source_name(named)
         reason = source.uncovered_reason(ends, season)
         if not reason and source.needs_network(ends, season, folder):
             reason = source.unavailable_reason()

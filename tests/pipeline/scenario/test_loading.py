@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.errors import RequestError
 from pipeline.scenario.loading import asked_currents, load_scenario, parse_scenario
+from pipeline.scenario.season import StreamConstants
 from pipeline.stages.choosing.coverage import require_covered
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
@@ -121,3 +122,35 @@ def test_seasons_that_an_asked_table_lacks_are_left_out_with_a_note() -> None:
     assert len(load_scenario("hansando", currents=[*asked, "still"]).seasons) == 2
     with pytest.raises(RequestError, match="has no data"):
         require_covered(load_scenario("hansando", currents=["embedded-palawan"]))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"constant": "a.nc"}, "unknown key seasons[0].currents[0].constant: did you mean 'const"),
+        ({}, "seasons[0].currents[0].constants is missing; give the path of a NetCDF file as"),
+        ({"constants": 3}, "seasons[0].currents[0].constants = 3 is not text; give the path of"),
+        (
+            {"constants": "a.nc", "residual": "daily"},
+            'currents[0].residual = "daily" is not one of the possible values; give files, ',
+        ),
+        (3, "seasons[0].currents[0] = 3 is not text; give sources' names"),
+    ],
+)
+def test_faults_of_tidal_streams_are_told_by_their_key(given: object, message: str) -> None:
+    season = {"name": "tide", "time_method": "changing", "departure": "2026-09-10T06:00:00Z"}
+    assert any(message in fault for fault in faults(seasons=[{**season, "currents": [given]}]))
+
+
+def test_paths_of_tidal_streams_begin_at_the_scenario(tmp_path: Path) -> None:
+    streams = {"constants": "pass.nc", "residual": "./daily.nc"}
+    season = {
+        "name": "tide",
+        "time_method": "changing",
+        "departure": "2026-09-10T06:00:00Z",
+        "currents": [streams],
+    }
+    (found,) = parse_scenario(table(seasons=[season], scale=1), tmp_path).seasons[0].currents
+    assert found == StreamConstants(
+        constants=str(tmp_path / "pass.nc"), residual=(str(tmp_path / "daily.nc"),)
+    )

@@ -1,4 +1,4 @@
-"""A best route on which turns met land is named, with the place of the first."""
+"""Routes on which turns met land, or whose tidal streams are weak, are named."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.model import Evaluation
-from pipeline.stages.compare import safety_notes
+from pipeline.stages.compare import safety_notes, weak_stream_notes
+from tests.pipeline import tidal_run
 from tests.pipeline.formats import small_run
 
 
@@ -27,3 +28,17 @@ def test_turns_that_met_land_are_reported_with_the_first_place() -> None:
     lon, lat = result.scene.projection.to_lonlat(turns.points[5])
     assert note.startswith("winter: not safe everywhere: 2 of ")
     assert f"met land, the first one from {lon:.4f} E {lat:.4f} N; it was planned" in note
+
+
+def test_routes_over_weak_constants_are_told_with_their_share() -> None:
+    result = tidal_run.planned()
+    (grid,) = result.fetched.currents
+    assert list(weak_stream_notes(result)) == []
+    lon = np.broadcast_to(grid.lon, grid.u[0].shape)
+    for weak, share in ((lon < 119.0, None), (lon < 119.025, "22.2 %"), (lon > 0, "100.0 %")):
+        other = replace(result.fetched, currents=(replace(grid, weak=weak),))
+        notes = note_texts(weak_stream_notes(replace(result, fetched=other)))
+        assert len(notes) == (share is not None)
+        for note in notes:
+            assert "tide: harmonic constants give less than 70% of the currents' variance" in note
+            assert f"on {share} of route 1 and" in note

@@ -12,7 +12,8 @@ import renew
 from pipeline.geo.projection import Projection, rotated
 from pipeline.model import Credit, CurrentGrid
 from pipeline.sources.current_field import Field, LandMask
-from pipeline.stages.project import bilinear, extent_polygon, fill_gaps, planar_current
+from pipeline.sources.interpolation import bilinear, fill_gaps
+from pipeline.stages.project import extent_polygon, planar_current
 from tests.pipeline.synthetic_currents import coastal, sea
 
 GEOD = pyproj.Geod(ellps="WGS84")

@@ -15,7 +15,8 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid, Simplified
-from pipeline.stages.project import extent_polygon, fill_gaps, planar_current, project
+from pipeline.sources.interpolation import fill_gaps
+from pipeline.stages.project import extent_polygon, planar_current, project
 from tests.pipeline.formats import small_run
 
 CREDIT = Credit("made up", "current", "", "")

@@ -14,7 +14,7 @@ from pipeline.formats.shared.note_words import note_text
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import period
 from pipeline.sources.cf.axes import TimeSteps, merge_steps, read_steps
-from pipeline.sources.cf.grid import select_steps
+from pipeline.sources.cf.slices import select_steps
 
 HOUR = timedelta(hours=1)
 

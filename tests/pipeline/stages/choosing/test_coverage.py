@@ -61,7 +61,7 @@ def test_seasons_limit_the_region_together(tmp_path: Path) -> None:
     found = covered(tmp_path, season("2024-07", (str(path),)), season("2024-08", EMBEDDED))
     assert found.bounds == pytest.approx((115.75, 6.75, 121.25, 13.75))
     assert found.sources[1] == EMBEDDED
-    assert found.sources[0] == found.sources[3] == str(path)
+    assert found.sources[0] == found.sources[3] == "field.nc"
 
 
 def test_still_water_covers_everything(tmp_path: Path) -> None:
