@@ -48,7 +48,7 @@ class Job:
 
     @property
     def name(self) -> str:
-        """For progress."""
+        """Name for the progress report."""
         extra = "".join(f" {key}={value}" for key, value in self.options)
         return f"{self.environment} {self.case}: {self.planner}, seed {self.seed}{extra}"
 

@@ -1,4 +1,4 @@
-"""What a baseline is asked for, and what it hands over."""
+"""The task of a baseline, and what it returns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Candidate:
     states : size of the tree, roadmap or grid that was searched.
     is_smoothed : whether it was simplified afterwards.
     is_class_kept : whether the simplified path is of the original's class; None for an original.
-    seconds : CPU time of the search; the simplification's own for a simplified path.
+    seconds : CPU time of the search, or of the simplification for a simplified path.
     """
 
     path: FloatArray
@@ -41,11 +41,11 @@ class Budget:
 
     Attributes
     ----------
-    classes : number of homotopy classes of those that search by classes.
-    cell : of grids, m.
-    nodes : of roadmaps.
+    classes : number of homotopy classes, for baselines that search by class.
+    cell : size of a grid's cells, m.
+    nodes : number of a roadmap's nodes.
     dubins_step : longest step of trees of poses, m.
-    calls : of a tree's or an anytime planner's cost and collision functions.
+    calls : number of calls of a tree's or an anytime planner's cost and collision functions.
     """
 
     classes: int = 16
@@ -57,7 +57,7 @@ class Budget:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a baseline is asked for: a voyage in some water."""
+    """The task of a baseline: a voyage in some water."""
 
     voyage: Voyage
     water: PaddedWater

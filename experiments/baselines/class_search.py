@@ -22,8 +22,8 @@ from renew.classes.h_signature import Rays, Word
 
 Label: TypeAlias = tuple[float, int, int, Word]
 
-# Number of words that a node may be reached by, for each class that is wanted: paths that cross
-# themselves are found and dropped.
+# Number of words per node for each wanted class: above 1, because paths that cross themselves are
+# found, too, and dropped.
 _WORDS = 2
 
 

@@ -58,7 +58,7 @@ def _wet(
 ) -> BoolArray:
     """Cells (ny - 1, nx - 1) whose corners are in the water, as are all their edges.
 
-    And those around start and goal, which may lie in a padding's corner.
+    Cells around start and goal count, too: these may lie in a corner of the padding.
     """
     nodes = np.stack(np.meshgrid(x, y), axis=-1)
     # The extent's own edge is water, but no point on it lies inside.

@@ -1,7 +1,7 @@
 """PRM (Kavraki et al., 1996): one shortest path a homotopy class on a random roadmap.
 
 The plain roadmap is OMPL's. OMPL makes undirected edges in its Dubins space, where there and back
-differ, so that of poses is made here from directed Dubins paths between OMPL's samples.
+differ, so the roadmap of poses is made here, from directed Dubins paths between OMPL's samples.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def roadmap(
     grown = np.array([space.place(data.getVertex(i).getState()) for i in range(count)])
     inner = [(i, j) for i in range(count) for j in data.getEdges(i)]
     points = np.vstack([*ends, grown])
-    # Start and goal: to the nearest nodes that they see, as many as any node has.
+    # Start and goal are joined to the nearest visible nodes, as many as any node has.
     tree = cKDTree(grown)
     joined = []
     for end in (0, 1):
@@ -123,7 +123,7 @@ def _poses(space: Space, start: FloatArray, goal: FloatArray, nodes: int) -> Flo
 def _dubins_edges(
     poses: FloatArray, water: PaddedWater, radius: float
 ) -> tuple[IntArray, FloatArray]:
-    """Clear Dubins paths (m, 2) from each pose to those that are nearest by them; lengths (m,)."""
+    """Clear Dubins paths (m, 2) from each pose to the poses nearest by path; lengths (m,)."""
     near = cKDTree(poses[:, :2]).query(poses[:, :2], k=min(4 * NEIGHBOURS, len(poses)))[1]
     pairs = np.column_stack([np.repeat(np.arange(len(poses)), near.shape[1]), near.ravel()])
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
@@ -133,6 +133,6 @@ def _dubins_edges(
     pairs, lengths = pairs[order], lengths[order]
     begin = np.searchsorted(pairs[:, 0], pairs[:, 0], side="left")
     keep = np.arange(len(pairs)) - begin < NEIGHBOURS
-    # The goal needs edges that lead to it, whichever poses have nearer ones.
+    # Edges to the goal are kept even where poses have nearer neighbours.
     keep |= pairs[:, 1] == 1
     return pairs[keep], lengths[keep]

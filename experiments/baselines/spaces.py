@@ -45,7 +45,7 @@ class Calls:
         return self.count >= self.limit
 
     def condition(self) -> Any:  # noqa: ANN401 - OMPL has no types
-        """OMPL's condition for that."""
+        """OMPL's termination condition: the calls are used up."""
         return ob.PlannerTerminationCondition(self.are_used_up)
 
 
@@ -151,7 +151,7 @@ class FuelObjective(ob.OptimizationObjective):  # type: ignore[misc]
         self._fastest = vessel.speed + self._legs.table.strongest
 
     def isSymmetric(self) -> bool:  # noqa: N802
-        """There and back differ in a current."""
+        """Whether there and back cost the same: they differ in a current."""
         return False
 
     def stateCost(self, _state: object) -> Any:  # noqa: N802, ANN401

@@ -1,9 +1,9 @@
-"""Rivals for least fuel, which the paper has not: OMPL's anytime planners with the cost of Eq. 4.
+"""Rivals for least fuel, which the paper lacks: OMPL's anytime planners with the cost of Eq. 4.
 
 BIT* (Gammell et al., 2015), RRT* and PRM* (Karaman & Frazzoli, 2011). They end after a number of
 calls of their cost and collision functions. Their paths are not simplified afterwards, because
-simplifyMax knows no fuel; and not rounded, so that they may be a little cheaper than one that can
-be steered.
+simplifyMax ignores fuel, and not rounded. So they may be a little cheaper than a path that can be
+steered.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from experiments.baselines.spaces import Calls, FuelObjective, Space, seed_ompl
 from experiments.kernels.leg_time import LegTimes, leg_times
 from renew._types import FloatArray, IntArray
 
-# Number of nodes that no budget of PRM* reaches: its calls end it.
+# More nodes than PRM* reaches: its budget of calls ends it first.
 _NODES = 1_000_000
 
 

@@ -50,8 +50,8 @@ class EnvironmentSpec(StrictModel):
     table; `currents` and `scale` replace the scenario's own. `cell_m` and `nodes` size the grids
     and roadmaps of the baselines, as published; `dubins_step_m` is the longest step of trees of
     poses, such that they are about as large as published; `station_m` is the spacing of the paper's
-    contingency turns; `runs` is the number of seeds of what draws. `baselines` are those of the
-    paper that run in it, all if it is left out; k and the order of classes vary where it
+    contingency turns; `runs` is the number of seeds of planners that draw. `baselines` are those of
+    the paper that run in it, all if it is left out; k and the order of classes vary where it
     `is_swept`.
     """
 

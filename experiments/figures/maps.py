@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-# Colours of planners (Okabe and Ito); those behind them are dashed.
+# Colours of planners (Okabe and Ito); further planners repeat them with dashed lines.
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8b5a2b", "#444444")
 
 

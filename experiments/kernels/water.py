@@ -108,7 +108,7 @@ class PaddedWater:
         return np.asarray(inside & legs_clear(points, points, self.buckets))
 
     def holds_one(self, x: float, y: float) -> bool:
-        """Whether one point does; for callbacks."""
+        """Whether one point lies in the water; for callbacks."""
         return bool(
             leg_clear(x, y, x, y, self.buckets)
             and shapely.contains_xy(self._extent, x, y)

@@ -24,10 +24,10 @@ _RISK, _SEED = renew.PlanOptions.risk, renew.PlanOptions.seed
 def equal_padding(plan: renew.Plan, voyage: Voyage, clearance: float = 0.0) -> FloatArray:
     """Edges (e, 5) x0, y0, x1, y1, padding (m) that rivals must keep, for a fair comparison.
 
-    Each edge has the padding of the best route; those that it does not pad, the least that any
-    other route kept; and those that no route pads, the least that a route would keep that passes
-    along them, `clearance` at least: without it a rival could slip through a strait that is too
-    narrow for every route of ours.
+    For each edge it is the first of these that exists: (1) the padding of the best route; (2) the
+    least padding of any other route; (3) the least padding that the planner would give a route past
+    it, at least `clearance`. Without (3) a rival could slip through a strait that is too narrow for
+    all our routes.
     """
     paddings = least_paddings(voyage, clearance)
     paddings |= _least([_kept(route) for route in plan.routes])
@@ -36,7 +36,7 @@ def equal_padding(plan: renew.Plan, voyage: Voyage, clearance: float = 0.0) -> F
 
 
 def least_paddings(voyage: Voyage, clearance: float = 0.0) -> Paddings:
-    """Padding (m) of constrained edges by their ends: the less of both courses past each.
+    """Padding (m) of constrained edges by their ends: the smaller one of both courses past each.
 
     By the planner's rule, in the triangle at the edge, from one of its passing edges' midpoints to
     the other's. An edge at the end of a bay, which nothing passes, has none.

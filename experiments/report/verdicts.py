@@ -1,4 +1,4 @@
-"""What came out, in sentences: where our route is least, where it loses, what turns met."""
+"""The outcome in sentences: where our route needs least fuel, where it loses, what turns met."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _least(rows: Sequence[Row], where: str) -> Iterator[Verdict]:
 
 
 def _case(row: Row) -> tuple[object, object]:
-    """The case that a row is of."""
+    """Return the case of a row."""
     return row["environment"], row["case"]
 
 

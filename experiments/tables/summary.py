@@ -54,7 +54,7 @@ class Runs:
 
     @classmethod
     def of(cls, results: Iterable[Result], *, is_smoothed: bool | None = None) -> Runs:
-        """Of each run the path that is smoothed, or is not; the best of both, if not said.
+        """Take each run's smoothed or unsmoothed path; by default the better of both.
 
         A path over land, or through too strong a current, counts as a failure.
         """

@@ -23,7 +23,7 @@ _TURNS = ("collisions", "trials", "full_collisions", "full_trials")
 
 
 class Results:
-    """Results by what was asked."""
+    """Results by environment, case, planner and water."""
 
     def __init__(self, results: Sequence[Result]) -> None:
         self.all = tuple(results)
