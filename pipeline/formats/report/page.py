@@ -21,7 +21,7 @@ from markupsafe import Markup
 from pipeline.formats.figures.map_marks import has_arrows, speed_scale
 from pipeline.formats.records import versions
 from pipeline.formats.report.map_data import json_for_script, map_data, place_on_map
-from pipeline.formats.report.season import SeasonPart, season_part
+from pipeline.formats.report.season import SeasonSection, season_section
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import style_colours
@@ -36,7 +36,7 @@ _LEAFLET = _HERE / "vendor" / "leaflet"
 # In the order of their dependencies.
 _SCRIPTS = (
     *("data", "text", "units", "currents", "particles", "probe"),
-    *("map", "voyage", "strip", "report"),
+    *("map", "playback", "strip", "report"),
 )
 # A rule that would fetch an image, for Leaflet's markers and layer button: the page uses neither.
 _FETCHING_RULE = re.compile(r"[^{}]*\{[^{}]*url\([^{}]*\}")
@@ -61,7 +61,7 @@ class Report:
     notices: tuple[Notice, ...]
     notes: tuple[str, ...]
     lacking: tuple[RouteMetrics, ...]
-    seasons: tuple[SeasonPart, ...]
+    seasons: tuple[SeasonSection, ...]
     speed_labels: tuple[str, ...]
     map_json: Markup
     map_ratio: float
@@ -130,7 +130,7 @@ def gather(result: RunResult) -> Report:
             if not result.scenario.is_planar and (row.filled_share > 0 or row.uncharted_share > 0)
         ),
         seasons=tuple(
-            season_part(result, entry, i) for i, entry in enumerate(result.plans, start=1)
+            season_section(result, entry, i) for i, entry in enumerate(result.plans, start=1)
         ),
         speed_labels=speeds.labels if has_arrows(result) else (),
         # JSON without characters that could end its element.

@@ -15,7 +15,7 @@ from pipeline.formats.figures.plots import profile_svg
 from pipeline.formats.figures.season_map import season_svg
 from pipeline.formats.figures.turning import padding_svg
 from pipeline.formats.report.map_data import coarser, place_on_map, within
-from pipeline.formats.report.sentences import Season
+from pipeline.formats.report.sentences import SeasonFacts
 from pipeline.formats.shared import departures_and_speeds, text
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.geo.lonlat import position_text
@@ -60,7 +60,7 @@ class RejectedGroup:
 
 
 @dataclass(frozen=True)
-class SeasonPart:
+class SeasonSection:
     """A season's part of the page; `rows` are empty if `failure` gives a reason.
 
     `passage` is departure and arrival of the best route, empty if no departure is given. `lead`
@@ -100,7 +100,7 @@ class SeasonPart:
         return self.rows[0].metrics if self.rows else None
 
 
-def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart:
+def season_section(result: RunResult, entry: SeasonPlan, number: int) -> SeasonSection:
     """Gather a season's part."""
     ranked = result.season_routes(entry.season)
     metrics = [r.metrics for r in ranked]
@@ -112,7 +112,7 @@ def season_part(result: RunResult, entry: SeasonPlan, number: int) -> SeasonPart
     said = _sentences(result, metrics)
     rival = said.rival if said else None
     shown = [one for one in ranked if one.metrics is metrics[0] or one.metrics is rival]
-    return SeasonPart(
+    return SeasonSection(
         title=title,
         anchor=anchor,
         failure=entry.failure,
@@ -159,13 +159,13 @@ def _how_fast(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
     }
 
 
-def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> Season | None:
+def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> SeasonFacts | None:
     """Gather the facts for a season's sentences; None without a route."""
     if not metrics:
         return None
     season, evaluation = metrics[0].season, result.evaluation
     speeds = arrows(result, season).speed
-    return Season(
+    return SeasonFacts(
         metrics,
         float(speeds.mean()) if len(speeds) else 0.0,
         evaluation.gap_shares_of(season),

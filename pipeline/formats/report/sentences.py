@@ -18,7 +18,7 @@ _NO_CURRENT = 0.01
 
 
 @dataclass(frozen=True)
-class Season:
+class SeasonFacts:
     """The facts for a season's sentences.
 
     `routes`, at least one, are best first; `current_speed` is the current's mean over the water,

@@ -42,7 +42,7 @@ const NauticalScale = L.Control.Scale.extend({
   },
 });
 
-class VoyageMap {
+class RouteMap {
   /** Draw what all seasons share; `onSelect(season, index)` is called when a route is clicked. */
   constructor(container, data, onSelect) {
     this.data = data;

@@ -9,8 +9,8 @@ class Explorer {
     this.lists = [...root.querySelectorAll("[data-routes]")];
     this.layers = [...root.querySelectorAll("[data-layer]")];
     this.strip = new Strip(root);
-    this.map = new VoyageMap(root.querySelector("#map"), this.data, (season, index) => this.select(season, index));
-    this.voyage = new Voyage(this.data, root, (now, share) => {
+    this.map = new RouteMap(root.querySelector("#map"), this.data, (season, index) => this.select(season, index));
+    this.playback = new Playback(this.data, root, (now, share) => {
       this.map.moveVessel(now.place, now.bearing);
       this.strip.move(share);
     });
@@ -64,7 +64,7 @@ class Explorer {
     this.season = season;
     this.selected[season] = index;
     this.update();
-    this.voyage.speakSoon();
+    this.playback.speakSoon();
   }
 
   /** Show the place that a button's row speaks of; its season, too, if it has one. */
@@ -107,7 +107,7 @@ class Explorer {
     this.root.style.setProperty("--season", `var(--map-season${this.season % SEASON_COLOURS})`);
     this.draw();
     this.strip.follow(route);
-    this.voyage.follow(route);
+    this.playback.follow(route);
   }
 
   draw() {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pipeline.formats.report.sentences import Season, clock_text
+from pipeline.formats.report.sentences import SeasonFacts, clock_text
 from pipeline.formats.shared.text import gap_figure, gap_text
 from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics, SideBound
 
@@ -39,8 +39,8 @@ OTHER = replace(
 
 
 def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
-    assert Season([BEST, TWIN, OTHER]).rival is OTHER
-    text = " ".join(Season([BEST, TWIN, OTHER]).verdict())
+    assert SeasonFacts([BEST, TWIN, OTHER]).rival is OTHER
+    text = " ".join(SeasonFacts([BEST, TWIN, OTHER]).verdict())
     assert "The way west of island 1 needs the least fuel: the best way east of " in text
     assert "island 1 (rank 3) needs 11.1 % more, although it is 40.00 km shorter" in text
     assert "averages 1.25 m/s over ground (+0.25 m/s from the current), the other 0.90 m/s" in text
@@ -54,29 +54,29 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
 
 
 def test_the_parts_of_a_gap_are_reported() -> None:
-    text = Season([BEST, OTHER], gap=GapShares("summer", 0.05, 0.08, 0.12)).verdict()[-1]
+    text = SeasonFacts([BEST, OTHER], gap=GapShares("summer", 0.05, 0.08, 0.12)).verdict()[-1]
     assert "gap of 25.0 %, the chart's simplification, margin and offing cause 5.0 %" in text
     assert "the room for hard-over turns (padding) 8.0 %" in text
     assert "the bound itself 12.0 %" in text
 
 
 def test_without_another_passage_it_is_compared_with_the_next_best() -> None:
-    assert Season([BEST, TWIN]).rival is TWIN
-    text = Season([BEST, TWIN]).verdict()[0]
+    assert SeasonFacts([BEST, TWIN]).rival is TWIN
+    text = SeasonFacts([BEST, TWIN]).verdict()[0]
     assert "The best route needs the least fuel: the next best route (rank 2) needs 1.1 %" in text
     assert "over the same distance" in text
 
 
 def test_a_route_chosen_by_its_class_is_not_called_cheaper() -> None:
-    text = Season([replace(BEST, fuel=1100.0), OTHER]).verdict()[0]
+    text = SeasonFacts([replace(BEST, fuel=1100.0), OTHER]).verdict()[0]
     assert "was chosen over the best way east of island 1 (rank 3) because its class needs" in text
     assert "although the other route needs 9.1 % less fuel" in text
 
 
 def test_the_only_class_and_its_collisions_are_stated() -> None:
     alone = replace(BEST, collisions=7, clearance_m=math.inf, optimality_gap=math.nan)
-    assert Season([alone]).rival is None
-    text = " ".join(Season([alone]).verdict())
+    assert SeasonFacts([alone]).rival is None
+    text = " ".join(SeasonFacts([alone]).verdict())
     assert "the only class" in text
     assert "no land to keep clear of; 7 of 1,430 simulated hard-over turns met land" in text
     assert "saved" not in text
@@ -84,16 +84,16 @@ def test_the_only_class_and_its_collisions_are_stated() -> None:
 
 def test_where_there_is_no_land_no_turn_is_reported_to_have_missed_it() -> None:
     alone = replace(BEST, collisions=0, clearance_m=math.inf)
-    text = " ".join(Season([alone]).verdict())
+    text = " ".join(SeasonFacts([alone]).verdict())
     assert "The chart has no land to keep clear of." in text
     assert "turns" not in text
 
 
 def test_equal_speeds_are_stated_once() -> None:
     slower = replace(OTHER, duration_s=OTHER.length_m / 1.2499)
-    first, *_ = Season([BEST, slower]).verdict()
+    first, *_ = SeasonFacts([BEST, slower]).verdict()
     assert "both average 1.25 m/s over ground (+0.25 m/s from the current)." in first
-    first, *_ = Season([BEST, OTHER]).verdict()
+    first, *_ = SeasonFacts([BEST, OTHER]).verdict()
     assert (
         "the best averages 1.25 m/s over ground (+0.25 m/s from the current), the other 0.90"
         in first
@@ -101,32 +101,35 @@ def test_equal_speeds_are_stated_once() -> None:
 
 
 def test_the_reason_is_length_or_the_current() -> None:
-    longer = Season([BEST, OTHER]).because()
+    longer = SeasonFacts([BEST, OTHER]).because()
     assert longer == (
         "because the current adds 0.25 m/s to its speed and takes 0.10 m/s from the other's: "
         "that outweighs 40.00 km more."
     )
     shorter = replace(OTHER, length_m=1_200_000.0, duration_s=1_200_000 / 1.3)
-    assert Season([BEST, shorter]).because() == (
+    assert SeasonFacts([BEST, shorter]).because() == (
         "because it is 200.0 km shorter than the best way east of island 1, although "
         "the current adds 0.25 m/s to its speed and adds 0.30 m/s to the other's."
     )
-    assert Season([BEST]).because() == "because no other class has a route."
+    assert SeasonFacts([BEST]).because() == "because no other class has a route."
     alike = replace(shorter, duration_s=1_200_000 / 1.25)
-    assert Season([BEST, alike]).because() == (
+    assert SeasonFacts([BEST, alike]).because() == (
         "because it is 200.0 km shorter than the best way east of island 1, and the current adds "
         "0.25 m/s to the speed on either route."
     )
     unhelped = replace(BEST, speed_m_s=1.251)
-    assert "the current adds nothing to its speed and takes" in Season([unhelped, OTHER]).because()
+    assert (
+        "the current adds nothing to its speed and takes"
+        in SeasonFacts([unhelped, OTHER]).because()
+    )
 
 
 def test_the_gain_from_the_current_is_relative_to_each_routes_own_speed() -> None:
     """A route that is sailed faster through the water does not owe that to the current."""
     faster = replace(OTHER, speed_m_s=1.251, duration_s=OTHER.length_m / 1.25)
-    first, *_ = Season([replace(BEST, speed_m_s=0.75), faster]).verdict()
+    first, *_ = SeasonFacts([replace(BEST, speed_m_s=0.75), faster]).verdict()
     assert "both average 1.25 m/s over ground (+0.50 m/s from the current)" in first
-    assert "−0.00" not in Season([faster, BEST]).verdict()[0]
+    assert "−0.00" not in SeasonFacts([faster, BEST]).verdict()[0]
 
 
 def test_plans_without_a_clock_are_in_time_where_speeds_are_chosen() -> None:
@@ -141,20 +144,20 @@ def test_plans_without_a_clock_are_in_time_where_speeds_are_chosen() -> None:
 
 def test_where_there_is_no_current_to_speak_of_it_is_no_reason() -> None:
     still = [replace(row, duration_s=row.length_m / 1.001) for row in (OTHER, BEST)]
-    said = Season([replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)], 0.004)
+    said = SeasonFacts([replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)], 0.004)
     assert said.is_still
     assert said.because() == (
         "because there is no current to speak of (0.004 m/s in the mean), and it is 40.00 km "
         "shorter than the best way west of island 1."
     )
-    assert not Season(still, 0.02).is_still
-    assert not Season([BEST, OTHER], 0.004).is_still
+    assert not SeasonFacts(still, 0.02).is_still
+    assert not SeasonFacts([BEST, OTHER], 0.004).is_still
 
 
 def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
     def certainty(fuel: float | None) -> str:
         sides = None if fuel is None else SideBound("summer", fuel)
-        return Season([BEST, OTHER], sides=sides).certainty()
+        return SeasonFacts([BEST, OTHER], sides=sides).certainty()
 
     assert certainty(918.0) == (
         "The side is proven, within the chart and in this current: any way on the other side "
@@ -169,15 +172,15 @@ def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
     assert "not proven: it is only known that no way on any side saves more than 20.0 %" in (
         certainty(None)
     )
-    assert Season([BEST, TWIN], sides=SideBound("summer", 918.0)).certainty() == ""
-    assert Season([BEST]).certainty() == ""
+    assert SeasonFacts([BEST, TWIN], sides=SideBound("summer", 918.0)).certainty() == ""
+    assert SeasonFacts([BEST]).certainty() == ""
 
 
 def test_the_lead_is_counted_from_the_best() -> None:
-    assert Season([BEST, TWIN, OTHER]).lead() == (
+    assert SeasonFacts([BEST, TWIN, OTHER]).lead() == (
         "The best way east of island 1 needs 11.1 % more fuel"
     )
-    assert Season([BEST]).lead() == ""
+    assert SeasonFacts([BEST]).lead() == ""
 
 
 def test_ways_name_islands_on_the_same_side_together() -> None:
@@ -191,20 +194,20 @@ def test_ways_name_islands_on_the_same_side_together() -> None:
 
 
 def test_on_a_chart_with_depths_the_clearance_is_from_shoals_too() -> None:
-    plain = " ".join(Season([BEST]).verdict())
-    with_depths = " ".join(Season([replace(BEST, uncharted_share=0.0)]).verdict())
+    plain = " ".join(SeasonFacts([BEST]).verdict())
+    with_depths = " ".join(SeasonFacts([replace(BEST, uncharted_share=0.0)]).verdict())
     assert " from land; " in plain
     assert " from no-go areas; " in with_depths
 
 
 def test_the_bound_is_written_as_fuel_is() -> None:
-    text = " ".join(Season([replace(BEST, fuel=16_770_000.0, optimality_gap=0.03)]).verdict())
+    text = " ".join(SeasonFacts([replace(BEST, fuel=16_770_000.0, optimality_gap=0.03)]).verdict())
     assert "needs less than 16.28 million; this one is within 3.0 %" in text
 
 
 def test_a_bound_below_half_the_fuel_is_called_of_no_use() -> None:
     loose = replace(BEST, optimality_gap=3.7)
-    season = Season([loose, replace(OTHER, optimality_gap=3.9)])
+    season = SeasonFacts([loose, replace(OTHER, optimality_gap=3.9)])
     text = " ".join(season.verdict())
     assert "There is no useful bound on what a better route could save" in text
     assert "no useful lower bound" in season.certainty()
@@ -220,7 +223,7 @@ def test_of_a_current_that_is_not_known_nothing_is_proven() -> None:
     still = [replace(row, duration_s=row.length_m / 1.001) for row in (OTHER, BEST)]
     routes = [replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)]
     sides = SideBound(routes[0].season, 970.0)
-    known = Season(routes, 0.004, sides=sides)
+    known = SeasonFacts(routes, 0.004, sides=sides)
     assert known.certainty().startswith("The side is proven")
     assert "needs less than" in " ".join(known.verdict())
     said = replace(known, lacks_current=True)

@@ -1,11 +1,11 @@
-// The voyage: a clock that a button starts and a slider sets, and the vessel's figures at that time.
+// Playback of the route: a clock that a button starts and a slider sets, and the vessel at that time.
 
-const VOYAGE_SECONDS = 30;
+const PLAYBACK_SECONDS = 30;
 // With reduced motion the vessel moves in steps of this duration.
 const STEP_SECONDS = 1.5;
 const SPEAK_AFTER_MS = 700;
 
-class Voyage {
+class Playback {
   /** `onMove(now, share)` is called with the vessel's state whenever it changes. */
   constructor(data, root, onMove) {
     this.planar = data.planar;
@@ -73,7 +73,7 @@ class Voyage {
       last = stamp;
       waited += passed;
       if (!this.reducedMotion.matches || waited >= STEP_SECONDS) {
-        this.set(Math.min(1, this.share + waited / VOYAGE_SECONDS));
+        this.set(Math.min(1, this.share + waited / PLAYBACK_SECONDS));
         waited = 0;
       }
       if (this.share >= 1) this.pause();
