@@ -106,14 +106,14 @@ def _folders() -> tuple[Path, ...]:
 def _lasting_folders() -> tuple[Path, ...]:
     """Return folders where the cache may outlive a reboot, in order of preference."""
     folders = [_PACKAGE / "__pycache__" / _name()]
-    if (asked := _asked()) is not None:
+    if (asked := _asked_folder()) is not None:
         folders.insert(0, asked / _name())
     if (user := user_cache()) is not None:
         folders.append(user / _name())
     return tuple(folders)
 
 
-def _asked() -> Path | None:
+def _asked_folder() -> Path | None:
     """Return the folder that NUMBA_CACHE_DIR names.
 
     Numba's own setting may come from a `.numba_config.yaml` in the working directory, and a
@@ -202,38 +202,38 @@ def processor() -> str:
 
 
 def has_all() -> bool:
-    """Whether all code that `note_all` listed can still be loaded, undamaged.
+    """Whether all code that `list_all` listed can still be loaded, undamaged.
 
     A folder that NUMBA_CACHE_DIR names must hold all of it; if it holds none, it gets a copy.
     """
     first, *others = _folders()
-    if first.parent == _asked() and not _holds_code(first):
+    if first.parent == _asked_folder() and not _holds_code(first):
         for other in [*filter(_holds_code, others)][:1]:
             with _noting_failures():
                 unfinished = shutil.ignore_patterns("*.tmp.*")
                 shutil.copytree(other, first, ignore=unfinished, dirs_exist_ok=True)
-    notes = (_note(folder).load(_circumstances()) for folder in _self_contained())
+    notes = (_note(folder).load(_plan_key()) for folder in _self_contained())
     noted = next(filter(None, notes), None)
     return noted is not None and noted <= _loadable()
 
 
-def note_all() -> None:
+def list_all() -> None:
     """List all compiled code, after every kernel that a plan may call has been called."""
     if not save_failures():
         with _noting_failures():
-            _note(cache_folder()).save(_circumstances(), _loadable())
+            _note(cache_folder()).save(_plan_key(), _loadable())
 
 
 def _self_contained() -> tuple[Path, ...]:
     """Folders that together must hold all code; one that was asked for may be shipped alone."""
-    return _folders()[:1] if cache_folder().parent == _asked() else _folders()
+    return _folders()[:1] if cache_folder().parent == _asked_folder() else _folders()
 
 
 def _note(folder: Path) -> "_CacheFiles":
     return _CacheFiles(str(folder), "all", _name())
 
 
-def _circumstances() -> str:
+def _plan_key() -> str:
     """What decides which kernels are called, and how: all sources, versions and the processor."""
     sources = hashlib.sha256(b"\0".join(map(Path.read_bytes, sorted(_PACKAGE.rglob("*.py")))))
     machine = cpu_target.target_context.codegen().magic_tuple()
@@ -386,7 +386,7 @@ class _KernelCache(FunctionCache):
             if found is None and (data := files.load(index_key)) is not None:
                 found = self._impl.rebuild(target_context, data)
                 # A folder that NUMBA_CACHE_DIR names must hold all code, so that it can be shipped.
-                if cache_folder().parent == _asked():
+                if cache_folder().parent == _asked_folder():
                     with _noting_failures():
                         self._cache_file.save(index_key, data)
         return found

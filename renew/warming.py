@@ -96,7 +96,7 @@ def rehearse() -> Iterator[str]:
             tightest(route, current, _VESSEL)
             fuel(route.path, current, _VESSEL)
             _ = (route.channel, route.soft_no_go)
-            # The bound takes longest; which kernels it calls depends on these alone.
+            # The bound takes longest, and its kernels depend on these two options only.
             if not options or options.keys() & {"drift", "speed"}:
                 _ = route.gap_at_clearance
 

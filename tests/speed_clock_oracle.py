@@ -25,7 +25,7 @@ _LATE = 1e-4
 
 
 @dataclass(frozen=True)
-class Errand:
+class CostModel:
     """From `start` to `goal` (2,), m, from a departure to a deadline (s), at least and most m/s."""
 
     current: renew.CurrentField
@@ -79,23 +79,23 @@ class Errand:
 
 
 def least_fuel_in_table(
-    errand: Errand, nodes: FloatArray, *, reach: float, buckets: int, tried: int
+    costs: CostModel, nodes: FloatArray, *, reach: float, buckets: int, tried: int
 ) -> tuple[float, FloatArray, FloatArray]:
     """Least fuel over α, and its path (n, 2) and speeds (n - 1,), over nodes (m, 2), m.
 
     Edges up to `reach` m that lead on by a quarter of that at least, towards the goal. The last two
     nodes are start and goal.
     """
-    ahead = (errand.goal - errand.start) / math.dist(errand.start, errand.goal)
-    points = np.vstack([nodes, errand.start, errand.goal])
+    ahead = (costs.goal - costs.start) / math.dist(costs.start, costs.goal)
+    points = np.vstack([nodes, costs.start, costs.goal])
     first, last = len(points) - 2, len(points) - 1
     place = points @ ahead
     place[first], place[last] = place.min() - reach, place.max() + reach
-    step = (errand.deadline - errand.departure) / buckets
+    step = (costs.deadline - costs.departure) / buckets
     fuel = np.full((len(points), buckets + 1), np.inf)
     fuel[first, 0] = 0.0
     came = np.zeros((len(points), buckets + 1, 3), dtype=np.int64)
-    speeds = np.linspace(*errand.speeds, tried)
+    speeds = np.linspace(*costs.speeds, tried)
     for node in np.argsort(place).tolist():
         known = np.flatnonzero(np.isfinite(fuel[node]))
         if not len(known):
@@ -109,11 +109,11 @@ def least_fuel_in_table(
         if not len(pairs):
             continue
         depth, head, speed = pairs.T
-        begin = np.asarray(errand.departure + depth * step, dtype=np.float64)
+        begin = np.asarray(costs.departure + depth * step, dtype=np.float64)
         tail = np.broadcast_to(points[node], (len(pairs), 2))
-        arrival = errand.sailed(tail, points[head], begin, speeds[speed], 2)
-        burnt = fuel[node, depth] + speeds[speed] ** errand.exponent * (arrival - begin)
-        reached = np.ceil((arrival - errand.departure) / step - 1e-9)
+        arrival = costs.sailed(tail, points[head], begin, speeds[speed], 2)
+        burnt = fuel[node, depth] + speeds[speed] ** costs.exponent * (arrival - begin)
+        reached = np.ceil((arrival - costs.departure) / step - 1e-9)
         fine = np.isfinite(burnt) & (reached <= buckets)
         at, there = head[fine], reached[fine].astype(int)
         burnt, fro = burnt[fine], np.stack([np.full(fine.sum(), node), depth[fine], speed[fine]])
@@ -134,7 +134,7 @@ def least_fuel_in_table(
 
 
 def improved(
-    errand: Errand, path: FloatArray, speeds: FloatArray, legs: int
+    costs: CostModel, path: FloatArray, speeds: FloatArray, legs: int
 ) -> tuple[float, FloatArray, FloatArray]:
     """Fuel over α, path and speeds, of a path (n, 2) and its speeds (n - 1,) with so many legs.
 
@@ -151,9 +151,9 @@ def improved(
         """Fuel and lateness (b,), of some values (b, legs + legs - 1), as shares."""
         paths = np.repeat(way[None], len(values), axis=0)
         paths[:, 1:-1] += values[:, legs:, None] * square
-        fuel, arrival = errand.flown(paths, values[:, :legs])
+        fuel, arrival = costs.flown(paths, values[:, :legs])
         shut = ~np.isfinite(arrival)
-        late = (arrival - errand.deadline) / total
+        late = (arrival - costs.deadline) / total
         return np.where(shut, 1e9, fuel / unit), np.where(shut, 1e9, late)
 
     def both(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -165,7 +165,7 @@ def improved(
         slopes = [(one[1 : n + 1] - one[n + 1 :]) / (2 * step) for one in (fuel, late)]
         return fuel[0], slopes[0], late[0], slopes[1]
 
-    unit, total = 1.0, errand.deadline - errand.departure
+    unit, total = 1.0, costs.deadline - costs.departure
     begun = np.concatenate([speeds[leg], np.zeros(legs - 1)])
     unit = float(flown(begun[None])[0][0])
     result = minimize(
@@ -173,7 +173,7 @@ def improved(
         begun,
         jac=True,
         method="SLSQP",
-        bounds=[errand.speeds] * legs + [(None, None)] * (legs - 1),
+        bounds=[costs.speeds] * legs + [(None, None)] * (legs - 1),
         constraints={
             "type": "ineq",
             "fun": lambda values: -flown(values[None])[1][0],

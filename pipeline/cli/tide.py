@@ -21,7 +21,7 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-# Days that are listed unless `--to` says otherwise, and at most.
+# Number of days listed by default, and largest number.
 _DAYS, _MOST_DAYS = 7, 3660
 
 
@@ -49,7 +49,7 @@ def show(
     end: Annotated[
         str | None,
         typer.Option(
-            "--to", metavar="TIME", help="A day, which is the last, or an instant, UTC; seven days."
+            "--to", metavar="TIME", help="The last day, or an instant, UTC; by default seven days."
         ),
     ] = None,
     as_json: options.JsonOnly = False,
@@ -104,7 +104,8 @@ def fit(
             typer.echo(
                 f"Medians: {np.median(share[is_fitted]):.0%} of the variance, residual "
                 f"{np.median(rms[is_fitted]):.2f} m/s rms. {weak:,} nodes have less than "
-                f"{WEAK_SHARE:.0%} of the variance, {(~is_fitted).sum():,} no whole series."
+                f"{WEAK_SHARE:.0%} of the variance, and {(~is_fitted).sum():,} have an incomplete "
+                "series."
             )
 
 

@@ -39,7 +39,7 @@ def warm() -> str:
             for what in rehearse():
                 on_step(what, compiled())
             number = compiled()
-        _compiled.note_all()
+        _compiled.list_all()
     if failures := _compiled.save_failures():
         raise StageError(
             f"can't keep machine code in {folder}: {failures[0].strerror or failures[0]}; make "

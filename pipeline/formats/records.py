@@ -1,10 +1,10 @@
 """Records of a run for machines: `manifest.json`, and each season's current as NetCDF.
 
-`uo` and `vo` (y, x) at the nodes of the planner's own grid, which is regular in the planner's plane
-and not in degrees: bilinear interpolation between these nodes is the planner's current, and any
-other grid would have another current between its nodes. A current that changes has (time, y, x).
-Each season has a file of its own, since seasons may come from different sources on different grids,
-and GDAL, and so QGIS, places a grid only if its lines are evenly spaced.
+A current is `uo` and `vo` (y, x) at the nodes of the planner's own grid, which is regular in the
+planner's plane and not in degrees: bilinear interpolation between these nodes is the planner's
+current, and any other grid would have another current between its nodes. A current that changes has
+(time, y, x). Each season has a file of its own, since seasons may come from different sources on
+different grids, and GDAL, and so QGIS, places a grid only if its lines are evenly spaced.
 """
 
 import hashlib

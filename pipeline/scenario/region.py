@@ -203,7 +203,7 @@ class ChartSpec(StrictModel):
 
 
 class AvoidedArea(StrictModel):
-    """Polygons of a file that no route may enter: between two times, or ever."""
+    """Polygons of a file that no route may enter between two times, or at any time."""
 
     model_config = ConfigDict(populate_by_name=True)
 
@@ -213,10 +213,10 @@ class AvoidedArea(StrictModel):
     begin: AwareDatetime | None = Field(
         default=None, alias="from", examples=["2026-07-01T09:00:00Z"]
     )
-    """Time from which the area is shut; if left out, it always was. Give a time with its zone, as
-    2026-07-01T09:00:00Z, or leave it out."""
+    """Time from which the area is shut; if left out, it has been shut for ever. Give a time with
+    its zone, as 2026-07-01T09:00:00Z, or leave it out."""
     until: AwareDatetime | None = Field(default=None, examples=["2026-07-01T12:40:00Z"])
-    """Time until which the area is shut; if left out, it stays so. Give a time with its zone, as
+    """Time until which the area is shut; if left out, it stays shut. Give a time with its zone, as
     2026-07-01T12:40:00Z, or leave it out."""
 
     @model_validator(mode="after")

@@ -155,8 +155,8 @@ class Season(StrictModel):
     uniform: Uniform | None = Field(default=None, examples=[{"u": 0.1, "v": 0.0}])
     """A uniform current of a plane scenario. Give a table with u and v."""
     departure: AwareDatetime | None = Field(default=None, examples=["2026-07-01T06:00:00Z"])
-    """Time of departure, which dates the times in RTZ and GPX files; with currents that change the
-    voyage begins then. Give a time with its zone, as 2026-07-01T06:00:00Z, or leave it out."""
+    """Time of departure, which dates the times in RTZ and GPX files; changing currents
+    are counted from it. Give a time with its zone, as 2026-07-01T06:00:00Z, or leave it out."""
     departures: DepartureTimes | None = None
     """Departures from which the best is chosen, in place of 'departure', in currents that change.
     Give a table as { first = 2026-07-01T06:00:00Z, every = '1h', count = 24 }, or leave it out."""

@@ -190,7 +190,7 @@ _MAX_OFFSET_DEG, _MIN_OFFSET_CELLS, _MAX_OFFSET_CELLS = 1.5, 2, 60
 _TRIALS_PER_SIDE = 8
 # Largest trial offset as a share of the region, where the land beyond the region is unknown.
 _MAX_OFFSET_SHARE = 1 / 6
-# A cell with at least (at most) this share of land is entirely land (water).
+# Share of land from which a cell counts as entirely land; share up to which it counts as water.
 _LAND_SHARE, _WATER_SHARE = 0.95, 0.05
 # Relative variation of an axis's steps up to which an offset is a whole number of raster points.
 _MAX_STEP_VARIATION = 0.02

@@ -217,7 +217,7 @@ def check(
     if not faults:
         for beyond, what in (
             (_beyond(land, outer), "land are uncovered"),
-            (_beyond(inner, land), "inner land are no land"),
+            (_beyond(inner, land), "inner land lie outside the land"),
         ):
             if (m2 := float(shapely.area(beyond).sum())) > _UNCOVERED_M2:
                 largest = beyond[int(np.argmax(shapely.area(beyond)))]

@@ -1,4 +1,4 @@
-"""The tide over a chart: in which hours which water is deep enough, on each season's clock."""
+"""The tide over a chart: the hours when water is deep enough, on each season's clock."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -125,7 +125,7 @@ def _least_water(scene: Scene, season: str, plan: renew.Plan) -> Iterator[Note]:
 def _next_hours(
     scene: Scene, season: str, area: renew.TidalArea, time_s: float
 ) -> tuple[datetime | float | None, datetime | float | None]:
-    """Return from when until when an area has enough water, at a time (s) or next after it."""
+    """Return begin and end of an area's hours of enough water around a time (s), or next to it."""
     hours = area.next_hours(time_s)
     if hours is None:
         return None, None

@@ -51,7 +51,9 @@ def speed_range_m_s(text: str) -> tuple[float, float]:
         least += unit
     low, high = speed_m_s(least), speed_m_s(most)
     if low <= 0:
-        raise ValueError(f"{text.strip()!r} begins at a speed of 0 or less; give two above 0")
+        raise ValueError(
+            f"{text.strip()!r} begins at a speed of 0 or less; give two speeds above 0"
+        )
     if low > high:
         raise ValueError(f"{text.strip()!r} begins above its end; exchange the two speeds")
     return low, high

@@ -44,7 +44,8 @@ def wet_cells(
     if among is not None:
         wet &= among
         near_shore &= among
-    # Land whose shore runs along a line of the grid leaves no cells of water on its own side.
+    # Cells are shrunk, so that a shore along a grid line does not make the cells on its land side
+    # wet.
     shrink = 10 * chart.precision
     row, column = np.nonzero(near_shore)
     cells = shapely.box(
@@ -58,7 +59,7 @@ def wet_cells(
 
 
 def _near_lines(lines: shapely.Geometry, x: FloatArray, y: FloatArray) -> BoolArray:
-    """Cells (ny - 1, nx - 1) that the bounding box of a piece of some lines touches."""
+    """Which cells (ny - 1, nx - 1) touch the bounding box of a segment of the lines."""
     points, line = shapely.get_coordinates(shapely.get_parts(lines), return_index=True)
     joined = line[:-1] == line[1:]
     low, high = (
@@ -90,8 +91,8 @@ def deviation_radius(
     """Radius r (ny - 1, nx - 1) >= |c - linear interpolant of c| in each cell's triangles, m/s.
 
     `x` (nx,) and `y` (ny,) are the nodes, m, and `velocity` (nt, ny, nx, 2) is c there in each
-    slice; a cell may be cut along either diagonal. The interpolant is linear between slices. It is
-    known in some cells alone, if these are given.
+    slice; a cell may be cut along either diagonal. The interpolant is linear between slices. If
+    `cells` are given, only their radii are computed.
 
     Gyre: |d²c/de²| <= A (a² + b²) for every unit e, with a, b the wave numbers along x and y; and
     linear interpolation in a triangle errs by at most that times half the square of the radius
@@ -139,7 +140,7 @@ def _slope_spread(
 
 
 def _least_of_columns(values: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Least (n, c, 2) of values (n, m, 2) in columns `first` (c,) to `last`, at least in one."""
+    """Return least values (n, c, 2) of (n, m, 2) over columns `first` (c,) to `last` (or first)."""
     least = values[:, first]
     for further in range(1, int((last - first).max(initial=0)) + 1):
         least = np.minimum(least, values[:, np.maximum(first, np.minimum(first + further, last))])
@@ -200,7 +201,7 @@ def _sampled_deviation(
 
 @small_kernel
 def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArray) -> float:
-    """How far a velocity is off the lines through its neighbours; at a side, the next node's."""
+    """How far a velocity is off the lines through its neighbours; a side takes an inner node's."""
     m, n = min(max(i, 1), y.size - 2), min(max(j, 1), x.size - 2)
     along_x = _off_line(c, at, i, n, 0, 0, 1, x, n) if x.size > 2 else 0.0
     along_y = _off_line(c, at, m, j, 0, 1, 0, y, m) if y.size > 2 else 0.0

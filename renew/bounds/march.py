@@ -202,7 +202,7 @@ def march(
     step = (high - low) / LEVELS
     if not step > 0.0:
         return rates, reached
-    # Where speeds are chosen u doesn't tell the time: that may be any up to the deadline.
+    # If speeds are chosen, u is no time: a vessel may pass at any time up to the deadline.
     is_any_time = grid.polar.least < grid.polar.speed
     least = _SMALLEST if is_any_time or len(grid.current.times) == 1 else _LEAST_RATE
     first, order = _by_level(time, grid.wet, counts, low, step)
@@ -243,7 +243,7 @@ def march(
 def _by_level(
     time: FloatArray, wet: BoolArray, counts: BoolArray, low: float, step: float
 ) -> tuple[IntArray, IntArray]:
-    """Level of u at which each cell (c,) begins to count; the cells that count, in that order.
+    """Return the level of u from which each cell (c,) counts, and the cells ordered by level.
 
     Cells out of reach of the start don't count: no route gets there. Cells beyond the last level
     come last.

@@ -31,7 +31,7 @@ BEYOND = 1.02
 # Lowest ground speed of the travel times, as a share of v: keeps them finite upstream of currents
 # as strong as the vessel. No part of the proof.
 _MIN_SPEED = 0.05
-# The two sides of a place among the nodes of an axis: they differ where it is a node.
+# Arguments of `searchsorted`: the results differ only for a place that lies on a node.
 _SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
 # Neighbours of a node, as rows and columns from it, in order around it.
 _RING = np.array([[0, 1], [1, 1], [1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1]])

@@ -29,7 +29,7 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import Channel, RoughPath, Transition, is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
 from renew.classes.k_best_paths import k_best_paths, time_to_go, triangles_crossed
-from renew.classes.reduced_rows import MAX_FLOODED, RayColumns, Task
+from renew.classes.reduced_rows import MAX_FLOODED, RayColumns, SearchTask
 from renew.classes.roadmap import (
     Resolution,
     Roadmap,
@@ -187,7 +187,7 @@ class ClassEnumerator:
         # Without rays all channels are of one class, so the roadmap need not cover all water.
         count = count if len(rays.x) else 1
         columns = RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0))
-        task = Task(graph, columns, self._excluded(blocked))
+        task = SearchTask(graph, columns, self._excluded(blocked))
         stream = self._roads.stream(self._voyage)
         rows, paths = k_best_paths(task, to_go, stream, count, _MAX_STEPS, self._dearest)
         return [

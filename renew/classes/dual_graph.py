@@ -98,8 +98,8 @@ def simple_paths(
         elif after == last:
             yield [*row, last]
         else:
-            # The goal could be reached from the last triangle. If this is its only way on, the
-            # goal is reached this way.
+            # The goal can be reached from the last triangle. If that has only one way on, this way
+            # leads there.
             is_only_way = sum(node not in used for node in beside[row[-1]]) == 1
             reached = {last} if is_only_way else _flooded(beside, after, used, last)
             max_steps -= len(reached)

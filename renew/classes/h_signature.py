@@ -7,10 +7,10 @@ island exactly when their words are equal (Bhattacharya, Likhachev & Kumar, 2012
 touches the end of the chart can't be passed on that side and has no ray.
 
 Some islands get no ray, so that classes which differ only around a rock have the same word: islands
-below a given size, or all but the few largest on the way, by which a navigator distinguishes ways.
-Otherwise, among hundreds of islets, all of the best classes would pass the large islands on the
-same side. Just enough large islands get a ray to give k classes, if each can be passed on both
-sides. The largest island has a ray, however small it is.
+below a given size, or all except the few largest on the way, because a navigator distinguishes ways
+by those. Otherwise, among hundreds of islets, all of the best classes would pass the large islands
+on the same side. Just enough large islands get a ray to give k classes, if each can be passed on
+both sides. The largest island has a ray, however small it is.
 """
 
 import math

@@ -20,7 +20,7 @@ from renew.classes.reduced_rows import (
     TO_BE_MADE,
     UNKNOWN,
     WORD,
-    Task,
+    SearchTask,
     first_row,
     followed,
     keeps_word,
@@ -87,7 +87,7 @@ def _first_label(nodes: int) -> tuple[IntArray, FloatArray, IntArray]:
 
 @kernel
 def k_best_paths(
-    task: Task,
+    task: SearchTask,
     to_go: FloatArray,
     stream: Stream,
     count: int,

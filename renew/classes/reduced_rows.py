@@ -49,7 +49,7 @@ class RayColumns(NamedTuple):
     largest_letter: int
 
 
-class Task(NamedTuple):
+class SearchTask(NamedTuple):
     """Where to search, and for which classes.
 
     `blocked` (t, 4, 4) marks transitions that may not be made: a triangle, and the corners opposite
@@ -73,7 +73,7 @@ class Words(NamedTuple):
 
 
 @kernel
-def first_row(task: Task) -> IntArray:
+def first_row(task: SearchTask) -> IntArray:
     """Return the table of rows with its first row, the start's triangle."""
     rows = np.full((_CAPACITY, _LONGER + 3), UNKNOWN)
     rows[0, _TRIANGLE], rows[0, _ENTRY] = task.graph.triangle[START], 3
@@ -106,7 +106,7 @@ def with_room(array: npt.NDArray[_Number], size: int) -> npt.NDArray[_Number]:
 
 @kernel
 def row_after(
-    task: Task, words: Words, rows: IntArray, used: int, row: int, leg: int
+    task: SearchTask, words: Words, rows: IntArray, used: int, row: int, leg: int
 ) -> tuple[int, IntArray, int]:
     """Return the row after a leg, negative where there can be none; all rows, and their number."""
     onwards = followed(task.graph, rows, row, leg)
@@ -134,7 +134,7 @@ def followed(graph: Roadmap, rows: IntArray, row: int, leg: int) -> int:
 
 
 @kernel
-def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) -> int:
+def _lengthened(task: SearchTask, words: Words, rows: IntArray, place: int, new: int) -> int:
     """Lengthen a row by the triangle across an edge, as row `new`; return 1, or 0 if it can't be.
 
     If the triangle may not be entered, the table of rows notes it. `place` is three times the row
@@ -163,7 +163,7 @@ def _lengthened(task: Task, words: Words, rows: IntArray, place: int, new: int) 
 
 
 @kernel
-def word_changes(task: Task) -> BoolArray:
+def word_changes(task: SearchTask) -> BoolArray:
     """Return which edges (3 t,), numbered 3 triangle + corner, change a row's word."""
     mesh, rays = task.graph.mesh, task.rays
     changes = np.zeros(mesh.neighbours.size, dtype=np.bool_)
@@ -202,7 +202,7 @@ def _across(mesh: Mesh, triangle: int, out: int) -> tuple[Segment, Segment]:
 
 
 @kernel
-def _leads_on(task: Task, rows: IntArray, row: int, out: int) -> bool:
+def _leads_on(task: SearchTask, rows: IntArray, row: int, out: int) -> bool:
     """Whether the goal can be reached across an edge without entering the row's triangles again."""
     mesh, last = task.graph.mesh, task.graph.triangle[GOAL]
     count = len(mesh.neighbours)
@@ -281,14 +281,14 @@ def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
 
 
 @kernel
-def may_end(task: Task, rows: IntArray, row: int) -> bool:
+def may_end(task: SearchTask, rows: IntArray, row: int) -> bool:
     """Whether the transition from a row's last triangle to the goal is not blocked."""
     return not task.blocked[rows[row, _TRIANGLE], rows[row, _ENTRY], 3]
 
 
 @kernel
 def number_of_classes(
-    task: Task, words: Words, rows: IntArray, most: int
+    task: SearchTask, words: Words, rows: IntArray, most: int
 ) -> tuple[int, IntArray, int]:
     """Return how many rows reach the goal (counted up to `most`), all rows made, and their number.
 

@@ -105,7 +105,7 @@ class TidalArea:
         return Text(f"{text} (there is enough{{0}})", (from_until(*hours),))
 
     def next_hours(self, time: float) -> tuple[float, float] | None:
-        """Return from when until when (s) there is enough water, at a time (s) or next after it.
+        """Return begin and end (s) of the hours of enough water around a time (s), or next to it.
 
         A beginning two days before that time, and an end a month after it, are infinite. None if
         there is too little water for a month.

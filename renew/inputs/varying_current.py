@@ -67,7 +67,7 @@ class VaryingCurrent(CurrentField):
             if len(self._slices) != self._times.size:
                 faults.append(f"{len(self._slices)} currents for {self._times.size} times")
             if not all(one.is_steady for one in self._slices):
-                faults.append("a current of one time changes with time itself")
+                faults.append("each of the currents must be steady")
         if faults:
             raise ParameterError("varying current: " + "; ".join(faults))
 

@@ -28,8 +28,8 @@ from renew.kernels.viterbi import TOO_STRONG, leg_time_from
 _HALVINGS, _FINAL_HALVINGS = 1, 12
 
 
-class Errand(NamedTuple):
-    """The vessel's task and its cost.
+class CostModel(NamedTuple):
+    """What a voyage costs, and the limits of its speed and time.
 
     The highest speed is `most` (m/s). The vessel burns vᵏ a second, where k is the `exponent`, and
     updates the time after each `step` (m). Each second after the `deadline` (s) costs `late_price`.
@@ -55,8 +55,8 @@ class Chain(NamedTuple):
     speeds: FloatArray
 
 
-class _Ahead(NamedTuple):
-    """The least remaining cost (q,) from a point, at some times (q,), s."""
+class _CostToGo(NamedTuple):
+    """The least cost to go (q,) from a point, at some times (q,), s."""
 
     times: FloatArray
     cost: FloatArray
@@ -100,7 +100,7 @@ def cheapest_chain(
     speeds: FloatArray,
     tries: int,
     table: CurrentTable,
-    errand: Errand,
+    costs: CostModel,
 ) -> Chain:
     """Return the chain of least cost.
 
@@ -114,7 +114,7 @@ def cheapest_chain(
     """
     rows, count = points.shape[:2]
     cost = np.full((rows, count, times.shape[1]), np.inf)
-    limit = TOO_STRONG * errand.most * errand.most
+    limit = TOO_STRONG * costs.most * costs.most
     for row in range(rows - 2, 0, -1):
         following = 1 if row == rows - 2 else count
         low, high = speeds[row]
@@ -132,15 +132,15 @@ def cheapest_chain(
                         continue
                     bx, by = points[row + 1, j]
                     leg, end = Segment(ax, ay, bx, by), site_of(table, bx, by)
-                    ahead = _Ahead(times[row + 1], cost[row + 1, j], row == rows - 2)
+                    to_go = _CostToGo(times[row + 1], cost[row + 1, j], row == rows - 2)
                     least = min(
                         least,
                         _best_speed(
-                            leg, u, v, end, begin, low, high, tries, _HALVINGS, ahead, table, errand
+                            leg, u, v, end, begin, low, high, tries, _HALVINGS, to_go, table, costs
                         )[0],
                     )
                 cost[row, i, k] = least
-    return _traced(points, clear, times, speeds, tries, cost, table, errand)
+    return _traced(points, clear, times, speeds, tries, cost, table, costs)
 
 
 @kernel
@@ -152,12 +152,12 @@ def _traced(
     tries: int,
     cost: FloatArray,
     table: CurrentTable,
-    errand: Errand,
+    costs: CostModel,
 ) -> Chain:
     """Return the chain that V (r, m, q) gives."""
     rows, count = points.shape[:2]
     chain = np.zeros(rows, dtype=np.int64)
-    when, sailed = np.full(rows, np.inf), np.full(rows - 1, errand.most)
+    when, sailed = np.full(rows, np.inf), np.full(rows - 1, costs.most)
     when[0] = times[0, 0]
     total = 0.0
     for row in range(rows - 1):
@@ -170,17 +170,17 @@ def _traced(
                 continue
             bx, by = points[row + 1, j]
             leg, end = Segment(ax, ay, bx, by), site_of(table, bx, by)
-            ahead = _Ahead(times[row + 1], cost[row + 1, j], row == rows - 2)
+            to_go = _CostToGo(times[row + 1], cost[row + 1, j], row == rows - 2)
             found, speed, duration = _best_speed(
-                leg, u, v, end, when[row], low, high, tries, _FINAL_HALVINGS, ahead, table, errand
+                leg, u, v, end, when[row], low, high, tries, _FINAL_HALVINGS, to_go, table, costs
             )
             if found < least:
                 least, sailed[row], taken, chain[row + 1] = found, speed, duration, j
         if least == np.inf:
             return Chain(np.inf, chain, when, sailed)
-        total += sailed[row] ** errand.exponent * taken
+        total += sailed[row] ** costs.exponent * taken
         when[row + 1] = when[row] + taken
-    total += errand.late_price * max(when[-1] - errand.deadline, 0.0)
+    total += costs.late_price * max(when[-1] - costs.deadline, 0.0)
     return Chain(total, chain, when, sailed)
 
 
@@ -195,9 +195,9 @@ def _best_speed(
     high: float,
     tries: int,
     halvings: int,
-    ahead: _Ahead,
+    to_go: _CostToGo,
     table: CurrentTable,
-    errand: Errand,
+    costs: CostModel,
 ) -> tuple[float, float, float]:
     """Return the least cost of a leg and beyond, the leg's speed (m/s), and its duration (s).
 
@@ -217,30 +217,30 @@ def _best_speed(
             step = math.sqrt(step)
         if not low <= speed <= high:
             continue
-        polar = sailing_at(speed, errand.crab, errand.most)
-        time = leg_time_from(leg, u, v, end, begin, table, polar, errand.step)
+        polar = sailing_at(speed, costs.crab, costs.most)
+        time = leg_time_from(leg, u, v, end, begin, table, polar, costs.step)
         if time < np.inf:
-            cost = speed**errand.exponent * time + _cost_from(begin + time, ahead, errand)
+            cost = speed**costs.exponent * time + _cost_from(begin + time, to_go, costs)
             if cost < least:
                 least, best, taken = cost, speed, time
     return least, best, taken
 
 
 @small_kernel
-def _cost_from(time: float, ahead: _Ahead, errand: Errand) -> float:
+def _cost_from(time: float, to_go: _CostToGo, costs: CostModel) -> float:
     """Return V at a time (s), linear between the times at which it is computed.
 
     Before the first time V is constant; after the last, each second costs as much as lateness. So
     leaving the window gains nothing.
     """
-    if ahead.is_goal:
-        return errand.late_price * max(time - errand.deadline, 0.0)
-    times, cost = ahead.times, ahead.cost
+    if to_go.is_goal:
+        return costs.late_price * max(time - costs.deadline, 0.0)
+    times, cost = to_go.times, to_go.cost
     last = len(times) - 1
     if time <= times[0]:
         return float(cost[0])
     if time >= times[last]:
-        return float(cost[last] + errand.late_price * (time - times[last]))
+        return float(cost[last] + costs.late_price * (time - times[last]))
     place = (time - times[0]) / (times[last] - times[0]) * last
     k = min(int(place), last - 1)
     return float(cost[k] + (place - k) * (cost[k + 1] - cost[k]))

@@ -21,7 +21,7 @@ import numpy as np
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Segment
-from renew.kernels.cheapest_chain import Errand
+from renew.kernels.cheapest_chain import CostModel
 from renew.kernels.current_table import CurrentTable, site_of, velocity_there
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import leg_time_from
@@ -44,7 +44,7 @@ class Sailed(NamedTuple):
 
 @kernel
 def sailed(
-    path: FloatArray, speeds: FloatArray, departure: float, table: CurrentTable, errand: Errand
+    path: FloatArray, speeds: FloatArray, departure: float, table: CurrentTable, costs: CostModel
 ) -> Sailed:
     """Sail a path (n, 2) at speeds (n - 1,) through water, m/s, from a departure (s) on."""
     legs = len(path) - 1
@@ -52,17 +52,17 @@ def sailed(
     times[0] = departure
     for k in range(legs):
         now, speed = times[k], speeds[k]
-        time = _leg_time(path, k, now, speed, table, errand)
+        time = _leg_time(path, k, now, speed, table, costs)
         if time == np.inf:
             break
         times[k + 1] = now + time
         step = _OF_SPEED * speed
-        more = _leg_time(path, k, now, speed + step, table, errand)
-        less = _leg_time(path, k, now, speed - step, table, errand)
+        more = _leg_time(path, k, now, speed + step, table, costs)
+        less = _leg_time(path, k, now, speed - step, table, costs)
         by_speed[k] = (more - less) / (2 * step) if less < np.inf else (more - time) / step
         step = _OF_TIME * time
-        later = _leg_time(path, k, now + step, speed, table, errand)
-        sooner = _leg_time(path, k, now - step, speed, table, errand)
+        later = _leg_time(path, k, now + step, speed, table, costs)
+        sooner = _leg_time(path, k, now - step, speed, table, costs)
         if step > 0.0 and later < np.inf and sooner < np.inf:
             by_begin[k] = (later - sooner) / (2 * step)
     return Sailed(times, by_begin, by_speed)
@@ -70,14 +70,14 @@ def sailed(
 
 @kernel
 def _leg_time(
-    path: FloatArray, k: int, begin: float, speed: float, table: CurrentTable, errand: Errand
+    path: FloatArray, k: int, begin: float, speed: float, table: CurrentTable, costs: CostModel
 ) -> float:
     """Return the time (s) over the k-th leg, begun at a time and sailed at a speed (m/s)."""
     (ax, ay), (bx, by) = path[k], path[k + 1]
     u, v = velocity_there(table, site_of(table, ax, ay), begin)
-    polar = sailing_at(speed, errand.crab, errand.most)
+    polar = sailing_at(speed, costs.crab, costs.most)
     leg, end = Segment(ax, ay, bx, by), site_of(table, bx, by)
-    return leg_time_from(leg, u, v, end, begin, table, polar, errand.step)
+    return leg_time_from(leg, u, v, end, begin, table, polar, costs.step)
 
 
 @kernel
@@ -104,7 +104,7 @@ _LITTLE, _LAST_ONES = 1e-9, 2
 _NO_WAY = 1e3
 
 
-class Purpose(NamedTuple):
+class SpeedProblem(NamedTuple):
     """What the speeds of a path (n, 2), m, are chosen for; fuel is divided by α.
 
     Row k of the path is sailed at the speed of leg `legs[k]`. Leg speeds are multiplied by `scale`
@@ -120,7 +120,7 @@ class Purpose(NamedTuple):
     high: FloatArray
     departure: float
     table: CurrentTable
-    errand: Errand
+    costs: CostModel
     deadline: float
     price: float
     stiffness: float
@@ -128,15 +128,15 @@ class Purpose(NamedTuple):
 
 
 @kernel
-def cheapest_speeds(purpose: Purpose, scaled: FloatArray) -> FloatArray:
+def cheapest_speeds(problem: SpeedProblem, scaled: FloatArray) -> FloatArray:
     """Return scaled speeds (l,) of least cost near given ones, between their limits."""
     x, slope = scaled.copy(), np.zeros(len(scaled))
     new, new_slope = np.empty(len(x)), np.empty(len(x))
     steps, changes = np.zeros((_MEMORY, len(x))), np.zeros((_MEMORY, len(x)))
-    cost, known, last_ones = _cost(purpose, x, slope), 0, 0
+    cost, known, last_ones = _cost(problem, x, slope), 0, 0
     costs = 1
     while costs < _MAX_COSTS and last_ones < _LAST_ONES:
-        free = ~((x <= purpose.low) & (slope > 0.0) | (x >= purpose.high) & (slope < 0.0))
+        free = ~((x <= problem.low) & (slope > 0.0) | (x >= problem.high) & (slope < 0.0))
         ahead = _direction(slope, free, steps, changes, known)
         if not (ahead * slope).sum() < 0.0:
             if known == 0:
@@ -146,8 +146,8 @@ def cheapest_speeds(purpose: Purpose, scaled: FloatArray) -> FloatArray:
         share, new_cost = 1.0, np.inf
         while costs < _MAX_COSTS and share > _SHORTEST:
             for k in range(len(x)):
-                new[k] = min(max(x[k] + share * ahead[k], purpose.low[k]), purpose.high[k])
-            new_cost = _cost(purpose, new, new_slope)
+                new[k] = min(max(x[k] + share * ahead[k], problem.low[k]), problem.high[k])
+            new_cost = _cost(problem, new, new_slope)
             costs += 1
             if new_cost <= cost + _ENOUGH * (slope * (new - x)).sum():
                 break
@@ -190,21 +190,21 @@ def _direction(
 
 
 @kernel
-def _cost(purpose: Purpose, scaled: FloatArray, slope: FloatArray) -> float:
+def _cost(problem: SpeedProblem, scaled: FloatArray, slope: FloatArray) -> float:
     """Return the cost at scaled speeds (l,), and fill in its slopes (l,)."""
-    legs, scale, exponent = purpose.legs, purpose.scale, purpose.errand.exponent
+    legs, scale, exponent = problem.legs, problem.scale, problem.costs.exponent
     slope[:] = 0.0
     speeds = np.empty(len(legs))
     for k in range(len(legs)):
         speeds[k] = scaled[legs[k]] / scale[legs[k]]
-    made = sailed(purpose.path, speeds, purpose.departure, purpose.table, purpose.errand)
+    made = sailed(problem.path, speeds, problem.departure, problem.table, problem.costs)
     if not math.isfinite(made.times[-1]):
         return _NO_WAY
-    late = made.times[-1] - purpose.deadline
-    at = max(0.0, purpose.price + purpose.stiffness * late)
+    late = made.times[-1] - problem.deadline
+    at = max(0.0, problem.price + problem.stiffness * late)
     by_speed, fuel = slopes(speeds, made, at, exponent), 0.0
     for k in range(len(legs)):
         fuel += speeds[k] ** exponent * (made.times[k + 1] - made.times[k])
-        slope[legs[k]] += by_speed[k] / scale[legs[k]] / purpose.unit
-    whole = fuel + (at**2 - purpose.price**2) / (2 * purpose.stiffness)
-    return float(whole / purpose.unit)
+        slope[legs[k]] += by_speed[k] / scale[legs[k]] / problem.unit
+    whole = fuel + (at**2 - problem.price**2) / (2 * problem.stiffness)
+    return float(whole / problem.unit)

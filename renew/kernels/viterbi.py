@@ -130,7 +130,7 @@ def arrivals(path: FloatArray, water: Stream) -> FloatArray:
 
 @kernel
 def shortcut(path: FloatArray, water: Stream, capsules: Capsules, longest: float) -> BoolArray:
-    """Return which points (n,) to keep: points that a short leg passes clear and no slower go.
+    """Return which points (n,) to keep; a short leg that is clear and no slower skips the others.
 
     Legs up to `longest` metres are tried in one pass along the path, from the time of passage.
     """

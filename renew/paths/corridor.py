@@ -143,7 +143,7 @@ class Corridor:
         outside from which the path can continue.
         """
         for at in range(2):
-            # The second turn is from the goal, and turns the path back.
+            # The second round begins at the goal, and reverses the path again.
             path = self._straight_from(at, path)[::-1]
         return np.ascontiguousarray(path)
 
@@ -178,7 +178,7 @@ class Corridor:
     def _beyond(self, end: FloatArray, holding: BoolArray) -> Capsules:
         """Return other parts of V than those that hold an end, and the land within these."""
         capsules, slack = self.hard_capsules, SLACK * self.voyage.vessel.turning_radius
-        # A leg from an end on an edge itself always touches it.
+        # If an end lies on an edge, each leg from it touches that edge.
         on_edge = segment_distance(end, capsules.start, capsules.end) <= slack
         radius = np.where(holding, -1.0, capsules.radius)
         return capsules._replace(radius=radius).select(~(holding & on_edge))
@@ -197,7 +197,7 @@ class Corridor:
         last = free[np.arange(len(rays)), np.maximum(count - 1, 0)]
         out = (count > 0) & (last[:, 1] == 1.0)
         exits = end + (furthest * last[out, :1] + SLACK * radius) * rays[out]
-        # The outline around an end on the chart's edge does not hold an exit back.
+        # The outline at an end on the chart's edge is no obstacle to an exit.
         return np.asarray(exits[self._contains(exits)])
 
     def _contains(self, points: FloatArray) -> BoolArray:

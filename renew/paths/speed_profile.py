@@ -160,7 +160,7 @@ class _SteadyPath:
         pieces, voyage = self._pieces, self._voyage
         taken = pieces.total(self._slowness(speeds[legs][:, None]))
         first = np.flatnonzero(np.diff(legs, prepend=-1))
-        # Where a piece begins: its first node lies a known share of the piece beyond.
+        # The place where a piece begins is computed back from its first node.
         step = pieces.length[first, None] * pieces.tangent[first, 0]
         begin = pieces.points[first, 0] - WITHIN[0] * step
         # Legs that begin at the path's own points do so exactly.

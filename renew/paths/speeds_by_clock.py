@@ -19,8 +19,8 @@ import numpy as np
 
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.kernels.cheapest_chain import Chain, Errand, cheapest_chain
-from renew.kernels.cheapest_speeds import Purpose, Sailed, cheapest_speeds, sailed
+from renew.kernels.cheapest_chain import Chain, CostModel, cheapest_chain
+from renew.kernels.cheapest_speeds import Sailed, SpeedProblem, cheapest_speeds, sailed
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import Stream, arrivals
 from renew.paths.speed_profile import SpeedProfile, alike_legs
@@ -65,10 +65,10 @@ class TimedPath:
         """Legs (r,) if every row has its own speed."""
         return np.arange(len(self.own_leg))
 
-    def errand(self, deadline: float = math.inf) -> Errand:
-        """Return the vessel's errand, with a deadline (s) or with the last useful arrival."""
+    def costs(self, deadline: float = math.inf) -> CostModel:
+        """Return the cost model, with a deadline (s) or with the last useful arrival."""
         vessel, voyage = self._voyage.vessel, self._voyage
-        return Errand(
+        return CostModel(
             vessel.speed,
             voyage.drift == "crab",
             vessel.fuel_exponent,
@@ -145,9 +145,9 @@ class TimedPath:
         limits.
         """
         times[0] = self._voyage.departure
-        table, errand = self._voyage.table, self.errand(deadline)
+        table, costs = self._voyage.table, self.costs(deadline)
         rows = (for_kernels(points), clear, for_kernels(times), for_kernels(speeds))
-        return Chain(*cheapest_chain(*rows, _TRIES, table, errand))
+        return Chain(*cheapest_chain(*rows, _TRIES, table, costs))
 
     @property
     def can_be_made(self) -> bool:
@@ -170,7 +170,7 @@ class TimedPath:
     def sailed(self, speeds: FloatArray) -> Sailed:
         """Sail the rows at speeds (r,), m/s."""
         voyage = self._voyage
-        return Sailed(*sailed(self.rows, speeds, voyage.departure, voyage.table, self.errand()))
+        return Sailed(*sailed(self.rows, speeds, voyage.departure, voyage.table, self.costs()))
 
     def fuel(self, speeds: FloatArray) -> float:
         """Return the fuel at speeds (r,), m/s."""
@@ -208,7 +208,7 @@ class TimedPath:
         stiffness = usual / (_FIRST_LATE * total)
         low, high = least * scale, most * scale
         for _ in range(rounds):
-            purpose = Purpose(
+            problem = SpeedProblem(
                 self.rows,
                 legs,
                 scale,
@@ -216,13 +216,13 @@ class TimedPath:
                 high,
                 self._voyage.departure,
                 self._voyage.table,
-                self.errand(),
+                self.costs(),
                 deadline,
                 price,
                 stiffness,
                 unit,
             )
-            speeds = cheapest_speeds(purpose, np.clip(speeds * scale, low, high)) / scale
+            speeds = cheapest_speeds(problem, np.clip(speeds * scale, low, high)) / scale
             late = float(self.sailed(speeds[legs]).times[-1]) - deadline
             before, price = price, max(0.0, price + stiffness * late)
             if abs(late) <= _LATE_AT_LAST * total or before == price == 0:
@@ -281,7 +281,7 @@ def constant_speed(path: FloatArray, voyage: Voyage) -> float:
     """
     deadline = voyage.deadline
     for _ in range(_CLOCK_ROUNDS):
-        speed = TimedPath(path, voyage.due(deadline)).constant[0]
+        speed = TimedPath(path, voyage.with_deadline(deadline)).constant[0]
         late = _flown(path, np.full(len(path) - 1, speed), voyage).arrival - voyage.deadline
         if not late > 0 or speed == voyage.vessel.speed:
             break

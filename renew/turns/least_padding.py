@@ -179,7 +179,7 @@ def _paddings(
     if not options.is_adaptive:
         return np.full(len(edges), options.fixed_width)
     if voyage.choice.least < math.inf:
-        # The padding is for speeds that the vessel may choose.
+        # The rule's padding depends on the speeds that the vessel chooses.
         return np.zeros(len(edges))
     vessel, sampler = voyage.vessel, TurnSampler.for_risk(options.seed, options.risk)
     aside, *both = sampler.aside(options.risk)

@@ -197,7 +197,7 @@ class Voyage:
         """Return the voyage at a constant speed through water (m/s)."""
         return replace(self, vessel=replace(self.vessel, speed=speed), schedule=None)
 
-    def due(self, deadline: float) -> "Voyage":
+    def with_deadline(self, deadline: float) -> "Voyage":
         """Return the voyage with another deadline (s)."""
         return replace(self, choice=replace(self.choice, deadline=deadline))
 

@@ -16,7 +16,7 @@ from renew.inputs.options import Drift
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import moving_scene
-from tests.speed_clock_oracle import Errand, improved, least_fuel_in_table
+from tests.speed_clock_oracle import CostModel, improved, least_fuel_in_table
 from tests.speed_oracle import least_fuel
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
 
@@ -175,7 +175,7 @@ def _changing() -> Iterator[Figure]:
             speed=_CHANGING_SPEEDS,
             arrive_by=deadline,
         ).best
-        errand = Errand(
+        costs = CostModel(
             scene.current,
             scene.start,
             scene.goal,
@@ -185,9 +185,9 @@ def _changing() -> Iterator[Figure]:
             exponent,
             scene.drift == "crab",
         )
-        least, path, speeds = least_fuel_in_table(errand, nodes, reach=26, buckets=120, tried=6)
+        least, path, speeds = least_fuel_in_table(costs, nodes, reach=26, buckets=120, tried=6)
         if math.isfinite(least):
-            least = min(least, improved(errand, path, speeds, _LEGS)[0])
+            least = min(least, improved(costs, path, speeds, _LEGS)[0])
         dearest = max(dearest, best.fuel / least)
         above += best.fuel_bound.value > least
         largest = max(largest, 100 * best.optimality_gap)

@@ -26,7 +26,7 @@ holds = {"before": _compiled.has_all()}
 folder = _compiled.cache_folder()
 (index,), earlier = folder.glob("outer*.nbi"), next(folder.glob("outer*.nbi")).read_bytes()
 outer.doubled(3)
-_compiled.note_all()
+_compiled.list_all()
 holds["after"] = _compiled.has_all()
 for path in sorted(folder.iterdir()):
     content = path.read_bytes()

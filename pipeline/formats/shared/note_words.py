@@ -247,7 +247,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     # The currents.
     "climatology-stands-in": "planned on {source}: {valid} stands in for {asked}",
     "current-at-depth": "the currents are from {depth_m:g} m depth",
-    "current-changes": "the current changes on the way, by {steps} time steps",
+    "current-changes": "the current changes on the way: it has {steps} time steps",
     "current-doubtful": "check {source}: {warning}",
     "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
     "current-lacking": _current_lacking,
@@ -303,9 +303,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
-    "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; relied on "
-    "is the least height predicted within {lag_min:g} min, less {surge_m:g} m; the error of "
-    "soundings is not taken off",
+    "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; the "
+    "vessel relies on the least height predicted within {lag_min:g} min, less {surge_m:g} m; the "
+    "error of soundings is not taken off",
     # The routes.
     "area-shut": _area_shut,
     "classes-shut-for-hours": "no route was found where the current shuts water on the way for a "

@@ -1,4 +1,4 @@
-"""PartFile files: each holds the rows of neighbouring cases and of the cases' routes.
+"""Part files: each holds the rows of neighbouring cases and of the cases' routes.
 
 A part has the cases from `first` to `end` - 1: one row of rank 0 for each case, and one row for
 each route of the case; the best route has rank 1. Geometries are WKB in lon/lat. A file consists

@@ -259,7 +259,7 @@ def _groups_hint(files: Sequence[Path]) -> str:
 
 
 def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[Note, ...]:
-    """Say in a note that such a current lacks the tide, or all but the geostrophic part."""
+    """Note that the current is only geostrophic, or lacks the tide, by the variables' names."""
     standard, name = pair[0]
     if "geostrophic" in standard or name == "ugos":
         return (Note.of("current-geostrophic"),)

@@ -236,7 +236,7 @@ def _harcon(data: _Harcon, path: Path, faults: list[str]) -> Station:
         )
     if any(row.phase is None for row in data.rows):
         faults.append(
-            "phase_GMT is missing: phases of the local clock, or κ, are others; give those of "
+            "phase_GMT is missing: phases of the local clock, or κ, differ from it; give those of "
             "Greenwich, which NOAA's service answers as phase_GMT"
         )
     rows = ((row.name, row.amplitude, row.phase or 0.0) for row in data.rows)
@@ -287,7 +287,7 @@ def _own(data: OwnStation, path: Path, faults: list[str]) -> Station:
     else:
         if data.phases is None:
             faults.append(
-                "phases is missing: those of the local clock, or κ, are others; give phase lags at "
+                "phases is missing: those of the local clock, or κ, differ; give phase lags at "
                 "Greenwich, and say so: phases = 'UTC'"
             )
         rows = ((name, row.amplitude_m, row.phase_deg) for name, row in data.constants.items())

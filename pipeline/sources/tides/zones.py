@@ -30,7 +30,7 @@ def stations_of(spec: TideSpec) -> tuple[Station, ...]:
 
 
 def tide_range(spec: TideSpec) -> TideRange:
-    """Return between which heights the tide relied on always stays, at any of the stations."""
+    """Return the least and greatest height of the tide relied on, over all stations."""
     tides = [station.tide(np.datetime64(0, "s")) for station in stations_of(spec)]
     return TideRange(
         min(tide.lowest for tide in tides) - spec.surge_m,

@@ -19,7 +19,7 @@ from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import dual_graph, visits
 from renew.classes.h_signature import Rays
 from renew.classes.k_best_paths import k_best_paths, time_to_go
-from renew.classes.reduced_rows import RayColumns, Task
+from renew.classes.reduced_rows import RayColumns, SearchTask
 from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.kernels.viterbi import Stream
@@ -43,7 +43,7 @@ def found_in(
     rays = Rays.of(voyage.chart)
     none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
     columns = RayColumns(rays.x, rays.y, rays.island, len(rays.island))
-    task = Task(graph, columns, none)
+    task = SearchTask(graph, columns, none)
     stream = Stream(voyage.table, voyage.polar, voyage.clock)
     rows, paths = k_best_paths(task, time_to_go(graph), stream, count, 1_000_000)
     return rows, [graph.points[nodes] for nodes in paths]

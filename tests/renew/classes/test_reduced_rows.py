@@ -12,7 +12,7 @@ from renew.classes.dual_graph import dual_graph, visits
 from renew.classes.h_signature import Rays
 from renew.classes.reduced_rows import (
     RayColumns,
-    Task,
+    SearchTask,
     first_row,
     no_words,
     number_of_classes,
@@ -24,7 +24,7 @@ from renew.classes.triangulation import Triangulation, triangulate
 from tests.strategies import examples, seeds, voyage_on
 
 
-def task_of(seed: int) -> tuple[Task, Triangulation]:
+def task_of(seed: int) -> tuple[SearchTask, Triangulation]:
     """Three random islands, which may touch."""
     rng = np.random.default_rng(seed)
     islands = [box(x, y, x + 12, y + 9) for x, y in rng.uniform(18, 70, (3, 2))]
@@ -35,7 +35,7 @@ def task_of(seed: int) -> tuple[Task, Triangulation]:
     )
     rays = Rays.of(chart)
     none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
-    return Task(
+    return SearchTask(
         graph, RayColumns(rays.x, rays.y, rays.island, len(rays.island)), none
     ), triangulation
 

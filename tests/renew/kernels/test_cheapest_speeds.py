@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import minimize
 
 from renew._types import FloatArray
-from renew.kernels.cheapest_chain import Errand
-from renew.kernels.cheapest_speeds import Purpose, _cost, cheapest_speeds
+from renew.kernels.cheapest_chain import CostModel
+from renew.kernels.cheapest_speeds import SpeedProblem, _cost, cheapest_speeds
 from renew.kernels.current_table import CurrentTable, table_of
 
 IS_CRAB = False
@@ -32,17 +32,28 @@ def test_no_optimizer_finds_cheaper_speeds(seed: int, legs: np.ndarray) -> None:
     count, deadline, price = legs[-1] + 1, 100.0 + 20 * seed, 2.0
     scale = np.sqrt(np.bincount(legs) / 40)
     low, high = 0.6 * scale, 3.0 * scale
-    errand = Errand(3.0, IS_CRAB, 2.0 + seed % 2, 2.0, math.inf, 1.0)
-    purpose = Purpose(
-        path, legs, scale, low, high, 3.0, turning_tide(seed), errand, deadline, price, 1.0, 100.0
+    costs = CostModel(3.0, IS_CRAB, 2.0 + seed % 2, 2.0, math.inf, 1.0)
+    problem = SpeedProblem(
+        path,
+        legs,
+        scale,
+        low,
+        high,
+        3.0,
+        turning_tide(seed),
+        costs,
+        deadline,
+        price,
+        1.0,
+        100.0,
     )
     begun = 1.2 * scale
 
     def cost(scaled: FloatArray) -> tuple[float, FloatArray]:
         slope = np.zeros(count)
-        return float(_cost(purpose, scaled, slope)), slope
+        return float(_cost(problem, scaled, slope)), slope
 
-    found = cheapest_speeds(purpose, begun)
+    found = cheapest_speeds(problem, begun)
     bounds = np.column_stack([low, high])
     oracle = min(
         minimize(cost, at, jac=True, method=method, bounds=bounds).fun
@@ -58,10 +69,10 @@ def test_speeds_that_make_no_way_stay() -> None:
     axis, times = np.array([0.0, 100.0]), np.array([0.0, 1e3])
     uv = np.zeros((2, 2, 2, 2))
     uv[..., 0] = 2.0
-    errand = Errand(1.0, IS_CRAB, 2.0, 2.0, math.inf, 1.0)
+    costs = CostModel(1.0, IS_CRAB, 2.0, 2.0, math.inf, 1.0)
     ones = np.ones(10)
-    purpose = Purpose(
+    problem = SpeedProblem(
         path, np.arange(10), ones, 0.5 * ones, ones, 0.0, table_of(axis, axis, uv, times=times),
-        errand, 200.0, 1.0, 1.0, 100.0,
+        costs, 200.0, 1.0, 1.0, 100.0,
     )  # fmt: skip
-    np.testing.assert_array_equal(cheapest_speeds(purpose, 0.8 * ones), 0.8 * ones)
+    np.testing.assert_array_equal(cheapest_speeds(problem, 0.8 * ones), 0.8 * ones)

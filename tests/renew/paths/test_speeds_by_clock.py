@@ -13,7 +13,7 @@ from renew._types import FloatArray
 from renew.paths.speeds_by_clock import constant_speed, speeds_by_clock, trade_off_by_clock
 from renew.voyage.voyage import SpeedChoice, Voyage, Waters
 from tests.moving_waters import moving_scene
-from tests.speed_clock_oracle import Errand
+from tests.speed_clock_oracle import CostModel
 from tests.strategies import PAPER_VESSEL
 
 SPEEDS, LEGS = (0.75, 2.0), 16
@@ -43,7 +43,7 @@ def test_no_speeds_of_an_optimizer_need_less(seed: int, exponent: float) -> None
     voyage, path = voyage_and_path(seed, exponent, 200.0)
     found = speeds_by_clock(path, voyage)
     assert 200 * (1 - 2e-6) <= found.arrival - voyage.departure <= 200
-    errand = Errand(
+    costs = CostModel(
         voyage.current,
         voyage.start,
         voyage.goal,
@@ -62,7 +62,7 @@ def test_no_speeds_of_an_optimizer_need_less(seed: int, exponent: float) -> None
     )
 
     def flown(speeds: FloatArray) -> tuple[float, float]:
-        (fuel,), (arrival,) = errand.flown(legs[None], speeds[None])
+        (fuel,), (arrival,) = costs.flown(legs[None], speeds[None])
         return float(fuel), float(arrival)
 
     one = constant_speed(path, voyage)

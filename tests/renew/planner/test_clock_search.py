@@ -15,7 +15,7 @@ from renew.inputs.current import as_field
 from renew.planner import speeds
 from renew.planner.price_search import PriceSearch
 from tests.moving_waters import MovingScene, moving_scene
-from tests.speed_clock_oracle import Errand, improved, least_fuel_in_table
+from tests.speed_clock_oracle import CostModel, improved, least_fuel_in_table
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
 
 SPEEDS = (0.75, 1.6)
@@ -53,7 +53,7 @@ def test_neither_a_table_nor_an_optimizer_needs_less(seed: int, exponent: float)
     vessel = replace(PAPER_VESSEL, fuel_exponent=exponent)
     deadline = scene.departure + 190.0
     best = plan_of(scene, vessel, speed=SPEEDS, arrive_by=deadline).best
-    errand = Errand(
+    costs = CostModel(
         scene.current,
         scene.start,
         scene.goal,
@@ -65,8 +65,8 @@ def test_neither_a_table_nor_an_optimizer_needs_less(seed: int, exponent: float)
     )
     axis = np.linspace(0, SIZE, 25)
     nodes = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    in_table, path, speeds = least_fuel_in_table(errand, nodes, reach=26.0, buckets=120, tried=6)
-    least = improved(errand, path, speeds, 14)[0]
+    in_table, path, speeds = least_fuel_in_table(costs, nodes, reach=26.0, buckets=120, tried=6)
+    least = improved(costs, path, speeds, 14)[0]
     assert best.fuel <= 1.002 * least
     # Rounding up costs the table some time, and few speeds are tried.
     assert least <= in_table <= 1.25 * least
@@ -85,7 +85,7 @@ def test_neither_a_table_nor_an_optimizer_needs_less(seed: int, exponent: float)
         speeds=best.speeds,
     )
     assert sailed == pytest.approx(best.fuel, rel=1e-9)
-    (fuel,), (arrival,) = errand.flown(best.path[None], best.speeds[None])
+    (fuel,), (arrival,) = costs.flown(best.path[None], best.speeds[None])
     assert fuel == pytest.approx(best.fuel, rel=1e-3)
     assert arrival == pytest.approx(best.times[-1], abs=0.1)
 

@@ -226,7 +226,7 @@ def test_a_voyage_is_planned_completely_or_refused_with_the_end_of_the_currents(
     with connected(world.store(HOURLY, ocean=ocean), tmp_path / "home"):
         code, text = run(DEPARTURE)
         assert code == 0, text
-        assert "the current changes on the way, by" in text
+        assert "the current changes on the way: it has" in text
         manifest = json.loads((output / "voyage" / "manifest.json").read_text())
         (credit,) = manifest["current_sources"]
         assert credit["valid"].startswith("2024-07-15T08:00Z/2024-07-1")

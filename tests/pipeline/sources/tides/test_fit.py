@@ -129,7 +129,10 @@ def test_the_command_writes_the_constants_and_says_how_well_they_fit(tmp_path: P
     done = CliRunner().invoke(app, ["tide", "fit", str(second), str(first), "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert "constituents at 5 nodes: M2, K1, S2, O1, N2" in done.stdout
-    assert "0 nodes have less than 70% of the variance, 1 no whole series." in done.stdout
+    assert (
+        "0 nodes have less than 70% of the variance, and 1 have an incomplete series."
+        in done.stdout
+    )
     with xr.open_dataset(out) as found:
         assert found["u_re"].dims == ("constituent", "lat", "lon")
         whole = fit_files([str(written(dataset, tmp_path))])

@@ -156,7 +156,7 @@ def test_noaa_s_constants_in_feet_or_local_phases_are_refused(tmp_path: Path) ->
     for row in data["HarmonicConstituents"]:
         del row["phase_GMT"]
     assert faults_of(written(tmp_path, data))[1].startswith(
-        "station.json: phase_GMT is missing: phases of the local clock, or κ, are others; give"
+        "station.json: phase_GMT is missing: phases of the local clock, or κ, differ from it; give"
     )
 
 
