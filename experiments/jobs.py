@@ -55,7 +55,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Judged:
-    """A candidate and what the referee says of it; `classes` of those tried, `kept` their class."""
+    """A candidate with its judgement; of `classes` smoothed paths, `kept` stayed in their class."""
 
     candidate: Candidate
     judgement: Judgement

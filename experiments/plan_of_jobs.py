@@ -21,7 +21,7 @@ QUICK = ("single-gyre", "four-gyre")
 """Environments of a quick run."""
 
 TIMED = "four-gyre"
-"""Environment in whose cases anytime planners run with smaller budgets too: fuel against time."""
+"""Environment in which anytime planners also run with smaller budgets, for fuel against time."""
 
 # Share of an anytime planner's budget in a quick run, and the smaller ones of a full run.
 _QUICK_SHARE, _SHARES = 0.1, (0.03, 0.1, 0.3)
@@ -35,13 +35,13 @@ class Design:
     is_quick: bool
 
     def ours(self) -> Iterator[Job]:
-        """Our own plans, of which others need the padding."""
+        """Our own plans; other jobs need their padding."""
         for spec in self.specs:
             for case in spec.cases:
                 yield Job(spec.name, case.name, "RENEW")
 
     def theirs(self) -> Iterator[Job]:
-        """All others, those that take longest first."""
+        """All other jobs, the longest first."""
         for planner in PLANNERS.values():
             if planner.group == "fuel":
                 yield from self._rivals(planner)

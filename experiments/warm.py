@@ -40,7 +40,7 @@ def _warm() -> None:
             voyage = Voyage(Waters(chart, current), vessel, start, goal, "projected")
             for planner in (isochrone, energy_graph):
                 planner(Task(voyage, water, Budget()))
-    # What jobs import: they need not do it again.
+    # Jobs need these modules, and get them from the fork server.
     for name in ("jobs", "environments.loading"):
         importlib.import_module(f"experiments.{name}")
     if importlib.util.find_spec("ompl") is not None:

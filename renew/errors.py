@@ -63,7 +63,7 @@ class ClassName:
 
 
 LengthSpelling: TypeAlias = Callable[[Length], str]
-"""Spells a length for a message: as it is, or in true metres if the caller knows the scale."""
+"""Spells a length for a message: in planar metres, or in true metres if the scale is known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

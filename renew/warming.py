@@ -27,7 +27,7 @@ from renew.voyage.fuel import fuel
 
 _SIDE = 100.0
 _EXTENT = box(0.0, 0.0, _SIDE, _SIDE)
-# Three islands, one of them concave: choices, corners to round, and a channel to pad.
+# Three islands, one of them concave: there are several classes, corners to round, a strait to pad.
 _ISLANDS = (
     Polygon([(28, 61.5), (36, 61.5), (36, 70), (30, 70)]),
     Polygon([(51, 67.5), (55, 67), (55, 72), (52, 72)]),
@@ -39,7 +39,7 @@ _GYRE = GyreCurrent(0.8, _SIDE, _SIDE)
 
 
 class Rehearsal(NamedTuple):
-    """A small plan: what it stands for, its current, and its options."""
+    """A small plan: its description, its current and its options."""
 
     what: str
     current: CurrentLike
@@ -47,7 +47,7 @@ class Rehearsal(NamedTuple):
 
 
 def _as_grid(field: Callable[[Any], Any]) -> GriddedCurrent:
-    """A field on nodes that don't stand evenly, as those of a projected chart."""
+    """A field on unevenly spaced nodes, like those of a projected chart."""
     axis = np.linspace(0.0, 1.0, 21) ** 1.1 * _SIDE
     uv = field(np.stack(np.meshgrid(axis, axis), axis=-1))
     return GriddedCurrent(axis, axis, uv[..., 0], uv[..., 1])

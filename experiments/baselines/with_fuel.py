@@ -37,7 +37,7 @@ def _anytime(task: Task, planner_name: str) -> list[Candidate]:
     problem.setOptimizationObjective(objective)
     planner = space.solved(problem, planner_name)
     states = list(problem.getSolutionPath().getStates())
-    # PlannerData of an unfinished BIT* batch is slow to make: the number of batches says as much.
+    # PlannerData of an unfinished BIT* batch is slow to make; the number of batches serves as well.
     size = planner.numIterations()
     seconds = time.process_time() - started
     return [Candidate(space.polyline(states), int(size), seconds=seconds)]

@@ -32,7 +32,7 @@ def _by_season(spec: EnvironmentSpec) -> list[Case]:
 
 
 def drawings(found: Findings) -> Iterator[Drawing]:
-    """Draw whatever the environments of a run allow."""
+    """Draw all figures that the environments of a run allow."""
     by_name = {environment.spec.name: environment for environment in found.environments}
     for environment in found.environments:
         spec = environment.spec

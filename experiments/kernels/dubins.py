@@ -17,7 +17,7 @@ from renew._types import BoolArray, FloatArray, IntArray
 _WORDS = np.array([(1, 0, 1), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (-1, 1, -1), (1, -1, 1)])
 # Largest angle (rad) between points of an arc: chords leave it by 0.1 % of the radius.
 _ARC_STEP = math.radians(5)
-# Angles this close to a full turn are none: rounding of a straight path.
+# An angle this close to a full turn counts as 0: rounding makes it of a straight path.
 _FULL_TURN = 1e-9
 # Largest error (radii, rad) at the end of a word that counts as one.
 _CLOSED = 1e-6

@@ -30,7 +30,7 @@ _SHORT = 1 - 1e-6
 
 
 class Buckets(NamedTuple):
-    """Padded edges, and those that each cell of a grid meets.
+    """Padded edges, with the edges that each cell of a grid meets.
 
     Edges of cell (row, column) are member[first[i]:first[i + 1]] with i = row * columns + column.
     """

@@ -283,8 +283,8 @@ def plan_options(options: PlannerOptions, *, min_lateness: float = 0.0) -> renew
 # If the best route is early by more than the first share of its duration, it is planned again with
 # the second share as a reserve, because routes shift a little.
 _EARLY, _RESERVE = 1e-3, 2e-5
-# Number of points at which the point scale is computed: along the chart's edge, and along each side
-# of a lattice.
+# Number of points at which the point scale is computed: along the chart's edge, and per side of a
+# lattice.
 _EDGE_POINTS, _LATTICE = 400, 40
 
 

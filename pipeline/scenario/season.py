@@ -264,7 +264,7 @@ class Season(StrictModel):
 
     @property
     def timeless_fault(self) -> str:
-        """Name its keys that need water that changes with time; empty if there are none."""
+        """Return the fault of keys that make sense only in changing water, or ""."""
         given = [
             repr(name)
             for name in ("departures", "to_within", "arrive_by")

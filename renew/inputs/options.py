@@ -309,7 +309,7 @@ def check_turns(
 
 
 def check_seed(seed: object) -> None:
-    """Refuse a value that is no seed of draws."""
+    """Refuse a value that can't be a seed."""
     for fault in count_faults("seed", seed):
         raise ParameterError(fault)
 
@@ -323,7 +323,7 @@ def as_point(name: str, value: FloatArray | tuple[float, float]) -> FloatArray:
 
 
 def as_via(given: ViaPoints) -> FloatArray:
-    """Return via points as an array (n, 2), m; the error names all that are no points."""
+    """Return via points as an array (n, 2), m; the error names all faulty ones."""
     if not _is_row(given):
         raise ParameterError(f"via = {shown(given)} must be points (m) in a row, as in [(x, y)]")
     points, faults = [], []

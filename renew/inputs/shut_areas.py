@@ -124,7 +124,7 @@ Area: TypeAlias = ShutArea | TidalArea
 
 
 def check_area(name: str, polygon: object) -> None:
-    """Refuse what is no valid polygon (m); the error names the area."""
+    """Refuse anything but a valid polygon (m); the error names the area."""
     if not isinstance(polygon, Polygon | MultiPolygon) or polygon.is_empty:
         raise GeometryError(f"{name} must be a non-empty polygon, not {shown(polygon)}")
     if not np.isfinite(shapely.get_coordinates(polygon)).all():

@@ -296,7 +296,7 @@ def _instant(epoch: object) -> np.datetime64:
 
 
 def _finite_times(times: object) -> FloatArray:
-    """Refuse times (s) that are no numbers, or centuries from the epoch."""
+    """Refuse times (s) that are not numbers, or lie centuries from the epoch."""
     found = as_floats("tide: times", times)
     if not (abs(found) <= _MOST_TIME).all():
         raise ParameterError(f"tide: times must be within {_MOST_TIME:g} s of the epoch")

@@ -169,7 +169,7 @@ def unavoidable(
 
 
 def with_least_water(plan: Plan, depth: TidalDepth | None, task: Task) -> Plan:
-    """Return the plan with the least water of each route; without tidal depths, as it is."""
+    """Return the plan with each route's least water; unchanged without tidal depths."""
     if depth is None:
         return plan
     late = task.request.lateness, task.request.min_lateness

@@ -1,4 +1,4 @@
-"""The request for a plan: what is refused at once, and the planners of classes that it needs."""
+"""The request for a plan: checks that refuse it at once, and the class planners for it."""
 
 import itertools
 import math

@@ -70,7 +70,7 @@ _Touching: TypeAlias = tuple[FloatArray, IntArray, IntArray]
 # Margin (share of v/ω) added to land, so that another seed, or a place between two stations, shows
 # no collision that the verification missed. Growing padding adds this margin once more.
 _MARGIN = 0.05
-# Factor by which padding grows more than it lacks: the re-planned path meets another current.
+# Padding grows by this factor times what it lacks, because the new path meets another current.
 _OVERSHOOT = 1.3
 # Factor on the distance by which a perturbed current may carry a turn away: on the way the turn
 # meets other currents than those around its beginning.
@@ -82,8 +82,7 @@ _STEPS = 24
 # Deviations in which turns are flown: the field itself, and the corners of the box from which
 # contingency draws: a turn reaches furthest where the field deviates most.
 _CORNERS = MAX_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
-# Margin (share of v/ω) by which padding grows more than it lacks: the path planned around it takes
-# other headings.
+# Margin (share of v/ω) added to what padding lacks, because the new path has other headings.
 _HEADING_MARGIN = 0.05
 # Largest number of turns that are held in memory at a time: 32 MB.
 _MAX_TURNS = 4_000_000

@@ -19,8 +19,8 @@ from renew.kernels.ground_speed import Polar, choosing, made_good
 from renew.kernels.viterbi import Clock, Stream, arrivals
 from renew.voyage.fuel import Pieces, passage
 
-# Share of the vessel's speed by which the current may change in a step of the clock, the number of
-# steps that a way across the chart has at most, and a change (m/s²) that counts as none.
+# Share of the vessel's speed by which the current may change in a step of the clock; largest number
+# of steps across the chart; change (m/s²) up to which a current counts as constant.
 _CHANGE, _MAX_STEPS, _SLOWEST_CHANGE = 0.1, 2000, 1e-12
 # A path may come near a via point several times. It passes the point the first time, unless it
 # comes closer later by more than this share of v/ω.

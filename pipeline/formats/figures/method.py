@@ -348,7 +348,7 @@ def _reason(variant: Variant, season: str) -> str:
 
 
 def _write_reason(axes: Axes, reason: str) -> None:
-    """Write why there is no route into the middle of a map."""
+    """Write the reason for a missing route in the middle of a map."""
     width_in = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi
     letters = max(_MIN_LETTERS, int(width_in * POINTS_PER_INCH / (_LETTER_SHARE * SMALL_PT)))
     lines = textwrap.wrap(drawable(reason, _MAX_REASON), letters)

@@ -195,7 +195,7 @@ def _areas(points: Waypoints, result: RunResult) -> Geometries:
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M)
     geod, line = pyproj.Geod(ellps="WGS84"), drawn.lonlat
     ahead = np.asarray(geod.inv(line[:-1, 0], line[:-1, 1], line[1:, 0], line[1:, 1])[0])
-    # A leg's last point has the course by which it is reached.
+    # The last point of a leg has the course on which the leg arrives there.
     last = np.append(drawn.leg[1:] != drawn.leg[:-1], True)
     course = np.where(last, np.roll(np.append(ahead, 0.0), 1), np.append(ahead, 0.0))
     sides = []

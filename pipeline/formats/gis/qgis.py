@@ -392,7 +392,7 @@ def _environment() -> Environment:
     loaded.filters.update(
         clean=clean,
         g=lambda value: f"{value:g}",
-        # Where QGIS shows HTML: no markup takes effect.
+        # Escaped, because QGIS may show the text as HTML.
         html=lambda text: clean(text).replace("<", "&lt;"),
         title_line=one_line,
         uuid=lambda name: f"{{{uuid.uuid5(uuid.NAMESPACE_URL, f'renew:{name}')}}}",

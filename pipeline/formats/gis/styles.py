@@ -152,7 +152,7 @@ def _passage(view: View) -> Style:
 
 
 def _best_and_others(view: View, best: _Symbol, others: _Symbol) -> list[Rule]:
-    """Draw the features of the best routes, and those of the other classes, which are off."""
+    """Draw the features of the best routes; those of other classes are switched off at first."""
     return _by_season(
         view,
         lambda season: [

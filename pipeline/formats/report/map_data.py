@@ -312,7 +312,7 @@ def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
     xmin, ymin, xmax, ymax = chart.bounds
     tolerance = _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin)
     zones = np.array([ranked.route.soft_no_go for ranked in result.routes], dtype=object)
-    # Tens of thousands of vertices each: it would take ten times as long with topology kept.
+    # Zones have tens of thousands of vertices: keeping their topology would take ten times as long.
     zones = shapely.make_valid(shapely.simplify(zones, tolerance, preserve_topology=False))
     zones = coarser(zones, 2 * tolerance, _MAX_SOFT_VERTICES)
     return {

@@ -154,7 +154,7 @@ class SeasonFacts:
         return sentences
 
     def _rival_name(self, rival: RouteMetrics) -> str:
-        """Return what the rival is called."""
+        """Return the rival's name in a sentence."""
         if rival.main_passage != self.best.main_passage:
             return f"the best way {rival.main_passage}"
         return "the next best route"
@@ -280,7 +280,7 @@ def _gain(route: RouteMetrics) -> float:
 
 
 def _effect_on(gain: float) -> str:
-    """Say what a current's gain, m/s, does to a speed; the speed follows."""
+    """Say how a current's gain, m/s, changes a speed, which the sentence names next."""
     if round(gain, 2) == 0:
         return "adds nothing to"
     verb, preposition = ("takes", "from") if gain < 0 else ("adds", "to")

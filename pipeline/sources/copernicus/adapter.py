@@ -86,7 +86,7 @@ class Copernicus(CurrentSource):
         )
 
     def unavailable_reason(self) -> str:
-        """Say that there is no account, if so."""
+        """Say that an account is missing, or return ""."""
         if has_account():
             return ""
         return f"{self.spec.name} needs a free Copernicus Marine account: set {LOGIN} once"

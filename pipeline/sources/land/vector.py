@@ -1,7 +1,7 @@
 """Land from the user's own vector file: GeoPackage, GeoJSON, Shapefile, anything that GDAL reads.
 
-In any CRS; invalid rings are repaired, and points and lines (rocks, breakwaters, a coast that is no
-area) are buffered by a radius that the user gives. Facts that the file does not state (which of
+In any CRS; invalid rings are repaired, and points and lines (rocks, breakwaters, a coast given as
+lines) are buffered by a radius that the user gives. Facts that the file does not state (which of
 several layers, the CRS, that radius) are asked for, not guessed.
 """
 

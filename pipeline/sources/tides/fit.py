@@ -58,7 +58,7 @@ def fit_files(paths: Sequence[str]) -> "xr.Dataset":
     Raises
     ------
     RequestError
-        The files can't be used, or their series are too short, have holes or are no hourly ones:
+        The files can't be used, or their series are too short, have holes or are not hourly:
         one line for each fault.
     """
     files = find_files(paths)

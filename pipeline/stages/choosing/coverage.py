@@ -116,7 +116,7 @@ def covered_by_currents(
 def _of_season(
     season: Season, world: Bounds, direct: DirectLine, folder: Path, *, offline: bool
 ) -> tuple[Coverage | None, str]:
-    """Return the coverage of a season's first usable source, or None and why there is none."""
+    """Return the coverage of a season's first usable source, or None and the reason."""
     ends = least_region(direct.start, direct.goal)
     reasons = []
     for named in season.currents:

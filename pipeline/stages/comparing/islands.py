@@ -112,7 +112,7 @@ class _Finder:
                 yield at_home
 
     def _polygon(self, island: Island) -> int | None:
-        """Return the index of an island's polygon; None if there is none, or several may be it."""
+        """Return the index of an island's polygon; None without one, or if several fit."""
         plane = self.scene.projection
         point = shapely.Point(plane.to_plane(np.array([island.lon, island.lat])))
         near = self._alike(self._tree.query(point, "intersects"), island, sides=0)
