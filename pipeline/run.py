@@ -15,7 +15,7 @@ from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.formats.shared.text import season_name, season_text
 from pipeline.geo.lonlat import position_text
 from pipeline.machine.interpreters import cores, python_command, python_environment
-from pipeline.machine.store import Made, Store, artefact_key, file_hash
+from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
 from pipeline.model import Evaluation, Fetched, Note, Say, SeasonPlan
 from pipeline.scenario.model import Scenario
 from pipeline.session import Origin, session
@@ -246,7 +246,7 @@ class _Stages:
     compiled: Callable[[], None]  # waits for the compilation of the planner
     timings: dict[str, float] = field(default_factory=dict)
 
-    def result(self, asked: Scenario) -> Made[RunResult]:
+    def result(self, asked: Scenario) -> Artefact[RunResult]:
         """Run all stages except "write", in the scenario's region or in a chosen one."""
         if asked.region is not None or asked.is_planar:
             return self._in_region(asked, ())
@@ -254,7 +254,7 @@ class _Stages:
         offline = self.options.offline
         return search_region(asked, self.store, self._in_region, offline=offline)
 
-    def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Made[RunResult]:
+    def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Artefact[RunResult]:
         """Run all stages except "write" in the scenario's region, with notes on its choice."""
         store, options = self.store, self.options
         with self._stage("fetch", scenario) as say:
@@ -291,7 +291,7 @@ class _Stages:
         with self._stage("compare", scenario) as say:
             return compare(chosen, land, planned, store, say, bounds_sides=options.bounds_sides)
 
-    def write(self, result: Made[RunResult], directory: Path) -> bool:
+    def write(self, result: Artefact[RunResult], directory: Path) -> bool:
         """Write all files unless the folder has them already; return whether they were written."""
         with self._stage("write", result.value.scenario):
             written = artefact_key(

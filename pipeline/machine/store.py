@@ -58,7 +58,7 @@ DOWNLOADS = "downloads"
 
 
 @dataclass(frozen=True, slots=True)
-class Made(Generic[ValueT]):
+class Artefact(Generic[ValueT]):
     """An artefact and its key, which represents it in the keys of artefacts made from it."""
 
     key: str
@@ -102,12 +102,12 @@ class Store:
             self.save(stage, key, found)
         return found
 
-    def made(
+    def artefact(
         self, stage: str, kind: type[ValueT], inputs: object, make: Callable[[], ValueT]
-    ) -> Made[ValueT]:
+    ) -> Artefact[ValueT]:
         """Load the artefact that a stage makes of its inputs, or make and save it."""
         key = artefact_key(stage, inputs)
-        return Made(key, self.load_or_make(stage, key, kind, make))
+        return Artefact(key, self.load_or_make(stage, key, kind, make))
 
     def folder(self, name: str) -> Path:
         """Return a folder of the store, created if needed, for a source's cached files."""

@@ -30,7 +30,7 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import planner_text, season_text
-from pipeline.machine.store import Made, Store, artefact_key
+from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import DepartureChoice, Note, Say, Scene, SeasonPlan, plan_options
 from pipeline.model.planning import speed_choices
 from pipeline.scenario.catalogue import VesselSpec
@@ -49,7 +49,7 @@ class Chosen:
 
     scenario: Scenario
     data: FetchedData
-    scene: Made[Scene]
+    scene: Artefact[Scene]
     choices: tuple[DepartureChoice, ...] = ()
     notes: tuple[Note, ...] = ()
 
@@ -312,7 +312,7 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
             ),
             current_keys={**_renamed(data.current_keys, name, label), label: key},
         ),
-        scene=Made(
+        scene=Artefact(
             artefact_key("departures", departed.scene.key, name, chosen),
             replace(
                 scene,

@@ -14,7 +14,7 @@ import renew
 from pipeline.formats.shared.departures_and_speeds import speed_notes
 from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
-from pipeline.machine.store import Made, Store, artefact_key
+from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan
 from pipeline.sources.cf.streams import WEAK_SHARE
 from pipeline.stages.choose import Chosen, narrows_notes
@@ -28,13 +28,13 @@ from pipeline.stages.tides import tide_notes
 
 def compare(
     chosen: Chosen,
-    land: Made[SimplifiedLand],
-    planned: Made[Planned],
+    land: Artefact[SimplifiedLand],
+    planned: Artefact[Planned],
     store: Store,
     say: Say,
     *,
     bounds_sides: bool = True,
-) -> Made[RunResult]:
+) -> Artefact[RunResult]:
     """Name each route's way, bound the fuel of other ways, and find the straits that are shut.
 
     Returns the result with its notes on choices, data, land and routes. The bounds take longest,
@@ -54,7 +54,7 @@ def compare(
         )
         key = (*inputs, options.drift)
         bounds = partial(side_bounds, scene, plans, named, options)
-        sides = store.made("sides", tuple, key, bounds).value if bounds_sides else ()
+        sides = store.artefact("sides", tuple, key, bounds).value if bounds_sides else ()
         straits = found.result().value
     result = RunResult(
         chosen.scenario,
@@ -75,7 +75,7 @@ def compare(
         say(note)
     every = (*chosen.notes, *chosen.data.fetched.notes, *land.value.notes, *notes)
     fetched = replace(chosen.data.fetched, notes=addressed(every, result.scenario))
-    return Made(artefact_key("compare", *inputs), replace(result, fetched=fetched))
+    return Artefact(artefact_key("compare", *inputs), replace(result, fetched=fetched))
 
 
 def _notes(result: RunResult) -> tuple[Note, ...]:

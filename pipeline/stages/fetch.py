@@ -20,7 +20,7 @@ from pipeline._types import BoolArray, FloatArray
 from pipeline.errors import RequestError, StageError
 from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.text import season_text
-from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
+from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, Note, PassedOver, Place
 from pipeline.model.inputs import CurrentSource, LandSource, current_notes
 from pipeline.scenario.catalogue import has_world_land
@@ -48,9 +48,9 @@ class FetchedData:
     failures: Mapping[str, str]
 
     @property
-    def land(self) -> Made[Land]:
+    def land(self) -> Artefact[Land]:
         """The land with its key."""
-        return Made(self.land_key, self.fetched.land)
+        return Artefact(self.land_key, self.fetched.land)
 
 
 def fetch(

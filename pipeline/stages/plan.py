@@ -9,7 +9,7 @@ from functools import partial
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.text import seasons_text
 from pipeline.machine.interpreters import cores
-from pipeline.machine.store import Made, Store, artefact_key
+from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Evaluation, SeasonPlan
 from pipeline.model.planning import speed_choices
 from pipeline.stages.choose import Chosen
@@ -37,14 +37,14 @@ class Planned:
 
 def plan_seasons(
     chosen: Chosen,
-    land: Made[SimplifiedLand],
+    land: Artefact[SimplifiedLand],
     store: Store,
     on_season: Callable[[Status], None],
     *,
     scheduler: str | None = None,
     limit_s: float | None = None,
     meanwhile: Callable[[], None] = lambda: None,
-) -> Made[Planned]:
+) -> Artefact[Planned]:
     """Plan each season and evaluate its routes; a season that fails does not stop the others.
 
     Parameters
@@ -99,13 +99,13 @@ def plan_seasons(
     key = artefact_key(
         "planned", [task.evaluation_path.name for task in tasks], [plan.failure for plan in plans]
     )
-    return Made(
+    return Artefact(
         key, Planned(plans, combine_seasons(done[name][1] for name in names if name in done))
     )
 
 
 def _tasks(
-    chosen: Chosen, land: Made[SimplifiedLand], store: Store, limit_s: float | None
+    chosen: Chosen, land: Artefact[SimplifiedLand], store: Store, limit_s: float | None
 ) -> Iterator[SeasonTask]:
     """Yield a task for each season that has a current."""
     scenario, parts = chosen.scenario, chosen.data

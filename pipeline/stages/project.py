@@ -16,7 +16,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
-from pipeline.machine.store import Made, Store
+from pipeline.machine.store import Artefact, Store
 from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, planner_vessel
 from pipeline.model.planning import speed_choices
 from pipeline.scenario.model import Scenario
@@ -49,9 +49,9 @@ def projected(
     scenario: Scenario,
     fetched: Fetched,
     current_keys: Mapping[str, str],
-    land: Made[SimplifiedLand],
+    land: Artefact[SimplifiedLand],
     store: Store,
-) -> Made[Scene]:
+) -> Artefact[Scene]:
     """Build the planner's input, or load it from the store; `current_keys` is keyed by season.
 
     Raises
@@ -67,7 +67,7 @@ def projected(
             raise RequestError(str(error)) from error
 
     inputs = land.key, dict(current_keys), scene_inputs(scenario), speed_choices(scenario)
-    return store.made("project", Scene, inputs, make)
+    return store.artefact("project", Scene, inputs, make)
 
 
 def scene_inputs(scenario: Scenario) -> dict[str, object]:

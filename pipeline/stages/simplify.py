@@ -24,7 +24,7 @@ from pipeline.errors import StageError
 from pipeline.geo.coast import OpenWater, covering_land, inner_land, opened
 from pipeline.geo.lonlat import position_text
 from pipeline.geo.projection import Projection
-from pipeline.machine.store import Made, Store
+from pipeline.machine.store import Artefact, Store
 from pipeline.model import Land, Note, Place, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
@@ -56,8 +56,8 @@ class SimplifiedLand:
 
 
 def simplify(
-    scenario: Scenario, land: Made[Land], store: Store, ends: Sequence[Point] = ()
-) -> Made[SimplifiedLand]:
+    scenario: Scenario, land: Artefact[Land], store: Store, ends: Sequence[Point] = ()
+) -> Artefact[SimplifiedLand]:
     """Simplify the chart's land; the scenario's stops and the points `ends` stay in water."""
     region, chart, fastest = scenario.region, scenario.chart, scenario.fastest_vessel
     names = {"region", "plane", "scale", "chart", "start", "goal", "via"}
@@ -78,7 +78,7 @@ def simplify(
             projection=Projection.for_region(region.shape, 1.0, region.crs),
         )
 
-    return store.made("simplify", SimplifiedLand, inputs, make)
+    return store.artefact("simplify", SimplifiedLand, inputs, make)
 
 
 def simplify_land(

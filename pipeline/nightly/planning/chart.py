@@ -12,7 +12,7 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.machine.store import Made, Store, artefact_key, load_artefact, save_artefact
+from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Current, CurrentGrid, Fetched, Scene
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
@@ -190,7 +190,7 @@ def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChar
         scenario = region.complete(scenario)
     fetcher = _fetcher(scenario, store)
     land = fetcher.land
-    simplified = simplify(scenario, Made(fetcher.land_key, land), store, ends).value
+    simplified = simplify(scenario, Artefact(fetcher.land_key, land), store, ends).value
     scene = project(scenario, Fetched(land, ()), simplified.simplified)
     return NightChart(scenario, scene, fetcher.land_key, land.accuracy_m, SmallMap.of(scene))
 

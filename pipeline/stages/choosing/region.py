@@ -11,7 +11,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, common_bounds
-from pipeline.machine.store import DOWNLOADS, Made, Store, artefact_key
+from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
 from pipeline.model import Note
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
@@ -45,7 +45,7 @@ _NEAR, _GROWTH = 0.3, 2.0
 _OPENING = 0.5
 # Smallest growth that justifies another plan, as a share of the wanted growth.
 _LEAST_GAIN = 0.1
-RunInRegion = Callable[[Scenario, tuple[Note, ...]], Made[RunResult]]
+RunInRegion = Callable[[Scenario, tuple[Note, ...]], Artefact[RunResult]]
 
 # Largest number of times that a chosen region is widened; each time needs a new plan.
 _MAX_WIDENINGS = 3
@@ -202,7 +202,7 @@ def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) 
 
 def search_region(
     asked: Scenario, store: Store, run_in_region: RunInRegion, *, offline: bool
-) -> Made[RunResult]:
+) -> Artefact[RunResult]:
     """Return the result in a region that is widened until no best route comes near its edge.
 
     Parameters
@@ -264,7 +264,7 @@ def _with_cheap_sides(region: ChosenRegion, sides: Sequence[BoundedSide]) -> Cho
 
 def _first_with_a_way(
     region: ChosenRegion, asked: Scenario, run_in_region: RunInRegion
-) -> tuple[ChosenRegion, Made[RunResult]]:
+) -> tuple[ChosenRegion, Artefact[RunResult]]:
     """Widen a region until it has a way from start to goal; return it and the result in it."""
     for _ in range(_MAX_WIDENINGS):
         try:

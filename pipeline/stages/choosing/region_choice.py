@@ -26,7 +26,7 @@ from pipeline.errors import PipelineError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, common_bounds
 from pipeline.geo.projection import Projection
-from pipeline.machine.store import Made, Store
+from pipeline.machine.store import Artefact, Store
 from pipeline.model import Note, Place, Scene, SeasonPlan
 from pipeline.scenario.region import Region
 from pipeline.sources.current_field import LandMask
@@ -287,7 +287,7 @@ class BoundedSide:
 
 
 def bounded_sides(
-    sides: Sequence[FarSide], made: Made[RunResult], store: Store
+    sides: Sequence[FarSide], made: Artefact[RunResult], store: Store
 ) -> tuple[BoundedSide, ...]:
     """Find names and lower bounds of far sides, in the currents that are on this machine."""
     if not sides:
@@ -301,7 +301,7 @@ def bounded_sides(
         }
         return tuple(_bounded(side, scenes[side.searched], made.value) for side in sides)
 
-    return store.made("far-sides", tuple, (made.key, list(sides)), make).value
+    return store.artefact("far-sides", tuple, (made.key, list(sides)), make).value
 
 
 def are_on_both_sides(paths: Sequence[FloatArray], place: LonLat) -> bool:

@@ -16,7 +16,7 @@ from pipeline.formats.figures.choice_plots import departure_figure, departure_sv
 from pipeline.formats.shared.departures_and_speeds import departure_text
 from pipeline.formats.shared.note_words import note_json, note_text
 from pipeline.formats.shared.text import exact_moment_text
-from pipeline.machine.store import Made, Store
+from pipeline.machine.store import Artefact, Store
 from pipeline.model import DepartureChoice, Note
 from pipeline.model.planning import speed_choices
 from pipeline.scenario.season import Season
@@ -44,7 +44,7 @@ def _chosen(result: Any, folder: Path, told: list[Note], **asked: object) -> Cho
     store, scene = Store(folder, "test"), result.scene
     if season.speed is not None:
         scene = replace(scene, speeds=speed_choices(scenario))
-    return choose_departures(Chosen(scenario, data, Made("scene", scene)), store, told.append)
+    return choose_departures(Chosen(scenario, data, Artefact("scene", scene)), store, told.append)
 
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
@@ -133,7 +133,7 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
     )
     data = FetchedData(fetched, "land", {old: "current"}, {})
     told: list[Note] = []
-    given = Chosen(scenario, data, Made("scene", scene))
+    given = Chosen(scenario, data, Artefact("scene", scene))
     departed = choose_departures(given, Store(tmp_path, "test"), told.append)
     (choice,) = departed.choices
     new = departure_name(choice.chosen)
