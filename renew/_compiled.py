@@ -131,7 +131,7 @@ def user_cache() -> Path | None:
 
 
 def _open_as_package(*folders: Path) -> None:
-    """Give new folders of this user the package's permissions to read."""
+    """Make new folders as readable for others as the package is."""
     mode = stat.S_IMODE(_PACKAGE.stat().st_mode)
     for folder in folders:
         state = folder.stat()

@@ -141,7 +141,7 @@ def _values_in(text: Text) -> Iterator[FloatArray | Moment | Length | ClassName]
 
 
 def from_until(begin: float, end: float, *, on: str = "") -> Text:
-    """Say from when until when (s), as far as that is finite; `on` replaces an infinite end."""
+    """Spell begin and end (s), as far as they are finite; `on` replaces an infinite end."""
     parts = [Text(" from {0}", (Moment(begin),))] if math.isfinite(begin) else []
     parts.append(Text(" until {0}", (Moment(end),)) if math.isfinite(end) else Text(on))
     return Text.joined("", parts)

@@ -141,7 +141,7 @@ def show(
 
 def _require_file(metrics: Path | None) -> None:
     """Raise RequestError if the path is a pipe or device, which could block when it is read."""
-    # Not Path.exists, which raises an error if a name is too long. A folder gives a note later.
+    # Not Path.exists, which raises an error if a name is too long. A folder is reported later.
     if metrics is None or not os.path.exists(metrics) or metrics.is_file() or metrics.is_dir():  # noqa: PTH110
         return
     raise RequestError(f"--metrics: {shown(metrics)} is no file; name one to replace")

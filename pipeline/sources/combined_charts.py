@@ -267,7 +267,7 @@ def _polygons_around(heights: Heights, cells: BoolArray) -> Geometries:
         ),
         _STRAIGHT * cell_deg,
     )
-    # Where two outlines meet in a point.
+    # A polygon is invalid if two outlines meet in a point.
     invalid = ~shapely.is_valid(polygons)
     polygons[invalid] = shapely.make_valid(
         polygons[invalid], method="structure", keep_collapsed=False

@@ -37,8 +37,9 @@ _CONSTANT_SHARE, _MIN_CELLS = 1e-6, 20
 # Distance from the coast beyond which cells are open water (or inland): cells, or degrees where
 # these are less. Nearer to it models leave out straits and shallows, or have water on land.
 OFFSHORE_CELLS, _OFFSHORE_DEG = 3, 0.75
-# Least contrast between divergences; least certainty of it, in standard errors, for a warning and
-# for a fault. Of 3000 real windows (6 to 24 degrees wide), 3 gave a warning and none a fault.
+# Least contrast between divergences that counts; its least certainty, in standard errors, for a
+# warning and for a fault. Of 3000 real windows (6 to 24 degrees wide), 3 gave a warning and none a
+# fault.
 _MIN_CONTRAST, _WARNING_CERTAINTY, _FAULT_CERTAINTY = 0.1, 2.0, 4.0
 # Least shift for a warning and for a fault: offset in cells, number of land cells that it explains,
 # and their share. Real fields reach 11 cells with a share of 0.01 over 120 degrees, and 16 cells

@@ -341,7 +341,7 @@ def _departing(request: VoyageRequest) -> Departing | None:
     if request.arrive_by and _is_still(request) and not (request.speeds or request.tide):
         faults.append(
             "--arrive-by looks for the latest departure in currents that change; in still water "
-            "give --depart alone, and leave as much earlier as the vessel comes late"
+            "give --depart alone, and depart earlier by the time by which the vessel is late"
         )
     if faults:
         raise RequestError(faults)

@@ -152,7 +152,7 @@ class PlanOptions:
 
 
 class Changes(TypedDict, total=False):
-    """Options by name, in place of some of a `PlanOptions`."""
+    """Options by name that replace those of a `PlanOptions`."""
 
     classes: int
     risk: float

@@ -136,14 +136,14 @@ class TidalDepth:
     ) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the leg (k,) of each passage of an area, the area (k,), and the spare water, m.
 
-        The water (schedules, k) is that of each schedule of times (n,), s, at a path's points.
+        The water (schedules, k) is given for each schedule: the times (n,), s, at a path's points.
         """
         legs = shapely.linestrings(np.stack([path[:-1], path[1:]], axis=1))
         leg, area = self._tree.query(legs, predicate="intersects")
         spare = np.empty((len(schedules), len(leg)))
         for tide in set(self._tides):
             own = np.array([one is tide for one in self._tides])[area]
-            # Between two points of a path the tide is near that at one of them.
+            # Points are close, so the tide on a leg is nearly that at one of its ends.
             for row, times in zip(spare, schedules, strict=True):
                 heights = tide.heights(times)
                 row[own] = np.minimum(heights[:-1], heights[1:])[leg[own]]

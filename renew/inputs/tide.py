@@ -177,7 +177,7 @@ class Tide:
 
     @cached_property
     def _reach(self) -> float:
-        """Sum of the amplitudes (m), each by the largest nodal factor that it ever has."""
+        """Sum of the amplitudes (m), each times the largest nodal factor that it ever has."""
         if not self._moving:
             return 0.0
         first, last, step = _NODAL_DATES

@@ -38,8 +38,8 @@ _MAX_SECTIONS = 5000
 class Sections:
     """Sections from the left to the right bank, in sailing order.
 
-    `left`, `right` are (s, 2) metres; `passing` (s,) marks passing edges. `place` (s,) is the
-    channel's index of the triangle that a section crosses or a passing edge ends.
+    `left`, `right` are (s, 2) metres; `passing` (s,) marks passing edges. `place` (s,) is the index
+    in the channel of the triangle that a section crosses, or that ends with a passing edge.
     """
 
     left: FloatArray

@@ -24,7 +24,8 @@ _NEARLY_BEST = 1.0005
 # Number of classes that are searched first for the best path. If the most expensive of them needs
 # more than this ratio times the least fuel, later classes are assumed to need even more.
 _FEW, _CLEARLY_DEARER = 4, 1.03
-# Ratio of estimated fuel to the best above which a class is skipped if a cheaper one is found.
+# A class whose estimated fuel is more than this ratio times the best is skipped if a cheaper class
+# has a path.
 _WORTH_A_LOOK = 1.25
 # Largest number of rounds in which channels around blocked transitions are searched.
 _MAX_ROUNDS = 64

@@ -90,7 +90,8 @@ class Sailing:
 class Sailings:
     """Plans the best route of each departure, around areas that it would meet while they are shut.
 
-    All departures share the planners and what these know; met areas are closed like land.
+    All departures share the planners and what these know. Areas that a route met are closed like
+    land.
     """
 
     def __init__(self, task: Task) -> None:

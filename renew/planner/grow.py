@@ -85,7 +85,7 @@ class PaddingGrowth:
     options: PlanOptions
 
     def shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
-        """Return a path's shortfall of padding in the triangles that it crosses, else for turns."""
+        """Return a path's shortfall of padding in triangles that it crosses; if none, for turns."""
         if not self.options.is_adaptive:
             return None
         return self.crossed_shortfall(corridor, path) or _any(

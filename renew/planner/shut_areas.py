@@ -76,7 +76,7 @@ def meetings(
 
 
 def _spacing(line: FloatArray, vessel: Vessel) -> float:
-    """Length (m) of the pieces in which a line (n, 2) is looked at."""
+    """Length (m) of the pieces into which a line (n, 2) is cut for the test."""
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     return max(_SPACING * vessel.turning_radius, length / _MAX_POINTS)
 
@@ -97,7 +97,7 @@ def _densified(
 def without_meeting(
     plan: Plan, areas: Sequence[Area], planner: ClassPlanner
 ) -> tuple[Plan, dict[Area, float]]:
-    """Return the plan without routes that meet shut areas, and their least fuel by area."""
+    """Return the plan without routes that meet areas, and the least fuel of these, by area."""
     routes, rejected, met = list[Route](), list(plan.rejected), dict[Area, float]()
     for route in plan.routes:
         reasons = meetings(route, areas, planner)
@@ -155,7 +155,7 @@ def unavoidable(
 ) -> UnreachableError:
     """Return the error if every way meets a shut area, and no way leads around the areas.
 
-    The areas' hours are named as of a departure (s).
+    The error gives the areas' hours from a departure (s) on.
     """
     # Many areas of a chart have one name and one need.
     texts = {str(text): text for text in (area.text(departure) for area in closed)}

@@ -14,7 +14,7 @@ from pipeline.formats.shared.route_profile import metres_along
 _MIN_BEND_RAD = 0.1
 # Clearance of offset candidates, in wanted clearances: more than wanted, since legs cut corners.
 _OFFSET_CLEARANCE = 1.4
-# Only one narrows is searched for in each stretch of path of this half width, in wanted clearances.
+# Half width of a stretch of path in which only one narrow place is searched, in wanted clearances.
 _NARROWS_WINDOW = 10
 
 # Costs of a leg, added to the 1 that each leg costs: among chains of equally many legs the shorter

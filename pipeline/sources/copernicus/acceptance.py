@@ -36,10 +36,11 @@ _STANDARD_NAMES = {
 # Deviation of an axis's steps from the cell size, as a share of it, that rounding to float32 may
 # cause: 6e-6 degrees at 122 degrees.
 _STEP_TOLERANCE = 1e-3
-# How far a cell may stand out from all of its neighbours, as one with a flipped bit does: the
-# larger of a speed, m/s, and a multiple of the differences among the neighbours, but at most this
-# share of the speed limit. Of 1.7 million cells of real fields (GLO12, DUACS, OCM at 1, 1/4 and
-# 1/10 degree) none exceeds 0.2 m/s and 3 times at once, and none 0.6 m/s.
+# Limit of the difference between a cell and all its neighbours, to find flipped bits. It is the
+# larger of a speed (the first, m/s) and a multiple (the second) of the differences among the
+# neighbours, and at most a share (the third) of the speed limit. Of 1.7 million cells of real
+# fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree) none exceeds 0.2 m/s and 3 times at once, and
+# none 0.6 m/s.
 _SPIKE_M_S, _SPIKE_RATIO, _SPIKE_SHARE = 0.3, 4.0, 0.25
 # Least number of neighbours with data that a cell is compared with.
 _MIN_NEIGHBOURS = 5
@@ -223,7 +224,7 @@ def largest_spike(values: FloatArray, limit_m_s: float) -> float:
 
 
 def _variable_faults(variable: "xr.DataArray", direction: str) -> Iterator[str]:
-    """Find a component's wrong unit and standard name."""
+    """Say if a component has a wrong unit or standard name."""
     units = variable.attrs.get("units", "")
     if units.strip() not in _UNITS:
         yield f"{variable.name} is in {units!r}, not m/s"

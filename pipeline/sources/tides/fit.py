@@ -94,13 +94,13 @@ def _series_faults(steps: TimeSteps) -> Iterator[str]:
     if interval > _HOUR + _SLACK:
         hours = interval / _HOUR
         yield (
-            f"its steps are {hours:g} hours apart, which tell {apart} apart and blur the others; "
+            f"its steps are {hours:g} hours apart, which separate only {apart}; "
             "give hourly currents"
         )
     if days < _LEAST_DAYS:
         yield (
-            f"it has {days:.1f} days, fewer than {_LEAST_DAYS:g}, which tell {apart} apart, and "
-            "each with the share of its neighbours; give a longer series, best a year"
+            f"it has {days:.1f} days, fewer than {_LEAST_DAYS:g}, which separate only "
+            f"{apart}, each mixed with its neighbours; give a longer series, best a year"
         )
     holes = [pair for pair in pairwise(moments) if pair[1] - pair[0] > interval + _SLACK]
     if holes:
@@ -163,7 +163,7 @@ def _design(
     moments: Instants,
     width: timedelta | None,
 ) -> FloatArray:
-    """Return the columns (steps, 1 + 2 constituents) whose sum the series is.
+    """Return the columns (steps, 1 + 2 constituents) of which the series is a weighted sum.
 
     The mean over a step of some width is the current at its middle times the sinc of half the angle
     by which the constituent turns in that width.

@@ -96,7 +96,7 @@ def test_means_of_an_hour_are_recognised_by_their_bounds_and_corrected(tmp_path:
     [
         (
             lambda one: one.isel(time=slice(28 * 24)),
-            ["it has 28.0 days, fewer than 29, which tell"],
+            ["it has 28.0 days, fewer than 29, which separate"],
         ),
         (lambda one: one.isel(time=slice(None, None, 24)), ["its steps are 24 hours apart, which"]),
         (
@@ -105,7 +105,7 @@ def test_means_of_an_hour_are_recognised_by_their_bounds_and_corrected(tmp_path:
         ),
         (
             lambda one: one.isel(time=slice(None, 20 * 24, 24)),
-            ["its steps are 24 hours apart, which tell ", "it has 20.0 days, fewer than 29"],
+            ["its steps are 24 hours apart, which separate ", "it has 20.0 days, fewer than 29"],
         ),
         (lambda one: one.isel(time=slice(1)), ["it has one time step, 2025-01-01; give 29 days"]),
     ],
