@@ -46,7 +46,7 @@ def compare(
     # One core finds the shut straits while the others compute bounds for the other sides.
     with ThreadPoolExecutor(max_workers=1) as pool:
         found = pool.submit(
-            store.made,
+            store.artefact,
             "straits",
             tuple,
             inputs,
