@@ -75,6 +75,10 @@ does not tell when the vessel is where: (1) is asked, in each cell, of the curre
 which a vessel may be there that has left at t₀ and arrives by D, as fast as v and the strongest
 current together. That is looser, and a little less than the price at the route's end is better.
 
+In a uniform current a linear φ that obeys (1) at one point obeys it everywhere. The best one says
+how long the straight way takes at the speed of the convex hull of all velocities over ground, which
+is exact in free water. Where land is in the way, the grid's φ is better, mostly: the larger counts.
+
 Currents above v are no obstacle here: such water may be crossed, at no less than its true cost.
 """
 
@@ -89,6 +93,7 @@ from renew._types import BoolArray, FloatArray
 from renew.bounds.grids import ROUNDING, halved, in_hours, turned_round, whole_grid
 from renew.bounds.march import LEVELS, march, set_bends
 from renew.bounds.travel_time import BEYOND, Place, TravelGrid, locate, mean_times, solve, source
+from renew.inputs.current import UniformCurrent
 from renew.voyage.voyage import Voyage
 
 # Least number of cells of the grid that is refined first.
@@ -112,8 +117,8 @@ def least_time(voyage: Voyage, cells: int, wanted: float) -> float:
     above `wanted`.
     """
     cells = min(cells, int(_SPARE * _MAX_NODES / _slices_met(voyage)))
-    halvings, proven = max(0, math.floor(math.log(cells / _COARSE, 4))), 0.0
-    while True:
+    halvings, proven = max(0, math.floor(math.log(cells / _COARSE, 4))), _straight_time(voyage)
+    while proven <= wanted:
         # On a coarse grid the front may slip through narrow land. Then U is too small and limits
         # the bound, so the next try begins with a finer grid; the finest does not use U.
         most, bound = _refined(voyage, cells, halvings, wanted)
@@ -121,6 +126,24 @@ def least_time(voyage: Voyage, cells: int, wanted: float) -> float:
         if bound < most * _ALL or halvings == 0:
             return proven
         halvings //= 2
+    return proven
+
+
+def _straight_time(voyage: Voyage) -> float:
+    """Return the time (s) of the straight way in a uniform current, without land; else 0."""
+    current, speed = voyage.current, voyage.vessel.speed
+    way = voyage.goal - voyage.start
+    length = math.hypot(*way)
+    if not isinstance(current, UniformCurrent) or voyage.has_price or length == 0:
+        return 0.0
+    along = (current.u * way[0] + current.v * way[1]) / length
+    across = (current.u * way[1] - current.v * way[0]) / length
+    if voyage.drift == "crab":
+        made = along + math.sqrt(max(speed**2 - across**2, 0.0))
+    else:
+        # Against more than half of its speed the vessel is quicker by tacking.
+        made = speed + along if along > -speed / 2 else -(speed**2) / (4 * along)
+    return length / made * (1 - ROUNDING) if made > 0 else 0.0
 
 
 def _slices_met(voyage: Voyage) -> int:

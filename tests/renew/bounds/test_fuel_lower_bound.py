@@ -69,6 +69,27 @@ def test_a_bound_that_is_enough_is_made_no_better() -> None:
     assert fuel_lower_bound(voyage, enough=2 * best) == best
 
 
+@given(st.floats(0, 1.5), st.floats(-math.pi, math.pi), st.sampled_from(DRIFTS))
+@settings(max_examples=20)
+def test_a_uniform_current_in_free_water_is_bounded_by_the_best_linear_function(
+    strength: float, towards: float, drift: Drift
+) -> None:
+    angles = np.linspace(-math.pi, math.pi, 4001)
+    headings = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    flow = strength * np.array([math.cos(towards), math.sin(towards)])
+    made = 1 + headings @ flow
+    over_ground = headings + flow if drift == "crab" else (made[:, None] * headings)[made > 0]
+    # A linear function's slope n/s, s being the largest speed over ground along n.
+    slopes = headings / (headings @ over_ground[::4].T).max(axis=1)[:, None].clip(1e-9)
+    expected = (slopes @ (OPPOSITE - CORNER)).max()
+    current = renew.UniformCurrent(*flow)
+    voyage = voyage_on(renew.Chart(box(0, 0, 100, 100), []), CORNER, OPPOSITE, current, drift)
+    bound = fuel_lower_bound(voyage, enough=0.0) / voyage.cost_rate
+    assert bound <= expected * (1 + 5e-3)
+    # Up a current that is stronger than the vessel no way leads: any bound is right.
+    assert bound >= expected * (1 - 5e-3) or strength > 0.97
+
+
 # --- the conditions of the proof --------------------------------------------------------------
 
 
