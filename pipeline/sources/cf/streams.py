@@ -18,7 +18,7 @@ from renew.inputs.tide import arguments, speeds
 WEAK_SHARE = 0.7
 """Share of the variance below which the constants of a node tell too little."""
 # Largest difference between the streams and straight lines in time between their fields, m/s.
-_ERROR_M_S = 0.02
+_ERROR_M_S = 0.03
 # Times between fields, minutes: parts of an hour, so that the hours of other currents are kept.
 _STEPS_MIN = (60, 30, 20, 15, 12, 10, 6, 5)
 # Values of all fields together above which they are further apart: 160 MB for each component.

@@ -79,7 +79,7 @@ def test_fields_and_the_lines_between_them_are_as_near_to_the_sum_as_is_said(mix
     assert np.diff(grid.times_s) == pytest.approx(step_s)
     assert grid.times_s[0] <= -3600
     assert grid.times_s[-1] >= 30 * 3600
-    assert 0.002 < within <= 0.02
+    assert 0.002 < within <= 0.03
     middles = (grid.times_s[1:] + grid.times_s[:-1]) / 2
     flow = np.stack([grid.u, grid.v], axis=-1)
     worst = 0.0
@@ -182,8 +182,8 @@ def test_stronger_streams_and_quicker_ones_have_shorter_steps(tmp_path: Path) ->
 
     assert step({"M2": 0.05}) == 60
     assert step({"M2": 0.5}) == 30
-    assert step({"M2": 3.0}) == 15
-    assert step({"M2": 0.5, "M8": 0.1}) == 20
+    assert step({"M2": 3.0}) == 20
+    assert step({"M2": 0.5, "M8": 0.3}) == 20
 
 
 def test_large_regions_have_longer_steps_so_that_the_fields_fit_in_memory(
@@ -193,8 +193,8 @@ def test_large_regions_have_longer_steps_so_that_the_fields_fit_in_memory(
     grid = fetched(season(mixed))
     monkeypatch.setattr("pipeline.sources.cf.streams._MAX_VALUES", 40 * grid.u[0].size)
     after = note_of(fetched(season(mixed)), "tidal-streams")
-    assert (before["step_min"], after["step_min"]) == (20, 60)
-    assert after["error_m_s"] == pytest.approx(9 * float(str(before["error_m_s"])))
+    assert (before["step_min"], after["step_min"]) == (30, 60)
+    assert after["error_m_s"] == pytest.approx(4 * float(str(before["error_m_s"])))
 
 
 def test_fields_are_summed_some_at_a_time(mixed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
