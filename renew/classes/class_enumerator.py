@@ -186,7 +186,7 @@ class ClassEnumerator:
         """Return the channels of the quickest paths on a roadmap that rays distinguish."""
         # Without rays all channels are of one class, so the roadmap need not cover all water.
         count = count if len(rays.x) else 1
-        columns = RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0))
+        columns = RayColumns(rays.x, rays.y, rays.island)
         task = SearchTask(graph, columns, self._excluded(blocked))
         stream = self._roads.stream(self._voyage)
         rows, paths = k_best_paths(task, to_go, stream, count, _MAX_STEPS, self._dearest)

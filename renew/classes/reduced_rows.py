@@ -46,7 +46,6 @@ class RayColumns(NamedTuple):
     x: FloatArray
     y: FloatArray
     island: IntArray
-    largest_letter: int
 
 
 class SearchTask(NamedTuple):
@@ -64,12 +63,14 @@ class SearchTask(NamedTuple):
 class Words(NamedTuple):
     """All words met so far as a tree: word 0 is empty, each other one letter longer than its stem.
 
-    `longer` finds a word by the number of its stem and its last letter.
+    `newest` is the last of the words that a word is the stem of, and `older` the one before
+    among those with the same stem; -1 is none. A dictionary would take a second to compile.
     """
 
     stem: list[int]
     letter: list[int]
-    longer: dict[int, int]
+    newest: list[int]
+    older: list[int]
 
 
 @kernel
@@ -93,7 +94,7 @@ def _note(
 @kernel
 def no_words() -> Words:
     """Return the table of words with its first word, which is empty."""
-    return Words([-1], [0], {0: 0})
+    return Words([-1], [0], [-1], [-1])
 
 
 @kernel
@@ -271,12 +272,17 @@ def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
         if word and words.letter[word] == -letter:
             word = words.stem[word]
             continue
-        pair = word * (2 * rays.largest_letter + 1) + letter
-        if pair not in words.longer:
+        longer = words.newest[word]
+        while longer >= 0 and words.letter[longer] != letter:
+            longer = words.older[longer]
+        if longer < 0:
+            longer = len(words.stem)
             words.stem.append(word)
             words.letter.append(letter)
-            words.longer[pair] = len(words.stem) - 1
-        word = words.longer[pair]
+            words.newest.append(-1)
+            words.older.append(words.newest[word])
+            words.newest[word] = longer
+        word = longer
     return word
 
 

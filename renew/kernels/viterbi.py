@@ -190,9 +190,11 @@ def quickest_chain(
     rows, count = points.shape[:2]
     # Padded with points that are never reached, so that the loop can be vectorised.
     wide = -(-count // _LANES) * _LANES
-    x, y = np.zeros((rows, wide)), np.zeros((rows, wide))
-    x[:, :count], y[:, :count] = points[..., 0], points[..., 1]
-    x[:, count:], y[:, count:] = x[:, :1], y[:, :1]
+    x, y = np.empty((rows, wide)), np.empty((rows, wide))
+    # Assigned as slices, these would take the compiler three seconds: it prepares a message.
+    for row in range(rows):
+        for j in range(wide):
+            x[row, j], y[row, j] = points[row, j if j < count else 0]
     u, v = np.zeros((rows, wide)), np.zeros((rows, wide))
     arrival = np.full((rows, wide), np.inf)
     arrival[0, 0] = water.clock.departure

@@ -303,7 +303,6 @@ def points_beside(path: FloatArray, window: float, count: int, capsules: Capsule
     return points
 
 
-@kernel
 def refined_on_transversals(
     path: FloatArray,
     window: float,
@@ -317,18 +316,14 @@ def refined_on_transversals(
     `exempt` is as in :func:`renew.kernels.viterbi.quickest_chain`. Detours that a shortcut of up to
     `longest` m avoids are removed. If no chain of points is clear, the path is returned unchanged.
     """
-    rows = len(path)
-    if rows < 3:
+    if len(path) < 3:
         return path
     points = points_beside(path, window, count, water.capsules)
     arrival, chain = quickest_chain(points, water.stream, water.capsules, exempt)
-    if arrival == np.inf:
+    if not math.isfinite(arrival):
         return path
-    chosen = np.empty((rows, 2))
-    for k in range(rows):
-        chosen[k, 0], chosen[k, 1] = points[k, chain[k]]
     # Transversals that cross beside a bend may make the path go back and forth.
-    return without_detours(chosen, longest, water)
+    return np.asarray(without_detours(points[np.arange(len(points)), chain], longest, water))
 
 
 @kernel

@@ -82,7 +82,7 @@ def _water(corridor: Corridor, rays: Rays) -> _Water:
         corridor.polar,
         corridor.search_capsules,
         corridor.exempt,
-        RayColumns(rays.x, rays.y, rays.island, rays.island.max(initial=0)),
+        RayColumns(rays.x, rays.y, rays.island),
     )
 
 

@@ -254,7 +254,8 @@ def _lower(
         for sign, is_there in ((-1.0, is_left), (1.0, is_right)):
             if not is_there:
                 continue
-            drift[:] = sign * (u * nx + v * ny)
+            for k in range(count):
+                drift[k] = sign * (u[k] * nx + v[k] * ny)
             sure = _sure_drift(drift, drawn, least_drift[e])
             reach = _least_reach(sure, aside, speed, turn_rate) if sure > -np.inf else 0.0
             if max(apart[p], reach) < padding[e]:

@@ -42,7 +42,7 @@ def found_in(
 ) -> tuple[list[IntArray], list[FloatArray]]:
     rays = Rays.of(voyage.chart)
     none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
-    columns = RayColumns(rays.x, rays.y, rays.island, len(rays.island))
+    columns = RayColumns(rays.x, rays.y, rays.island)
     task = SearchTask(graph, columns, none)
     stream = Stream(voyage.table, voyage.polar, voyage.clock)
     rows, paths = k_best_paths(task, time_to_go(graph), stream, count, 1_000_000)

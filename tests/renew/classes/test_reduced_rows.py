@@ -35,9 +35,7 @@ def task_of(seed: int) -> tuple[SearchTask, Triangulation]:
     )
     rays = Rays.of(chart)
     none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
-    return SearchTask(
-        graph, RayColumns(rays.x, rays.y, rays.island, len(rays.island)), none
-    ), triangulation
+    return SearchTask(graph, RayColumns(rays.x, rays.y, rays.island), none), triangulation
 
 
 @examples(4, 10)
@@ -46,7 +44,7 @@ def test_the_row_of_a_walk_is_what_is_left_of_its_triangles(seed: int) -> None:
     task, triangulation = task_of(seed)
     # Words that the compiled code adds don't come back from one call for the next one.
     nowhere = np.empty(0)
-    task = task._replace(rays=RayColumns(nowhere, nowhere, np.empty(0, dtype=np.int64), 0))
+    task = task._replace(rays=RayColumns(nowhere, nowhere, np.empty(0, dtype=np.int64)))
     graph, rng = task.graph, np.random.default_rng(seed)
     rows, words, used, row, node = first_row(task), no_words(), 1, 0, START
     expected = [int(graph.triangle[START])]
