@@ -27,6 +27,7 @@ from renew.planner.plan import plan, plan_departures
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
+from renew.underway.replan import Replanned, replan
 from renew.voyage.fuel import fuel
 
 __version__ = "0.1.0"
@@ -52,6 +53,7 @@ __all__ = [
     "PlanOptions",
     "PlanningError",
     "Rejected",
+    "Replanned",
     "Route",
     "ShutArea",
     "StartInNoGoError",
@@ -70,5 +72,6 @@ __all__ = [
     "fuel",
     "plan",
     "plan_departures",
+    "replan",
     "tightest",
 ]

@@ -23,6 +23,7 @@ from renew.errors import (
     from_until,
     in_seconds,
 )
+from renew.inputs.asked import Asked
 from renew.inputs.shut_areas import Area
 from renew.inputs.tidal_depth import LeastWater
 
@@ -234,7 +235,8 @@ class Plan:
     by the harmonic mean over its sampled paths (paper). `overpowering` is the water that was no-go
     because its current is as strong as the vessel is fast: empty, or polygons in metres. `shut` are
     areas that a route of less fuel might have entered while they are shut.
-    `trade_off` is there where speeds were chosen.
+    `trade_off` is there where speeds were chosen. `voyage` is what was asked, for `renew.replan`; a
+    pickle is without it, because a current may be any function.
     """
 
     routes: tuple[Route, ...]
@@ -243,6 +245,11 @@ class Plan:
     overpowering: shapely.Geometry = field(default_factory=shapely.MultiPolygon)
     shut: tuple[Area, ...] = ()
     trade_off: TradeOff | None = None
+    voyage: Asked | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a pickle holds."""
+        return {**vars(self), "voyage": None}
 
     @property
     def best(self) -> Route:

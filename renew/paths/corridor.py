@@ -28,6 +28,8 @@ from renew.voyage.voyage import Voyage
 SLACK = 0.01
 # Number of directions in which a way out of V is looked for.
 _DIRECTIONS = 72
+# Least length of a leg out of V that a vessel turns onto, in v/ω.
+_ROOM = 3.0
 # Share of the largest coordinate below which a capsule's radius is lost to rounding.
 _ROUNDING = 1e-12
 
@@ -146,6 +148,29 @@ class Corridor:
             # The second round begins at the goal, and reverses the path again.
             path = self._straight_from(at, path)[::-1]
         return np.ascontiguousarray(path)
+
+    def way_out(self, path: FloatArray) -> FloatArray | None:
+        """Return a point (2,) to which a straight leg leads from the start out of V.
+
+        Of the legs that are in V for hardly longer than the nearest one, it is the one that suits a
+        path (n, 2) best, and leads a few turning radii on. None where the path itself leaves V as
+        soon, where the start lies in the part of V around the goal, or where no leg leads out.
+        """
+        start, holding = self.voyage.start, self.exempt[0]
+        inside = path[: 1 + self._legs_in_soft_end(path, 0)]
+        if len(inside) < 2 or (holding & self.exempt[1]).any():
+            return None
+        radius = self.voyage.vessel.turning_radius
+        exits = self._exits(start, holding)
+        far = np.linalg.norm(exits - start, axis=1)
+        exits = start + np.maximum(1.0, _ROOM * radius / far)[:, None] * (exits - start)
+        clear = _clear_from(start, exits, self._beyond(start, holding)) & self._contains(exits)
+        soon = far[clear].min(initial=np.inf) + radius
+        if np.linalg.norm(np.diff(inside, axis=0), axis=1).sum() <= soon:
+            return None
+        exits = exits[clear & (far <= soon)]
+        length = np.linalg.norm(exits - start, axis=1) + np.linalg.norm(exits - inside[-1], axis=1)
+        return np.asarray(exits[length.argmin()]) if len(exits) else None
 
     def _straight_from(self, at: int, path: FloatArray) -> FloatArray:
         """Return a path (n, 2) from an end with one leg in the capsules that hold it, if any."""

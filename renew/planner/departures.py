@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from renew._types import FloatArray
 from renew.classes.dual_graph import Channel
 from renew.classes.h_signature import name
 from renew.errors import (
@@ -162,7 +163,7 @@ def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
         check_current_at_endpoints(voyage)
     except CurrentTooStrongError as error:
         return Sailing(voyage.departure, planner, None, error)
-    search = ClassSearch(planner, fuel_estimate=lambda channel: _fuel_estimate(unpadded, channel))
+    search = ClassSearch(planner, fuel_estimate=lambda channel: fuel_estimate(unpadded, channel))
     search.find_best(options.classes)
     rejected = tuple(search.rejected.values())
     cause = None
@@ -183,16 +184,15 @@ def in_order_of_arrival(sailings: Sequence[Sailing]) -> list[Sailing]:
     for k in range(len(result) - 2, -1, -1):
         here, after = result[k], result[k + 1]
         if here.arrival > after.arrival + _ROUNDING * after.duration and after.found is not None:
-            found = _sailed_from(here.planner, after.found)
+            found = as_drawn(here.planner, after.found.path, after.found.corridor.channel)
             if found is not None and found.fuel < here.fuel:
                 result[k] = replace(here, found=found)
     return result
 
 
-def _sailed_from(planner: ClassPlanner, found: ClassPath) -> ClassPath | None:
-    """Return another departure's path sailed at the planner's departure; None if it is unsafe."""
-    path = found.path
-    corridor = planner.growth.fitted(planner.corridor(found.corridor.channel), path)
+def as_drawn(planner: ClassPlanner, path: FloatArray, channel: Channel) -> ClassPath | None:
+    """Return a path (n, 2) of a channel sailed at the planner's departure; None if it is unsafe."""
+    corridor = planner.growth.fitted(planner.corridor(channel), path)
     try:
         trajectory = steer_as_drawn(path, corridor)
         planner.check_current(trajectory)
@@ -204,7 +204,7 @@ def _sailed_from(planner: ClassPlanner, found: ClassPath) -> ClassPath | None:
     return ClassPath(corridor, path, trajectory, fuel, fuel)
 
 
-def _fuel_estimate(unpadded: ClassPlanner, channel: Channel) -> float:
+def fuel_estimate(unpadded: ClassPlanner, channel: Channel) -> float:
     """Return the fuel of a channel's path with minimal padding, before it is steered.
 
     It is hardly ever above the fuel of the channel's route. Without a path it is minus infinity.

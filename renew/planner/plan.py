@@ -125,7 +125,7 @@ def plan(
     given = {**_given(options, changes), "departure": departure, "arrive_by": arrive_by}
     given |= {"speed": speed}
     task = _task(chart, current, vessel, (start, goal), via, avoid, depth, given)
-    return with_least_water(_planned(task), depth, task)
+    return replace(with_least_water(planned(task), task), voyage=task)
 
 
 def plan_departures(
@@ -213,7 +213,8 @@ def plan_departures(
     else:
         window = _window(task, times, spacing, progress)
         found = _best_of(window, to_within, with_classes=bool(with_classes))
-    return replace(found, plan=with_least_water(found.plan, depth, task))
+    best = replace(with_least_water(found.plan, task), voyage=task)
+    return replace(found, plan=best)
 
 
 def _window(
@@ -276,10 +277,11 @@ def _task(
         np.vstack([as_point("start", ends[0]), points, as_point("goal", ends[1])]),
         (*(area for area in avoid if not area.is_always_shut), *tidal_areas),
         request,
+        depth,
     )
 
 
-def _planned(task: Task) -> Plan:
+def planned(task: Task) -> Plan:
     """Plan at the departure of a request, or at the latest one that arrives in time."""
     request = task.request
     if request.speed is not None:

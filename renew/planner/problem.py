@@ -92,21 +92,21 @@ class Problem:
 
     def leaving(self, departure: float) -> "Problem":
         """Return the problem at another departure (s)."""
-        return replace(self._with(self.voyage.leaving(departure)), base=self)
+        return replace(self.with_voyage(self.voyage.leaving(departure)), base=self)
 
     def at_price(self, price: float) -> "Problem":
         """Return the problem at another price of time (fuel units a second)."""
-        return self._with(self.voyage.at_price(price))
+        return self.with_voyage(self.voyage.at_price(price))
 
     def at_speed(self, speed: float) -> "Problem":
         """Return the problem at a constant speed (m/s), in the vessel's own water."""
-        return self._with(self.voyage.at_speed(speed))
+        return self.with_voyage(self.voyage.at_speed(speed))
 
     def scheduled(self, path: FloatArray, times: FloatArray) -> "Problem":
         """Return the problem for passage of the points of a path (n, 2) at times (n,), s."""
-        return self._with(self.voyage.scheduled(path, times))
+        return self.with_voyage(self.voyage.scheduled(path, times))
 
-    def _with(self, voyage: Voyage) -> "Problem":
+    def with_voyage(self, voyage: Voyage) -> "Problem":
         """Return the problem of another voyage in the same water."""
         return replace(self, voyage=voyage, first=self.first or self, base=None)
 

@@ -23,7 +23,6 @@ from renew._types import FloatArray
 from renew.errors import InfeasibleError, PlanningError, Text, UnreachableError, from_until
 from renew.inputs.chart import Chart
 from renew.inputs.shut_areas import Area, ShutArea, polygons_of
-from renew.inputs.tidal_depth import TidalDepth
 from renew.inputs.vessel import Vessel
 from renew.planner.one_class import ClassPlanner
 from renew.planner.sampled_paths import chosen_class
@@ -168,8 +167,9 @@ def unavoidable(
     )
 
 
-def with_least_water(plan: Plan, depth: TidalDepth | None, task: Task) -> Plan:
+def with_least_water(plan: Plan, task: Task) -> Plan:
     """Return the plan with each route's least water; unchanged without tidal depths."""
+    depth = task.depth
     if depth is None:
         return plan
     late = task.request.lateness, task.request.min_lateness

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -19,11 +20,9 @@ from renew.errors import (
     Text,
     ViaInNoGoError,
 )
-from renew.inputs.chart import Chart
+from renew.inputs.asked import Asked
 from renew.inputs.current import CurrentField
-from renew.inputs.options import Request
 from renew.inputs.shut_areas import Area, polygons_of
-from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import changes, overpowered_spells
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import Problem
@@ -125,20 +124,19 @@ def _until(voyage: Voyage, point: FloatArray) -> Text:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
-    """Where to plan, with which vessel, in which current, and how.
+class Task(Asked):
+    """What is asked of a plan, with its planners: the same water is triangulated once.
 
-    The `chart` excludes the water of areas that are always shut; `areas` are shut for some hours.
-    Start, via points and goal are `stops` (n, 2), m.
+    A voyage in the same water and current `like` another shares what the other's planner knows.
     """
 
-    chart: Chart
-    current: CurrentField
-    vessel: Vessel
-    stops: FloatArray
-    areas: tuple[Area, ...]
-    request: Request
+    like: "Task | None" = None
     _planners: dict[object, ClassPlanner] = field(default_factory=dict)
+
+    @cached_property
+    def waters(self) -> Waters:
+        """The chart and the current, with what all voyages there share."""
+        return self.like.waters if self.like else Waters(self.chart, self.current)
 
     @property
     def deadline(self) -> float:
@@ -168,7 +166,7 @@ class Task:
             choice = SpeedChoice(least, deadline=self.deadline)
             vessel = replace(vessel, speed=highest if most is None else most)
         voyage = Voyage(
-            Waters(chart, self.current),
+            Waters(chart, self.current) if closed else self.waters,
             vessel,
             self.stops[0],
             self.stops[-1],
@@ -181,4 +179,7 @@ class Task:
         )
         check_endpoints(voyage)
         check_pace(voyage)
+        if self.like is not None and not closed:
+            known = self.like.planner()
+            return known.for_problem(known.problem.with_voyage(voyage))
         return ClassPlanner(Problem(voyage, request), request)

@@ -195,7 +195,7 @@ def fly_turns(
     multiples of the spread of its speed and of its direction.
     """
     speeds = np.full(len(points), vessel.speed) if speeds is None else speeds
-    heading = _crab_heading(points, course, field, speeds, times)
+    heading = crab_heading(points, course, field, speeds, times)
     speed_change, direction_change = perturbations(points, field, vessel, deviations, times)
     if isinstance(field, TabulatedCurrent):
         return np.asarray(
@@ -339,7 +339,7 @@ def stations(path: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     return path[leg] + place[:, None] * legs[leg], np.arctan2(legs[leg, 1], legs[leg, 0])
 
 
-def _crab_heading(
+def crab_heading(
     points: FloatArray,
     course: FloatArray,
     field: CurrentField,

@@ -1,0 +1,306 @@
+"""Plan a voyage again under way, and say whether to stay in the class that was planned."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from renew._types import FloatArray
+from renew.errors import (
+    Length,
+    ParameterError,
+    PlanningError,
+    StartInNoGoError,
+    check_kind,
+    is_finite,
+    shown,
+)
+from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.options import as_point
+from renew.kernels.current_table import CurrentTable
+from renew.planner.shut_areas import with_least_water
+from renew.planner.task import Task
+from renew.results import Plan, Rejected, Route
+from renew.underway.choice import Answer, Choice, choose
+from renew.underway.way_ahead import ON_TIME, Abeam, abeam, track_ahead, way_ahead
+from renew.voyage.voyage import Voyage, shares
+
+# Largest heading, rad: beyond a full circle it is hardly in radians.
+_MOST = 2 * math.pi
+# Distance off land, in v/ω, to which a position in its margin is moved.
+_OFF = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Replanned:
+    """What to do from where the vessel is, and what it costs.
+
+    Fuels are in fuel units: `burnt` + `fuel` = what was planned + `by_drift` + `by_forecast` -
+    `saved`.
+
+    Attributes
+    ----------
+    answer : "kept", if the best way is of the class that was planned; "switched", if another class
+        saves more than the threshold, or the planned class can't be sailed any more; "no way".
+    plan : the plan from here on, to be given to the next :func:`replan`; None if there is no way.
+        Its best route is the one to take, though one of another class may need a little less fuel.
+    kept : the route in the class that was planned; None if it can't be sailed.
+    rejected : classes without a route, with their reasons; first the class that was planned.
+    off : distance from the path that was planned, m.
+    late : how much later than planned the vessel is abeam of its path, s; negative if it is early.
+    moved : distance from the position given to the water in which the plan begins, m; above 0 only
+        for a position in the margin around charted land.
+    burnt : fuel burnt since the previous plan began.
+    by_drift : fuel that the voyage needs more than planned, in the current that was planned in, for
+        the way back to the path and on along it: what being off the path, late or early costs; inf
+        where there is no such way.
+    by_forecast : fuel that the same way needs more in the new current.
+    saved : fuel that the best way saves against that way, in the new current; negative where that
+        way is not safe any more, or the vessel has to turn first.
+    cause : the error that says why there is no way, or None.
+    """
+
+    answer: Answer
+    plan: Plan | None
+    kept: Route | None
+    rejected: tuple[Rejected, ...]
+    off: float
+    late: float
+    moved: float
+    burnt: float
+    by_drift: float
+    by_forecast: float
+    saved: float
+    cause: PlanningError | None = None
+
+    @property
+    def best(self) -> Route | None:
+        """The route to take, or None if there is no way."""
+        return None if self.plan is None else self.plan.best
+
+    @property
+    def fuel(self) -> float:
+        """Fuel from here to the goal; infinite if there is no way."""
+        return math.inf if self.plan is None else self.plan.best.fuel
+
+    @property
+    def alternatives(self) -> tuple[Route, ...]:
+        """Routes of other classes, least fuel first: of those that might have saved enough."""
+        best = self.best
+        return () if self.plan is None else tuple(r for r in self.plan.routes if r is not best)
+
+
+def replan(
+    previous: Plan,
+    at: FloatArray | tuple[float, float],
+    time: float,
+    *,
+    heading: float | None = None,
+    current: CurrentLike | None = None,
+    burnt: float | None = None,
+    switch_above: float = 0.02,
+) -> Replanned:
+    """Plan the rest of a voyage from where the vessel is.
+
+    The class that was planned is kept, unless another one saves more than a threshold, both in the
+    new current. Small differences between forecasts so don't send the vessel to and fro.
+
+    Parameters
+    ----------
+    previous : Plan
+        The plan that is being sailed, by :func:`renew.plan` or from an earlier answer. The vessel
+        sails its best route; ``dataclasses.replace(previous, chosen=1)`` if it sails another.
+    at : array_like
+        Where the vessel is (2,), m: anywhere in the water. Inside the soft no-go zone it leaves by
+        the nearest way out first, unless its route leads out as planned or the goal is there.
+    time : float
+        When it is there (s), on the clock of the current.
+    heading : float, optional
+        Its heading (rad, anticlockwise from the x-axis, as in a trajectory). The route then begins
+        with an arc by the vessel's turn rate. By default it begins on the heading that is best.
+    current : CurrentField or callable, optional
+        A newer current; by default the one of `previous`.
+    burnt : float, optional
+        Fuel burnt since `previous` began; by default what that time needs at constant thrust.
+    switch_above : float
+        Share of the fuel ahead in the planned class above which another class is worth changing to.
+
+    Returns
+    -------
+    Replanned
+        Kept, switched or no way; with the fuel of each, and what drift and the forecast changed.
+        Padding grows and hard-over turns are flown as for :func:`renew.plan`, but not in the first
+        arc nor on the way out of the soft no-go zone.
+
+    Raises
+    ------
+    ParameterError
+        Arguments out of range; a plan that chose speeds, or was read from a pickle; a time before
+        the departure or outside the current.
+    StartInNoGoError
+        The position is on land or outside the chart; the message names the nearest water.
+    """
+    asked = _asked_of(previous)
+    _check(previous, time, heading, burnt, switch_above)
+    at, moved = _in_water(as_point("at", at), asked.chart, asked.vessel.turning_radius)
+    route = previous.best
+    place = _abeam(route, at, asked)
+    task = _task_ahead(asked, route, place, at, float(time), current)
+    begun, rate = float(route.times[0]), asked.vessel.fuel_rate
+    known = rate * (time - begun) if burnt is None else float(burnt)
+    voyage = task.planner().problem.voyage
+    ahead = way_ahead(route.path, place, voyage)
+    old, new = _fuels_of(ahead, voyage, asked)
+    is_proven = task.current is asked.current and place.is_proven(voyage, float(time), begun)
+    is_in_time = voyage.current.is_steady or abs(time - place.due) <= ON_TIME
+    track = None
+    if is_proven and is_in_time:
+        track = track_ahead(route.trajectory, at, float(time))
+    choice, cause = Choice("no way"), None
+    try:
+        choice = choose(task, ahead, heading, switch_above, is_proven=is_proven, track=track)
+    except PlanningError as error:
+        cause = error
+    plan = None if choice.plan is None else with_least_water(choice.plan, task)
+    return Replanned(
+        answer=choice.answer,
+        plan=None if plan is None else replace(plan, voyage=task),
+        kept=plan.best if plan is not None and choice.answer == "kept" else choice.kept,
+        rejected=choice.rejected,
+        off=place.off,
+        late=float(time) - place.due,
+        moved=moved,
+        burnt=known,
+        by_drift=known + old - route.fuel,
+        by_forecast=_less(new, old),
+        saved=0.0 if plan is None else _less(new, plan.best.fuel),
+        cause=cause,
+    )
+
+
+def _asked_of(previous: Plan) -> Task:
+    """Return what a plan was asked; refuse a plan that can't be planned again."""
+    check_kind("previous", previous, Plan)
+    asked = previous.voyage
+    if not isinstance(asked, Task):
+        raise ParameterError(
+            f"previous.voyage = {shown(asked)}: a plan that was pickled has lost its current; take "
+            "the voyage of a new plan, dataclasses.replace(previous, voyage=new.voyage)"
+        )
+    if asked.request.speed is not None:
+        raise ParameterError(
+            "previous chose speeds, and can't be planned again under way: plan from here with "
+            "renew.plan(..., departure=, speed=)"
+        )
+    return asked
+
+
+def _check(
+    previous: Plan, time: object, heading: object, burnt: object, switch_above: object
+) -> None:
+    """Refuse figures out of range; the error names all faults."""
+    faults = []
+    begun = float(previous.best.times[0])
+    if not is_finite(time):
+        faults.append(f"time = {shown(time)} s must be finite")
+    elif time < begun:
+        faults.append(
+            f"time = {time:g} s lies {begun - time:g} s before the departure, {begun:g} s"
+        )
+    if heading is not None and not (is_finite(heading) and abs(heading) <= _MOST):
+        faults.append(
+            f"heading = {shown(heading)} must lie between -2π and 2π rad, anticlockwise from the "
+            "x-axis; a compass bearing of β degrees is math.radians(90 - β)"
+        )
+    if burnt is not None and not (is_finite(burnt) and burnt >= 0):
+        faults.append(f"burnt = {shown(burnt)} fuel units must be finite and at least 0")
+    if not (is_finite(switch_above) and 0 <= switch_above <= 1):
+        faults.append(f"switch_above = {shown(switch_above)} must be a share from 0 to 1")
+    if faults:
+        raise ParameterError("; ".join(faults))
+
+
+def _in_water(at: FloatArray, chart: Chart, radius: float) -> tuple[FloatArray, float]:
+    """Return a position (2,) in the water, and how far (m) it was moved: out of land's margin only.
+
+    The vessel has a turning `radius`, v/ω (m).
+    Raises StartInNoGoError on land, and outside the chart.
+    """
+    here = shapely.Point(at)
+    if shapely.dwithin(chart.water, here, 4 * chart.precision):
+        return at, 0.0
+    nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1]
+    far = math.dist(at, nearest)
+    if shapely.covers(chart.open_water, here):
+        # From the very edge of land no track leads off it.
+        off = nearest + _OFF * radius / max(far, chart.precision) * (nearest - at)
+        return (
+            (off, math.dist(at, off))
+            if chart.water.contains(shapely.Point(off))
+            else (nearest, far)
+        )
+    where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
+    raise StartInNoGoError(
+        f"at {{0}} lies {where}, {{1}} from the nearest water at {{2}}", at, Length(far), nearest
+    )
+
+
+def _abeam(route: Route, at: FloatArray, asked: Task) -> Abeam:
+    """Return the place on a route nearest to the vessel, with the time when it was due there."""
+    place = abeam(route.path, route.times, at)
+    last = max(int(np.searchsorted(shares(route.path), place.along, side="right")) - 1, 0)
+    leg = np.vstack([route.path[last], place.point])
+    begun = float(route.times[last])
+    voyage = replace(asked.planner().problem.voyage, start=leg[0], via=leg[:0], departure=begun)
+    if math.dist(*leg) <= asked.chart.precision:
+        return place
+    return place._replace(due=float(voyage.arrivals(leg)[-1]))
+
+
+def _task_ahead(
+    asked: Task,
+    route: Route,
+    place: Abeam,
+    at: FloatArray,
+    time: float,
+    current: CurrentLike | None,
+) -> Task:
+    """Return the task of the voyage ahead: through the via points that lie ahead of the vessel."""
+    line, via = shapely.LineString(route.path), asked.stops[1:-1]
+    ahead = [line.project(shapely.Point(one), normalized=True) > place.along for one in via]
+    task = Task(
+        asked.chart,
+        asked.current if current is None else as_field(current),
+        asked.vessel,
+        np.vstack([at, via[np.array(ahead, dtype=bool)], asked.stops[-1]]),
+        asked.areas,
+        replace(asked.request, departure=time, arrive_by=None, to_within=None, is_sweep=False),
+        asked.depth,
+    )
+    if current is None or _is_same(task.waters.table, asked.waters.table):
+        return replace(task, current=asked.current, like=asked.like or asked)
+    return task
+
+
+def _is_same(one: CurrentTable, other: CurrentTable) -> bool:
+    """Whether two tables hold the same current."""
+    return all(
+        np.array_equal(np.asarray(a), np.asarray(b)) for a, b in zip(one, other, strict=True)
+    )
+
+
+def _fuels_of(ahead: FloatArray | None, voyage: Voyage, asked: Task) -> tuple[float, float]:
+    """Return the fuel of a way ahead (n, 2) in the current planned in, and in the new one."""
+    if ahead is None:
+        return math.inf, math.inf
+    new = voyage.fuel(ahead)
+    if voyage.current is asked.current:
+        return new, new
+    return replace(voyage, waters=asked.waters).fuel(ahead), new
+
+
+def _less(one: float, other: float) -> float:
+    """Return a difference of fuels; infinite if a way can't be sailed in one of the currents."""
+    return one - other if math.isfinite(one) and math.isfinite(other) else math.inf

@@ -1,0 +1,277 @@
+"""Planned again under way: the class is kept or left, and what drift and the forecast changed."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from shapely import Polygon, box
+
+import renew
+from renew._types import FloatArray
+from tests import clock_oracle
+from tests.moving_waters import moving_scene
+from tests.oracles import grid_dijkstra, tighten
+from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
+
+CHANNEL = renew.Chart(box(0, 0, 200, 60))
+FROM, TO = (20.0, 30.0), (180.0, 30.0)
+SHORT = renew.VaryingCurrent([0.0, 400.0], [renew.UniformCurrent(0.0, 0.0)] * 2)
+ISLAND = Polygon([(90, 20), (110, 20), (110, 40), (90, 40)])
+"""Midway: both sides are as far."""
+
+
+def gyre_plan(**options: Any) -> renew.Plan:  # noqa: ANN401
+    chart, current = single_gyre()
+    return renew.plan(chart, current, PAPER_VESSEL, (10.0, 10.0), (90.0, 90.0), **options)
+
+
+def on_the_way(route: renew.Route, share: float) -> tuple[FloatArray, float, float]:
+    """Where the vessel is (2,), m, when, s, and on which heading (rad), at a share of a track."""
+    time, x, y, heading = route.trajectory[int(share * len(route.trajectory))]
+    return np.array([x, y]), float(time), float(heading % (2 * math.pi))
+
+
+def jet(north: float, south: float) -> renew.GriddedCurrent:
+    """Return a current (m/s) towards +x beside the island, to its north and to its south."""
+    x, y = np.linspace(0, 200, 41), np.linspace(0, 60, 61)
+    beside = (abs(x - 100) < 40) & (abs(y - 30) > 5)[:, None]
+    u = np.where(beside, np.where(y > 30, north, south)[:, None], 0.0)
+    return renew.GriddedCurrent(x, y, u, np.zeros_like(u))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_at_the_place_and_time_planned_it_is_the_same_way_ahead(seed: int) -> None:
+    chart, current, start, goal = random_scene(seed)
+    plan = renew.plan(chart, current, PAPER_VESSEL, start, goal)
+    route = plan.best
+    again = type(current)(seed, 0.0)
+    vars(again).update(vars(current))  # the same current, read once more
+    for at in range(0, len(route.path) - 1, max(1, len(route.path) // 6)):
+        for given in (None, again):
+            found = renew.replan(plan, route.path[at], float(route.times[at]), current=given)
+            assert found.answer == "kept"
+            ahead = route.fuel - PAPER_VESSEL.fuel_rate * (route.times[at] - route.times[0])
+            assert found.fuel == pytest.approx(ahead, rel=1e-6)
+            assert found.off == pytest.approx(0, abs=1e-9)
+            assert found.late == pytest.approx(0, abs=1e-6)
+            assert (found.by_drift, found.by_forecast) == pytest.approx((0, 0), abs=1e-5)
+            assert found.best is not None
+            away = shapely.LineString(route.path[max(at - 1, 0) :])
+            assert away.buffer(0.02).covers(shapely.LineString(found.best.path))
+
+
+@pytest.mark.gate_share(1)
+@pytest.mark.parametrize("seed", range(4))
+def test_the_best_way_from_anywhere_is_as_cheap_as_the_oracles(seed: int) -> None:
+    chart, current, start, goal = random_scene(seed)
+    newer = random_scene(seed + 50)[1]
+    plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, padding="none")
+    rng, water, at = np.random.default_rng(seed), chart.water.buffer(-3.0), start
+    while not water.contains(shapely.Point(at)) or math.dist(at, start) < 30:
+        at = rng.uniform(20, 150, 2)
+    found = renew.replan(plan, at, 30.0, current=newer, switch_above=0.0)
+    _, path = grid_dijkstra(chart, newer, PAPER_VESSEL, at, goal, 4.0)
+    least, _ = tighten(path, chart, newer, PAPER_VESSEL)
+    assert found.fuel <= 1.005 * least
+    assert found.best is not None
+    assert found.best.fuel_bound.value <= least
+
+
+@pytest.mark.gate_share(1)
+@pytest.mark.parametrize("seed", [0, 4])
+def test_in_a_current_that_changes_it_is_as_cheap_as_the_oracle_with_its_clock(seed: int) -> None:
+    scene = moving_scene(seed)
+    plan = scene.plan(padding="none")
+    at, time, _ = on_the_way(plan.best, 0.3)
+    off = at + np.array([1.0, -1.0])
+    found = renew.replan(plan, off, time + 20.0, switch_above=0.0)
+    arguments = scene.current, PAPER_VESSEL
+    _, path = clock_oracle.earliest_arrival(
+        scene.chart, *arguments, off, scene.goal, time + 20.0, spacing=4.0,
+        drift=scene.drift, radius=5,
+    )  # fmt: skip
+    least, _ = clock_oracle.tighten(
+        path, scene.chart, *arguments, time + 20.0, drift=scene.drift, spacing=4.0, width=8.0
+    )
+    assert found.fuel <= 1.005 * least
+
+
+def test_drift_and_forecast_are_told_apart() -> None:
+    plan = renew.plan(CHANNEL, renew.UniformCurrent(0.2, 0.0), PAPER_VESSEL, FROM, TO)
+    late, way = 5.0, 100.0
+    time = 60.0 / 1.2 + late
+    found = renew.replan(plan, (80.0, 30.0), time, current=renew.UniformCurrent(-0.1, 0.0))
+    assert found.late == pytest.approx(late)
+    assert found.burnt == pytest.approx(time)
+    assert found.by_drift == pytest.approx(late)
+    assert found.by_forecast == pytest.approx(way / 0.9 - way / 1.2)
+    assert found.saved == pytest.approx(0.0, abs=1e-6)
+    assert found.fuel == pytest.approx(way / 0.9)
+    # 30 m abeam to starboard, where the current is no other: the way back is what it costs.
+    off = renew.replan(plan, (80.0, 10.0), 50.0, burnt=70.0)
+    assert off.off == pytest.approx(20.0)
+    straight = np.array([100.0, 20.0])
+    made = 1 + 0.2 * straight[0] / np.linalg.norm(straight)
+    assert off.fuel == pytest.approx(float(np.linalg.norm(straight)) / made, rel=1e-4)
+    assert off.burnt + off.fuel == pytest.approx(
+        plan.best.fuel + off.by_drift + off.by_forecast - off.saved
+    )
+    assert off.by_drift > 20.0
+
+
+@pytest.mark.parametrize(("north", "answer"), [(0.32, "kept"), (0.42, "switched")])
+def test_another_class_has_to_save_more_than_the_threshold(north: float, answer: str) -> None:
+    chart = renew.Chart(box(0, 0, 200, 60), [ISLAND])
+    plan = renew.plan(chart, jet(0.29, 0.3), PAPER_VESSEL, FROM, TO)
+    assert plan.best.path[:, 1].min() < 20
+    newer = jet(north, 0.3)
+    found = renew.replan(plan, (40.0, 30.0), 16.0, current=newer)
+    anew = renew.plan(chart, newer, PAPER_VESSEL, (40.0, 30.0), TO, departure=16.0)
+    assert anew.best.path[:, 1].max() > 40  # without a threshold the north is better both times
+    south = next(route for route in anew.routes if route.path[:, 1].min() < 20)
+    assert found.kept is not None
+    assert found.kept.fuel == pytest.approx(south.fuel, rel=3e-3)
+    assert found.answer == answer
+    saves = 1 - anew.best.fuel / found.kept.fuel
+    assert (saves > 0.02) == (answer == "switched")
+    expected = anew.best.fuel if answer == "switched" else found.kept.fuel
+    assert found.fuel == pytest.approx(expected, rel=1e-3)
+    assert renew.replan(plan, (40.0, 30.0), 16.0, current=newer, switch_above=1).answer == "kept"
+
+
+def test_a_class_that_is_shut_is_left_and_where_all_are_there_is_no_way() -> None:
+    chart = renew.Chart(box(0, 0, 200, 60), [ISLAND])
+    plan = renew.plan(chart, jet(0.29, 0.3), PAPER_VESSEL, FROM, TO)
+    switched = renew.replan(plan, (40.0, 31.0), 16.0, current=jet(0.2, -1.5))
+    assert switched.answer == "switched"
+    assert switched.best is not None
+    assert switched.best.path[:, 1].max() > 40
+    assert switched.kept is None
+    shut = renew.replan(plan, (40.0, 31.0), 16.0, current=jet(-1.5, -1.5))
+    assert (shut.answer, shut.best, shut.fuel) == ("no way", None, math.inf)
+    assert isinstance(shut.cause, renew.UnreachableError)
+
+
+@pytest.mark.parametrize("depth", [0.3, 2.0])
+def test_inside_v_it_leaves_by_about_the_nearest_way(depth: float) -> None:
+    chart = renew.Chart(box(0, 0, 200, 60), [box(40, 0, 160, 20)])
+    plan = renew.plan(chart, renew.UniformCurrent(0.1, 0.0), PAPER_VESSEL, (20.0, 30.0), TO)
+    zone = plan.best.soft_no_go
+    edge = zone.bounds[3]
+    at = np.array([70.0, edge - depth])
+    found = renew.replan(plan, at, 60.0, heading=0.0)
+    assert found.best is not None
+    inside = shapely.LineString(found.best.path).intersection(zone)
+    assert inside.length <= depth + 2.5 * PAPER_VESSEL.turning_radius
+    assert shapely.distance(shapely.LineString(found.best.path), chart.hard_no_go) > 0
+    assert found.best.starts_in_soft_no_go
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_from_any_heading_the_track_is_one_that_the_vessel_can_sail(seed: int) -> None:
+    chart, current, start, goal = random_scene(seed)
+    plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, drift="crab")
+    rng = np.random.default_rng(seed)
+    for share in (0.05, 0.3, 0.5, 0.7):
+        at, time, planned = on_the_way(plan.best, share)
+        for heading in (planned, *rng.uniform(-math.pi, math.pi, 3)):
+            found = renew.replan(plan, at, time, heading=heading).best
+            assert found is not None
+            track = found.trajectory
+            assert track[0, 1:3] == pytest.approx(at)
+            assert math.cos(track[0, 3] - heading) == pytest.approx(1.0)
+            turned, took = np.abs(np.diff(track[:, 3])), np.diff(track[:, 0])
+            assert (turned <= PAPER_VESSEL.turn_rate * took * (1 + 1e-6)).all()
+            # The motion in the current, by the midpoint of each row and the next.
+            middle = (track[:-1] + track[1:]) / 2
+            through = np.column_stack([np.cos(middle[:, 3]), np.sin(middle[:, 3])])
+            moved = (PAPER_VESSEL.speed * through + current(middle[:, 1:3])) * took[:, None]
+            assert np.abs(np.diff(track[:, 1:3], axis=0) - moved).max() < 0.01
+            assert not shapely.intersects(shapely.LineString(track[:, 1:3]), chart.hard_no_go)
+            assert found.times[-1] == pytest.approx(track[-1, 0], rel=2e-3)
+            assert found.fuel == pytest.approx(found.times[-1] - time)
+
+
+def test_via_points_that_are_passed_are_not_passed_again() -> None:
+    via = [(10.0, 60.0), (60.0, 90.0)]
+    plan = gyre_plan(via=via)
+    line = shapely.LineString(plan.best.path)
+    share = (line.project(shapely.Point(via[0])) + 5.0) / line.length
+    at = np.array(line.interpolate(share, normalized=True).coords[0])
+    time = float(
+        np.interp(line.project(shapely.Point(at)), _along(plan.best.path), plan.best.times)
+    )
+    found = renew.replan(plan, at + np.array([1.0, 0.5]), time)
+    assert found.answer == "kept"
+    assert found.best is not None
+    ahead = shapely.LineString(found.best.path)
+    assert ahead.distance(shapely.Point(via[1])) < 0.02 * PAPER_VESSEL.turning_radius
+    assert ahead.distance(shapely.Point(via[0])) > 3.0
+
+
+def _along(path: FloatArray) -> FloatArray:
+    """Lengths (n,), m, from a path's start to its points."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+
+
+def test_areas_that_are_shut_then_are_kept_out_of() -> None:
+    gate = renew.ShutArea(box(95, 0, 105, 32), 110.0, 400.0, name="range")
+    still = renew.UniformCurrent(0.0, 0.0)
+    plan = renew.plan(CHANNEL, still, PAPER_VESSEL, FROM, TO, avoid=[gate])
+    assert plan.best.fuel == pytest.approx(160.0, rel=1e-3)  # it passes before
+    found = renew.replan(plan, (50.0, 30.0), 90.0, heading=0.0)  # an hour late: it is shut
+    assert found.best is not None
+    assert shapely.LineString(found.best.path).distance(gate.polygon) > 0
+    assert found.fuel > 130.5
+
+
+def test_on_the_margin_around_land_it_begins_in_the_nearest_water() -> None:
+    land = box(90, 0, 110, 18)
+    chart = renew.Chart(box(0, 0, 200, 60), [land.buffer(2)], land=[land])
+    plan = renew.plan(chart, renew.UniformCurrent(0.1, 0.0), PAPER_VESSEL, FROM, TO)
+    found = renew.replan(plan, (100.0, 19.0), 70.0)
+    assert found.moved == pytest.approx(1.0, abs=0.04)
+    assert found.best is not None
+    assert found.best.path[0] == pytest.approx([100.0, 20.0], abs=0.04)
+    with pytest.raises(renew.StartInNoGoError, match=r"at \(100, 10\) m lies in the no-go zone"):
+        renew.replan(plan, (100.0, 10.0), 70.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"at": (math.nan, 1.0)}, "at = "),
+        ({"at": (300.0, 30.0)}, "off the chart, 200.00 m"),
+        ({"time": math.inf}, "time = inf s must be finite"),
+        ({"time": -7.0}, "time = -7 s lies 7 s before the departure, 0 s"),
+        ({"heading": 400.0}, "heading = 400.0 must lie between"),
+        ({"burnt": -1.0}, "burnt = -1.0 fuel units"),
+        ({"switch_above": 2.0}, "switch_above = 2.0 must be a share from 0 to 1"),
+        ({"current": 3}, "current"),
+        ({"time": 500.0, "current": SHORT}, "for which the current is known, 0 s to 400 s"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_with_what_it_is_off_by(
+    given: dict[str, Any], message: str
+) -> None:
+    asked: dict[str, Any] = {"at": (50.0, 50.0), "time": 50.0, **given}
+    with pytest.raises(renew.PlanningError) as raised:
+        renew.replan(gyre_plan(classes=1), **asked)
+    assert message in str(raised.value)
+
+
+def test_plans_that_cannot_be_planned_again_say_why() -> None:
+    plan = gyre_plan(classes=1)
+    read = pickle.loads(pickle.dumps(plan))  # noqa: S301 - its own
+    with pytest.raises(renew.ParameterError, match="a plan that was pickled has lost its current"):
+        renew.replan(read, (50.0, 50.0), 50.0)
+    kept = replace(read, voyage=plan.voyage)
+    assert renew.replan(kept, plan.best.path[5], float(plan.best.times[5])).answer == "kept"
+    with pytest.raises(renew.ParameterError, match="previous chose speeds"):
+        renew.replan(gyre_plan(classes=1, speed=(0.9, 1.1)), (50.0, 50.0), 50.0)
