@@ -1,4 +1,4 @@
-"""The paper's own scenes, as far as they can be had, and the fuel that it published for them.
+"""The paper's own scenes, as far as they can be reconstructed, and the fuel published for them.
 
 The single gyre is read off its figure. The ablation is reconstructed: one rectangle and a run of
 80 m due north meet six published figures. The islands of the 4-gyre are not in the paper: these

@@ -20,7 +20,7 @@ from renew._types import FloatArray
 
 # Number of pieces of a leg on a path.
 _PIECES = 4
-# Share of the time by which what the optimizer finds may be late.
+# Share of the time by which the optimizer's path may be late.
 _LATE = 1e-4
 
 

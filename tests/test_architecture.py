@@ -23,9 +23,9 @@ NEEDED_UNIMPORTED = {
     "geopandas": "how a reader opens routes.gpkg; the tests do",
     "xarray": "what copernicusmarine hands over; our floor for its version",
 }
-# Imported beside the library that brings it and speaks in its types.
+# Imported along with the library that depends on it and uses its types.
 COMES_WITH = {"distributed": "dask", "markupsafe": "jinja2", "pydantic-core": "pydantic"}
-# What takes seconds to import, and so may not be loaded to answer `renew --help`.
+# Modules that take seconds to import, and so may not be loaded for `renew --help`.
 HEAVY = {
     "copernicusmarine",
     "distributed",

@@ -35,7 +35,7 @@ RENEW = re.compile(r"(?:^|[\s`/])renew ((?:nightly |tide )?[a-z]+)\b([^\n#;|]*)"
 DESIGN, NIGHT = "docs/explanation/design.md", "docs/how-to/nightly.md"
 CLAIMS = "docs/explanation/claims.md"
 PAGES = (*DOCUMENTS, "outputs/README.md")
-# Options of other programs that pages name by themselves.
+# Options of other programs that pages name without the program.
 FOREIGN = {"docs/how-to/operation.md": {"--collector.textfile.directory"}}
 # Models of TOML files beside a scenario's, and their tables.
 OTHER_MODELS: tuple[type[BaseModel], ...] = (
@@ -74,7 +74,7 @@ def test_figures_are_those_that_a_bench_wrote(document: str) -> None:
     "document", [page for page in claims.PAGES if "given" in claims.PAGES[page]]
 )
 def test_no_figure_stands_there_without_a_source(document: str) -> None:
-    """What is left, once tables of runs, code and quoted texts are taken out, is given."""
+    """The given text is what is left without tables of runs, code and quoted texts."""
     text = (ROOT / document).read_text("utf-8")
     if BEGIN in text:
         before, rest = text.split(BEGIN)
@@ -114,7 +114,7 @@ def test_claims_name_suites_tests_and_dates_that_exist() -> None:
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
-    """Rows of one."""
+    """Rows of a table."""
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 

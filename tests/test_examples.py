@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-# Two property tests that note what they are given. Hypothesis would take the constants of a module
+# Two property tests that record their examples. Hypothesis would take the constants of a module
 # beside them for interesting numbers, once that is imported.
 TESTS = """
 import os

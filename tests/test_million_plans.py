@@ -1,4 +1,4 @@
-"""The reckoning of a million plans: its page has the tables that the figures give."""
+"""The cost estimate of a million plans: the page's tables are those that the figures give."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ EXPOSED = 2.0
 
 
 def checked(*command: str | Path) -> str:
-    """Run a checker that must find nothing; what it printed."""
+    """Run a checker that must find nothing; return what it printed."""
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout + done.stderr
@@ -126,7 +126,7 @@ def test_the_containers_recipe_names_no_registry() -> None:
 
 
 def test_what_the_container_copies_is_all_that_its_wheel_and_its_pins_need(tmp_path: Path) -> None:
-    """In a folder with nothing else; what a registry would have to give is not tried."""
+    """Tried in a folder with nothing else; downloads from a registry are not tried."""
     for line in re.findall(r"^COPY (?!--from)(.+) \S+$", CONTAINERFILE, re.MULTILINE):
         for name in line.split():
             if (ROOT / name).is_dir():
@@ -234,5 +234,5 @@ def test_the_job_of_the_cluster_ends_well_with_exit_code_10(
     "name", ["renew-nightly.service", "crontab", "Containerfile", "nightly.slurm"]
 )
 def test_nothing_that_is_started_looks_into_the_working_directory(name: str) -> None:
-    """Kubernetes starts the image, which sets it for all."""
+    """Kubernetes starts the image, which sets the option for all programs."""
     assert "PYTHONSAFEPATH=1" in (OPERATION / name).read_text("utf-8")

@@ -23,7 +23,7 @@ from renew._compiled import cache_folder
 from tests.pipeline.nightly.nights import REFERENCE, region_night, write_forecast
 from tests.pipeline.small_plane import small_plane
 
-# Modules that some process of ours imports: own ones, libraries, the standard library's.
+# Modules that some process of ours imports: our own, libraries', the standard library's.
 _MODULES = (
     *("pipeline", "renew", "catalog"),
     *("numpy", "scipy", "shapely", "pyproj", "pyogrio", "geopandas", "pandas", "xarray", "zarr"),

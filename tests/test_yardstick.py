@@ -1,4 +1,4 @@
-"""The yardstick is sound: a known shortest way on either side, and no better than the oracle."""
+"""The yardstick is sound: known shortest paths on either side, and never below the oracle."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_it_finds_the_way_round_an_island_on_each_side(side: int, beyond: float)
     extent = shapely.box(0, 0, 100, 60)
     grid = Grid.over(extent, barred, STILL, speed, start, goal, 1.0)
     path = grid.best_on_each_side(wall)[side]
-    # A taut string: tangents to circles about the island's corners, their arcs, the island's width.
+    # A taut string: tangents to circles around the island's corners, arcs, and the island's width.
     apart = math.hypot(39, beyond)
     turned = math.atan2(beyond, 39) + math.asin(clearance / apart)
     shortest = 2 * (math.sqrt(apart**2 - clearance**2) + clearance * turned) + 2

@@ -24,9 +24,9 @@ LATENESS = 0.05
 _TIDE = {"M2": renew.Constant(1.5, 0.0), "S2": renew.Constant(0.4, 30.0)}
 _MEAN = 1.9
 _SURGE, _LAG = 0.2, 600.0
-# Height (m) by which straight lines between heights two minutes apart are off, at most.
+# Largest error (m) of straight lines between heights two minutes apart.
 _ROUNDING = 2e-3
-# Times (s), up to a tenth of the voyage, by which a vessel that went roundabout would be too early.
+# Times (s), up to a tenth of the voyage, by which a vessel without its detour would be too early.
 _EARLIER = np.arange(400.0, 2401.0, 400.0)
 
 
@@ -126,7 +126,7 @@ class TidalScene:
         return int(is_low.sum()), is_low.size
 
     def is_in_time_for_water(self, path: FloatArray) -> bool:
-        """Whether a path (n, 2) comes to a bar soon after it opens, as those that went roundabout.
+        """Whether a path (n, 2) comes to a bar soon after it opens, like paths with a detour.
 
         A path without points, of a grid on which every way is shut, is in time as well.
         """

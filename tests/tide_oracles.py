@@ -1,4 +1,4 @@
-"""The two predictors of the tide that are not used, pyTMD and UTide; the stations' data.
+"""Two tide predictors that the program does not use, pyTMD and UTide, and the stations' data.
 
 Both have conventions of their own for a few constituents. `others` of each predictor names them:
 they are judged by the other library, and by the highest and lowest tides that NOAA publishes.
@@ -31,7 +31,7 @@ MJD = np.datetime64("1858-11-17")
 
 
 class Predictor(NamedTuple):
-    """Sum of constituents (m) at instants and a latitude; those that it defines otherwise."""
+    """Sum (m) of constituents at instants and a latitude; `others` it defines differently."""
 
     heights: Callable[[dict[str, renew.Constant], Instants, float], FloatArray]
     others: tuple[str, ...]

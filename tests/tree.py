@@ -1,4 +1,4 @@
-"""A folder as it was: to see what a run changed in it."""
+"""A snapshot of a folder, to see what a run changed in it."""
 
 from __future__ import annotations
 

@@ -20,7 +20,8 @@ _ISLANDS = ", ".join(
     for x in range(8, 90, 12)
     for y in range(6, 94, 12)
 )
-# Planned in many minutes: thousands of classes among 56 islands, each of which tells them apart.
+# Takes many minutes to plan: 56 islands, each of which distinguishes classes, give thousands of
+# them.
 SLOW = f"""
 schema_version = 1
 name = "slow"

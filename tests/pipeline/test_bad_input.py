@@ -174,7 +174,7 @@ def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
     places = with_line(places, 'currents = ["embedded-palawan"]', 'currents = ["osm-land"]')
     keys = with_line(places, "classes = 2", "clases = 2\nrisk = 2\nseed = -1")
     keys = with_line(keys, "paper-asv", "titanic")
-    # First those of keys; those between tables, where all keys are valid.
+    # Faults of keys come first; those between tables are reported once all keys are valid.
     for text, said in (
         (keys, ("clases", "risk = 2", "seed = -1", "titanic")),
         (places, ("start = [100.0, 10.2] lies 2", "gives land, not currents")),

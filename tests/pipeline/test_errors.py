@@ -1,4 +1,4 @@
-"""Faults are said in some lines of some length, however many and long they are."""
+"""Faults are printed in a limited number of lines of limited length, however many they are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is compiled beside a first run: all that a plan calls, and never in its way."""
+"""Compilation beside a first run: it compiles all that a plan calls, and never delays the run."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ print(len(recorder.buffer), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utim
 
 @pytest.fixture
 def _cold(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have nothing compiled on two cores, and processes that take their time."""
+    """Pretend that nothing is compiled, that there are two cores, and that processes are slow."""
     monkeypatch.setattr(beside, "_COMPILE", "import time; time.sleep(600)")
     monkeypatch.setattr("renew._compiled.is_cold", lambda: True)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})

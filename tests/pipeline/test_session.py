@@ -54,7 +54,7 @@ def test_a_refused_run_leaves_no_new_folder(tmp_path: Path) -> None:
 
 
 def test_a_refused_run_leaves_the_store_and_the_locks_of_another(tmp_path: Path) -> None:
-    """A begins in a new folder, B joins, A is refused; another B still has to wait."""
+    """A begins in a new folder, B joins, A is refused; a second B still has to wait."""
     output = tmp_path / "outputs"
     with contextlib.ExitStack() as stack:
         refused(output, "a", lambda: stack.enter_context(holding(output, "b")))
@@ -87,7 +87,7 @@ def test_the_data_of_a_refused_run_stay_in_the_store(tmp_path: Path) -> None:
 
 
 def test_runs_that_are_refused_at_once_do_not_disturb_each_other(tmp_path: Path) -> None:
-    """Each makes and removes the folder and its locks; only one at a time is in."""
+    """Each makes and removes the folder and its locks, one at a time."""
     program = (
         "import sys, time\n"
         "from pathlib import Path\n"
@@ -174,11 +174,12 @@ def test_a_file_of_the_same_name_does_not_replace_the_results_of_another(tmp_pat
     with pytest.raises(RequestError) as caught:
         finish(output, origin(b, "other"))
     assert all(str(path) in str(caught.value) for path in (a, b))
-    # The same file edited, a copy of it, and what made the results: not another one.
+    # The same file edited, a copy of it, and the file that made the results all count as the same
+    # scenario.
     finish(output, origin(a, "edited"))
     finish(output, origin(b, "edited"))
     finish(output, origin(a, "edited"))
-    # The other one is gone, or the results are.
+    # The other scenario is gone, or the results are.
     a.unlink()
     finish(output, origin(b, "again"))
     (output / "one").rmdir()

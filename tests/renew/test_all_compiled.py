@@ -1,4 +1,4 @@
-"""The note that all is compiled, and what makes it invalid."""
+"""The note that everything is compiled, and what makes it invalid."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def printed(package: Path, script: str, **variables: str) -> str:
 
 @pytest.fixture(scope="module")
 def holds(package: Path) -> dict[str, bool]:
-    """When the note holds."""
+    """Return in which of the script's situations the note holds."""
     found: dict[str, bool] = json.loads(printed(package, NOTED))
     return found
 
@@ -95,7 +95,7 @@ def test_the_note_holds_while_everything_is_there(holds: dict[str, bool]) -> Non
 
 @pytest.mark.usefixtures("holds")
 def test_a_folder_asked_for_gets_all_while_it_is_empty(package: Path, tmp_path: Path) -> None:
-    # Once a file is missing, another folder has it still; but this one may be shipped alone.
+    # Though another folder still has the missing file, this folder may be shipped alone.
     found = printed(package, HOLDS, NUMBA_CACHE_DIR=str(tmp_path))
     assert found.split() == ["True", "False"]
 

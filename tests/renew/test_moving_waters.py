@@ -79,8 +79,8 @@ def test_a_uniform_current_that_changes_is_used_as_well_as_can_be(seed: int) -> 
         np.linspace(0, 400, 401),
         lambda points, time: np.broadcast_to(at(np.asarray(time)), points.shape),
     )
-    # The vessel holds one heading: it arrives when still water would have taken it as far as the
-    # goal, less what the current has carried it by then.
+    # The vessel holds one heading. It arrives when its way through the water equals the distance to
+    # the goal less the current's drift by then.
     time = np.linspace(0, 400, 400_001)
     middle = at((time[1:] + time[:-1]) / 2) * np.diff(time)[:, None]
     carried = np.vstack([np.zeros(2), np.cumsum(middle, axis=0)])

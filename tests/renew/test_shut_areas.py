@@ -1,4 +1,4 @@
-"""Areas that are shut: never entered early, on time or late, nor in a turn; flown by ourselves."""
+"""Shut areas are never entered, early, on time, late or in a turn: this module flies the routes."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_an_area_is_passed_while_it_is_open_and_gone_around_while_it_is_shut(
         around = plan(avoid=[renew.ShutArea(BARRIER)]).best.fuel
         assert found.best.fuel == pytest.approx(around, rel=1e-9)
         assert found.shut == (area,)
-        # No bound of a way that is open at other hours.
+        # No bound for a route that is open at other hours.
         assert found.best.fuel_bound.value <= 160.0
 
 

@@ -1,4 +1,4 @@
-"""Tidal water: closed forms, an oracle with the clock, passages and turns flown by ourselves."""
+"""Tidal water: closed forms, an oracle with the clock, passages and turns that the test flies."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def test_no_passage_and_no_turn_is_over_too_little_water(seed: int) -> None:
 
 
 def test_a_route_at_another_hour_would_be_over_too_little_water() -> None:
-    """The flights find what they look for."""
+    """The test's flights do find too little water."""
     scene = tidal_scene(0)
     low_water = first_low_water(scene.depth.tide)  # type: ignore[arg-type]
     free = renew.plan(
@@ -210,7 +210,8 @@ def test_fuel_is_near_that_of_an_oracle_whose_legs_the_tide_shuts(seed: int) -> 
         assert scene.is_in_time_for_water(path)
         return
     assert best.fuel_bound.value <= fuel
-    # The planner does not go roundabout until a bar opens: a later departure needs less fuel.
+    # The planner does not make detours to wait for a bar to open: a later departure needs less
+    # fuel.
     assert best.fuel <= 1.005 * fuel or scene.is_in_time_for_water(path)
 
 

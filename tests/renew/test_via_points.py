@@ -1,4 +1,4 @@
-"""Via points: passed in their order, least fuel over all combinations, and safe there as well."""
+"""Via points: passed in order, with least fuel over all combinations, and safely."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_a_round_trip_ends_where_it_began() -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(40, 40, 60, 60)])
     still = renew.UniformCurrent(0.0, 0.0)
     plan = renew.plan(chart, still, PAPER_VESSEL, START, START, via=[GOAL], padding="none")
-    # Out on one side and back on either.
+    # Out on one side, and back on the same or the other.
     assert plan.best.fuel == pytest.approx(2 * (np.hypot(30, 50) * 2), rel=0.03)
     assert len(plan.routes) >= 4
     assert {name.count("/") for name in (route.homotopy for route in plan.routes)} == {1}

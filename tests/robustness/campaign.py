@@ -1,4 +1,4 @@
-"""How many cases the slow robustness tests try, and from which seed: the environment says it."""
+"""The number of cases that the slow robustness tests try, and their seed, from the environment."""
 
 from __future__ import annotations
 

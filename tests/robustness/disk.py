@@ -70,7 +70,7 @@ class Change:
     is_flushed: bool = False
 
     def apply(self, names: dict[str, Name]) -> None:
-        """Make the change, where what it builds on is there."""
+        """Make the change if what it needs exists."""
         parent = str(Path(self.path).parent)
         if self.kind == "add":
             if parent in names:
@@ -335,7 +335,7 @@ class Replay:
 
 
 def write_state(state: State, root: Path) -> None:
-    """Make a folder what a disk holds."""
+    """Write a disk's state to a folder."""
     shutil.rmtree(root, ignore_errors=True)
     for path, held in sorted(state.items()):
         place = Path(path)
@@ -357,7 +357,7 @@ def digest(state: State) -> str:
 
 
 def folder_of(state: State, link: str) -> State | None:
-    """Return what is in the folder that a link leads to, by its names; None for no folder."""
+    """Return the content by name of the folder that a link leads to; None if there is none."""
     target = state.get(link)
     if not isinstance(target, str):
         return None

@@ -25,7 +25,7 @@ STAGES = ("fetch", "simplify", "project", "plan", "evaluate", "write")
 EXIT_CODES = {signal.SIGKILL: -9, signal.SIGTERM: 143, signal.SIGINT: 130}
 # Time within which any stage begins or ends, s.
 _LONG_S = 300.0
-# What the fetch makes: it takes as long as all else together.
+# Artefacts of the fetch, which takes as long as all other stages together.
 _FETCHED = ("land", "current", "downloads")
 _BEGUN = re.compile(r'"stage": "(\w+)", "event": "begun"')
 

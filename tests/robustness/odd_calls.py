@@ -1,4 +1,4 @@
-"""Odd calls of the public API: right ones with some arguments of wrong type, shape or size."""
+"""Odd calls of the public API: some arguments of right calls get a wrong type, shape or size."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NAN, INF = math.nan, math.inf
 
 
 class Call(NamedTuple):
-    """A call of the API: what is called by name, with which arguments."""
+    """A call of the API: the function's name, and the arguments."""
 
     name: str
     function: Callable[..., Any]
@@ -42,7 +42,7 @@ def _shortened(value: object) -> str:
 
 
 def odd_values() -> list[Any]:
-    """Values of which nearly each is wrong wherever it stands; some of them can be used up."""
+    """Values that are wrong for nearly all arguments; some are iterators, which get used up."""
     return [
         None, True, False, 0, -1, 1, 2, 3, 0.5, -0.5, NAN, INF, -INF, 1e300, -1e300, 1e-300, 10**30,
         -(10**400), 1j, 1 + 0j, np.float64(NAN), np.float32(1.5), np.int64(3), np.int8(-3),
@@ -69,7 +69,7 @@ def odd_values() -> list[Any]:
 
 
 def _answers() -> list[Callable[[Any], Any]]:
-    """Functions that answer a planner's points with what is no current, or hardly one."""
+    """Functions that return, for a planner's points, something that is hardly or not a current."""
     return [
         lambda points: np.full(np.shape(points), "0.1"),
         lambda points: np.full(np.shape(points), 0.1 + 0.1j),
@@ -93,7 +93,7 @@ def _answers() -> list[Callable[[Any], Any]]:
 
 @functools.cache
 def _route() -> renew.Route:
-    """A route for what asks for one."""
+    """A route for functions that take one."""
     chart, gyre = single_gyre()
     return renew.plan(chart, gyre, PAPER_VESSEL, (10, 10), (90, 90), classes=1).best
 
@@ -113,7 +113,7 @@ def _currents(rng: Rng) -> Any:  # noqa: ANN401 - any current
 
 
 def _plan_arguments(rng: Rng) -> dict[str, Any]:
-    """Arguments of a plan that can be made."""
+    """Arguments of a plan that is possible."""
     chart = single_gyre()[0]
     if rng.random() < 0.3:
         chart = random_scene(int(rng.integers(5)), islands=3)[0]
@@ -188,7 +188,7 @@ def odd_call(seed: list[int]) -> Call:
 
 
 def broken(call: Call, result: Any) -> list[str]:  # noqa: ANN401 - of any call
-    """What a result lacks of what its function promises."""
+    """Which of its function's promises a result breaks."""
     if call.name == "fuel":
         return [] if isinstance(result, float) and result > 0 else [f"fuel {result!r}"]
     plan = result.plan if call.name == "plan_departures" else result

@@ -1,4 +1,4 @@
-"""All that a power cut may leave of a command's writes, and what a next start makes of it."""
+"""All that a power cut may leave of a command's writes, and how the next start copes with it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Cuts:
         # The model is right: nothing was written that it has not seen.
         modelled = dict(disk.states(rng))
         assert modelled["nothing lost"] == real
-        # What a program has published when it says so stays published.
+        # Once a program has reported that it published something, that stays published.
         for lost, state in modelled.items():
             assert folder_of(state, self.link) == self.new, lost
 
@@ -69,7 +69,7 @@ class Cuts:
         return f"{self.calls} calls, {states} states, {len(self.different)} different, {self.met}"
 
     def start_again(self, again: Callable[[], None]) -> int:
-        """Start the program on some of the states; return on how many."""
+        """Start the program on some of the states; return their number."""
         rng = random.Random(SEED)  # noqa: S311 - a test's seed
         chosen = rng.sample(sorted(self.different), min(STARTS, len(self.different)))
         for number, key in enumerate(chosen):

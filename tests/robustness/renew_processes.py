@@ -1,4 +1,4 @@
-"""Runs of `renew` as a user starts them, and what must be so of every end."""
+"""Runs of `renew` as a user starts them, and conditions that the end of each must meet."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Ended:
 
 @dataclass
 class Renew:
-    """A process that runs `renew`: commands share its libraries, and nothing else."""
+    """A process that runs `renew`; commands share its loaded libraries and nothing else."""
 
     process: subprocess.Popen[str] | None = None
     met: collections.Counter[str] = field(default_factory=collections.Counter)

@@ -1,6 +1,6 @@
 """Runs `renew` again and again without loading its libraries anew: each run is a forked process.
 
-It is told a command in each line of its input, and answers with one line of JSON: how it ended.
+Each line of its input is a command; it answers with one line of JSON on how that ended.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def load() -> None:
 def outcome(command: dict[str, Any]) -> dict[str, object]:
     """Run a command; say how it ended, what it said, and its longest silence and its memory.
 
-    Once it has spoken after `limit_s` it is sent SIGTERM, as by a user who has seen enough.
+    At its first output after `limit_s` it is sent SIGTERM, as by a user who has seen enough.
     """
     # No TemporaryDirectory: each child that ends would remove it.
     streams = [Path(tempfile.mkstemp(prefix="renew-test-")[1]) for _ in range(2)]

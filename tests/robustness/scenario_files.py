@@ -201,7 +201,7 @@ def _spelled(value: object) -> str:
 
 
 def _text(value: str) -> str:
-    """Spell a text with characters beyond ASCII: as they are, controls escaped."""
+    """Spell a text; characters beyond ASCII stay as they are, controls are escaped."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -255,7 +255,7 @@ def _options(rng: Rng, scale: float) -> dict[str, Any]:
 
 
 def broken_promises(scene: Scene, chart: renew.Chart, plan: renew.Plan) -> list[str]:
-    """List what the routes of a plan lack of what `renew.plan` promises."""
+    """List the promises of `renew.plan` that the routes of a plan break."""
     names = [route.homotopy for route in plan.routes]
     names += [rejected.homotopy for rejected in plan.rejected]
     fuels = [route.fuel for route in plan.routes]
@@ -276,7 +276,7 @@ def _checks(scene: Scene, chart: renew.Chart, route: renew.Route) -> Iterator[tu
     yield not is_finite, f"{name}: not finite"
     if not is_finite:
         return
-    # Places differ by rounding: far from the origin by that of their coordinates.
+    # Places differ by rounding: far from the origin, by the rounding of their coordinates.
     near = 8 * chart.precision + 1e-12 * float(np.abs(chart.bounds).max())
     ends = np.array([scene.start, scene.goal])
     off = float(np.abs(route.path[[0, -1]] - ends).max())

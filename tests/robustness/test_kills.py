@@ -64,7 +64,7 @@ def kill_and_continue(bench: Bench, stage: str, fraction: float, number: signal.
 
 @pytest.fixture(scope="module")
 def plane(tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    """Give a scenario of which a season was withdrawn since its earlier results."""
+    """Give a scenario that has lost a season since its earlier results."""
     earlier = _PLANE.replace('"still"', '"withdrawn"')
     return Bench.prepare(tmp_path_factory.mktemp("plane"), earlier, _PLANE)
 

@@ -1,4 +1,4 @@
-"""Nights with any fault are refused in some lines; what can be planned, is."""
+"""Nights with any fault are refused in some lines; all cases that can be planned are planned."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.robustness.night_files import mutated_night
 from tests.robustness.renew_processes import NIGHT_CODES, Renew
 
 SAMPLE = 20
-# One night in so many is also run: where it has faults, and where it has none.
+# One night in this many is also run: of those with faults, and of those without.
 _RUN_FAULTY, _RUN_VALID = 10, 40
 _REFUSED = 2
 

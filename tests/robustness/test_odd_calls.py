@@ -27,7 +27,7 @@ _WARM_PLANS, _PLANS = 50, 300
 def failures(cases: Iterable[int], seed: str) -> list[str]:
     """Make odd calls; describe those that ended otherwise than by a result or a documented error.
 
-    What is not documented: another class of error, a warning, a result that lacks what its function
+    Not documented are another class of error, a warning, a result that breaks its function's
     promises, and a call that takes longer than the limit.
     """
     found = []

@@ -63,7 +63,7 @@ _POSITIONS = (
 )
 
 
-# How often a command is drawn beside the others' 4: some take long where nothing is wrong.
+# Weights of commands in the draw, where others have 4: some take long even without a fault.
 _WEIGHTS = {"experiments": 1, "warm": 1, "list": 1, "doctor": 1, "plot": 2, "go": 8, "check": 6}
 
 

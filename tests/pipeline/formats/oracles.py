@@ -15,7 +15,7 @@ _E = np.sqrt(GEOD.es)
 
 
 def isometric(latitude: FloatArray) -> FloatArray:
-    """Isometric latitude on WGS 84 (Snyder 1987, eq. 3-7 by logarithms) of degrees."""
+    """Isometric latitude on WGS 84 of a latitude (degrees; Snyder 1987, eq. 3-7 by logarithms)."""
     sine = np.sin(np.radians(latitude))
     return np.asarray(np.arctanh(sine) - _E * np.arctanh(_E * sine))
 

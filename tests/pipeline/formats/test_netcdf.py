@@ -48,7 +48,7 @@ from tests.pipeline.formats.gis.cases import (
 
 @pytest.fixture
 def small_files() -> Iterator[None]:
-    """Limit files to 4 kB, which is like a full disk but needs no other disk."""
+    """Limit files to 4 kB, which has the effect of a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4_000, hard))
     try:
@@ -78,7 +78,7 @@ def test_the_cf_checker_would_find_a_fault(currents: Path, tmp_path: Path) -> No
 def test_a_reader_finds_the_planners_current(
     result: RunResult, tmp_path: Path, season: str
 ) -> None:
-    """To 1e-5 m/s: figures have 24 bits, and the turn of north within a cell is nearly linear."""
+    """Within 1e-5 m/s: figures have 24 bits, and north turns nearly linearly within a cell."""
     write_currents(result, season, tmp_path / "currents.nc")
     points = along_routes(result, season, 1000)
     with xr.open_dataset(tmp_path / "currents.nc") as file:
@@ -164,7 +164,7 @@ def test_a_reader_finds_the_legs_speeds(result: RunResult, tmp_path: Path, seaso
 
 
 def test_filled_nodes_are_flagged(result: RunResult, currents: Path) -> None:
-    """The gap is four of the source's cells, each of four of the planner's; so is the flag."""
+    """Gap and flag cover four of the source's cells, each of which is four of the planner's."""
     with xr.open_dataset(currents) as file:
         flag = file.filled
         assert flag.flag_meanings.split() == ["from_source", "filled_from_neighbours"]

@@ -55,7 +55,7 @@ def test_the_files_hold_the_curve_and_the_chosen_arrival(result: RunResult, tmp_
     hours = [float(row["hours"]) for row in rows]
     fuels = [float(row["fuel"]) for row in rows]
     assert hours == sorted(hours)
-    # The curve is of speeds that vary all the time, a route's are of legs.
+    # The curve is for speeds that vary continuously; a route has one speed a leg.
     assert (np.diff(fuels) <= 1e-3 * fuels[0]).all()
     (chosen,) = (row for row in rows if row["is_chosen"] == "True")
     best = result.season_routes("chosen")[0].metrics

@@ -1,4 +1,4 @@
-"""Rings that simplification makes cross itself, and others, for the tests of coasts."""
+"""Rings for the tests of coasts; some cross themselves once they are simplified."""
 
 from __future__ import annotations
 

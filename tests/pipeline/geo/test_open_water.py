@@ -1,4 +1,4 @@
-"""Start and goal stay in water, and connected, as the land alone would have them."""
+"""Start and goal stay in water, and connected, if they are so without the margin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The widest way takes the detour whose narrowest place is widest."""
+"""The widest path takes the detour whose narrowest place is widest."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _skerry(seed: int) -> np.ndarray:
 def _widest_gate(
     water: shapely.Polygon,
 ) -> tuple[float, shapely.Point, list[shapely.LineString]] | None:
-    """Join cells through ever narrower gates until the ends are joined; the gates, widest first.
+    """Join cells through ever narrower gates, widest first, until the ends are joined.
 
     Return the width of the last gate, its middle, and all gates narrower than that.
     """

@@ -46,7 +46,7 @@ def test_the_routes_are_those_of_renew(result: RunResult) -> None:
     for row, route in zip(result.evaluation.routes, entry.plan.routes, strict=False):
         dt = np.diff(route.times)
         assert row.speed_m_s == pytest.approx((route.speeds * dt).sum() / dt.sum())
-        # Its own figure, not that of the vessel's own speed.
+        # The figure at the chosen speeds, not that at the vessel's own speed.
         assert row.fuel == pytest.approx((route.speeds**2 * dt).sum(), rel=1e-6)
         assert row.collisions == 0
         assert row.trials > 0
@@ -111,7 +111,7 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(result: RunResult)
 
 
 def test_a_plan_without_a_clock_is_sailed_in_time() -> None:
-    """The least factor on its speeds at which it arrives in time, in a tide that really turns."""
+    """In a turning tide its speeds get the least factor at which it arrives in time."""
     result = run(tide(12))
     route, current = result.routes[0].route, result.scene.currents["tide"]
     choice = chosen_speeds.choice()

@@ -33,7 +33,7 @@ _READER_S = 0.05
 
 @dataclass
 class Reader:
-    """Opens `latest` twenty times a second; `faults` are the times that it was not whole."""
+    """Opens `latest` twenty times a second; `faults` lists the times at which it was not whole."""
 
     output: Path
     count: int = 0

@@ -101,7 +101,7 @@ def rows(output: Path, name: str = "cases.parquet") -> list[dict[str, Any]]:
 
 
 def contents(output: Path) -> dict[str, Any]:
-    """Return what a cycle holds: tables row by row, the rest byte by byte; no times of making."""
+    """Return a cycle's content, without times of making: tables by rows, the rest by bytes."""
     import pyogrio
 
     held: dict[str, Any] = {}

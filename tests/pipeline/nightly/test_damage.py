@@ -89,7 +89,7 @@ def _history(output: Path) -> list[str]:
 
 
 def _check_next_night(nights: Nights, damaged: tuple[str, ...]) -> None:
-    """Check that tonight is whole, says what it could not read, and mended the history."""
+    """Check that the cycle is whole, names what could not be read, and mended the history."""
     output, outcome = nights.output, nights.run(0)
     assert (outcome.cycle, outcome.fresh) == ("2026-11-21T00Z", True)
     all_three = ["2026-11-19T00Z", "2026-11-20T00Z", "2026-11-21T00Z"]

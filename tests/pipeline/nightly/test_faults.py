@@ -203,7 +203,7 @@ def test_a_night_killed_half_way_does_the_other_half_only(tmp_path: Path) -> Non
         process.communicate(timeout=300)
     assert process.returncode == 0
     assert len(rows(output)) == 120
-    # What it was at is all that is planned twice.
+    # Only the batches under way are planned twice.
     assert at_work <= 0.05 * 120
 
 

@@ -1,4 +1,4 @@
-"""A night tells a service and a file how it ended, whatever happens, and neither can fail it."""
+"""A night always reports to a service and a file how it ended; neither can make it fail."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def figures(folder: Path) -> dict[str, float]:
 
 
 def test_a_night_that_ends_well_and_one_that_fails(tmp_path: Path, service: Service) -> None:
-    """By workers of its own; other tests have those of the session."""
+    """With workers of its own; other tests use those of the session."""
     plane_night(tmp_path, pairs=2, workers=1)
     before = time.time()
     assert renew(tmp_path, f"{service.url}/ID").exit_code == 0

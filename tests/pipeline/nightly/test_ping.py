@@ -1,4 +1,4 @@
-"""A service that watches jobs, on this machine: what it is told, and that nothing depends on it."""
+"""Pings to a service on this machine: their content, and that no night depends on them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_silent_service_costs_little_time(
     said = ping(f"{service.url}/silent/{SECRET}", "success")
     assert said.endswith(" failed: TimeoutError")
     assert time.monotonic() - began < 5
-    # What knows no timeout of its own, as a name that is looked up, is left behind.
+    # A step that has no timeout of its own, such as looking up a name, is abandoned.
     monkeypatch.setattr(night_watch, "_TIMEOUT_S", 15.0)
     monkeypatch.setattr(night_watch, "_DEADLINE_S", 0.3)
     said = ping(f"{service.url}/silent/{SECRET}", "success")

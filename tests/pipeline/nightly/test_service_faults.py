@@ -115,7 +115,7 @@ def test_a_login_that_fails_between_two_downloads_fails_the_cases_of_the_second(
 def test_half_a_forecast_of_the_service_is_planned_as_far_as_its_data_go(
     tmp_path: Path, threads: str
 ) -> None:
-    """Its catalogue names all steps; of the data only the first departure's day is there."""
+    """Its catalogue names all steps, but only the first departure's day has data."""
     config = forecast_night(tmp_path)
     tonight = world.today() - timedelta(days=3)
     first = tonight - timedelta(days=world.spec(FORECAST).days_ahead)

@@ -1,4 +1,4 @@
-"""A night that is stopped by a signal tells the service and the file of metrics so, every time."""
+"""A night stopped by a signal always reports that to the service and in its metrics."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _last_exit_code(file: Path) -> float:
 
 
 def _stop(folder: Path, service: Service, number: int, after_s: float) -> str:
-    """Stop a night some time after it began; return what was not told, or printed wrongly."""
+    """Stop a night after some time; return what it did not report, or printed wrongly."""
     service.asked.clear()
     metrics = folder / "renew.prom"
     metrics.unlink(missing_ok=True)

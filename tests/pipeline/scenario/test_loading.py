@@ -66,7 +66,7 @@ def test_all_faults_between_tables_are_reported_at_once() -> None:
 
 
 def test_loading_asks_no_source(tmp_path: Path) -> None:
-    """A file of currents that is none is refused where a run begins, not where it is named."""
+    """A file without currents is refused when a run begins, not when a scenario is loaded."""
     file = tmp_path / "currents.nc"
     file.write_bytes(b"no field")
     season = {"name": "july", "valid": "2024-07", "currents": [str(file)]}
@@ -86,7 +86,7 @@ def test_swapped_coordinates_are_recognised() -> None:
     (line,) = faults(start=[10.2, 118.4])
     assert "is not a place on earth" in line
     assert "did you mean [118.4, 10.2]?" in line
-    # Where both orders are places on earth, the region tells.
+    # Where both orders are places on earth, the region decides.
     aegean = {"bbox": [23.0, 35.0, 29.0, 38.5]}
     line = faults(region=aegean, start=[37.9, 23.5], goal=[28.3, 36.5])[0]
     assert "km outside the region" in line

@@ -1,6 +1,6 @@
 """Reads charts and currents in a process of its own, whose end by a library harms no test.
 
-It is told a kind and a path in each line of its input, and answers with one line of JSON.
+Each line of its input is a kind and a path; it answers with one line of JSON.
 """
 
 from __future__ import annotations

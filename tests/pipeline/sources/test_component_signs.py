@@ -1,4 +1,4 @@
-"""Wrong signs and swapped components: not judged where the data don't suffice."""
+"""Wrong signs and swapped components, which are not judged where the data don't suffice."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from tests.pipeline.sources import mutations
 ROOT = Path(__file__).parents[3]
 # Limits for each case: CPU time and time until an answer, s, and memory of the process, MB.
 MAX_CPU_S, MAX_WAIT_S, MAX_MEMORY_MB = 20.0, 120.0, 2048
-# Number of cases, and the seed that they are made from.
+# Number of cases, and the seed of the first one.
 CASES, SEED = 200, 20261122
 
 

@@ -1,4 +1,4 @@
-"""Files of depths: both conventions are read the same, and what is none is refused in one line."""
+"""Files of depths: both conventions read the same; other files are refused in one line."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def test_two_wrong_signs_can_not_be_detected(world_mask: LandMask) -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_waves_that_diverge_are_not_refused(world_mask: LandMask, seed: int) -> None:
-    """Internal tides run along their own direction: all divergence, no vorticity."""
+    """Currents of internal tides lie along their direction: all divergence, no vorticity."""
     rng = np.random.default_rng(seed)
     lon, lat = OCEAN
     x, y = np.meshgrid(np.radians(lon) * np.cos(np.radians(29)), np.radians(lat))

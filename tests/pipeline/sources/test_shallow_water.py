@@ -1,4 +1,4 @@
-"""Shallow cells as polygons: each is inside with a cell around, and no more than that."""
+"""Shallow cells as polygons, which cover each cell and one cell around it, and no more."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_every_shallow_cell_is_covered_with_a_cell_around_and_no_deep_one_far_of
     cells = shapely.union_all(shapely.box(x - half, y - half, x + half, y + half))
     around = cells.buffer(0.999 * CELL, quad_segs=32)
     assert shapely.difference(around, area).area < 1e-12
-    # Nothing beyond the 3 x 3 cells around shallow ones, where outlines meet but for a corner.
+    # The polygons cover nothing beyond the 3 x 3 cells around shallow ones.
     taken = ndimage.binary_dilation(shallow, np.ones((3, 3)))
     rows, columns = np.nonzero(~taken)
     if len(rows):

@@ -1,4 +1,4 @@
-"""A chart with a grid of depths: what becomes no-go, what is told, and what is refused."""
+"""A chart with a grid of depths: what becomes no-go, what is noted, and what is refused."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Island:
     identity: tuple[str, ...] = ("island",)
 
     def land(self, region: shapely.Polygon) -> Land:
-        """Return it."""
+        """Return the island."""
         del region
         return Land((ISLAND,), (Credit("an island", "land", "", ""),), 60.0)
 

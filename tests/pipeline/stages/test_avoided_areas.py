@@ -102,7 +102,7 @@ def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path:
     assert shut.rule == "shut from 2026-11-22 06:00 UTC until 2026-11-22 08:00 UTC"
     routes = geopandas.read_file(package, layer="routes")
     assert shapely.dwithin(routes.geometry.to_numpy(), shapely.Point(VIA), 1e-5).all()
-    # What plotters take has a waypoint there, and keeps out of the area as well.
+    # The files for plotters have a waypoint there, and keep out of the area as well.
     text = (outcome.directory / "hours-tide.rtz").read_text("utf-8")
     given = re.findall(r'lat="([-.\d]+)" lon="([-.\d]+)"', text)
     waypoints = np.array([(float(lon), float(lat)) for lat, lon in given])
@@ -110,7 +110,7 @@ def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path:
     assert not shapely.LineString(waypoints).intersects(RANGE.buffer(-1e-4))
     report = (outcome.directory / "report.html").read_text("utf-8")
     assert "range, shut from 2026-11-22 06:00 UTC until 2026-11-22 08:00 UTC" in report
-    # What was made gives the same routes again.
+    # The stored artefacts give the same routes again.
     made = load_scenario(str(outcome.directory / "scenario.toml"))
     assert made == outcome.scenario
 

@@ -1,4 +1,4 @@
-"""Routes on which turns met land, or whose tidal streams are weak, are named."""
+"""Routes on which turns met land, and those on weak tidal streams, are named."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     (note,) = {*departed.notes}  # notes are told once: they can be told apart
     assert note_text(note).startswith("Leave at ")
     assert note_json(note)["values"]["choice"]["chosen_s"] == choice.chosen_s  # type: ignore[index]
-    # It is stored: nothing is told a second time.
+    # The choice is stored, and nothing is reported a second time.
     again: list[Note] = []
     same = _chosen(result, tmp_path, again, departure=None, departures=WINDOW, to_within="30min")
     assert again == []
@@ -115,7 +115,7 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
     result: Any,  # noqa: ANN401
     tmp_path: Path,
 ) -> None:
-    """A vessel that leaves hours after the window begins has no file that says its beginning."""
+    """If the vessel leaves hours into the window, no file has its beginning in the name."""
     old = departure_name(DEPARTURE - timedelta(hours=1))
     (grid,), scene = result.fetched.currents, result.scene
     data = result.scenario.seasons[0].model_dump(exclude_none=True)
@@ -174,7 +174,7 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(
 
 
 def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
-    """What is chosen is what single plans at their speeds come to, and keeps its arrival."""
+    """The choice agrees with single plans at their own speeds, and keeps its arrival."""
     by = DEPARTURE + timedelta(hours=8)
     asked = {
         "departure": None,

@@ -121,7 +121,7 @@ def test_the_planners_grid_is_the_field_at_its_own_nodes(name: str) -> None:
     lonlat = projection.to_lonlat(nodes)
     expected = rotated(bilinear(grid, lonlat), projection.rotation_rad(lonlat))
     assert np.allclose(current(nodes), expected, atol=1e-12)
-    # Between them it is off by little: a tenth of the rms of 0.3 m/s at the source's own nodes.
+    # Between the nodes the error is small: a tenth of the rms of 0.3 m/s at the source's own nodes.
     places = np.stack(np.meshgrid(grid.lon[3:-3], grid.lat[3:-3][grid.lat[3:-3] < 80]), axis=-1)
     off = current(projection.to_plane(places)) - rotated(
         bilinear(grid, places), projection.rotation_rad(places)
@@ -160,7 +160,7 @@ def test_values_on_land_do_not_affect_the_water(seed: int, share: float) -> None
 
 
 def test_a_uniform_stream_along_a_coast_stays_uniform() -> None:
-    """Filled with anything but water, a stream would weaken towards the land."""
+    """If gaps were filled from anything but water, a stream would weaken towards the land."""
     region = REGIONS["Palawan"]
     field = coastal(around(region, 0.25), LandMask.world())
     u = np.where(field.gap, np.nan, 0.3)

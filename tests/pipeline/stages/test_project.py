@@ -137,7 +137,7 @@ def test_a_current_without_values_is_refused() -> None:
 
 
 def test_land_that_the_plane_makes_invalid_is_repaired() -> None:
-    """A ring that is thinner than rounding crosses itself there: its union with others failed."""
+    """A ring thinner than rounding crosses itself in the plane; unions with it failed once."""
     asked = small_run.scenario(seasons=[small_run.scenario().seasons[1].model_dump()])
     got = small_run.fetched(asked)
     bow = shapely.Polygon([(119.2, 9.2), (119.3, 9.3), (119.3, 9.2), (119.2, 9.3)])

@@ -30,7 +30,7 @@ def test_check_names_every_fault() -> None:
         check(half, good, land, np.array([[50.0, 50.0], [150.0, 50.0]]), PLANE)
     assert "4000 m² of land are uncovered" in str(caught.value)
     assert "404 m² of inner land lie outside the land" in str(caught.value)
-    # The middle of what is uncovered, which the half on the right is.
+    # The middle of the uncovered part, which is the right half.
     lon, lat = PLANE.to_lonlat((80.0, 50.0))
     assert f"uncovered, at {lon:.4f} E {lat:.4f} N" in str(caught.value)
     lon, lat = PLANE.to_lonlat((200.0, 100.0))

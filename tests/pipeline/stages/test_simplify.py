@@ -84,7 +84,7 @@ def test_all_land_is_covered_and_all_inner_land_is_land(examples: int) -> None:
         inner = _planar_inner(result)
         assert shapely.is_valid(inner).all()
         assert shapely.union_all(inner).difference(whole).area < 1e-3
-        # What the widest parts of the land have inside is kept.
+        # Inner land is kept in the widest parts of the land.
         cores = shapely.buffer(_valid(land), -3.2 * tolerance - 1)
         core = shapely.union_all(cores).intersection(EXTENT)
         assert core.difference(shapely.union_all(inner)).area < 1e-3
@@ -144,7 +144,7 @@ def test_start_and_goal_stay_in_one_body_of_water(examples: int) -> None:
         water = shapely.get_parts(EXTENT.difference(shapely.union_all(_planar(result))))
         holds = shapely.intersects(water[:, None], endpoints)
         assert holds.any(axis=0).all()
-        # Where the land alone connects them, but for passages of some metres.
+        # Where water without the margin connects them, except through passages of some metres.
         wide = shapely.get_parts(EXTENT.difference(original.buffer(5.0)))
         if shapely.intersects(wide[:, None], endpoints).all(axis=1).any():
             assert holds.all(axis=1).any()
@@ -336,7 +336,7 @@ def test_the_tolerance_follows_from_what_matters_most(
 
 
 def test_the_work_grows_no_faster_than_n_log_n() -> None:
-    """Of coasts with 16 times the vertices and islands: 16 times the time, and a share for log n.
+    """A coast with 16 times the vertices and islands takes 16 times as long, and a bit for log n.
 
     CPU time, the least of three; half as much again is left for the machine's other work.
     """

@@ -1,4 +1,4 @@
-"""Water that is deep enough for some hours: planned, noted, written with its hours; or refused."""
+"""Water deep enough for some hours is planned, noted and written with its hours, or refused."""
 
 from __future__ import annotations
 

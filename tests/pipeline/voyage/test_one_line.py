@@ -177,7 +177,7 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     table = season_table(outcome)
     assert re.search(r"^departure 2026-11-22 06:20 UTC +1 ", table, re.MULTILINE)
     assert "t0620z" not in table
-    # The island that names both ways, with a place on it.
+    # The island by which both ways are named, with a place on it.
     found = re.search(r"^Passed: island 1 at ([\d.]+) W ([\d.]+) N\.$", table, re.MULTILINE)
     assert found is not None
     west, north = map(float, found.groups())

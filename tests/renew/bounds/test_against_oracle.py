@@ -1,7 +1,7 @@
 """The bound beside an oracle that shares no code with it, and proofs that are broken on purpose.
 
-The whole suite is `python -m tests.bench bounds`; here are the scenes in which the bound comes
-nearest, and those in which narrow water decides.
+The whole suite is `python -m tests.bench bounds`. Here are the scenes in which the bound comes
+nearest to the fuel, and those in which narrow water decides.
 """
 
 from __future__ import annotations

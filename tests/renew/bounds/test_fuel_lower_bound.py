@@ -79,14 +79,14 @@ def test_a_uniform_current_in_free_water_is_bounded_by_the_best_linear_function(
     flow = strength * np.array([math.cos(towards), math.sin(towards)])
     made = 1 + headings @ flow
     over_ground = headings + flow if drift == "crab" else (made[:, None] * headings)[made > 0]
-    # A linear function's slope n/s, s being the largest speed over ground along n.
+    # A linear function whose slope is n/s, with s the largest speed over ground along n.
     slopes = headings / (headings @ over_ground[::4].T).max(axis=1)[:, None].clip(1e-9)
     expected = (slopes @ (OPPOSITE - CORNER)).max()
     current = renew.UniformCurrent(*flow)
     voyage = voyage_on(renew.Chart(box(0, 0, 100, 100), []), CORNER, OPPOSITE, current, drift)
     bound = fuel_lower_bound(voyage, enough=0.0) / voyage.cost_rate
     assert bound <= expected * (1 + 5e-3)
-    # Up a current that is stronger than the vessel no way leads: any bound is right.
+    # No route leads up a current that is stronger than the vessel: any bound is right.
     assert bound >= expected * (1 - 5e-3) or strength > 0.97
 
 
@@ -217,7 +217,7 @@ def test_it_speaks_of_the_land_alone_where_the_no_go_zone_is_more() -> None:
         for no_go, land in ((islands, None), (grown, islands), (grown, None), (islands, grown))
     ]
     assert least[1] == least[0] < least[2]
-    # Land beyond the no-go zone, which routes may cross, is none.
+    # Land beyond the no-go zone does not count: routes may cross it.
     assert least[3] == least[0]
 
 

@@ -20,8 +20,8 @@ from tests.renew.bounds.fields import FIELDS
 START = np.array([30.0, 40.0])
 EMPTY = renew.Chart(box(0, 0, 100, 100))
 STILL = renew.UniformCurrent(0.0, 0.0)
-# A view of no grid's times, so that a search doesn't stop early; as a slice, it is of the same type
-# for the compiler as such a view.
+# Empty times, so that a search doesn't stop early; a slice, so that the compiler sees the type of a
+# grid's view.
 EVERYWHERE = np.full((3, 3), np.inf)[:2, :2]
 
 

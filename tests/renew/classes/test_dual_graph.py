@@ -48,7 +48,7 @@ def test_dead_ends_are_what_is_left_of_no_way(seed: int) -> None:
     assume(first != last and nx.has_path(dual, first, last))
     found = without_dead_ends(triangulation.neighbours, first, last)
     assert not found.all()
-    # Whatever lies on a cycle, or between two of them, once the ends are joined.
+    # Whatever lies on a cycle, or between two cycles, once the ends are joined.
     dual.add_edges_from([(-1, first), (-1, last)])
     assert set(np.flatnonzero(found).tolist()) == set(nx.k_core(dual, 2)) - {-1}
 

@@ -137,7 +137,7 @@ def test_a_channel_is_in_the_class_of_the_path_that_found_it(order: str, seed: i
         assert channel.found_by is not None
         assert rays.word(channel.found_by.points) == channel.word
         assert math.dist(channel.found_by.points[-1], voyage.goal) == 0
-        # A path along a passing edge is in either triangle.
+        # A path along a passing edge counts for both triangles.
         inner = shapely.buffer(shapely.polygons(triangulation.corners), -1e-6)
         crossed = shapely.intersects(inner, shapely.LineString(channel.found_by.points))
         assert set(crossed.nonzero()[0].tolist()) <= set(channel.found_by.triangles.tolist())

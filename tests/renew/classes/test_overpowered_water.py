@@ -34,7 +34,7 @@ def test_routes_lead_around_it_on_both_sides() -> None:
         along = shapely.get_coordinates(line.segmentize(0.1))
         assert strength(along).max() < PAPER_VESSEL.speed
         assert np.isinf(route.clearance)
-    # The way round costs no more than a generous detour.
+    # The way round costs no more than a generous estimate of the detour.
     detour = np.array([[10, 50], [35, 85], [65, 85], [90, 50]], dtype=float)
     assert plan.best.fuel < renew.fuel(detour, race, PAPER_VESSEL)
 

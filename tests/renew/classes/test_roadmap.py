@@ -1,4 +1,4 @@
-"""The roadmap's legs against shapely and scipy: clear of land, timed by Eq. 4, all the way."""
+"""The roadmap's legs against shapely and scipy: clear of land, and timed by Eq. 4."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ both = pytest.mark.parametrize(
     "backend", [pytest.param("triangle", marks=needs_triangle), "shapely"]
 )
 
-# Angle (rad) by which rounding may miss the Delaunay condition where vertices lie on one circle.
+# Angle (rad) by which rounding may break the Delaunay condition where vertices lie on one circle.
 ROUNDING = 1e-7
 
 U_SHAPE = Polygon([(30, 30), (70, 30), (70, 70), (60, 70), (60, 40), (40, 40), (40, 70), (30, 70)])
@@ -110,7 +110,7 @@ def assert_constrained_delaunay(mesh: Triangulation, chart: renew.Chart) -> None
 
 
 def triangle_set(mesh: Triangulation) -> set[frozenset[Point]]:
-    """Triangles by their corners, in no order."""
+    """The set of triangles, each as the set of its corners."""
     return {frozenset(map(tuple, corners)) for corners in mesh.corners.tolist()}
 
 
@@ -250,7 +250,7 @@ def gyre_scene() -> tuple[renew.Chart, renew.CurrentField, FloatArray, FloatArra
 
 
 def is_barely_missed(route: renew.Route, plan: renew.Plan) -> bool:
-    """Whether a plan lacks a route's class as its last one is about as dear, or for an inch."""
+    """Whether a plan misses a class as its last one costs about as much, or by an inch."""
     if route.fuel > plan.routes[-1].fuel * (1 - 1e-3):
         return True
     straits = (one.strait for one in plan.rejected if one.homotopy == route.homotopy)

@@ -150,7 +150,7 @@ def test_a_table_is_nearly_the_field_at_its_nodes_and_asks_for_no_point_twice() 
     assert len(table.x) > 65, "the scene must need a second table"
     nodes = np.stack(np.meshgrid(table.x, table.y), axis=-1)
     away = np.linalg.norm(table.uv[0] - field(nodes), axis=-1)
-    # At the nodes at which it was not asked cubics stand for the field.
+    # At nodes where the field was not evaluated, cubics replace it.
     assert away.max() <= 1e-4 * table.strongest
     assert away[::4, ::4].max() < 1e-12
     assert sum(len(points) for points in asked) < len(table.x) ** 2
@@ -182,7 +182,7 @@ def test_a_field_with_a_step_has_no_fine_table() -> None:
             return np.where(points[..., :1] < 0.3 * SIZE, [0.5, 0.0], [-0.5, 0.0])
 
     assert not Step().table(BOUNDS).is_fine
-    # A plan can still be made, and its fuel is computed in the field itself.
+    # A plan is still possible, and its fuel is computed in the field itself.
     chart = renew.Chart(box(*BOUNDS), [box(80, 80, 120, 120)])
     route = renew.plan(chart, Step(), PAPER_VESSEL, (10, 10), (190, 190)).best
     assert route.fuel == pytest.approx(renew.fuel(route.path, Step(), PAPER_VESSEL))

@@ -1,4 +1,4 @@
-"""Options, times and points as given: every fault is named, all at once."""
+"""Options, times and points: all faults in them are named at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The vessel: its faults named all at once, and what follows from its figures."""
+"""The vessel: all faults are named at once; and what follows from its figures."""
 
 from __future__ import annotations
 

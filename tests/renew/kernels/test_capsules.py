@@ -57,7 +57,7 @@ def test_clear_legs_match_shapely(seed: int) -> None:
         shapely.distance(legs[:, None], axes) <= np.maximum(capsules.radius, 0)
     )
     assert legs_are_clear(a, b, capsules).tolist() == (~entered.any(axis=1)).tolist()
-    # Of a single leg some capsules may be looked at, and others be exempt.
+    # For a single leg, the capsules to look at and those to exempt can be chosen.
     exempt = rng.random(9) < 0.3
     chosen = np.flatnonzero(rng.random(9) < 0.7)
     leg = Segment(*a[0].tolist(), *b[0].tolist())
@@ -76,7 +76,7 @@ def test_no_capsule_near_a_path_is_missed(seed: int) -> None:
     distance = shapely.distance(shapely.LineString(path), axes) - capsules.radius
     found = capsules_near(capsules, path, 1.0)
     assert set(np.flatnonzero(distance <= 1.0).tolist()) <= set(found.tolist())
-    # Bounding boxes take in some more, by a diagonal at most, and not all.
+    # Bounding boxes find a few more, at most a diagonal away, but not all.
     boxes = shapely.distance(
         shapely.linestrings(np.stack([path[:-1], path[1:]], axis=1))[:, None],
         shapely.envelope(shapely.buffer(axes[found], capsules.radius[found])),

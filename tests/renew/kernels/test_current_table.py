@@ -1,4 +1,4 @@
-"""The current's table where it is read at times that no vessel comes to."""
+"""The current's table, read at times that are NaN, infinite or huge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slopes of fuel by the speeds of legs beside differences, and chains in water that is known."""
+"""Derivatives of fuel by legs' speeds against finite differences, and chains in simple water."""
 
 from __future__ import annotations
 

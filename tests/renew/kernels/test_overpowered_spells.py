@@ -1,4 +1,4 @@
-"""Spells of a strong current by their roots, beside the current looked at every moment."""
+"""Spells of a strong current by root finding, against dense samples of the current."""
 
 from __future__ import annotations
 

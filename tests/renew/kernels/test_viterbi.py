@@ -1,4 +1,4 @@
-"""The quickest chain against all chains, and shortcuts against a plain twin; the clock runs."""
+"""The quickest chain against all chains, and shortcuts against a plain twin, by the clock."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_quickest_chain_is_the_best_of_all_chains(seed: int, slices: int) -> Non
                     now = math.inf
                     break
             best = min(best, now)
-        # Who waits for no one is not always first where legs are long: slices are few and far.
+        # With long legs and few slices an earlier departure from a node may arrive later.
         assert arrival == pytest.approx(best, rel=1e-9 if slices == 1 else 1e-3)
         without_compiler = uncompiled(quickest_chain)(*arguments)
         assert without_compiler[0] == pytest.approx(arrival)

@@ -55,7 +55,7 @@ def test_the_first_leg_may_leave_the_padding_around_the_start_and_no_other_may_e
     assert corridor.legs_clear(out).tolist() == [True, True]
     back_again = np.array([[9.0, 50.0], [20.0, 50.0], [9.0, 60.0], [90.0, 50.0]])
     assert corridor.legs_clear(back_again).tolist() == [True, False, False]
-    # A leg that begins elsewhere in that padding has no such leave.
+    # A leg that begins elsewhere in that padding is not permitted.
     assert corridor.legs_clear(np.array([[9.0, 51.0], [90.0, 50.0]])).tolist() == [False]
 
 
@@ -69,7 +69,7 @@ def test_several_legs_may_lie_in_the_padding_around_an_end() -> None:
     edges = shapely.linestrings(np.stack([corridor.padded.start, corridor.padded.end], axis=1))
     beyond = shapely.distance(edges, shapely.Point(straight[2])) - corridor.padded.padding
     assert 0 < beyond.min() < 3 * SLACK * PAPER_VESSEL.turning_radius
-    # Beyond the point that lies outside there is no such leave.
+    # Beyond the point that lies outside, no leg in the padding is permitted.
     detour = np.insert(path, 1, [[40.0, 50.0], [9.0, 55.0]], axis=0)
     assert corridor.legs_clear(detour).tolist() == [True, False, False, True, True, True]
 
@@ -77,7 +77,7 @@ def test_several_legs_may_lie_in_the_padding_around_an_end() -> None:
 def test_a_path_through_other_padding_takes_the_shortest_way_out_of_the_padding_at_its_end() -> (
     None
 ):
-    # North of the goal another pier's padding follows on the shore's.
+    # North of the goal, another pier's padding adjoins the shore's.
     piers = [box(0, 20, 8, 44), box(0, 44, 2, 56), box(0, 56, 8, 80)]
     chart = renew.Chart(box(0, 0, 100, 100), piers)
     corridor = corridor_of(voyage_on(chart, (9.5, 98.0), (9.0, 43.0)))

@@ -1,4 +1,4 @@
-"""Newton's method on a path's points: long stretches turn, nothing gets slower or touches land."""
+"""Newton's method on a path's points: long stretches rotate; none gets slower or touches land."""
 
 from __future__ import annotations
 

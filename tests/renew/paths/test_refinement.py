@@ -1,4 +1,4 @@
-"""Refinement on transversals: which points it adds, and that a pass never makes a path worse."""
+"""Refinement on transversals: the points it adds, and that no pass makes a path worse."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_added_points_lie_on_the_path_and_close_together(seed: int, spacing: flo
     steps = np.linalg.norm(np.diff(found, axis=0), axis=1)
     assert steps.min() > 0
     assert steps.max() <= spacing * (1 + 1e-9)
-    # No more of them than are needed.
+    # There are no more points than needed.
     legs = np.linalg.norm(np.diff(path, axis=0), axis=1)
     assert len(steps) == np.ceil(legs / spacing).sum()
 
@@ -50,7 +50,7 @@ def test_legs_beside_a_bend_are_halved_and_the_ends_are_kept_whole_where_asked()
     bent = with_transversals(path, math.inf, math.radians(20), 1.0, NOTHING_WHOLE)
     halves = [[5, 0], [10, 5], [15, 10.25]]
     assert bent.tolist() == sorted([*path.tolist(), *halves])
-    # The first leg stays whole; and no leg is halved that is shorter than twice the limit.
+    # The first leg stays whole, and no leg shorter than twice the limit is halved.
     whole = with_transversals(path, 3.0, math.inf, 1.0, np.array([True, True]))
     assert whole[:2].tolist() == path[:2].tolist()
     assert whole[-2:].tolist() == path[-2:].tolist()

@@ -1,4 +1,4 @@
-"""Sections across a channel, and their free parts against dense samples."""
+"""Sections across a channel, and their free intervals against dense samples."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.strategies import seeds
 
 
 def random_free_parts(seed: int) -> tuple[Sections, Capsules, FreeIntervals]:
-    """Thirty sections among nine capsules, and their free parts."""
+    """Thirty sections among nine capsules, and their free intervals."""
     rng = np.random.default_rng(seed)
     left = rng.uniform(0, 20, (30, 2))
     right = left + rng.normal(0, 6, (30, 2))
@@ -104,7 +104,7 @@ def test_spread_points_lie_in_the_free_parts_evenly_and_at_all_their_ends(
         assert (inside.sum(axis=0) >= 2).all()
         for (low, high), within in zip(intervals, inside.T, strict=True):
             assert row[within] == pytest.approx(np.linspace(low, high, within.sum()))
-        # Each interval has its share of the points, but for the two that each has at least.
+        # Each interval has its share of the points, and at least two.
         share = points * lengths / lengths.sum()
         assert inside.sum(axis=0) == pytest.approx(share, abs=2.0 * float(count))
 

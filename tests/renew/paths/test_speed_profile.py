@@ -66,7 +66,7 @@ def test_where_time_is_free_the_current_sets_the_speed(exponent: float) -> None:
     found = speed_profile(path, voyage)
     assert found.speeds == pytest.approx(exponent * 0.5 / (exponent - 1), rel=1e-6)
     assert found.price == 0
-    # With the current nothing is gained by haste.
+    # Going faster with the current gains nothing.
     with_it = speed_profile(path, _voyage(path, renew.UniformCurrent(0.5, 0.0), exponent=exponent))
     assert with_it.speeds == pytest.approx(0.1)
 

@@ -1,4 +1,4 @@
-"""How fast, while the current changes on the way."""
+"""The choice of speeds while the current changes on the way."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_neither_a_table_nor_an_optimizer_needs_less(seed: int, exponent: float)
     in_table, path, speeds = least_fuel_in_table(costs, nodes, reach=26.0, buckets=120, tried=6)
     least = improved(costs, path, speeds, 14)[0]
     assert best.fuel <= 1.002 * least
-    # Rounding up costs the table some time, and few speeds are tried.
+    # The oracle's table loses time by rounding up, and tries few speeds.
     assert least <= in_table <= 1.25 * least
     assert best.fuel_bound.value <= min(least, best.fuel)
     assert deadline - 1e-5 * 190 <= best.times[-1] <= deadline
@@ -158,7 +158,7 @@ def test_a_current_that_hardly_changes_gives_nearly_the_steady_plan() -> None:
         options = {"speed": (0.75, 2.0), "arrive_by": 130.0, "drift": drift}
         steady = renew.plan(chart, still, PAPER_VESSEL, start, goal, **options)  # type: ignore[arg-type]
         varying = renew.plan(chart, slices, PAPER_VESSEL, start, goal, **options)  # type: ignore[arg-type]
-        # Neither is exact to the last digit: both give legs of nearly one speed a single one.
+        # Neither is exact to the last digit: both join legs of nearly the same speed.
         assert varying.best.fuel == pytest.approx(steady.best.fuel, rel=5e-4)
 
 

@@ -79,7 +79,8 @@ def test_the_choice_is_proven_with_few_plans() -> None:
     )
     assert found.unproven <= tolerance * (1 + 1e-5)
     assert [count for count, _ in told] == list(range(1, len(found.departures) + 1))
-    # Two ends, as many as cross the window by tolerances at most, and six beside the best.
+    # Departures looked at: both ends, at most as many as cross the window in steps of the
+    # tolerance, and six near the best.
     assert len(found.departures) <= 2 + 800 / tolerance + 6
     best = found.durations[found.best]
     assert min(_duration(t) for t in np.arange(0.0, 800.0, 2.0)) >= best - found.unproven
@@ -88,7 +89,8 @@ def test_the_choice_is_proven_with_few_plans() -> None:
 def test_without_a_tolerance_only_those_asked_for_are_planned() -> None:
     found = renew.plan_departures(CHART, TIDE, PAPER_VESSEL, START, GOAL, [0.0, 90.0, 200.0])
     assert found.departures.tolist() == [0.0, 90.0, 200.0]
-    # Who leaves after 0 s arrives no earlier than who leaves then; the tide's own change says more.
+    # A departure after 0 s arrives no earlier than one at 0 s; the tide's rate of change gives a
+    # closer bound.
     bound = min(a - after for a, after in zip(found.arrivals, found.departures[1:], strict=False))
     best = found.durations[found.best]
     assert 0 < found.unproven < best - bound

@@ -1,4 +1,4 @@
-"""The best route of one class: it stays in its class, and says why there is none."""
+"""The best route of one class: it stays in the class, and if there is none the reason is given."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_a_blocked_class_has_no_route_but_a_cost_without_padding() -> None:
 
 def test_a_current_as_strong_as_the_vessel_on_every_path_is_refused() -> None:
     class Race(renew.CurrentField):
-        """Against the passage, 1.5 m/s in the middle; too weak in the table's nodes to close it."""
+        """1.5 m/s against the passage in its middle, where the table's nodes see too little."""
 
         def __call__(self, points: np.ndarray) -> np.ndarray:
             strength = np.where(np.abs(points[..., 0] - 50.01) < 0.005, 1.5, 0.0)

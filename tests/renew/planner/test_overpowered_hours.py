@@ -38,7 +38,7 @@ def sailed(departure: float, **options: float) -> renew.Plan:
 
 
 def check(hours: renew.OverpoweredHours) -> None:
-    """The field itself is that strong at that place from then until then, and not beyond."""
+    """Check that the field itself is that strong there between the two times, and not beyond."""
 
     def strength(times: FloatArray) -> FloatArray:
         return np.asarray(
@@ -73,7 +73,7 @@ def _hours(text: str) -> tuple[str, str]:
 
 
 def test_a_vessel_that_may_be_late_gets_the_hours_when_a_strait_shuts() -> None:
-    """Passing just before it shuts, with a lateness that reaches into those hours or does not."""
+    """It passes just before the strait shuts, with a lateness that reaches those hours or not."""
     early = sailed(75.0, lateness=0.0).best
     through = float(np.interp(MIDDLE, early.path[:, 0], early.times))
     late = sailed(75.0, lateness=0.25).best
@@ -104,8 +104,8 @@ def test_a_way_round_is_the_best_without_waiting() -> None:
     assert rejected.overpowered
 
 
-def test_a_stream_that_nearly_stops_her_is_a_plain_refusal() -> None:
-    """Times under way that overpowering water leaves no bound to are no numbers for the field."""
+def test_a_stream_that_nearly_stops_the_vessel_is_a_plain_refusal() -> None:
+    """Where overpowering water leaves times unbounded, the field is not evaluated at them."""
     narrow = renew.Chart(box(0, 0, 200, 100), [box(90, 0, 110, 35), box(90, 65, 110, 100)])
     with pytest.raises(renew.UnreachableError, match="The current shuts its way"):
         renew.plan(narrow, CURRENT, PAPER_VESSEL, (10, 50), (190, 50), departure=140.0)

@@ -1,4 +1,4 @@
-"""How fast: least fuel by a deadline where the vessel chooses its speeds."""
+"""The choice of speeds: least fuel by a deadline."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_a_deadline_at_constant_speed_is_met_with_less_fuel() -> None:
     assert (np.diff(trade_off.arrivals) > 0).all()
     assert (np.diff(trade_off.fuels) <= 1e-9).all()
     assert np.interp(by, trade_off.arrivals, trade_off.fuels) == pytest.approx(best.fuel, rel=2e-3)
-    # Less time takes more fuel, and the curve knows how much, nearly.
+    # Less time takes more fuel, by about as much as the curve says.
     sooner = by - 20.0
     again = renew.plan(*given, classes=1, speed=(0.9, 1.5), arrive_by=sooner)
     assert again.best.fuel > best.fuel

@@ -29,7 +29,7 @@ def test_a_shortened_chain_is_clear_in_its_class_and_no_slower(scene: int) -> No
         assert path[[0, -1]].tolist() == [voyage.start.tolist(), voyage.goal.tolist()]
     fuels = np.array([voyage.fuel(path) for path in paths])
     assert voyage.vessel.fuel_rate * times == pytest.approx(fuels, rel=1e-2)
-    # Each by itself, too: a chain that is clear is among the ways.
+    # Also for each chain by itself: if it is clear, it is among the results.
     alone, _ = each_shortened(corridor, rays, chains[clear])
     for chain, path in zip(chains[clear], alone, strict=True):
         assert voyage.fuel(path) <= voyage.fuel(chain) * (1 + 1e-2)

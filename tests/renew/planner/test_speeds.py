@@ -30,7 +30,7 @@ PERIOD, STRENGTH = 200.0, 0.3
 def test_no_share_of_the_time_between_the_ways_to_and_from_a_point_needs_less(
     seed: int, exponent: float
 ) -> None:
-    """SciPy shares the time out between two plans; one price of time for both is as good."""
+    """SciPy divides the time between two plans; one price of time for both is as good."""
     current, deadline, speeds = StreamFunctionCurrent(seed, 0.5), 160.0, (0.5, 2.0)
     vessel = replace(NIMBLE, fuel_exponent=exponent)
     start, point, goal = CORNERS

@@ -84,7 +84,7 @@ def test_the_end_of_a_wall_is_rounded_on_the_shortest_way(
         round_corners(along @ turned, sharp, radii, together=together)[0]
         for together in (True, False)
     )
-    # No curve this wide goes closer around both corners than the circle through them.
+    # No curve of this radius passes closer around both corners than the circle through them.
     centre = math.sqrt(radius**2 - width**2 / 4)
     reach = math.hypot(width / 2, length - centre)
     straight = math.sqrt(reach**2 - radius**2)

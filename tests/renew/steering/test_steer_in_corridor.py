@@ -70,7 +70,7 @@ def test_convex_corners_close_together_are_rounded_at_next_to_no_cost(scene: int
 def test_a_turn_round_the_end_of_a_thin_wall_costs_little_more_than_its_corners(
     kind: str, seed: int, most: float
 ) -> None:
-    # Its two corners are less apart than the discs are large round which they are turned.
+    # Its two corners are closer together than the discs round which the path turns there are large.
     scene = walls(kind, seed)
     voyage = voyage_on(scene.chart, tuple(scene.start), tuple(scene.goal), as_field(scene.current))
     corridor = corridor_of(voyage, "none")

@@ -97,7 +97,7 @@ def test_kml(named: tuple[str, RunResult], tmp_path: Path) -> None:
 
 @pytest.mark.gate_share(3)
 def test_passage_plan(named: tuple[str, RunResult], tmp_path: Path) -> None:
-    """Every name is drawn, with what the font lacks as white squares: no warning, no fault."""
+    """Every name is drawn without a warning; characters that the font lacks are white squares."""
     write_passage_plan(named[1], tmp_path / "passage-plan.pdf")
     assert (tmp_path / "passage-plan.pdf").read_bytes().startswith(b"%PDF")
 

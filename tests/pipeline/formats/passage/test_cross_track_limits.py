@@ -115,7 +115,7 @@ def test_turns_are_halved_until_they_fit() -> None:
 
 
 def test_limits_are_the_nearest_of_all_edges_to_each_side() -> None:
-    # By the parts of all edges inside each side's area, with none left out.
+    # The oracle looks at the parts of all edges inside each side's area.
     random = np.random.default_rng(4)
     rocks = [shapely.Point(*random.uniform(-150, 250, 2)).buffer(3) for _ in range(120)]
     way = np.cumsum(random.uniform(-20, 40, (6, 2)), axis=0)

@@ -23,7 +23,7 @@ def written(result: RunResult, directory: Path) -> Path:
 
 
 def drawn(page: Page, pane: str) -> str:
-    """Picture of a pane's canvas, as text."""
+    """The picture in a pane's canvas, as text."""
     # Leaflet draws in the next frame after a change.
     page.evaluate("() => new Promise(done => requestAnimationFrame(() => setTimeout(done, 60)))")
     return str(

@@ -23,7 +23,7 @@ ROUTES_PER_SEASON = 8
 class Measured:
     """Size of a page, and what a browser takes until it has drawn map and controls.
 
-    `ready_s` since navigation; `busy_s` of processor time, in the thread that draws.
+    `ready_s` is counted from navigation; `busy_s` is processor time of the thread that draws.
     """
 
     size_bytes: int
@@ -88,7 +88,7 @@ def _coast(bounds: tuple[float, float, float, float]) -> tuple[shapely.Polygon, 
 
 
 def _finer(result: RunResult, season: str) -> renew.GyreCurrent:
-    """Gyres, defined everywhere, so that arrows are as dense as possible."""
+    """Gyres that are defined everywhere, so that arrows are as dense as possible."""
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     strength = 0.3 if season == "summer" else 0.6
     return renew.GyreCurrent(strength, xmax - xmin, ymax - ymin, columns=3, rows=3)

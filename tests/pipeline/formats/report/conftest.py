@@ -22,8 +22,8 @@ class Reader:
     def open(self, path: Path, *, width: int = 900, height: int = 700, **options: object) -> Page:
         """Open a file in a context of its own and wait until its script has run.
 
-        Particles that drift all the while keep a processor busy: they do where motion is tested,
-        with `reduced_motion="no-preference"`.
+        Drifting particles keep a processor busy, so they only drift where motion is tested: with
+        `reduced_motion="no-preference"`.
         """
         context = self.browser.new_context(
             viewport={"width": width, "height": height},
@@ -63,7 +63,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def reader(browser: Browser) -> Iterator[Reader]:
-    """A reader whose pages must not have asked for, complained of or popped up anything."""
+    """A reader; its pages must make no request, log no error and open no dialog."""
     reader = Reader(browser)
     yield reader
     for context in browser.contexts:

@@ -29,7 +29,7 @@ HOSTILE = (
 
 
 def hostile(result: RunResult) -> RunResult:
-    """The run with bad text in every text from outside."""
+    """The run with hostile text wherever text comes from outside."""
     seasons = tuple(s.model_copy(update={"title": HOSTILE}) for s in result.scenario.seasons)
     scenario = result.scenario.model_copy(
         update={"title": HOSTILE, "description": HOSTILE, "seasons": seasons}
@@ -362,5 +362,5 @@ def test_the_largest_page_is_small_and_ready_within_a_second(
     assert sum(len(entry["routes"]) for entry in data["seasons"]) == 16
     assert all(6_800 < len(entry["current"]["u"]) <= 7_000 for entry in data["seasons"])
     assert path.stat().st_size < 1_750_000
-    # Processor time: how long a busy machine takes says more of it than of the page.
+    # Processor time: the wall time on a busy machine says more of the machine than of the page.
     assert any(measure(browser, path).busy_s < 1.0 for _ in range(3))

@@ -21,7 +21,7 @@ MILE_M, KNOT_M_S = 1852.0, 1852.0 / 3600
 
 
 def point_at(page: Page, right: float, down: float) -> dict[str, str]:
-    """Move the pointer to a share of the map's box; what the readout then says."""
+    """Move the pointer to a share of the map's box; return what the readout then says."""
     box = page.locator("#map").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + right * box["width"], box["y"] + down * box["height"])

@@ -32,7 +32,7 @@ def decoded(encoded: dict[str, Any]) -> np.ndarray:
 
 
 def filled(rings: list[np.ndarray]) -> BaseGeometry:
-    """Area of outer rings, which are anticlockwise, without the others."""
+    """Area of outer rings, which are anticlockwise, less that of the other rings."""
     areas: dict[bool, list[BaseGeometry]] = {True: [], False: []}
     for ring in rings:
         areas[shapely.LinearRing(ring).is_ccw].append(shapely.Polygon(ring).buffer(0))

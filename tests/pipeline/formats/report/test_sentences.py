@@ -1,4 +1,4 @@
-"""Why a way, how sure that is: the sentences, and the order in which they compare."""
+"""Sentences on why a route was chosen and how sure that is, and the order in which they compare."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_the_reason_is_length_or_the_current() -> None:
 
 
 def test_the_gain_from_the_current_is_relative_to_each_routes_own_speed() -> None:
-    """A route that is sailed faster through the water does not owe that to the current."""
+    """Time gained by a higher speed through the water is not credited to the current."""
     faster = replace(OTHER, speed_m_s=1.251, duration_s=OTHER.length_m / 1.25)
     first, *_ = SeasonFacts([replace(BEST, speed_m_s=0.75), faster]).verdict()
     assert "both average 1.25 m/s over ground (+0.50 m/s from the current)" in first

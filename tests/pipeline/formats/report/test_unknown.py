@@ -107,7 +107,7 @@ def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
         "padding, Winter (December)",
     ]
     assert "2 narrower ones are not listed" in part.flat_text
-    # What stands there is no note any more.
+    # What this part of the page says is not repeated as a note.
     notes = [item.flat_text for item in page.all("li") if item not in part.all("li")]
     assert "A note." in notes
     assert not any("draught" in text for text in notes)

@@ -31,7 +31,7 @@ def test_courses_are_those_of_the_planned_line() -> None:
         at, on = result.scene.projection.to_lonlat(np.stack([path[:-1], ahead]))
         course = GEOD.inv(at[:, 0], at[:, 1], on[:, 0], on[:, 1])[0]
         apart = (own.course_deg[:-1] - course + 180) % 360 - 180
-        # The change of course along a piece of ten kilometres.
+        # Tolerance: the change of course along a piece of ten kilometres.
         assert np.abs(apart).max() < 0.1
 
 

@@ -52,7 +52,7 @@ def with_depths() -> RunResult:
 
 
 def said(texts: list[str]) -> list[str]:
-    """Texts that speak of land; not the name of the test's source, nor the legend of land."""
+    """Texts that speak of land, except the name of the test's source and the legend of land."""
     own = [text.replace(small_run.LAND.name, "").replace(small_run.LAND.url, "") for text in texts]
     return [text for text in own if WORD.search(text) and text.strip() not in {"land", "Land"}]
 

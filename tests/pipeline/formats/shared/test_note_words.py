@@ -1,4 +1,4 @@
-"""Each note that the program makes has words, and these need no other values than it has."""
+"""Each note that the program makes has words, and the words need only values that the note has."""
 
 import ast
 import inspect

@@ -1,4 +1,4 @@
-"""A rejected class is told to programs by values that agree with its sentence."""
+"""The values that programs read of a rejected class agree with its sentence."""
 
 from __future__ import annotations
 

@@ -95,8 +95,8 @@ def test_the_figures_end_at_the_routes_own(planar: bool) -> None:
     for ranked in result.routes:
         profile = route_profile(ranked, result)
         check_sums(profile, ranked)
-        # Speed over ground is speed through water plus the current along the course. The current
-        # is that at a point, the speed the mean to the next.
+        # Speed over ground is speed through water plus the current along the course. The current is
+        # the one at the point, the speed the mean up to the next point.
         tolerance = np.abs(np.diff(profile.current_along_m_s)).max() + 1e-3
         gained = profile.speed_m_s - result.scene.vessel.speed
         assert np.abs(gained - profile.current_along_m_s).max() < tolerance

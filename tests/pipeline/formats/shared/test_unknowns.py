@@ -1,4 +1,4 @@
-"""What is not known is said: for each route, each season, and the chart."""
+"""What is not known is listed: for each route, each season, and the chart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parts: whole or not there, and each case taken once though parts overlap."""
+"""Part files are whole or absent; each case counts once, even where parts overlap."""
 
 from __future__ import annotations
 

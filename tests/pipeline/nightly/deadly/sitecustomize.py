@@ -1,4 +1,4 @@
-"""Makes the workers of a test die of one case: RENEW_TEST_DEADLY is its name and how it kills.
+"""Makes the workers of a test die of one case: RENEW_TEST_DEADLY says which case, and how it kills.
 
 Python imports this module at its start where its folder is on PYTHONPATH.
 """

@@ -67,7 +67,7 @@ def test_batches_are_20_to_60_seconds_long_but_for_the_first_and_the_last() -> N
 
 
 def test_a_job_that_is_killed_half_way_was_at_little() -> None:
-    """However short the night is: what its four workers are at is lost."""
+    """However short the night is, only the batches that its four workers have begun are lost."""
     for count in (200, 2_000, 20_000):
         done, _, _ = work([[(0, count)]], 0.3, lambda _: False)
         at_half = [end - first for first, end in done if first <= count / 2 < end]

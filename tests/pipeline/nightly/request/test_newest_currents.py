@@ -1,4 +1,4 @@
-"""Which currents are newest: said by files, by a loopback store of the service, or by nobody."""
+"""Which currents are newest: by files, by a loopback store of the service, or unknown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The user's own files: read, checked, and through the command line used or refused."""
+"""The user's own files are read and checked, and used or refused by the command line."""
 
 from __future__ import annotations
 

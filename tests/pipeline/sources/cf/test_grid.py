@@ -190,7 +190,7 @@ def _axes(ny: int, nx: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _zarr(path: Path, shape: tuple[int, int, int], rows: slice, columns: slice) -> None:
-    """Write the metadata of the whole, but the chunks of one block only."""
+    """Write the metadata of the whole array, but only the chunks of one block."""
     import dask.array as da
 
     lat, lon = _axes(*shape[1:])

@@ -11,7 +11,7 @@ from pipeline.sources.cf import dataset as probing
 from tests.pipeline.sources.cf.sample_files import SEA
 from tests.pipeline.synthetic_currents import dataset, write
 
-# In place of the probe: does to each file what its name says.
+# Stands in for the probe: does to each file what the file's name says.
 STAND_IN = """
 import os, signal, sys, time
 for i, name in enumerate(sys.stdin.read().splitlines()[1:]):

@@ -69,7 +69,7 @@ def fetched(asked: Season, *paths: Path) -> CurrentGrid:
 
 
 def refusal(folder: Path, data: xr.Dataset, asked: Season | None = None) -> str:
-    """Write a file that must be refused; return why, as found before or while it is read."""
+    """Write a file that must be refused, before or while it is read; return the reason."""
     source = CfFiles((str(write(folder / "bad.nc", data)),))
     asked = asked or season(max_hours=20)
     found = source.uncovered_reason(REGION, asked)

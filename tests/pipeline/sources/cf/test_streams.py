@@ -118,7 +118,7 @@ def test_without_amplitudes_the_plan_is_that_of_the_mean(tmp_path: Path) -> None
     ours, theirs = planned(tide), planned(mean)
     assert ours.best.fuel == pytest.approx(theirs.best.fuel, rel=1e-9)
     np.testing.assert_allclose(ours.best.path, theirs.best.path, atol=1e-3)
-    # With no more fields than the file of the mean has, it is the same bit for bit.
+    # With no more fields than the file of the mean has, the result is the same bit for bit.
     first, last = tide.u[[0, -1]], tide.v[[0, -1]]
     few = replace(tide, u=first, v=last, times_s=mean.times_s)
     assert planned(few).best.fuel == theirs.best.fuel

@@ -45,7 +45,7 @@ def midnight(day: int) -> datetime:
 
 
 def fetched(name: str, hours: float, folder: Path, departure: datetime = DEPARTURE) -> CurrentGrid:
-    """Fetch a voyage's currents, as a run does: first it is asked whether they are there."""
+    """Fetch a voyage's currents as a run does, which first asks whether they are there."""
     asked = world.changing_season(name, departure, hours)
     assert source(name).uncovered_reason(REGION, asked) == ""
     return source(name).current(REGION, asked, LAND, folder)

@@ -251,7 +251,8 @@ def test_a_run_on_the_services_currents_is_credited_cached_and_keeps_the_account
             written = [path for path in tmp_path.rglob("*") if path.is_file()]
             assert not [path.name for path in written if encoded in path.read_bytes()]
 
-    # The store has ended. The artefact of the current is enough, or the cached file alone.
+    # The service has stopped. The artefact of the current is enough, and so is the cached file
+    # alone.
     (grid,) = fetch(
         load_scenario(str(path)), Store(output / ".artefacts"), offline=True
     ).fetched.currents

@@ -102,8 +102,8 @@ def test_boston_by_its_soundings_and_marks(oscar: Path, shared: Path, tmp_path: 
         assert clearance_m(shapely.get_coordinates(line), land.polygons) == pytest.approx(
             reported, abs=1.0
         )
-    # In UTM, which the pipeline does not use here: rocks, wrecks and marks are further from the
-    # routes than their radius and the coast's accuracy, and no shallow sounding is near.
+    # Checked in UTM, which the pipeline does not use here: rocks, wrecks and marks are further from
+    # the routes than their radius plus the coast's accuracy, and no shallow sounding is near.
     to_utm = pyproj.Transformer.from_crs(4326, 32619, always_xy=True)
 
     def in_metres(geometry: shapely.Geometry) -> shapely.Geometry:

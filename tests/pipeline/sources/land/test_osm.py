@@ -134,8 +134,8 @@ def test_the_package_s_own_mask_agrees() -> None:
         shapely.prepare(land)
         expected = oracle.contains_many((lon + 180) % 360 - 180, lat)
         ours = shapely.intersects_xy(land, lon, lat)
-        # It looks at a raster first, and so misses land within half a cell of the coast; what it
-        # calls land is land.
+        # The mask looks at a raster first, and so misses land within half a cell of the coast; what
+        # it calls land is land.
         assert not (expected & ~ours).any()
         extra = shapely.distance(land.boundary, shapely.points(lon, lat)[ours & ~expected])
         assert len(extra) < 0.01 * len(ours)

@@ -1,4 +1,4 @@
-"""S-57 cells: NOAA's against their own soundings, and synthetic ones against the rules."""
+"""S-57 cells: NOAA's cells against their own soundings, synthetic cells against the rules."""
 
 from __future__ import annotations
 
@@ -337,7 +337,7 @@ def test_traffic_lanes_are_zones_but_not_no_go() -> None:
 
 @pytest.mark.parametrize("turn", [0.0, 17.3, 45.0, 80.1])
 def test_there_is_no_barrier_where_cells_of_two_scales_meet(turn: float) -> None:
-    # A seam at any angle, its corners rounded as those of cells, with vertices that only one has.
+    # A seam at any angle; corners are rounded as in cells, and some vertices are in one cell only.
     corner = shapely.affinity.rotate(shapely.box(0.0, 0.0, 0.02, 0.02), turn, origin=(0.004, 0.003))
     west = shapely.set_precision(shapely.intersection(corner, HARBOUR), 1e-7)
     north, south = (

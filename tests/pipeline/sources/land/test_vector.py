@@ -252,7 +252,7 @@ def test_the_credit_is_the_users(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("column", ["NAME", "OBJNAM"])
 def test_names_of_land_come_with_it(tmp_path: Path, column: str) -> None:
-    """Of several areas under one name the largest has it; what has no name has none."""
+    """Of several areas with one name the largest keeps it; land without a name gets none."""
     small = shapely.box(118.1, 9.1, 118.2, 9.2)
     shapes = [shapely.MultiPolygon([small, ISLAND]), shapely.box(119.5, 9.0, 119.6, 9.1)]
     path = tmp_path / "land.gpkg"

@@ -58,7 +58,8 @@ def test_all_stations_are_what_the_other_libraries_predict(
 def test_the_extremes_of_all_stations_are_those_that_noaa_publishes(
     all_stations: Mapping[str, Station],
 ) -> None:
-    # Half a turn of M1, S1 or MF moves some of them by 33 to 90 mm, that of M3 by 10 mm.
+    # A phase error of 180 degrees in M1, S1 or MF moves some of them by 33 to 90 mm, in M3 by 10
+    # mm.
     for key, station in all_stations.items():
         found = np.array(highest_and_lowest(station))
         off = found - (station.datums["HAT"], station.datums["LAT"])

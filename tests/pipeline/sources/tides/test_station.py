@@ -1,4 +1,4 @@
-"""Files of stations: each form gives the same tide; what can't be used is named, all at once."""
+"""Files of stations: each form gives the same tide; all faults are named at once."""
 
 from __future__ import annotations
 

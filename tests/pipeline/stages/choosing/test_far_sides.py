@@ -29,11 +29,12 @@ SPEED_M_S = 2.0
 
 
 def notes_of(folder: Path, help_m_s: float) -> tuple[tuple[Note, ...], set[str]]:
-    """Plan with a current along the way round the north; return notes and the routes' sides."""
+    """Plan with a current along the northern way round; return notes and the routes' sides."""
     (folder / "island.geojson").write_text(json.dumps(shapely.geometry.mapping(ISLAND)))
     lon, lat = np.linspace(-33, -25, 81), np.linspace(-3, 4, 71)
     x, y = np.meshgrid(lon, lat)
-    # Up on the island's west, eastward on its north, down on its east; none south of the line.
+    # The current runs north on the island's west, east on its north, south on its east; none south
+    # of the line.
     u = np.where((y > 0.1) & (y > 1.5), help_m_s, 0.0)
     v = np.where(y > 0.1, np.where(x < -29, help_m_s, -help_m_s) * (y < 1.8), 0.0)
     dataset(Field(lon, lat, u, v)).to_netcdf(folder / "current.nc")

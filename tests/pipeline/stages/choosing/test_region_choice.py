@@ -1,4 +1,4 @@
-"""The region of a voyage, on seas that are made up and on the world's."""
+"""The region of a voyage, on synthetic seas and on the world's."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_no_island_is_cut_whose_far_side_a_voyage_might_use() -> None:
 
 def test_an_island_behind_the_start_with_a_short_way_round_it_is_known() -> None:
     island, islet = shapely.box(117.7, 9.9, 117.85, 10.1), shapely.box(119.9, 9.97, 120.0, 10.03)
-    # Ways round these are too long, however large they are.
+    # Ways round these islands are too long, however large the islands are.
     far_off = [shapely.box(lon, 12.5, lon + 0.6, 13.3) for lon in np.arange(117.0, 122.5, 0.9)]
     voyage = DirectLine.between((118.0, 10.0), (122.0, 10.0))
     (largest,) = choose_region(voyage, lambda _: mask(island, islet, *far_off), WORLD).largest
@@ -170,9 +170,9 @@ def test_a_side_that_is_left_out_is_named_with_how_much_longer_it_is() -> None:
 @pytest.mark.parametrize(
     ("start", "goal", "island"),
     [
-        # South about or north about Gonâve; the region once cut it in two.
+        # South or north of Gonâve, which the region once cut in two.
         ((-72.42, 18.62), (-74.6, 19.9), (-73.05, 18.85)),
-        # Both sides of Bornholm, beside the line from Simrishamn to Gdynia.
+        # Both sides of Bornholm, which lies beside the line from Simrishamn to Gdynia.
         ((14.6, 55.4), (18.9, 54.7), (14.95, 55.12)),
     ],
 )

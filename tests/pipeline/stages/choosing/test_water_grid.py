@@ -25,7 +25,7 @@ def near_the_equator(is_water: np.ndarray) -> WaterGrid:
 
 
 def oracle(is_water: np.ndarray, start: tuple[int, int], goal: tuple[int, int]) -> float | None:
-    """Return the length of the shortest way in cells, from a graph that is built step by step."""
+    """Return the length of the shortest path in cells, from a graph built step by step."""
     graph = nx.Graph()
     for row, column in np.argwhere(is_water).tolist():
         graph.add_node((row, column))
@@ -61,7 +61,7 @@ def test_the_way_is_as_short_as_that_of_another_search(is_water: np.ndarray) -> 
 
 
 def swept(cells: np.ndarray, centre: np.ndarray) -> float:
-    """Return the angle that a way of cells (n, 2) sweeps as seen from a place (2,), radians."""
+    """Return the angle (rad) that a path of cells (n, 2) sweeps as seen from a place (2,)."""
     y, x = (cells - centre).T
     return float(np.diff(np.unwrap(np.arctan2(y, x))[[0, -1]])[0])
 
@@ -69,7 +69,7 @@ def swept(cells: np.ndarray, centre: np.ndarray) -> float:
 def shortest_on_each_side(
     is_water: np.ndarray, start: tuple[int, int], goal: tuple[int, int], island: np.ndarray
 ) -> list[float]:
-    """Return lengths in cells by a search on pairs of cell and parity, with a ray to the north."""
+    """Return lengths in cells by a search over (cell, parity of crossings of a ray north)."""
     row, column = island[island[:, 0].argmax()].tolist()
     graph = nx.Graph()
     for r, c in np.argwhere(is_water).tolist():

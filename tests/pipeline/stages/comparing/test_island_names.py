@@ -16,7 +16,7 @@ from pipeline.stages.comparing.islands import Island, island_places, islands
 STILL = renew.UniformCurrent(0.0, 0.0)
 JAMAICA = next(island for island in islands() if island.name == "Jamaica")
 WEST, SOUTH, EAST, NORTH = JAMAICA.bounds
-# Within the sea around Jamaica, of which the next land is 1.3 degrees away.
+# Within the sea around Jamaica; the next land is 1.3 degrees from it.
 AROUND = shapely.box(WEST - 0.5, SOUTH - 0.5, EAST + 0.5, NORTH + 0.5)
 
 
@@ -85,7 +85,7 @@ def test_an_island_that_the_region_cuts_has_its_name_if_two_sides_agree() -> Non
 
 
 def test_of_two_pieces_that_may_be_an_island_neither_has_its_name() -> None:
-    """The region cuts a bay's shores apart, and the island's own point lies outside."""
+    """The region cuts a bay's two shores apart, and the island's own point lies outside."""
     eastern = shapely.box(EAST - 0.3, SOUTH - 0.5, EAST + 0.5, NORTH + 0.5)
     pieces = [shapely.box(EAST - 0.4, low, EAST, low + 0.3) for low in (SOUTH, NORTH - 0.3)]
     assert len(names(eastern, *pieces)) == 0

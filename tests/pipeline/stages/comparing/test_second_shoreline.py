@@ -1,4 +1,4 @@
-"""Crossings of the second shoreline's land are found, measured and told."""
+"""Crossings of the second shoreline's land are found, measured and reported."""
 
 from __future__ import annotations
 

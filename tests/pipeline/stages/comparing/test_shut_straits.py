@@ -1,4 +1,4 @@
-"""Straits that are shut are told with place, width and need; open ones and rock gaps are not."""
+"""Shut straits are reported with place, width and need; open ones and rock gaps are not."""
 
 from __future__ import annotations
 
@@ -120,13 +120,13 @@ def test_a_strait_with_wider_padding_than_most_is_found_by_its_rejected_class() 
 
 
 def test_straits_of_enclosed_water_are_shut_by_its_mouths() -> None:
-    """Enclosed water is land to the planner: what shuts it are its mouths, and they are told."""
+    """Enclosed water is land to the planner; its mouths shut it, so these are reported."""
     found, scene, _ = straits(atoll(100.0), 900.0, AGILE)
     lagoon = shapely.Point(scene.projection.to_plane([119.6, 9.595]))
     assert shapely.intersects(np.array(scene.chart.no_go), lagoon).any()
     assert [strait.by for strait in found] == ["margin"]
     assert found[0].width_m == pytest.approx(100.0, rel=2e-3)
-    # Mouths so wide that the water is open, and the way round the island is not.
+    # The mouths are so wide that the water is open, but the way round the island is not.
     found, _, _ = straits(atoll(2000.0), 900.0, AGILE)
     assert {strait.by for strait in found} == {"padding"}
     for strait in found:

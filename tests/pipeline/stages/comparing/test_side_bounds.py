@@ -1,4 +1,4 @@
-"""The other side's bound: below every route there, above the best where the detour is long."""
+"""The other side's bound: below every route there, and above the best if the detour is long."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Straits on the way are found with their widths, and named where the current is too coarse."""
+"""Straits on the way are found with their widths, and named if the current's grid is too coarse."""
 
 from __future__ import annotations
 

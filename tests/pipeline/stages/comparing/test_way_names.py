@@ -121,7 +121,7 @@ def test_a_strait_is_named_by_the_islands_on_either_side() -> None:
 
 
 def test_numbers_are_those_of_the_homotopy_classes() -> None:
-    """A class that passes north of an island only has its number in its name."""
+    """A class that passes north of one island alone has that island's number in its name."""
     scene = plane_scene([shapely.box(-60, -60, 60, 40), shapely.box(100, 90, 130, 120)],
                         (-300, 0), (300, 0))  # fmt: skip
     evaluation = named(scene, planned(scene, classes=4))

@@ -1,4 +1,4 @@
-"""Plans without a clock, sailed in the changing current: each is made again by hand."""
+"""Plans without a clock, sailed in the changing current; the test repeats each by itself."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_other_plans_are_sailed_in_the_changing_current() -> None:
     assert worth.frozen == pytest.approx(sailed, rel=2e-3)
     shortest = renew.fuel(np.array([scene.start, scene.goal]), current, scene.vessel, drift="crab")
     assert worth.shortest > 0.99 * shortest, "straight through the island is no way"
-    # No plan that knows less is better, but for the grid of the search.
+    # No plan that knows less is better, within the accuracy of the search grid.
     assert min(worth.frozen, worth.mean, worth.shortest) > 0.999 * worth.best
 
 

@@ -50,7 +50,7 @@ def test_parts_add_up_and_have_their_causes(margin: float, padding: str, clearan
     parts = (shares.chart, shares.padding, shares.bound)
     assert min(parts) >= 0
     assert sum(parts) == pytest.approx(season.plan.best.optimality_gap)
-    # The way round the corners of the land is longer by any metre that is kept off it.
+    # Each metre of distance from land makes the way round its corners longer.
     assert (shares.chart > 1e-3) is bool(margin or clearance)
     assert (shares.padding > 1e-3) is (padding == "adaptive")
 

@@ -1,4 +1,4 @@
-"""Seasons with a limit run in processes that end at the limit, or with the program."""
+"""Seasons with a time limit run in processes that end at the limit, or with the program."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_a_limit_that_is_not_reached_changes_nothing(tmp_path: Path) -> None:
         run(scenario(QUICK), tmp_path / "b"),
     ]
     assert [outcome.exit_code for outcome in outcomes] == [0, 0]
-    # As texts: what is not known is NaN, which differs from itself.
+    # Compared as texts, since NaN (not known) differs from itself.
     assert repr(outcomes[0].evaluation.routes) == repr(outcomes[1].evaluation.routes)
 
 
