@@ -41,7 +41,7 @@ def unreadable_reason(path: str | Path) -> str:
 
 
 def require_readable(paths: Iterable[Path], key: str) -> None:
-    """Refuse paths that are no files or folders that can be read; `key` says who names them.
+    """Refuse paths other than readable files and folders; `key` says who names them.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def folder_to_write(path: Path, key: str) -> Path:
     except NotADirectoryError:
         raise RequestError(f"{key}: {shown(path)} lies below a file; name another folder") from None
     except PermissionError:
-        pass  # the machine's fault: said when it is written to
+        pass  # the machine's fault, which is reported when the folder is written to
     except OSError as error:
         raise RequestError(f"{key}: {shown(path)} {_failure(path, error)}") from None
     try:

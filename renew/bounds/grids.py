@@ -140,7 +140,7 @@ def _slope_spread(
 
 
 def _least_of_columns(values: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Return least values (n, c, 2) of (n, m, 2) over columns `first` (c,) to `last` (or first)."""
+    """Return least values (n, c, 2) of (n, m, 2) over columns `first` (c,) to `last` (c,)."""
     least = values[:, first]
     for further in range(1, int((last - first).max(initial=0)) + 1):
         least = np.minimum(least, values[:, np.maximum(first, np.minimum(first + further, last))])
@@ -201,7 +201,7 @@ def _sampled_deviation(
 
 @small_kernel
 def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArray) -> float:
-    """How far a velocity is off the lines through its neighbours; a side takes an inner node's."""
+    """How far a velocity is off the lines through its neighbours; on a side, the next node's."""
     m, n = min(max(i, 1), y.size - 2), min(max(j, 1), x.size - 2)
     along_x = _off_line(c, at, i, n, 0, 0, 1, x, n) if x.size > 2 else 0.0
     along_y = _off_line(c, at, m, j, 0, 1, 0, y, m) if y.size > 2 else 0.0
@@ -279,7 +279,7 @@ def in_hours(voyage: Voyage, duration: float) -> Voyage:
         return voyage
     times = current.slice_times
     end = voyage.departure + duration
-    # One more on either side tells how the current bends in time.
+    # One more slice on either side shows how the current's change varies in time.
     first = max(int(np.searchsorted(times, voyage.departure, side="right")) - 2, 0)
     last = min(int(np.searchsorted(times, end)) + 2, len(times))
     first = min(first, last - 2)

@@ -41,8 +41,8 @@ _MOST_TIME = 1e10
 # errs by (ω 60 s)² A / 8: 0.1 mm for an M2 of 9 m.
 _STEP, _BLOCK = 60.0, 86400.0
 # The nodal factors follow the moon's node and perigee (18.6 and 8.85 years): ten turns of one and
-# 21 of the other give all their combinations. The factors are sampled every 20 days; what is missed
-# between is less than the share below.
+# 21 of the other give all their combinations. The factors are sampled every 20 days; between
+# samples they rise by less than the margin below.
 _NODAL_DATES = ("1900-01-01", "2087-01-01", 20)
 _NODAL_MARGIN = 1.001
 
@@ -149,7 +149,7 @@ class Tide:
         times, heights = self._table(begin, end)
         rising = np.diff(heights) > 0
         turn = 1 + np.flatnonzero(rising[1:] != rising[:-1])
-        # The parabola through the three heights about a turn.
+        # The parabola through the three heights around a high or low.
         slope = (heights[turn + 1] - heights[turn - 1]) / 2
         bend = heights[turn + 1] - 2 * heights[turn] + heights[turn - 1]
         when, high = times[turn] - _STEP * slope / bend, heights[turn] - slope**2 / (2 * bend)
@@ -158,12 +158,12 @@ class Tide:
 
     @property
     def highest(self) -> float:
-        """Height (m) that no prediction exceeds: Z0 and the largest amplitudes, f A, of all."""
+        """Height (m) that no prediction exceeds: Z0 plus the largest f A of each constituent."""
         return self.ratio * (self.mean_level + self._reach)
 
     @property
     def lowest(self) -> float:
-        """Height (m) below which no prediction falls: Z0 less the largest amplitudes."""
+        """Height (m) below which no prediction falls: Z0 minus the largest f A of each."""
         return self.ratio * (self.mean_level - self._reach)
 
     @cached_property
@@ -188,13 +188,13 @@ class Tide:
 
     @cached_property
     def _kept(self) -> Callable[[float], tuple[FloatArray, FloatArray]]:
-        """Times and heights of a block of time, by its number; the last are kept."""
+        """Cached function that returns the times and heights of a block of time by its number."""
         return lru_cache(maxsize=512)(
             lambda block: self._table(block * _BLOCK, (block + 1) * _BLOCK)
         )
 
     def _table(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
-        """Times (s) from before one to after another, and heights (m) over datum."""
+        """Times (s) from just before `begin` to just after `end`, and heights (m) over datum."""
         steps = np.arange(math.floor(begin / _STEP) - 1, math.ceil(end / _STEP) + 2)
         times = _STEP * steps.astype(float)
         return times, self.ratio * (self.mean_level + self._predicted(times))

@@ -28,7 +28,7 @@ from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.results import Plan, Route, TradeOff
 
 # Largest number of rounds to find the price, and relative change below which it is accepted; the
-# error of fuel is the square of that.
+# relative error of fuel is the square of that change.
 _MAX_ROUNDS, _SETTLED = 4, 0.03
 # Number of rounds of growing padding for turns at the chosen speeds.
 _GROWTH_ROUNDS = 4

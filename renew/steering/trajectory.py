@@ -20,9 +20,9 @@ from renew.voyage.voyage import shares
 _ARC_STEP = math.radians(2)
 # Number of samples on all straight legs: the heading follows a changing current.
 _LEG_SAMPLES = 256
-# Arcs are wider by this factor than the corner itself needs, because the current changes along
-# them. While the heading turns faster than ω on an arc, its radius grows by that excess and this
-# factor, up to this number of times.
+# Factor by which arcs are wider than the corner itself needs, because the current changes along
+# them. An arc on which the heading turns faster than ω gets a radius larger by that excess times
+# the second factor, repeatedly, up to the third number of times.
 _MARGIN, _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 1.003, 20
 # Length of a leg that counts as 0, as a share of the path.
 _NO_LENGTH = 1e-9

@@ -19,10 +19,10 @@ from renew.underway.way_ahead import channel_along
 
 Answer: TypeAlias = Literal["kept", "switched", "no way"]
 
-# Share of the fuel that a new path has to save against the one that was planned: less than that
-# separates two searches of the same path.
+# Share of the fuel that a new path has to save to replace the planned one; two searches for the
+# same path differ by less.
 _WORTH = 1e-4
-# Ratio of a class's estimate on the roadmap to its fuel that is hardly ever exceeded.
+# Ratio of a class's estimate on the roadmap to its fuel; it is hardly ever exceeded.
 _ROUGH = 1.03
 
 
@@ -47,8 +47,8 @@ def choose(
 ) -> Choice:
     """Choose between the class of the way `ahead` (n, 2) that was planned, if any, and others.
 
-    The vessel has a `heading` (rad) if one is given. Where the plan `is_proven` for it, here and
-    now in the same current, it sails on; if it is in time, on the rest of its `track` (m, 4).
+    The vessel has a `heading` (rad) if one is given. If the plan `is_proven` for the vessel here
+    and now in the same current, it sails on; if it is in time, on the rest of its `track` (m, 4).
     Raises PlanningError if no class can be sailed.
     """
     planner = task.planner()
@@ -129,7 +129,7 @@ def _follow(
     is_proven: bool = False,
     track: FloatArray | None = None,
 ) -> ClassPath:
-    """Return the best path in the class of the way ahead (n, 2), which is kept if it is as good.
+    """Return the best path in the class of the way ahead (n, 2): that way itself if it is as good.
 
     Raises InfeasibleError if the class has no path.
     """

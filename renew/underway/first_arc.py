@@ -15,10 +15,10 @@ from renew.kernels.capsules import wrapped
 from renew.turns.contingency import crab_heading, fly_turns
 from renew.voyage.voyage import Voyage, shares
 
-# Number of headings of a full turn that are looked at, and the turn rate as a share of the
-# vessel's: the last step of the arc is rounded.
+# Number of headings tried in a full turn, and the arc's turn rate as a share of the vessel's, which
+# leaves room for rounding the last step.
 _STEPS, _RATE = 180, 0.99
-# Distances ahead, in v/ω, of the points at which the way may be joined: the least, and some more.
+# Least distance ahead, in v/ω, at which an arc may join the way, and further ones that are tried.
 _NEAREST, _JOINED_AT = 2.0, (3.0, 6.0, 12.0, 24.0)
 # The current is not perturbed.
 _AS_IT_IS = np.zeros((1, 1, 2))
@@ -64,7 +64,7 @@ def _tracks(heading: float, voyage: Voyage) -> FloatArray:
     """Return the tracks (2, steps + 1, 2) of full turns to port and to starboard from the start."""
     vessel, begin = voyage.vessel, np.array([voyage.departure])
     start, field = voyage.start[None], voyage.waters.quick_current
-    # Weaker than the vessel, the current leaves one heading to each course over ground.
+    # In a current slower than the vessel, each course over ground has one heading.
     through = vessel.speed * np.array([[np.cos(heading), np.sin(heading)]])
     course = np.arctan2(*(through + field.velocity(start, begin)).T[::-1])
     return np.asarray(fly_turns(start, course, field, vessel, _AS_IT_IS, begin, _STEPS)[0])
@@ -87,14 +87,15 @@ def _until_towards(
     headings = heading + side * np.linspace(0.0, 2 * np.pi, len(track))
     wanted = crab_heading(track, course, voyage.current, speeds, times)
     lacking = wrapped(side * (wanted - headings))
-    # From lacking a little to having turned too far; the jump at half a turn is no crossing.
+    # The difference changes sign where the vessel heads for the point; its jump at half a turn does
+    # not count.
     crosses = (lacking[:-1] > 0) & (lacking[1:] <= 0) & (lacking[:-1] - lacking[1:] < np.pi)
     if not crosses.any():
         return None
     last = int(crosses.argmax())
     share = lacking[last] / (lacking[last] - lacking[last + 1])
     end = track[last] + share * (track[last + 1] - track[last])
-    # A step that is all but nothing is joined to the one before.
+    # A step of nearly no length is joined to the one before.
     kept = np.arange(last + 1 if share > 0.1 or last == 0 else last)
     return np.vstack(
         [

@@ -20,7 +20,7 @@ from renew.underway.way_ahead import abeam, channel_along, way_ahead
 
 # Angle (rad) by which a heading may differ from the one that is needed without an arc.
 _STRAIGHT = 1e-6
-# Share of a full turn by which a route may be later than the quickest arc, and is good enough.
+# A route is good enough if it is later than the quickest arc by at most this share of a full turn.
 _LATE = 0.25
 
 
@@ -42,8 +42,8 @@ def led_in(
 ) -> Route:
     """Return a route begun on the heading (rad) that the vessel has, if one is given.
 
-    From a place in the soft no-go zone it first leaves by a straight way that is about the nearest,
-    unless the plan `is_proven` for it there. Raises InfeasibleError if there is no room.
+    If the vessel is in the soft no-go zone, the route first leaves it by a short straight leg,
+    unless the plan `is_proven` for the vessel there. Raises InfeasibleError if there is no room.
     """
     out = None if is_proven else _way_out(route, planner)
     rows, tail, now = np.empty((0, 4)), route, planner
@@ -63,12 +63,12 @@ def led_in(
 def _led_out(
     out: FloatArray, route: Route, planner: ClassPlanner, heading: float | None, follow: Follow
 ) -> tuple[FloatArray, Route, ClassPlanner]:
-    """Return rows (m, 4) to a point (2,), the route from there in a route's class, its planner."""
+    """Return rows (m, 4) to a point (2,), the class's route from there, and its planner."""
     rows = _leg_to(out, planner, heading)
     now = _onwards(planner, rows[-1])
     ahead = way_ahead(route.path, abeam(route.path, route.times, out), now.problem.voyage)
     if ahead is None:
-        raise InfeasibleError("no straight way leads from {0} back to its way", out)
+        raise InfeasibleError("no straight leg leads from {0} back to its route", out)
     return rows, now.route(follow(now, ahead)), now
 
 
@@ -101,8 +101,9 @@ def _turned(
 ) -> tuple[FloatArray, Route]:
     """Return the rows (m, 4) of the first arc from a heading, and the route from its end.
 
-    The arc joins the path (n, 2). If the quickest arcs come to it on headings that the padding is
-    not for, the class is planned again from the end of one, and an arc joins the path found.
+    The arc joins the path (n, 2). The quickest arcs may join it on headings that its padding does
+    not cover. Then the class is planned again from the end of such an arc, and a new arc joins the
+    path found there.
     """
     voyage = planner.problem.voyage
     arcs = first_arcs(heading, path, voyage)
@@ -142,7 +143,7 @@ def _first_of(arcs: list[Arc], planner: ClassPlanner) -> tuple[FloatArray, Route
 
 
 def _drawn(arc: Arc, planner: ClassPlanner) -> Route | None:
-    """Return the route along the way from an arc's end, or None if it is not safe."""
+    """Return the route from an arc's end along the arc's way, or None if it is not safe."""
     after = _onwards(planner, arc.rows[-1])
     channel = channel_along(arc.way, after.problem)
     found = None if channel is None else as_drawn(after, arc.way, channel)
@@ -156,7 +157,7 @@ def _onwards(planner: ClassPlanner, row: FloatArray) -> ClassPlanner:
 
 
 def _unwound(rows: FloatArray, before: FloatArray) -> FloatArray:
-    """Return rows (m, 4) with headings that go on from those of the rows before."""
+    """Return rows (m, 4) with headings that continue those of the rows before, without a jump."""
     turned = rows.copy()
     turned[:, 3] += 2 * np.pi * np.round((before[-1, 3] - rows[0, 3]) / (2 * np.pi))
     return turned

@@ -104,8 +104,8 @@ def replan(
 ) -> Replanned:
     """Plan the rest of a voyage from where the vessel is.
 
-    The class that was planned is kept, unless another one saves more than a threshold, both in the
-    new current. Small differences between forecasts so don't send the vessel to and fro.
+    The class that was planned is kept, unless another one saves more than a threshold in the new
+    current. So small differences between forecasts don't send the vessel to and fro.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ def _along(path: FloatArray, problem: Problem) -> Channel | None:
     crossed = visits(path, mesh.corners).triangle
     row = list[int]()
     for triangle in crossed.tolist():
-        # What lies between two visits of a triangle is left out.
+        # The triangles between two visits of the same triangle are left out.
         row = row[: row.index(triangle)] if triangle in row else row
         row.append(triangle)
     if not row or any(b not in mesh.neighbours[a] for a, b in itertools.pairwise(row)):

@@ -259,7 +259,7 @@ class _Command:
 
 
 def write_plan(result: RunResult, season: str, path: Path) -> None:
-    """Write the best route of a season that has one as a plan of QGroundControl."""
+    """Write the best route of a season, which must have one, as a plan of QGroundControl."""
     points = season_waypoints(result, season)[0]
     start = _position(points, 0)
     speed = round(speed_over_ground(points.metrics), _SPEED_DIGITS)
@@ -300,7 +300,7 @@ def write_plan(result: RunResult, season: str, path: Path) -> None:
 
 
 def write_mission(result: RunResult, season: str, path: Path) -> None:
-    """Write the best route of a season that has one as ArduPilot's tools read a mission."""
+    """Write the best route of a season, which must have one, as a mission for ArduPilot's tools."""
     points = season_waypoints(result, season)[0]
     home = _Command(_WAYPOINT, _ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *_position(points, 0), 0.0))
     lines = ["QGC WPL 110"]
