@@ -7,17 +7,22 @@ from dataclasses import dataclass, field
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.voyage.voyage import Voyage
 
+# Number of cells of the finest grid if a gap is asked for: four times the standard number.
+_FINE_CELLS = 512_000
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class FuelBound:
     """The fuel that no route of a voyage can stay below, of any class.
 
     It is computed from the voyage when first asked for, unless a number is given. `kept` is the
-    bound on routes that keep the plan's clearance, or a function that gives their voyage.
+    bound on routes that keep the plan's clearance, or a function that gives their voyage. Where a
+    number of fuel units is `enough`, a grid may be finer, and ends once the bound is above it.
     """
 
     source: Voyage | float
     kept: Callable[[], Voyage] | float
+    enough: float = math.inf
     _known: dict[str, float] = field(default_factory=dict, init=False)
 
     @property
@@ -44,13 +49,21 @@ class FuelBound:
         return self._known[name]
 
     def _value(self) -> float:
-        return fuel_lower_bound(self.source) if isinstance(self.source, Voyage) else self.source
+        return self._bound(self.source) if isinstance(self.source, Voyage) else self.source
 
     def _at_clearance(self) -> float:
         if not callable(self.kept):
             return self.kept
+        if self.value > self.enough:
+            return self.value
         voyage = self.kept()
-        return self.value if voyage is self.source else fuel_lower_bound(voyage)
+        return self.value if voyage is self.source else self._bound(voyage)
+
+    def _bound(self, voyage: Voyage) -> float:
+        """Return the bound of a voyage, on the standard grid or until it is enough."""
+        # With chosen speeds the bound is loose on any grid.
+        is_fine = self.enough < math.inf and not voyage.has_price
+        return fuel_lower_bound(voyage, _FINE_CELLS if is_fine else 0, self.enough)
 
     def __reduce__(self) -> "tuple[type[FuelBound], tuple[float, float]]":
         """Pickle the bounds instead of their sources: a current may be any function."""

@@ -72,6 +72,10 @@ class PlanOptions:
         padding it can turn away at all these times. Has no effect in a steady current.
     min_lateness : float
         Time (s) by which it may be early or late at least, but not before the departure.
+    gap_to : float
+        Optimality gap of the best route at which the bound on fuel is tight enough, such as 0.02.
+        It is worked out no further, and on a finer grid where that is needed. 0: as tight as about
+        half a second makes it.
 
     Raises
     ------
@@ -94,6 +98,7 @@ class PlanOptions:
     risk_at: RiskAt = field(default="route")
     lateness: float = field(default=0.05, metadata={"ge": 0, "lt": 1})
     min_lateness: float = field(default=0.0, metadata={"ge": 0})
+    gap_to: float = field(default=0.0, metadata={"ge": 0, "lt": 1})
 
     def __post_init__(self) -> None:
         """Refuse options out of range; the error names all faults."""
@@ -145,6 +150,8 @@ class PlanOptions:
         least = RANGES["risk"]["ge"]
         if not (is_number(self.risk) and least <= self.risk < 1):
             found.append(f"risk = {shown(self.risk)} must lie between {least:g} and 1, as in 0.05")
+        if not (is_number(self.gap_to) and 0 <= self.gap_to < RANGES["gap_to"]["lt"]):
+            found.append(f"gap_to = {shown(self.gap_to)} must be 0 or more, below 1, as in 0.02")
         found += [fault for name in _CHOICES for fault in choice_faults(name, getattr(self, name))]
         if is_one_of(self.risk_at, ("point",)) and not is_one_of(self.padding, ("adaptive",)):
             found.append(f'risk_at = "point" needs padding = "adaptive", not {shown(self.padding)}')
@@ -168,6 +175,7 @@ class Changes(TypedDict, total=False):
     risk_at: RiskAt
     lateness: float
     min_lateness: float
+    gap_to: float
 
 
 RANGES = {one.name: one.metadata for one in fields(PlanOptions) if one.metadata}
@@ -367,15 +375,6 @@ def _speed_faults(speed: object) -> list[str]:
             f"speed.least = {speed[0]!r} m/s is above speed.most = {speed[1]!r} m/s; exchange them"
         )
     return faults
-
-
-def check_speed_choice(vessel: Vessel) -> None:
-    """Refuse a choice of speeds for a vessel with which it can't be planned."""
-    if vessel.fuel_exponent < 1:
-        raise ParameterError(
-            f"speed needs a fuel_exponent of at least 1, not {vessel.fuel_exponent:g}: below that "
-            "the highest speed is always best"
-        )
 
 
 def as_departures(departures: Sequence[float] | FloatArray) -> FloatArray:

@@ -125,7 +125,7 @@ def plan(
     given = {**_given(options, changes), "departure": departure, "arrive_by": arrive_by}
     given |= {"speed": speed}
     task = _task(chart, current, vessel, (start, goal), via, avoid, depth, given)
-    return replace(with_least_water(planned(task), task), voyage=task)
+    return _finished(planned(task), task)
 
 
 def plan_departures(
@@ -213,8 +213,16 @@ def plan_departures(
     else:
         window = _window(task, times, spacing, progress)
         found = _best_of(window, to_within, with_classes=bool(with_classes))
-    best = replace(with_least_water(found.plan, task), voyage=task)
-    return replace(found, plan=best)
+    return replace(found, plan=_finished(found.plan, task))
+
+
+def _finished(plan: Plan, task: Task) -> Plan:
+    """Return the plan with its voyage, each route's least water, and bounds as tight as asked."""
+    if task.request.gap_to > 0 and plan.routes:
+        best = plan.best
+        bound = replace(best.fuel_bound, enough=best.fuel / (1 + task.request.gap_to))
+        plan = replace(plan, routes=tuple(replace(one, fuel_bound=bound) for one in plan.routes))
+    return replace(with_least_water(plan, task), voyage=task)
 
 
 def _window(

@@ -26,8 +26,8 @@ import numpy as np
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError, ParameterError, PlanningError
-from renew.inputs.options import check_speed_choice
 from renew.inputs.shut_areas import Area
+from renew.inputs.vessel import Vessel
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_by_clock
 from renew.paths.speeds_by_clock import (
@@ -64,7 +64,7 @@ def plan_with_speeds(task: Task, departure: float) -> Plan:
     the area while it is shut. Around such areas a plan has no trade-off between arrival and fuel,
     since with another arrival the vessel passes them at other times.
     """
-    check_speed_choice(task.vessel)
+    _check_exponent(task.vessel)
 
     def plan(closed: Sequence[Area]) -> tuple[Plan, ClassPlanner]:
         @functools.cache
@@ -89,7 +89,7 @@ def departures_with_speeds(
     deadline depend on the departure. Nothing is known of departures between those given: the bound
     on arrivals at one speed (:mod:`renew.planner.departure_window`) is no bound on fuel.
     """
-    check_speed_choice(task.vessel)
+    _check_exponent(task.vessel)
     plans: list[Plan | PlanningError] = []
     for departure in departures:
         try:
@@ -306,3 +306,12 @@ class ClockSearch(PriceSearch):
     def trade_off(self, paths: Sequence[FloatArray]) -> TradeOff:
         """Return the least fuel by arrival along the best paths and the fastest path."""
         return super().trade_off([*paths[: _CURVES - 1], paths[-1]])
+
+
+def _check_exponent(vessel: Vessel) -> None:
+    """Refuse a choice of speeds for a vessel with which it can't be planned."""
+    if vessel.fuel_exponent < 1:
+        raise ParameterError(
+            f"speed needs a fuel_exponent of at least 1, not {vessel.fuel_exponent:g}: below that "
+            "the highest speed is always best"
+        )

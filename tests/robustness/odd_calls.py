@@ -124,7 +124,7 @@ def _plan_arguments(rng: Rng) -> dict[str, Any]:
     options = {
         "classes": 2, "risk": 0.1, "padding": 2.0, "clearance": 1.0, "distinct_by": "auto",
         "drift": "crab", "seed": 3, "order": "length", "risk_at": "point", "lateness": 0.1,
-        "min_lateness": 5.0, "via": [(60.0, 60.0)],
+        "min_lateness": 5.0, "gap_to": 0.02, "via": [(60.0, 60.0)],
         "avoid": [renew.ShutArea(box(70, 70, 75, 75), 0, 60)], "speed": (0.8, 1.2),
         "arrive_by": 300.0, "method": "sampled", "samples": 20, "departure": 10.0,
     }  # fmt: skip
