@@ -59,12 +59,12 @@ def pairs() -> Iterator[Figure]:
             ends = _water_pairs(land, region, min(share, PAIRS - number * share), seed=number)
             found = list(pool.map(partial(_check, land, bounds), ends))
             checked += found
-            told = Counter(one.failure.split(":")[0] for one in found if one.failure)
+            failures = Counter(one.failure.split(":")[0] for one in found if one.failure)
             yield Figure(
                 f"{name}: {len(found)} random pairs",
                 "",
                 f"{sum(not one.failure for one in found)} planned"
-                + "".join(f", {count} {why}" for why, count in told.items()),
+                + "".join(f", {count} {why}" for why, count in failures.items()),
             )
     routes = [route for one in checked for route in one.routes]
     crossing = [route for route in routes if route.over_land_m > 0]

@@ -42,14 +42,14 @@ def cluster(file: Path, output: Path) -> str:
     """Plan on a scheduler and two workers, each a process, by the commands of kubernetes.yaml."""
     text = (_OPERATION / "kubernetes.yaml").read_text("utf-8")
     scheduler, worker = re.findall(r"command: \[dask, (.+)\]", text)
-    told = file.with_name("scheduler.json")
+    scheduler_file = file.with_name("scheduler.json")
     with ExitStack() as held:
         options = scheduler.replace('"8786"', "0").replace('"', "").split(", ")
         dask = (sys.executable, "-m", "dask")
-        options += ["--host", "127.0.0.1", "--scheduler-file", str(told)]
+        options += ["--host", "127.0.0.1", "--scheduler-file", str(scheduler_file)]
         held.enter_context(started(*dask, *options))
-        wait_until(lambda: told.exists() and told.read_text())
-        address = str(json.loads(told.read_text())["address"])
+        wait_until(lambda: scheduler_file.exists() and scheduler_file.read_text())
+        address = str(json.loads(scheduler_file.read_text())["address"])
         options = worker.replace('"', "").replace("tcp://renew-scheduler:8786", address).split(", ")
         options += ["--host", "127.0.0.1"]
         workers = [held.enter_context(started(*dask, *options)) for _ in range(2)]

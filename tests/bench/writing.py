@@ -48,11 +48,11 @@ def writing_s(pickled: Path) -> float:
     environment = {key: os.environ[key] for key in os.environ if key != "PYTHONDONTWRITEBYTECODE"}
     environment["PYTHONPYCACHEPREFIX"] = str(pickled.parent / "bytecode")
     command = [sys.executable, "-m", "tests.bench.writing", str(pickled)]
-    told = [
+    times = [
         subprocess.run(command, capture_output=True, check=True, text=True, env=environment).stdout
         for _ in range(1 + _RUNS)
     ]
-    return min(map(float, told[1:]))
+    return min(map(float, times[1:]))
 
 
 def _write(pickled: Path) -> None:

@@ -370,7 +370,7 @@ def split_at_antimeridian(points: FloatArray) -> list[FloatArray]:
     Both parts end at the cut, at an interpolated latitude. A line that only touches 180 degrees
     stays whole; one that runs along it is at -180.
     """
-    turn = _turns(points[:, 0])
+    turn = _whole_turns(points[:, 0])
     parts: list[list[FloatArray]] = [[points[0] - turn[0] * _TURN]]
     for (one, other), (begin, end) in zip(
         itertools.pairwise(points), itertools.pairwise(turn), strict=True
@@ -389,9 +389,9 @@ def split_at_antimeridian(points: FloatArray) -> list[FloatArray]:
 
 def within_180(points: FloatArray) -> FloatArray:
     """Return points (n, 2) with longitudes from -180 to below 180 degrees."""
-    return points - np.stack([360.0 * _turns(points[:, 0]), np.zeros(len(points))], axis=-1)
+    return points - np.stack([360.0 * _whole_turns(points[:, 0]), np.zeros(len(points))], axis=-1)
 
 
-def _turns(longitude: FloatArray) -> IntArray:
-    """Return whole turns (n,) by which longitudes are beyond -180 to below 180 degrees."""
+def _whole_turns(longitude: FloatArray) -> IntArray:
+    """Return by how many whole turns (n,) longitudes exceed the range of -180 to 180 degrees."""
     return np.floor((longitude + 180) / 360).astype(np.int64)

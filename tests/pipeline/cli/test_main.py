@@ -72,8 +72,8 @@ def test_what_runs_offline_has_a_current_there(name: str) -> None:
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_shells_complete_scenarios_and_vessels(shell: str) -> None:
     def completed(words: str) -> str:
-        # Each shell tells its words in its own way; fish and zsh give the whole line.
-        told = {
+        # Each shell passes its words in its own way; fish and zsh pass the whole line.
+        environment = {
             "_RENEW_COMPLETE": f"complete_{shell}",
             "COMP_WORDS": words,
             "COMP_CWORD": str(len(words.split()) - 1),
@@ -86,7 +86,7 @@ def test_shells_complete_scenarios_and_vessels(shell: str) -> None:
             capture_output=True,
             text=True,
             check=False,
-            env={**os.environ, **told},
+            env={**os.environ, **environment},
         )
         return ended.stdout
 
@@ -98,10 +98,10 @@ def test_shells_complete_scenarios_and_vessels(shell: str) -> None:
 def test_help_has_whole_sentences_and_options_in_groups() -> None:
     commands = CliRunner().invoke(app, ["--help"]).stdout
     assert "..." not in commands.partition("Commands:")[2]
-    told = CliRunner().invoke(app, ["go", "--help"]).stdout
-    groups = [line.rstrip(":") for line in told.splitlines() if re.fullmatch(r"\w.*:", line)]
+    help_text = CliRunner().invoke(app, ["go", "--help"]).stdout
+    groups = [line.rstrip(":") for line in help_text.splitlines() if re.fullmatch(r"\w.*:", line)]
     assert groups[:6] == ["Arguments", "Vessel", "When", "Water", "Limits", "Output"]
-    assert "--clearance" in told.partition("Limits:")[2].partition("Output:")[0]
+    assert "--clearance" in help_text.partition("Limits:")[2].partition("Output:")[0]
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["list"], ["show", "palawan-season"]])

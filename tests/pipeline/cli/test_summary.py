@@ -75,9 +75,9 @@ def test_quiet_and_json_take_the_tables_place(file: str, across_outputs: Path) -
     arguments = ["run", file, "--offline", "--output", str(across_outputs)]
     quiet = CliRunner().invoke(app, [*arguments, "--quiet"], catch_exceptions=False)
     assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, "", "")
-    told = CliRunner().invoke(app, [*arguments, "--quiet", "--json"], catch_exceptions=False)
-    assert told.stderr == ""
-    assert [route["rank"] for route in json.loads(told.stdout)["routes"]] == [1]
+    done = CliRunner().invoke(app, [*arguments, "--quiet", "--json"], catch_exceptions=False)
+    assert done.stderr == ""
+    assert [route["rank"] for route in json.loads(done.stdout)["routes"]] == [1]
     wrong = CliRunner().invoke(app, ["run", "palawan-saeson", "--quiet"])
     assert wrong.exit_code == 2
     assert "palawan-season" in wrong.stderr

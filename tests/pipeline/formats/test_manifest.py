@@ -55,20 +55,20 @@ def test_files_are_named_without_their_folders(
         for season in result.scenario.seasons
     )
     asked = result.scenario.model_copy(update={"seasons": seasons})
-    told = "see https://example.org/a/b and /data/enc/US1.000; 0.5 m/s, /srv/x.nc: 1/2 read"
+    words = "see https://example.org/a/b and /data/enc/US1.000; 0.5 m/s, /srv/x.nc: 1/2 read"
     changed = replace(
-        result, scenario=asked, fetched=replace(result.fetched, notes=(small_run.note(told),))
+        result, scenario=asked, fetched=replace(result.fetched, notes=(small_run.note(words),))
     )
     content = manifest(changed, [])
     assert content["command"] == "renew run 'my scenario.toml' --charts=enc --offline"
-    told = "see https://example.org/a/b and US1.000; 0.5 m/s, x.nc: 1/2 read"
-    assert content["notes"] == [told]
+    words = "see https://example.org/a/b and US1.000; 0.5 m/s, x.nc: 1/2 read"
+    assert content["notes"] == [words]
     assert content["note_values"] == [
         {
-            "text": told,
+            "text": words,
             "kind": "source-passed-over",
             "seasons": [],
-            "values": {"source": "a source", "reason": told},
+            "values": {"source": "a source", "reason": words},
         }
     ]
     text = json.dumps(content)

@@ -36,8 +36,8 @@ def texts(path: Path) -> list[str]:
     if shutil.which("pdftotext") is None:
         pytest.skip("pdftotext is not installed (Debian: poppler-utils)")
     command = ["pdftotext", "-layout", str(path), "-"]
-    told = subprocess.run(command, capture_output=True, check=True, text=True).stdout
-    return told.split("\f")[:-1]
+    printed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    return printed.split("\f")[:-1]
 
 
 @pytest.mark.parametrize("name", ["across_180", "far_north", "harbours"])

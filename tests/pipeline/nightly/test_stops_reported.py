@@ -41,14 +41,18 @@ def _stop(folder: Path, service: Service, number: int, after_s: float) -> str:
         process.send_signal(number)
         _, errors = process.communicate(timeout=60)
     if process.returncode in {0, 10}:  # it had ended before
-        return "" if service.asked == ["/ID/start", "/ID"] else f"a success told as {service.asked}"
+        return (
+            ""
+            if service.asked == ["/ID/start", "/ID"]
+            else f"a success reported as {service.asked}"
+        )
     faults = []
     if process.returncode != 128 + number:
         faults.append(f"ended with {process.returncode}")
     if "Traceback" in errors or "Error" in errors:
         faults.append(errors[-1500:])
     if service.asked not in (["/ID/start", "/ID/fail"], ["/ID/start", "/ID"]):
-        faults.append(f"told {service.asked}")
+        faults.append(f"reported {service.asked}")
     if not metrics.exists() or _last_exit_code(metrics) not in {0, 10, process.returncode}:
         faults.append("no metrics")
     return "; ".join(faults)
@@ -64,7 +68,7 @@ def test_every_stop_is_reported(tmp_path: Path, service: Service) -> None:
         after_s = rng.uniform(0, 20)
         if fault := _stop(tmp_path, service, number, after_s):
             faults[f"stop {i + 1}, {number} after {after_s:.1f} s"] = fault
-        print(f"stop {i + 1} of {STOPS}: {fault or 'told'}", flush=True)  # noqa: T201 - it takes long
+        print(f"stop {i + 1} of {STOPS}: {fault or 'reported'}", flush=True)  # noqa: T201 - it takes long
     assert faults == {}
 
 

@@ -134,7 +134,7 @@ def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
         parse_scenario(bad, tmp_path)
     (key,) = refused.value.faults
     assert "avoid[0] is shut from 2026-11-22T09:00:00+00:00 until 2026-11-22T08:00:00" in key
-    # Faults between tables are told once each of these is right.
+    # Faults between tables are reported once each table is right by itself.
     with pytest.raises(RequestError) as refused:
         parse_scenario({key: bad[key] for key in bad.keys() - {"avoid", "planner"}}, tmp_path)
     text = "\n".join(refused.value.faults)

@@ -36,7 +36,7 @@ def result() -> Any:  # noqa: ANN401 - a RunResult
     return run(tide(14), ())
 
 
-def _chosen(result: Any, folder: Path, told: list[Note], **asked: object) -> Chosen:  # noqa: ANN401
+def _chosen(result: Any, folder: Path, notes: list[Note], **asked: object) -> Chosen:  # noqa: ANN401
     keys = {**result.scenario.seasons[0].model_dump(exclude_none=True), **asked}
     season = Season.model_validate({k: v for k, v in keys.items() if v is not None})
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
@@ -44,15 +44,17 @@ def _chosen(result: Any, folder: Path, told: list[Note], **asked: object) -> Cho
     store, scene = Store(folder, "test"), result.scene
     if season.speed is not None:
         scene = replace(scene, speeds=speed_choices(scenario))
-    return choose_departures(Chosen(scenario, data, Artefact("scene", scene)), store, told.append)
+    return choose_departures(Chosen(scenario, data, Artefact("scene", scene)), store, notes.append)
 
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
 
 
 def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
-    told: list[Note] = []
-    departed = _chosen(result, tmp_path, told, departure=None, departures=WINDOW, to_within="30min")
+    notes: list[Note] = []
+    departed = _chosen(
+        result, tmp_path, notes, departure=None, departures=WINDOW, to_within="30min"
+    )
     (choice,) = departed.choices
     assert len(choice.departures_s) > COUNT
     assert choice.unproven_s <= 1800.1
@@ -75,8 +77,8 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     assert grid.times_s + round(choice.chosen_s) == pytest.approx(asked.times_s)
     assert departed.data.current_keys["tide"] != "current"
     assert departed.scene.key != "scene"
-    assert told[0] == Note.of("departures-asked", count=5)
-    (note,) = {*departed.notes}  # notes are told once: they can be told apart
+    assert notes[0] == Note.of("departures-asked", count=5)
+    (note,) = {*departed.notes}  # each note is given once
     assert note_text(note).startswith("Leave at ")
     assert note_json(note)["values"]["choice"]["chosen_s"] == choice.chosen_s  # type: ignore[index]
     # The choice is stored, and nothing is reported a second time.
@@ -132,9 +134,9 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
         areas={},
     )
     data = FetchedData(fetched, "land", {old: "current"}, {})
-    told: list[Note] = []
+    notes: list[Note] = []
     given = Chosen(scenario, data, Artefact("scene", scene))
-    departed = choose_departures(given, Store(tmp_path, "test"), told.append)
+    departed = choose_departures(given, Store(tmp_path, "test"), notes.append)
     (choice,) = departed.choices
     new = departure_name(choice.chosen)
     assert new != old

@@ -182,9 +182,9 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     assert found is not None
     west, north = map(float, found.groups())
     assert shapely.covers(ISLAND, shapely.Point(-west, north))
-    told = json.loads(outcome_json(outcome))
-    assert told["routes"][0]["departure"] == departure.isoformat()
-    (worth,) = told["clock_worth"]
+    answer = json.loads(outcome_json(outcome))
+    assert answer["routes"][0]["departure"] == departure.isoformat()
+    (worth,) = answer["clock_worth"]
     assert worth["fuel_bound"] <= worth["best_fuel"] == best.fuel
     assert worth["departure_plan_fuel"] > 0.999 * best.fuel
 

@@ -112,8 +112,8 @@ def test_one_speed_by_the_same_arrival_is_never_cheaper(seed: int) -> None:
     assert trade_off is not None
     assert (np.diff(trade_off.arrivals) > 0).all()
     assert (np.diff(trade_off.fuels) <= 1e-9).all()
-    told = np.interp(constant.times[-1], trade_off.arrivals, trade_off.fuels)
-    assert told == pytest.approx(best.fuel, rel=3e-3)
+    expected = np.interp(constant.times[-1], trade_off.arrivals, trade_off.fuels)
+    assert expected == pytest.approx(best.fuel, rel=3e-3)
 
 
 @pytest.mark.slow
@@ -124,8 +124,8 @@ def test_the_trade_off_is_what_other_deadlines_come_to() -> None:
     for under_way in (190.0, 260.0):
         by = scene.departure + under_way
         again = plan_of(scene, PAPER_VESSEL, speed=SPEEDS, arrive_by=by).best
-        told = np.interp(by, plan.trade_off.arrivals, plan.trade_off.fuels)
-        assert told == pytest.approx(again.fuel, rel=0.01)
+        expected = np.interp(by, plan.trade_off.arrivals, plan.trade_off.fuels)
+        assert expected == pytest.approx(again.fuel, rel=0.01)
     # From the earliest arrival of all to where time is free.
     fastest = plan_of(scene, replace(PAPER_VESSEL, speed=SPEEDS[1])).best
     assert plan.trade_off.arrivals[0] == pytest.approx(fastest.times[-1], abs=0.5)

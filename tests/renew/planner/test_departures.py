@@ -66,7 +66,7 @@ def test_durations_and_the_best_departure_are_those_of_the_tide() -> None:
 
 
 def test_the_choice_is_proven_with_few_plans() -> None:
-    tolerance, told = 8.0, []
+    tolerance, reports = 8.0, []
     found = renew.plan_departures(
         CHART,
         TIDE,
@@ -75,10 +75,10 @@ def test_the_choice_is_proven_with_few_plans() -> None:
         GOAL,
         [0.0, 800.0],
         to_within=tolerance,
-        progress=lambda count, unproven: told.append((count, unproven)),
+        progress=lambda count, unproven: reports.append((count, unproven)),
     )
     assert found.unproven <= tolerance * (1 + 1e-5)
-    assert [count for count, _ in told] == list(range(1, len(found.departures) + 1))
+    assert [count for count, _ in reports] == list(range(1, len(found.departures) + 1))
     # Departures looked at: both ends, at most as many as cross the window in steps of the
     # tolerance, and six near the best.
     assert len(found.departures) <= 2 + 800 / tolerance + 6

@@ -133,13 +133,13 @@ def test_gpx_gives_opencpn_speeds_and_departure(
     written(any_run, path, departure=departure)
     found = season_waypoints(any_run, any_run.plans[0].season)
     for route, points in zip(etree.parse(path).iter(f"{NAMESPACE}rte"), found, strict=True):
-        told = {child.tag.removeprefix(OPENCPN): child.text for child in route[3]}
-        assert (told["start"], told["end"]) == ("Start", "Goal")
+        extensions = {child.tag.removeprefix(OPENCPN): child.text for child in route[3]}
+        assert (extensions["start"], extensions["end"]) == ("Start", "Goal")
         hours = points.time_s[-1] / 3600
-        assert float(told["planned_speed"]) * hours * 1852 == pytest.approx(
+        assert float(extensions["planned_speed"]) * hours * 1852 == pytest.approx(
             points.length_m[:-1].sum(), rel=1e-4
         )
-        assert told.get("planned_departure") == (departure and "2026-12-31T20:30:00Z")
+        assert extensions.get("planned_departure") == (departure and "2026-12-31T20:30:00Z")
         speeds = [
             None if (rte := point.find(f".//{OPENCPN}rte_properties")) is None else rte.attrib
             for point in route.findall(f"{NAMESPACE}rtept")

@@ -94,9 +94,9 @@ def test_plotters_and_paper_speak_of_no_go_areas(with_depths: RunResult, tmp_pat
         pytest.skip("pdftotext is not installed (Debian: poppler-utils)")
     write_passage_plan(with_depths, tmp_path / "a.pdf")
     command = ["pdftotext", "-layout", str(tmp_path / "a.pdf"), "-"]
-    told = subprocess.run(command, capture_output=True, check=True, text=True).stdout
-    assert not said(told.splitlines())
-    assert "from no-go areas" in told
+    printed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    assert not said(printed.splitlines())
+    assert "from no-go areas" in printed
 
 
 @pytest.mark.parametrize("kind", [Kind.ROUTES, Kind.ALONG, Kind.PADDING, Kind.REACH, Kind.TURNS])

@@ -98,5 +98,5 @@ def test_counts_take_their_nouns() -> None:
 
 def test_a_note_of_several_seasons_is_listed_once() -> None:
     tide, depth = Note.of("current-without-tide"), Note.of("current-at-depth", depth_m=5.0)
-    told = of_seasons({"summer": (tide, depth, tide), "winter": (tide,)})
-    assert told == (tide.about("summer", "winter"), depth.about("summer"))
+    merged = of_seasons({"summer": (tide, depth, tide), "winter": (tide,)})
+    assert merged == (tide.about("summer", "winter"), depth.about("summer"))
