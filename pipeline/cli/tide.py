@@ -89,7 +89,10 @@ def fit(
         found = fit_files(series)
         try:
             with whole_file(folder / out.name) as file:
-                found.to_netcdf(file.name, engine="netcdf4")
+                # Names as characters: of a file with strings that is opened twice at a time, the
+                # NetCDF library frees their type at the first close, and crashes at the second.
+                names_as = {"constituent": {"dtype": "S1"}}
+                found.to_netcdf(file.name, engine="netcdf4", encoding=names_as)
         except (OSError, RuntimeError) as error:
             raise StageError(f"--out: {shown(out)} can't be written: {error}") from None
         share, rms = found["variance_share"].values, found["residual_rms"].values

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 import utide
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
+from pipeline.sources.cf.axes import coordinate_names
 from pipeline.sources.tides.fit import fit_files, separable
 from tests.tide_oracles import NOISE, STREAM, fit_errors, series, utide_sum
 
@@ -133,7 +135,11 @@ def test_the_command_writes_the_constants_and_says_how_well_they_fit(tmp_path: P
         "0 nodes have less than 70% of the variance, and 1 have an incomplete series."
         in done.stdout
     )
+    with netCDF4.Dataset(out) as file:
+        assert file["constituent"].dtype == "S1"
     with xr.open_dataset(out) as found:
+        assert found["constituent"].values[0] == "M2"
+        assert coordinate_names(found, "constituent")[:2] == ("M2", "K1")
         assert found["u_re"].dims == ("constituent", "lat", "lon")
         whole = fit_files([str(written(dataset, tmp_path))])
         np.testing.assert_allclose(found["v_im"], whole["v_im"], atol=1e-10)
