@@ -361,9 +361,9 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0, enough: float = math.inf) -
     if voyage.has_price and voyage.waters.current_change > 0:
         voyage = voyage.at_price(_SHARE_OF_PRICE * voyage.choice.price)
         fewest = _CELLS_AT_CHOICE
-    time, vessel = 0.0, voyage.vessel
+    time = 0.0
     wanted = (enough + voyage.price_of_all_time) / voyage.cost_rate
-    knows_order = voyage.current.is_steady or voyage.table.strongest < vessel.speed
+    knows_order = voyage.current.is_steady or voyage.table.strongest < voyage.vessel.speed
     for at in range(len(voyage.via) + 1):
         # At a price of time `time` is a cost, and the hours of each part may be any.
         begin = voyage.departure if voyage.has_price else voyage.departure + time
@@ -371,6 +371,5 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0, enough: float = math.inf) -
         if at == 0 or knows_order or voyage.has_price:
             time += least_time(part, max(cells, fewest), wanted - time)
         else:
-            fastest = vessel.speed + voyage.table.strongest
-            time += math.dist(part.start, part.goal) / fastest
+            time += part.least_duration
     return voyage.cost_rate * time - voyage.price_of_all_time

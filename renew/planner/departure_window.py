@@ -24,7 +24,9 @@ departure and all later ones.
 
 The latest departure that arrives in time is found by the same rule. The arrival usually rises as
 fast as the departure. The next guess assumes that it does exactly, and is kept between a departure
-known to be in time and one known to be late.
+known to be in time and one known to be late. Areas that are shut for some hours leave departures
+without a route, and such hours may lie before, between and after those with one: departures are
+then first looked through from the last one backwards, in even steps.
 """
 
 import itertools
@@ -192,6 +194,8 @@ class DepartureWindow:
 # Largest early arrival, as a share of the time under way, and largest number of departures that
 # are planned to reach it.
 _EARLY, _MAX_PLANS = 1e-3, 40
+# Number of even steps in which departures are looked through where areas are shut for some hours.
+_STEPS = 48
 # For remedies: number of halvings; the highest speed, in multiples of the vessel's; and the largest
 # advance of the departure, in durations of the voyage.
 _HALVINGS, _FASTEST, _EARLIEST = 12, 4.0, 4.0
@@ -200,15 +204,14 @@ _HALVINGS, _FASTEST, _EARLIEST = 12, 4.0, 4.0
 def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> Sailing:
     """Return nearly the latest sailing from `earliest` on that reaches the goal by a time (s).
 
+    With areas that are shut for some hours, a later one may lie between two of `_STEPS` departures.
     Raises ArrivalError, with remedies, if the earliest departure is already too late.
     """
-    best = sailings.sailing(earliest)
+    best, too_late = _in_time(sailings, earliest, arrive_by)
     if best.found is None:
         raise best.error
     if best.arrival > arrive_by:
         raise too_late_error(best, arrive_by)
-    voyage = best.planner.problem.voyage
-    too_late = min(arrive_by, voyage.current.span[1])
     late_by = math.inf
     for _ in range(_MAX_PLANS):
         early_by, tolerance = arrive_by - best.arrival, _EARLY * best.duration
@@ -226,6 +229,22 @@ def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> S
         else:
             too_late, late_by = guess, tried.arrival - arrive_by
     return best
+
+
+def _in_time(sailings: Sailings, earliest: float, arrive_by: float) -> tuple[Sailing, float]:
+    """Return a sailing that may be in time, and a later departure (s) that is too late or shut.
+
+    Without areas that are shut for some hours it is the earliest. Otherwise it is the last in time
+    of even steps, and the earliest only if none of them is.
+    """
+    last = sailings.last_departure(arrive_by)
+    if sailings.has_areas and last > earliest:
+        step = (last - earliest) / _STEPS
+        for steps in range(_STEPS):
+            tried = sailings.sailing(last - steps * step)
+            if tried.arrival <= arrive_by:
+                return tried, tried.departure + step
+    return sailings.sailing(earliest), last
 
 
 def too_late_error(

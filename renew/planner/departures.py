@@ -99,6 +99,16 @@ class Sailings:
         self._task = task
         self._closed_at: dict[float, frozenset[Area]] = {}
 
+    @property
+    def has_areas(self) -> bool:
+        """Whether some areas are shut for some hours."""
+        return bool(self._task.areas)
+
+    def last_departure(self, arrive_by: float) -> float:
+        """Time (s) after which no voyage departs that arrives by a time (s)."""
+        least_duration = self._task.planner().problem.voyage.least_duration
+        return min(arrive_by - least_duration, self._task.current.span[1])
+
     def sailing(self, departure: float) -> Sailing:
         """Return the best route at a departure (s)."""
         closed: frozenset[Area] = frozenset()

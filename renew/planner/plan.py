@@ -1,6 +1,5 @@
 """The whole method in the paper's order: triangulation, classes, padding, path, verification."""
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -233,8 +232,7 @@ def _window(
     return DepartureWindow(
         sailings,
         times,
-        sum(itertools.starmap(math.dist, itertools.pairwise(voyage.stops)))
-        / (task.vessel.speed + voyage.table.strongest),
+        voyage.least_duration,
         speed_change=math.inf if task.areas else voyage.speed_change,
         spacing=spacing,
         progress=progress,

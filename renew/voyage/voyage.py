@@ -1,5 +1,6 @@
 """The voyage that every step of a plan works on: chart, current, vessel, start and goal."""
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -145,6 +146,12 @@ class Voyage:
     def stops(self) -> FloatArray:
         """Start, via points and goal (n + 2, 2), m."""
         return np.vstack([self.start, self.via, self.goal])
+
+    @property
+    def least_duration(self) -> float:
+        """Time (s) of the straight way with the strongest current behind: no voyage takes less."""
+        way = sum(itertools.starmap(math.dist, itertools.pairwise(self.stops)))
+        return way / (self.vessel.speed + self.table.strongest)
 
     def part(self, at: int, departure: float) -> "Voyage":
         """Return the part from one stop to the next as a voyage of its own, begun at a time (s)."""

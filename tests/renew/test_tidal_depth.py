@@ -149,6 +149,30 @@ def test_of_several_departures_the_one_at_high_water_is_found() -> None:
     assert found.plan.best.least_water is not None
 
 
+@pytest.mark.parametrize("begin", [-1.0, 0.4])
+def test_the_latest_departure_in_time_leaves_between_hours_of_low_water(begin: float) -> None:
+    """Whether the first departure is shut or open: hours of low water lie before the deadline."""
+    tide, need = semidiurnal(), 1.5
+    low = first_low_water(tide)
+    depth = renew.TidalDepth([WHOLE_BAR], [need], tide)
+    departure, arrive_by = low + begin * M2_PERIOD, low + M2_PERIOD
+    best = plan(depth, departure=departure, arrive_by=arrive_by).best
+    end = ReliedOnTide(tide, 0.3, 900.0).too_low(need, arrive_by, arrive_by)[0, 0]
+    # It and its last turn leave the bar, 86 s after the departure, when too little water is left.
+    turn = 2 * math.pi / PAPER_VESSEL.turn_rate
+    latest = float(end) - 1.05 * 85.0 - turn
+    assert latest - 60.0 <= best.times[0] <= latest + 10.0
+    assert best.fuel == pytest.approx(160.0, rel=1e-6)
+
+
+def test_no_departure_in_time_over_a_bar_names_its_hours() -> None:
+    tide = semidiurnal()
+    low = first_low_water(tide)
+    depth = renew.TidalDepth([WHOLE_BAR], [2.5], tide, names=["the bar"])
+    with pytest.raises(renew.UnreachableError, match=r"which needs 2\.50 m of tide"):
+        plan(depth, departure=low, arrive_by=low + 3600.0)
+
+
 @given(
     st.floats(-1.0, 4.0),
     st.floats(0.0, 0.5),
