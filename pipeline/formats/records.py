@@ -105,7 +105,8 @@ def _gap_shares(result: RunResult, season: str) -> dict[str, object]:
     shares = result.evaluation.gap_shares_of(season)
     if shares is None:
         return {}
-    return {"gap_shares": {"chart": shares.chart, "padding": shares.padding, "bound": shares.bound}}
+    found = {"chart": shares.chart, "padding": shares.padding, "bound": shares.bound}
+    return {"gap_shares": found | ({"tide": shares.tide} if result.scenario.tide else {})}
 
 
 def provenance(result: RunResult) -> dict[str, object]:

@@ -153,7 +153,8 @@ class GapShares:
     """The parts of the optimality gap of a season's best route, as shares of the bound on fuel.
 
     `chart` is the fuel that simplification, margin and offing cost, and `padding` the fuel that the
-    room for hard-over turns costs. `bound` is the fuel of the best route on the original land,
+    room for hard-over turns costs. `tide` is the fuel that a tide costs by shutting water for some
+    hours. `bound` is the fuel of the best route on the original land, with all tidal water open,
     less the bound.
     """
 
@@ -161,6 +162,7 @@ class GapShares:
     chart: float
     padding: float
     bound: float
+    tide: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -221,14 +221,15 @@ def kept_gap_text(share: float) -> str:
 
 def gap_text(shares: GapShares, no_go: str) -> str:
     """Say in a sentence what an optimality gap is made of; `no_go` is a name for no-go areas."""
-    whole = shares.chart + shares.padding + shares.bound
+    whole = shares.chart + shares.padding + shares.bound + shares.tide
+    tide = f"water that the tide shuts {percent(shares.tide)}, " if shares.tide else ""
     if whole > USEFUL_GAP:
         return "The bound on fuel is too loose here to split the optimality gap into parts."
     return (
         f"Of the optimality gap of {percent(whole)}, the chart's simplification, margin and offing "
         f"cause {percent(shares.chart)}, the room for hard-over turns (padding) "
-        f"{percent(shares.padding)}, and the bound itself {percent(shares.bound)}: even among "
-        f"routes that only stay off the {no_go} none was found nearer to the bound."
+        f"{percent(shares.padding)}, {tide}and the bound itself {percent(shares.bound)}: even "
+        f"among routes that only stay off the {no_go} none was found nearer to the bound."
     )
 
 

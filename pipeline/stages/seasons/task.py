@@ -50,29 +50,37 @@ _CLASSES, _HALVINGS = 4, 30
 def gap_shares(scene: Scene, season: SeasonPlan, options: PlannerOptions) -> GapShares | None:
     """Split the gap of a season's best route; None without a plan. Takes as long as planning.
 
-    The lower bound on fuel holds on the original land, for any vessel. The fuel of two more plans
-    lies between the bound and the route: (1) the best route on the original land, and (2) the best
-    route on the chart with its margin and offing. Both plans have no padding and a vessel that
-    turns on the spot, because many ways close to land have no room for a turning circle. The
-    chart's share is the fuel of (2) minus (1). The share of padding and turning circle is the fuel
-    of the route minus (2). The bound's own share, which no route can save, is the fuel of (1) minus
-    the bound.
+    The lower bound on fuel holds on the original land, for any vessel, with tidal water open at all
+    times. The fuel of more plans lies between the bound and the route: (1) the best route on the
+    original land, and (2) the best route on the chart with its margin and offing. These plans have
+    no padding and a vessel that turns on the spot, because many ways close to land have no room for
+    a turning circle. The chart's share is the fuel of (2) minus (1). The share of padding and
+    turning circle is the fuel of the route minus (2). With a tide, the plan (0) is that of (1) with
+    tidal water open at all times, and the tide's share is the fuel of (1) minus (0). The bound's
+    own share, which no route can save, is the fuel of (0), or else of (1), minus the bound.
     """
     if season.plan is None:
         return None
     best = season.plan.best
     kept = _least_fuel(scene, scene.chart, season, options, options.clearance or 0.0)
-    free = _least_fuel(scene, _land_alone(scene.chart), season, options, 0.0)
+    land = _land_alone(scene.chart)
+    free = _least_fuel(scene, land, season, options, 0.0)
     # A search may miss the best route. But a route of a more limited problem is also a route of a
     # less limited one, so its fuel counts there as well.
     kept = min(kept, best.fuel)
     free = min(free, kept)
+    depth, opened = scene.tidal_depths.get(season.season), free
+    if depth is not None:
+        areas = (*scene.areas.get(season.season, ()), *depth.never_open)
+        tideless = replace(scene, areas={season.season: areas}, tidal_depths={})
+        opened = min(free, _least_fuel(tideless, land, season, options, 0.0))
     bound = best.fuel / (1 + best.optimality_gap)
     return GapShares(
         season=season.season,
         chart=(kept - free) / bound,
         padding=(best.fuel - kept) / bound,
-        bound=(free - bound) / bound,
+        bound=(opened - bound) / bound,
+        tide=(free - opened) / bound,
     )
 
 

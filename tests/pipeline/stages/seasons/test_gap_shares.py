@@ -71,6 +71,39 @@ def test_the_charts_part_is_what_its_margin_costs() -> None:
     assert shares.chart * bound == pytest.approx(season.plan.best.fuel - shortest, rel=0.02)
 
 
+def test_the_tides_part_is_what_the_way_round_a_bar_costs() -> None:
+    """In still water: a bar that is shut on the direct way, and open for the bound."""
+    options = PlannerOptions(padding="none", clearance=0.0, classes=2)
+    tide = renew.Tide(
+        {"M2": renew.Constant(1.5, 0.0)}, 2.0, np.datetime64("2026-11-22T00:00:00"), name="bar"
+    )
+    bar, shallow = shapely.box(100, -100, 110, 60), shapely.box(-150, -100, -140, -20)
+    depth = renew.TidalDepth([bar, shallow], [3.0, 9.0], tide, surge=0.0, lag=0.0)
+    shut = next(
+        time for time in np.arange(0.0, 86_400.0, 600.0) if tide.heights(np.array([time]))[0] < 1.0
+    )
+    later = renew.Tide(dict(tide.constants), 2.0, tide.epoch + np.timedelta64(int(shut), "s"))
+    depth = replace(depth, tide=later)
+    asked = replace(
+        scene(0.0),
+        currents={"steady": renew.UniformCurrent(0.0, 0.0)},
+        tidal_depths={"steady": depth},
+    )
+    season = plan_season(asked, "steady", options)
+    assert season.plan is not None
+    shares = gap_shares(asked, season, options)
+    assert shares is not None
+    best = season.plan.best
+    bound = best.fuel / (1 + best.optimality_gap)
+    # From the corner of the land at (20, 60): past the end of the bar at (110, 60), or straight.
+    around = math.dist((20, 60), (110, 60)) + math.dist((110, 60), asked.goal)
+    straight = math.dist((20, 60), asked.goal)
+    assert shares.tide * bound == pytest.approx(around - straight, rel=5e-3)
+    assert shares.chart + shares.padding + shares.bound + shares.tide == pytest.approx(
+        best.optimality_gap
+    )
+
+
 def test_a_season_without_a_plan_has_no_gap() -> None:
     failed = SeasonPlan("steady", None, "no way", 0.0)
     assert gap_shares(scene(0.0), failed, PlannerOptions()) is None
