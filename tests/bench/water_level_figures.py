@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +14,7 @@ import renew
 from pipeline.sources.tides.fit import fit_files
 from tests.bench.figure import Figure, at_most
 from tests.stream_scenes import stream_scene
-from tests.tidal_waters import SCALE, tidal_scene
+from tests.tidal_waters import SCALE, TidalScene, tidal_scene
 from tests.tide_oracles import (
     NOISE,
     PREDICTORS,
@@ -26,12 +28,17 @@ from tests.tide_oracles import (
 BEGIN = np.datetime64("2026-11-22")
 # HAT and LAT of this station both lie 0.11 m above what its own mean sea level and constants give.
 OTHER_LEVEL = "noaa-9415193"
-BARS, FLOWN = range(20), range(100)
-"""Seeds of the scenes with bars that are planned beside the oracle, and of those that are flown."""
+BARS, FLOWN, RAISED = range(20), range(100), range(220)
+"""Seeds of the scenes with bars that are planned beside the oracle, of those that are flown, and of
+those whose tide is raised, and whose bound is held against a coarse oracle."""
 STREAMS = range(20)
 """Seeds of the scenes in tidal streams."""
 FUEL = 1.005
 """Largest fuel over the oracle's."""
+MOST_RAISED = 3.0
+"""Largest height (m) by which a tide is raised: most of its bars are open at all times then."""
+ROUNDING = 1e-9
+"""Share of a bound by which equal ones may differ."""
 
 
 def figures() -> Iterator[Figure]:
@@ -60,6 +67,7 @@ def figures() -> Iterator[Figure]:
     yield from fits()
     yield from streams()
     yield from bars()
+    yield from raised()
 
 
 def bars() -> Iterator[Figure]:
@@ -95,6 +103,45 @@ def bars() -> Iterator[Figure]:
         found = [scene.too_shallow(route) for route in routes]
         low, turns = low + sum(one for one, _ in found), turns + sum(count for _, count in found)
     yield at_most(f"passages and turns over too little water, of {turns:,}", low, 0)
+
+
+def raised() -> Iterator[Figure]:
+    """Yield what a higher tide does to fuel and bound, and how the bound lies to an oracle."""
+    dearer, higher, shares = [], 0, []
+    for seed in RAISED:
+        scene = tidal_scene(seed)
+        rises = [0.0, *np.sort(np.random.default_rng(seed).uniform(0.0, MOST_RAISED, 2)).tolist()]
+        tides = [scene.with_tide_raised(rise) for rise in rises]
+        fuels, bounds = [least_fuel(one) for one in tides], [one.bound for one in tides]
+        changes = [
+            after / before - 1 for before, after in itertools.pairwise(fuels) if before < math.inf
+        ]
+        dearer += [max(changes)] if changes else []
+        higher += any(
+            after > before * (1 + ROUNDING) for before, after in itertools.pairwise(bounds)
+        )
+        fuel, _ = scene.oracle(6.0 * SCALE, is_coarse=True)
+        shares += [bounds[0] / fuel] if math.isfinite(fuel) else []
+    what = f"tides raised twice by up to {MOST_RAISED:g} m"
+    yield at_most(
+        f"{what}, {len(dearer)} scenes with a way: dearer by at most",
+        100 * max(dearer),
+        0.1,
+        " %",
+        4,
+    )
+    yield at_most(f"{what}: bound higher, of {len(RAISED)} scenes", higher, 0)
+    above = sum(share > 1 for share in shares)
+    name = f"bound above a coarse oracle with the clock, {len(shares)} scenes with a way"
+    yield Figure(name, "0", f"{above} (nearest {max(shares):.4f})", above == 0)
+
+
+def least_fuel(scene: TidalScene) -> float:
+    """Return the fuel of the best route; infinite where the tide shuts every way."""
+    try:
+        return scene.plan(classes=4).best.fuel
+    except renew.UnreachableError:
+        return math.inf
 
 
 def fits() -> Iterator[Figure]:
