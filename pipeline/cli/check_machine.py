@@ -17,6 +17,7 @@ from typing import Literal
 
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.paths import folder_to_write
+from pipeline.scenario import catalogue
 from pipeline.sources.land.osm import cache_file
 
 State = Literal["ok", "warning", "fault"]
@@ -263,6 +264,17 @@ def triangulator() -> Finding:
     import triangle  # noqa: F401 - only to check that it can be loaded
 
     return Finding("ok", "triangulator", f"Triangle, package {version('triangle')}")
+
+
+def tides() -> Finding:
+    """Report whether the library that predicts the tide is installed, and for which stations."""
+    if find_spec("pyfes") is None:
+        remedy = "run `pip install 'renew-planner[tides]'`, to count on the tide"
+        return Finding("warning", "tides", "pyfes is not installed", remedy)
+    stations = ", ".join(catalogue.stations()) or "none"
+    return Finding(
+        "ok", "tides", f"pyfes {version('pyfes')}; stations of the catalogue: {stations}"
+    )
 
 
 def land() -> Finding:

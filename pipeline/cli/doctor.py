@@ -57,6 +57,7 @@ def examine(
         ("libraries", check_machine.libraries),
         ("projections", check_machine.projections),
         ("triangulator", check_machine.triangulator),
+        ("tides", check_machine.tides),
         ("account", check_account),
     ]
     for what, check in quick:

@@ -34,6 +34,7 @@ def go(
     name: options.Name = "",
     charts: options.Charts = None,
     depths: options.Depths = None,
+    datum: options.Datum = "",
     tide: options.Tide = None,
     output: options.Output = Path("outputs"),
     offline: options.Offline = False,
@@ -91,6 +92,7 @@ def _scenario(given: dict[str, Any]) -> "tuple[Scenario, tuple[str, ...]]":
         clearance=given["clearance"],
         charts=given["charts"],
         depths=given["depths"],
+        datum=given["datum"],
         tide=tuple(given["tide"] or ()),
         name=given["name"],
     )

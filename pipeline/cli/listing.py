@@ -13,6 +13,8 @@ from pipeline.scenario.season import Season
 
 _DAYS = {"h": 1 / 24, "d": 1.0, "w": 7.0}
 _MB = 1e6
+_TIDES = "tides"
+_SECTIONS = (*catalogue.SECTIONS, _TIDES)
 _ACCOUNT = "a Copernicus Marine account"
 
 
@@ -38,6 +40,9 @@ def listed() -> list[Entry]:
         for section in catalogue.SECTIONS
         for name in catalogue.names(section)
         for content in [catalogue.entry(section, name)]
+    ] + [
+        Entry(_TIDES, name, json.loads(path.read_text(encoding="utf-8"))["name"])
+        for name, path in catalogue.stations().items()
     ]
 
 
@@ -45,7 +50,7 @@ def as_text(entries: Sequence[Entry]) -> str:
     """Return entries as text, one line each."""
     width = max(len(entry.name) for entry in entries) + 1
     lines: list[str] = []
-    for section in catalogue.SECTIONS:
+    for section in _SECTIONS:
         lines.append(f"{section}:")
         for entry in entries:
             if entry.section == section:
@@ -58,7 +63,7 @@ def spelled_as_json(entries: Sequence[Entry]) -> str:
     """Return entries as one JSON object with a list for each section."""
     sections = {
         section: [asdict(entry) for entry in entries if entry.section == section]
-        for section in catalogue.SECTIONS
+        for section in _SECTIONS
     }
     return json.dumps(sections, ensure_ascii=False)
 

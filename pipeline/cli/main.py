@@ -199,7 +199,7 @@ def plot(
 
 @app.command("list", cls=Command)
 def list_entries(*, as_json: options.JsonOnly = False) -> None:
-    """List the catalogue: scenarios and what they need, vessels, sources."""
+    """List the catalogue: scenarios and what they need, vessels, sources, stations of the tide."""
     with reported_errors():
         from pipeline.cli.listing import as_text, listed, spelled_as_json
 

@@ -152,6 +152,13 @@ Tide = Annotated[
         "Needs --draught, --depart and a chart with depths.",
     ),
 ]
+Datum = Annotated[
+    str,
+    _water(
+        help="Chart datum of the depths, as the tide's station names it, such as MLLW, where the "
+        "chart does not state it; --tide needs it with --depths."
+    ),
+]
 Clearance = Annotated[
     str, _limits(help="Least distance from no-go areas, true metres; chosen if left out.")
 ]

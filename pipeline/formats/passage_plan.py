@@ -41,7 +41,7 @@ _WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0
 _LINE_PT, _ROW_PT = 11.0, 15.0
 _SMALL, _PLAIN, _LARGE = 7.0, 8.0, 15.0
 # Left edges of the table's columns, points from the margin; the last begins a text.
-_COLUMNS = (0, 52, 114, 180, 218, 256, 298, 350, 436, 504, 580, 634)
+_COLUMNS = (0, 50, 112, 180, 214, 246, 276, 330, 410, 466, 530, 576, 632)
 # Size of the map on a season's first page, points, and the chart around the route, as a share.
 _MAP_PT, _MAP_MARGIN = (250.0, 160.0), 0.06
 # Characters of a line across the page, and beside the map; rows on a first and a further page.
@@ -71,8 +71,10 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
     pages = [table[:_FIRST_ROWS]]
     pages += [table[at : at + _MORE_ROWS] for at in range(_FIRST_ROWS, len(table), _MORE_ROWS)]
     unknown = note_texts(route_unknowns(result, points.ranked.metrics))
+    relied_on = note_texts([note for note in result.fetched.notes if note.kind == "tide-relied-on"])
     notes = [
         f"Not known: {'; '.join(unknown)}." if unknown else "",
+        f"Tide: {'; '.join(relied_on)}." if relied_on else "",
         f"Sources: {attribution(result)}.",
         "Not for navigation without the official charts and the navigator's own judgement.",
     ]

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import renew
-from pipeline._types import FloatArray
-from pipeline.formats.passage.tracks import Tracks, tracks
+from pipeline._types import FloatArray, IntArray
+from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
@@ -224,20 +224,25 @@ class Row(NamedTuple):
     limits_m: str = ""
     current: str = ""
     clearance: str = ""
+    water: str = ""
     nearest_land: str = ""
 
 
 _HEADINGS = Row(
     *("Waypoint", "Latitude", "Longitude", "Course\n° true", "Leg\nNM", "To go\nNM"),
     *("Speed over\nground, kn", "Passed", "Limits, m\nport / stbd"),
-    *("Current on leg\nto ° true, kn", "Least\nclearance", "from where on the leg"),
+    *("Current on leg\nto ° true, kn", "Least\nclearance", "", "from where on the leg"),
 )
 
 
 def headings(points: Waypoints) -> Row:
-    """Return the headings of a route's table, with speeds through water if speeds are chosen."""
-    two = "Speed, kn\nSOG / STW"
-    return _HEADINGS._replace(speed_kn=two) if has_speeds(points) else _HEADINGS
+    """Return the headings of a route's table, as its speeds and the tide ask for."""
+    found = _HEADINGS
+    if has_speeds(points):
+        found = found._replace(speed_kn="Speed, kn\nSOG / STW")
+    if points.ranked.route.least_water is not None:
+        found = found._replace(water="Water under\nkeel, m")
+    return found
 
 
 def has_speeds(points: Waypoints) -> bool:
@@ -249,7 +254,10 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
     """Return rows of a route's waypoints, from start to goal."""
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M)
-    currents = _currents(drawn, points, result)
+    line, ends = drawn.chain
+    times = cumulative(steps_along_legs(line, points.ranked, result).planner_s)
+    currents = _currents(line, ends, times, points, result)
+    water = _least_water(line, ends, times, points, result)
     to_go = np.append(np.cumsum(points.length_m[:-1][::-1])[::-1], 0.0) / NAUTICAL_MILE_M
     found = []
     for index, (longitude, latitude) in enumerate(points.lonlat):
@@ -266,7 +274,8 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
         )
         if index:
             nearest = _nearest_land(drawn.xy[drawn.leg == index - 1], result)
-            row = row._replace(**_leg(points, index - 1), current=currents[index - 1], **nearest)
+            row = row._replace(**_leg(points, index - 1), **nearest)
+            row = row._replace(current=currents[index - 1], water=water[index - 1])
         found.append(row)
     return found
 
@@ -301,11 +310,26 @@ def distance_text(metres: float) -> str:
     return f"{math.floor(metres)} m"
 
 
-def _currents(drawn: Tracks, points: Waypoints, result: RunResult) -> list[str]:
+def _least_water(
+    line: FloatArray, ends: IntArray, times: FloatArray, points: Waypoints, result: RunResult
+) -> list[str]:
+    """Return the least water under the keel on each leg when passed, m, rounded down.
+
+    It is empty where no depth counts with the tide: there is enough water at any time.
+    """
+    depth = result.scene.tidal_depths.get(points.ranked.season)
+    if depth is None:
+        return [""] * (len(ends) - 1)
+    water = depth.spare_along(line, times) + result.scene.under_keel_clearance_m
+    least = np.minimum.reduceat(water, ends[:-1]).tolist()
+    return [f"{math.floor(10 * one) / 10:.1f}" if math.isfinite(one) else "" for one in least]
+
+
+def _currents(
+    line: FloatArray, ends: IntArray, times: FloatArray, points: Waypoints, result: RunResult
+) -> list[str]:
     """Return the mean current on each leg when passed: direction of set, and speed in knots."""
     scene = result.scene
-    line, ends = drawn.chain
-    times = cumulative(steps_along_legs(line, points.ranked, result).planner_s)
     field = scene.currents[points.ranked.season]
     lonlat = scene.projection.to_lonlat(line)
     velocity = scene.projection.rotate_to_lonlat(lonlat, field.velocity(line, times))

@@ -152,7 +152,7 @@ def _check_datum(scenario: Scenario, land: Land, stations: Sequence[Station]) ->
             faults.append(
                 "the chart does not state the datum of its depths, and the tide of "
                 f"{station.name} is over {station.datum}; if the depths are from there, too, set "
-                f"chart.datum = {station.datum!r}"
+                f"chart.datum = {station.datum!r} (--datum)"
             )
         elif datum != station.datum:
             faults.append(

@@ -21,13 +21,7 @@ from pipeline.scenario.tide import TideSpec
 from pipeline.sources.registry import current_source
 from pipeline.sources.tides.zones import stations_of
 from pipeline.stages.choosing.coverage import are_water_swapped, least_region, require_sailable
-from pipeline.voyage.positions import (
-    Position,
-    read_positions,
-    read_via,
-    spelled,
-    voyage_name,
-)
+from pipeline.voyage.positions import Position, read_positions, read_via, spelled, voyage_name
 from pipeline.voyage.times import Departing, departing, read_months
 from pipeline.voyage.vessel_options import RANGE, VesselFigures, read_clearance_m, vessel_spec
 
@@ -58,6 +52,7 @@ def go(
     clearance_m: float | None = None,
     charts: Path | None = None,
     depths: Path | None = None,
+    datum: str = "",
     tide: Sequence[str | Path] = (),
     name: str = "",
     output: Path = Path("outputs"),
@@ -101,6 +96,8 @@ def go(
     depths
         A grid of depths in NetCDF, such as GEBCO's or EMODnet's. Water that is too shallow for the
         vessel, whose draught must be given, is no-go.
+    datum
+        Chart datum of the depths, such as "MLLW", where the chart does not state it.
     tide
         Stations of the catalogue, and files of harmonic constants: water that is too shallow for
         some hours may be passed in the others. Needs `depart`, and depths by `charts` or `depths`.
@@ -133,6 +130,7 @@ def go(
         clearance="" if clearance_m is None else f"{clearance_m!r}",
         charts=charts,
         depths=depths,
+        datum=datum,
         tide=tuple(map(str, tide)),
         name=name,
     )
@@ -173,6 +171,7 @@ class VoyageRequest:
     clearance: str = ""
     charts: Path | None = None
     depths: Path | None = None
+    datum: str = ""
     name: str = ""
     depart: str = ""
     until: str = ""
@@ -281,6 +280,12 @@ def _files(request: VoyageRequest) -> dict[str, Any]:
     if request.depths is not None:
         remedy = "give a GEBCO or EMODnet grid in NetCDF"
         data.setdefault("chart", {})["depths"] = read("--depths", request.depths, remedy)
+    if request.datum:
+        data.setdefault("chart", {})["datum"] = request.datum
+        if request.charts is None and request.depths is None:
+            faults.lines.append(
+                f"--datum = {request.datum!r} is of charted depths; add --depths or --charts"
+            )
     if request.tide:
         data["tide"] = {"stations": [_station(one) for one in request.tide]}
         faults.collect(lambda: stations_of(TideSpec(**data["tide"])))
@@ -323,28 +328,26 @@ def _station(text: str) -> str:
 
 def _departing(request: VoyageRequest) -> Departing | None:
     """Read the times and speeds of a voyage; return None if no departure was given."""
-    faults: list[str] = []
-    found = None
-    try:
-        found = departing(request.depart, request.until, request.arrive_by, request.speeds)
-    except RequestError as error:
-        faults += error.faults
+    faults = Faults()
+    found = faults.part(
+        lambda: departing(request.depart, request.until, request.arrive_by, request.speeds)
+    )
     if request.tide and not request.depart:
-        faults.append("--tide counts from the departure; add --depart 2026-07-01T06:00Z")
+        faults.lines.append("--tide counts from the departure; add --depart 2026-07-01T06:00Z")
     if request.depart and request.months and not (request.speeds or request.tide):
-        faults.append("--depart and --month both say when; leave one out")
+        faults.lines.append("--depart and --month both say when; leave one out")
     if request.until and request.speeds and request.months:
-        faults.append(
+        faults.lines.append(
             "--until looks for the best departure in currents that change; leave it out, or leave "
             "--month out and give a file with time steps: --currents FILE"
         )
     if request.arrive_by and _is_still(request) and not (request.speeds or request.tide):
-        faults.append(
+        faults.lines.append(
             "--arrive-by looks for the latest departure in currents that change; in still water "
             "give --depart alone, and depart earlier by the time by which the vessel is late"
         )
-    if faults:
-        raise RequestError(faults)
+    if faults.lines:
+        raise RequestError(faults.lines)
     return found
 
 

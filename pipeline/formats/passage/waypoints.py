@@ -143,6 +143,8 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     scene = result.scene
     line = shapely.LineString(ranked.route.path)
     areas = [area.polygon for area in scene.areas.get(ranked.season, ())]
+    if (depth := scene.tidal_depths.get(ranked.season)) is not None:
+        areas += depth.areas
     # An area that the path itself crosses is open when the vessel passes.
     kept_out = [area for area in areas if not line.intersects(area)]
     obstacles = Obstacles(scene, kept_out) if kept_out else obstacles

@@ -33,7 +33,8 @@ DATASET = "copernicus-glorys-monthly"
 TOKEN = "*/token"  # noqa: S105 - an address
 CHECKED = [
     "Python", "clock", "memory", "home", "output folder", "compiler's cache", "land's cache",
-    "libraries", "projections", "triangulator", "account", "land data", "login", "scheduler",
+    "libraries", "projections", "triangulator", "tides", "account", "land data", "login",
+    "scheduler",
 ]  # fmt: skip
 
 

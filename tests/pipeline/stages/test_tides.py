@@ -17,7 +17,9 @@ import shapely
 
 import pipeline
 from pipeline.errors import RequestError
+from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.shared.note_words import note_texts
+from pipeline.formats.tables import headings, rows
 from pipeline.geo.lonlat import DepthCover
 from pipeline.geo.projection import Projection
 from pipeline.model import Land, Simplified
@@ -138,6 +140,25 @@ def test_hours_and_heights_are_in_the_notes_and_the_geopackage(outcome: Outcome)
     assert "tide-relied-on" in json.dumps(manifest)
 
 
+def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
+    outcome: Outcome,
+) -> None:
+    result = outcome.result
+    points = season_waypoints(result, "day")[0]
+    departure = result.spec_of("day").departure
+    assert departure is not None
+    table = rows(points, result, departure)
+    assert headings(points).water == "Water under\nkeel, m"
+    tide = shapely.union_all(result.scene.tidal_depths["day"].areas)
+    for index, row in enumerate(table[1:]):
+        leg = shapely.LineString(result.scene.projection.to_plane(points.lonlat[index : index + 2]))
+        assert bool(row.water) == leg.intersects(tide)
+    over = [row for row in table if row.water]
+    assert over
+    stated = min(float(row.water) for row in over)
+    assert stated == pytest.approx(points.ranked.metrics.least_water_m, abs=0.11)
+
+
 @pytest.mark.parametrize(
     ("asked", "text"),
     [
@@ -206,18 +227,21 @@ def test_a_voyage_in_one_line_takes_the_tide(tmp_path: Path) -> None:
         figures=VesselFigures("6kn", "7m", "30m", "1.5m"),
         currents=("still",),
         depths=tmp_path / "depths.nc",
+        datum="MLLW",
         depart="2026-11-22T18:30Z",
         until="2026-11-23T00:30Z",
         tide=("boston",),
     )
     scenario, notes = voyage_scenario(request)
     assert notes == ()
+    assert scenario.chart.datum == "MLLW"
     assert scenario.tide is not None
     assert scenario.tide.stations == ("boston",)
     (season,) = scenario.seasons
     assert season.departures is not None
     assert (season.departures.begin, season.departures.count) == (EBB, 13)
     with pytest.raises(RequestError) as caught:
-        voyage_scenario(replace(request, depart="", until="", tide=("hull",)))
+        voyage_scenario(replace(request, depart="", until="", depths=None, tide=("hull",)))
     assert "--tide counts from the departure; add --depart" in str(caught.value)
     assert "hull" in str(caught.value)
+    assert "--datum = 'MLLW' is of charted depths; add --depths or --charts" in str(caught.value)

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PICTURES_FOLDER = ROOT / "docs" / "pictures"
-BOSTON = "boston-enc"
+# Scenarios on NOAA's cell US5BOSCD.
+BOSTON, BOSTON_TIDE = "boston-enc", "boston-tide"
 # Number of colours: more look the same and take twice the space.
 _COLOURS = 256
 
@@ -50,6 +51,7 @@ PICTURES = {
     "hansando": Picture("hansando", of_season("winter", Kind.ROUTES), 130),
     "far-east": Picture("far-east", of_season("winter", Kind.ROUTES), 130),
     BOSTON: Picture(BOSTON, of_season("winter", Kind.ROUTES), 130, "still"),
+    BOSTON_TIDE: Picture(BOSTON_TIDE, of_season("springs", Kind.ALONG), 130),
 }
 # Figures of the experiments, if `outputs` holds a whole run of them.
 EXPERIMENTS = {
@@ -61,14 +63,15 @@ EXPERIMENTS = {
 def draw(output: Path, charts: Path | None) -> None:
     """Draw all pictures, from results in an output folder, where missing ones are planned.
 
-    Without the folder of charts that holds NOAA's cell US5BOSCD that of Boston stays as it is.
+    Without the folder of charts that holds NOAA's cell US5BOSCD those of Boston stay as they are.
     """
     for name, picture in PICTURES.items():
-        if picture.scenario == BOSTON and charts is None:
+        needs_charts = picture.scenario in {BOSTON, BOSTON_TIDE}
+        if needs_charts and charts is None:
             continue
         scenario = load_scenario(
             picture.scenario,
-            charts=charts if picture.scenario == BOSTON else None,
+            charts=charts if needs_charts else None,
             currents=(picture.currents,) if picture.currents else (),
         )
         with planned_scenario(scenario, output, offline=True) as result:
