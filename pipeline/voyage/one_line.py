@@ -329,7 +329,7 @@ def _station(text: str) -> str:
 def _departing(request: VoyageRequest) -> Departing | None:
     """Read the times and speeds of a voyage; return None if no departure was given."""
     faults = Faults()
-    found = faults.part(
+    found = faults.collect(
         lambda: departing(request.depart, request.until, request.arrive_by, request.speeds)
     )
     if request.tide and not request.depart:

@@ -107,7 +107,7 @@ def bars() -> Iterator[Figure]:
 
 def raised() -> Iterator[Figure]:
     """Yield what a higher tide does to fuel and bound, and how the bound lies to an oracle."""
-    dearer, higher, shares = [], 0, []
+    dearer, higher, shares = dict[int, float](), 0, list[float]()
     for seed in RAISED:
         scene = tidal_scene(seed)
         rises = [0.0, *np.sort(np.random.default_rng(seed).uniform(0.0, MOST_RAISED, 2)).tolist()]
@@ -116,16 +116,18 @@ def raised() -> Iterator[Figure]:
         changes = [
             after / before - 1 for before, after in itertools.pairwise(fuels) if before < math.inf
         ]
-        dearer += [max(changes)] if changes else []
+        if changes:
+            dearer[seed] = max(changes)
         higher += any(
             after > before * (1 + ROUNDING) for before, after in itertools.pairwise(bounds)
         )
         fuel, _ = scene.oracle(6.0 * SCALE, is_coarse=True)
         shares += [bounds[0] / fuel] if math.isfinite(fuel) else []
+    worst = max(dearer, key=dearer.__getitem__)
     what = f"tides raised twice by up to {MOST_RAISED:g} m"
     yield at_most(
-        f"{what}, {len(dearer)} scenes with a way: dearer by at most",
-        100 * max(dearer),
+        f"{what}, {len(dearer)} scenes with a way: dearer by at most (seed {worst})",
+        100 * dearer[worst],
         0.1,
         " %",
         4,
