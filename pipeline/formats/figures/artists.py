@@ -211,14 +211,16 @@ def draw_island_labels(axes: Axes, result: RunResult) -> None:
         )
 
 
-def page_svg(figure: Figure, *, identity: str, label: str) -> Markup:
-    """Draw a figure as an `<svg>` element whose colours the page sets.
+def page_svg(figure: Figure | None, *, identity: str, label: str) -> Markup:
+    """Draw a figure as an `<svg>` element whose colours the page sets; without one it is empty.
 
     `identity` (letters, digits, hyphens) prefixes its ids, so that they are unique in the page;
     `label` is what a screen reader says, escaped here. Colours become
     `var(--map-<role>, <light colour>)`. Text stays text, in the page's font and scaled by
     `var(--text)`.
     """
+    if figure is None:
+        return Markup()
     FigureCanvasSVG(figure)
     buffer = io.StringIO()
     with mpl.rc_context({"svg.fonttype": "none"}):

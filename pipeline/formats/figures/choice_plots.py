@@ -1,10 +1,8 @@
 """The plots of a choice: of the departure, or of speeds for an arrival."""
 
 import numpy as np
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from pipeline.formats.figures.artists import page_svg
 from pipeline.formats.figures.plots import (
     DASHES,
     draw_line,
@@ -30,18 +28,13 @@ _MAX_DEPTH = 3.0
 _MARGIN = 0.12
 
 
-def departure_svg(choice: DepartureChoice, *, identity: str, label: str) -> Markup | str:
-    """Plot a choice of departures; "" if there is only one."""
-    if len(choice.departures_s) < 2:
-        return ""
-    return page_svg(departure_figure(choice), identity=identity, label=label)
-
-
-def departure_figure(choice: DepartureChoice) -> Figure:
-    """Return figure for `departure_svg`: time under way by departure, and the bound between them.
+def departure_figure(choice: DepartureChoice) -> Figure | None:
+    """Plot time under way by departure, and the bound between them; None for a single departure.
 
     Where speeds are chosen it shows fuel, since each voyage takes nearly all the allowed time.
     """
+    if len(choice.departures_s) < 2:
+        return None
     figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
     is_long = np.ptp(choice.departures_s) > _UNITS[0][0]
     _, unit_s, unit = _UNITS[0 if is_long else 1]
@@ -80,15 +73,10 @@ def departure_figure(choice: DepartureChoice) -> Figure:
     return figure
 
 
-def trade_off_svg(found: TradeOff, *, identity: str, label: str) -> Markup | str:
-    """Plot a trade-off; "" if there is only one arrival."""
+def trade_off_figure(found: TradeOff) -> Figure | None:
+    """Plot least fuel by time, the best route, the deadline; None for a single arrival."""
     if len(found.durations_s) < 2:
-        return ""
-    return page_svg(trade_off_figure(found), identity=identity, label=label)
-
-
-def trade_off_figure(found: TradeOff) -> Figure:
-    """Return the figure for `trade_off_svg`: least fuel by time, the best route, the deadline."""
+        return None
     figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
     longest = float(found.durations_s[-1])
     unit_s, unit = next((size, name) for least, size, name in _UNITS if longest >= least)

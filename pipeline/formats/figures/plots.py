@@ -8,14 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 from matplotlib.transforms import Transform
 
 from pipeline._types import FloatArray
-from pipeline.formats.figures.artists import POINTS_PER_INCH, page_svg, text_width
+from pipeline.formats.figures.artists import POINTS_PER_INCH, text_width
 from pipeline.formats.shared.departures_and_speeds import still_fuel_per_metre
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
@@ -40,13 +39,8 @@ _KILOMETRES_FROM_M = 2_000.0
 DASHES = (0, (4, 3))
 
 
-def profile_svg(result: RunResult, ranked: RankedRoute, *, identity: str, label: str) -> Markup:
-    """Plot fuel, speed, current and distance to land of a route against the distance run."""
-    return page_svg(profile_figure(result, ranked), identity=identity, label=label)
-
-
 def profile_figure(result: RunResult, ranked: RankedRoute, width_pt: float | None = None) -> Figure:
-    """Return the figure for `profile_svg`, with a panel each; land and water only if known."""
+    """Plot fuel, speed, current, and distance to land and water if known, by distance run."""
     profile = route_profile(ranked, result)
     plot = _ProfilePlot(result, ranked, profile, *distance_unit(float(profile.distance_m[-1])))
     draws: list[Callable[[Axes], None]] = [plot.draw_fuel, plot.draw_speed, plot.draw_current]

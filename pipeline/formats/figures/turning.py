@@ -9,14 +9,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import renew
 from pipeline._types import FloatArray
 from pipeline.formats.figures import plots
-from pipeline.formats.figures.artists import PLAIN_PT, POINTS_PER_INCH, SMALL_PT, page_svg
+from pipeline.formats.figures.artists import PLAIN_PT, POINTS_PER_INCH, SMALL_PT
 from pipeline.formats.figures.chart_map import WIDTH_PT
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
@@ -200,17 +199,6 @@ def _title(axes: Axes, text: str) -> None:
     axes.set_title(
         text, fontsize=PLAIN_PT, fontweight="bold", color=COLOURS["ink"], loc="left", wrap=True
     )
-
-
-def padding_svg(
-    result: RunResult, ranked: RankedRoute, *, identity: str, label: str
-) -> Markup | str:
-    """Plot how far hard-over turns reach at the route's tightest place; "" without padding."""
-    found = tightest_place(result, ranked)
-    if found is None:
-        return ""
-    figure = padding_figure(found, result.scene.projection.scale)
-    return page_svg(figure, identity=identity, label=label)
 
 
 def tightest_place(result: RunResult, ranked: RankedRoute) -> renew.Tightest | None:

@@ -10,7 +10,6 @@ import hashlib
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -21,14 +20,14 @@ from markupsafe import Markup
 from pipeline.formats.figures.map_marks import has_arrows, speed_scale
 from pipeline.formats.records import versions
 from pipeline.formats.report.map_data import json_for_script, map_data, place_on_map
-from pipeline.formats.report.season import SeasonSection, season_section
+from pipeline.formats.report.season import season_section
 from pipeline.formats.shared import text
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import style_colours
 from pipeline.formats.shared.result import MAX_STRAITS, RunResult, addressed
 from pipeline.formats.shared.text import environment
 from pipeline.geo.lonlat import position_text
-from pipeline.model import Credit, CurrentGrid, RouteMetrics, ShutStrait
+from pipeline.model import Credit, CurrentGrid, ShutStrait
 from pipeline.scenario.published import PublishedRow
 
 _HERE = Path(__file__).parent
@@ -49,39 +48,18 @@ _FILTERS = (
 )
 
 
-@dataclass(frozen=True)
-class Report:
-    """What the template shows of a run, besides the run's own figures.
-
-    On the routes in `lacking`, current or depths are not known everywhere. Each source has its use:
-    land, or the currents of some seasons.
-    """
-
-    result: RunResult
-    notices: tuple[Notice, ...]
-    notes: tuple[str, ...]
-    lacking: tuple[RouteMetrics, ...]
-    seasons: tuple[SeasonSection, ...]
-    speed_labels: tuple[str, ...]
-    map_json: Markup
-    map_ratio: float
-    comparison: tuple[dict[str, Any], ...]
-    zones: tuple[str, ...]
-    sources: tuple[tuple[str, Credit], ...]
-
-
 def write_report(result: RunResult, path: Path) -> None:
     """Write the page to a new file at `path`."""
     path.write_text(render(gather(result)), encoding="utf-8")
 
 
-def render(report: Report) -> str:
+def render(report: dict[str, Any]) -> str:
     """Fill in the template; everything but our own figures, scripts and styles is escaped."""
+    result = report["result"]
     loaded = environment("pipeline.formats.report")
     loaded.filters.update({name: getattr(text, name) for name in _FILTERS})
     loaded.filters.update({kind: partial(_quantity, kind) for kind in ("distance", "clearance")})
-    loaded.filters.update(note_texts=note_texts, season_title=report.result.season_title)
-    result = report.result
+    loaded.filters.update(note_texts=note_texts, season_title=result.season_title)
     return loaded.get_template("report.html.jinja").render(
         report=report,
         result=result,
@@ -113,34 +91,35 @@ def _place_on_map(result: RunResult, strait: ShutStrait) -> str:
     return place_on_map(result, result.scene.projection.to_plane(place))
 
 
-def gather(result: RunResult) -> Report:
-    """Gather the page's content."""
+def gather(result: RunResult) -> dict[str, Any]:
+    """Gather what the templates show of a run, besides the run's own figures.
+
+    On the routes in `lacking`, current or depths are not known everywhere.
+    """
     speeds = speed_scale(result)
     # Stand-ins and unknown facts have parts of their own.
     stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
     shown = {*stand_ins, *result.unknowns}
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
-    return Report(
-        result,
-        notices=tuple((title, items) for title, items in _notices(result) if items),
-        notes=tuple(note_texts(note for note in result.fetched.notes if note not in shown)),
-        lacking=tuple(
+    return {
+        "result": result,
+        "notices": [(title, items) for title, items in _notices(result) if items],
+        "notes": note_texts(note for note in result.fetched.notes if note not in shown),
+        "lacking": [
             row
             for row in result.evaluation.routes
             if not result.scenario.is_planar and (row.filled_share > 0 or row.uncharted_share > 0)
-        ),
-        seasons=tuple(
-            season_section(result, entry, i) for i, entry in enumerate(result.plans, start=1)
-        ),
-        speed_labels=speeds.labels if has_arrows(result) else (),
+        ],
+        "seasons": [season_section(result, entry, i) for i, entry in enumerate(result.plans, start=1)],
+        "speed_labels": speeds.labels if has_arrows(result) else (),
         # JSON without characters that could end its element.
-        map_json=Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
+        "map_json": Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
         # The interactive map's width to its height, so that the chart fills it.
-        map_ratio=min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin))),
-        comparison=comparison(result),
-        zones=tuple(dict.fromkeys(text.zone_text(zone) for zone, _ in result.open_zones)),
-        sources=_sources(result),
-    )
+        "map_ratio": min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin))),
+        "comparison": comparison(result),
+        "zones": list(dict.fromkeys(text.zone_text(zone) for zone, _ in result.open_zones)),
+        "sources": _sources(result),
+    }
 
 
 def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:

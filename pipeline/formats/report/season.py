@@ -1,25 +1,25 @@
 """A season's card and section: the best route, why, its plots, all classes, the rejected ones."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import shapely
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from pipeline._types import FloatArray
-from pipeline.formats.figures.choice_plots import departure_svg, trade_off_svg
+from pipeline.formats.figures.artists import page_svg
+from pipeline.formats.figures.choice_plots import departure_figure, trade_off_figure
 from pipeline.formats.figures.map_marks import arrows
-from pipeline.formats.figures.plots import profile_svg
+from pipeline.formats.figures.plots import profile_figure
 from pipeline.formats.figures.season_map import season_svg
-from pipeline.formats.figures.turning import padding_svg
+from pipeline.formats.figures.turning import padding_figure, tightest_place
 from pipeline.formats.report.map_data import coarser, place_on_map, within
 from pipeline.formats.report.sentences import SeasonFacts
 from pipeline.formats.shared import departures_and_speeds, text
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.geo.lonlat import position_text
-from pipeline.model import RouteMetrics, SeasonPlan
+from pipeline.model import DepartureChoice, RouteMetrics, SeasonPlan
 from renew import Rejected
 
 # Longer side of the picture, in its units, and size of the smallest details, as a share of that
@@ -30,133 +30,59 @@ _MAX_VERTICES = 900
 _MAX_RATIO = 1.6
 
 
-@dataclass(frozen=True)
-class Row:
-    """A route in a season's table.
+def season_section(result: RunResult, entry: SeasonPlan, number: int) -> dict[str, Any]:
+    """Gather what the templates show of a season; `rows` are empty if `failure` gives a reason.
 
-    `excess` is its fuel above the best route's, as a share; `bar_percent` is the length of its bar,
-    100 for the season's greatest excess. `of_still` is its fuel as a share of the fuel that this
-    way takes in still water, `of_shortest` as a share of the shortest way's fuel.
+    `passage` is departure and arrival of the best route, empty if no departure is given, and `said`
+    why to take it. `thumbnail` and `picture` are static maps; `profile` and `padding` are plots of
+    the best route. `choices` are when to leave and how fast to go, if that was to be chosen;
+    `speeds` are then the best route's lowest and highest, m/s.
     """
-
-    metrics: RouteMetrics
-    excess: float
-    bar_percent: float
-    of_still: float
-    of_shortest: float
-
-
-@dataclass(frozen=True)
-class RejectedGroup:
-    """Classes rejected for the same reason, and the least fuel of any of them without padding.
-
-    `place` is the place for the map, or empty.
-    """
-
-    reason: str
-    homotopies: tuple[str, ...]
-    unpadded_fuel: float
-    place: str
-
-
-@dataclass(frozen=True)
-class SeasonSection:
-    """A season's part of the page; `rows` are empty if `failure` gives a reason.
-
-    `passage` is departure and arrival of the best route, empty if no departure is given. `lead`
-    says how much more fuel the second-best route needs, `because` why to take the best one,
-    `certainty` whether the choice is proven. `thumbnail` and `picture` are static maps; `profile`
-    and `padding` are plots of the best route, empty if there is nothing to plot. `departure` and
-    `departure_plot` say when to leave, `how_fast` and `trade_off_plot` how fast to go, if that was
-    to be chosen; `speeds` are the best route's lowest and highest, m/s.
-    """
-
-    title: str
-    anchor: str
-    failure: str
-    current: str
-    valid: str
-    passage: tuple[str, ...]
-    lead: str
-    because: str
-    certainty: str
-    verdict: tuple[str, ...]
-    remarks: tuple[str, ...]
-    rows: tuple[Row, ...]
-    rejected: tuple[RejectedGroup, ...]
-    thumbnail: Markup
-    picture: Markup
-    profile: Markup | str
-    padding: Markup | str
-    departure: tuple[str, ...] = ()
-    departure_plot: Markup | str = ""
-    how_fast: tuple[str, ...] = ()
-    trade_off_plot: Markup | str = ""
-    speeds: tuple[float, float] | None = None
-
-    @property
-    def best(self) -> RouteMetrics | None:
-        """The best route's figures."""
-        return self.rows[0].metrics if self.rows else None
-
-
-def season_section(result: RunResult, entry: SeasonPlan, number: int) -> SeasonSection:
-    """Gather a season's part."""
-    ranked = result.season_routes(entry.season)
+    season, title, anchor = entry.season, result.season_title(entry.season), f"season-{number}"
+    ranked = result.season_routes(season)
     metrics = [r.metrics for r in ranked]
-    anchor = f"season-{number}"
-    title = result.season_title(entry.season)
     label = f"{title}: {_map_label(metrics, result.fetched.land.no_go_name)}"
-    profile, padding = _plots(result, ranked[0], title, anchor) if ranked else ("", "")
-    passage = result.scenario.passage(entry.season, round(metrics[0].duration_s)) if ranked else ()
+    passage = result.scenario.passage(season, round(metrics[0].duration_s)) if ranked else ()
     said = _sentences(result, metrics)
     rival = said.rival if said else None
-    shown = [one for one in ranked if one.metrics is metrics[0] or one.metrics is rival]
-    return SeasonSection(
-        title=title,
-        anchor=anchor,
-        failure=entry.failure,
-        current=_current(result, entry.season),
-        valid=result.valid_text(entry.season),
-        passage=tuple(map(text.moment_text, passage or ())),
-        lead=said.lead() if said else "",
-        because=said.because() if said else "",
-        certainty=said.certainty() if said else "",
-        verdict=said.verdict() if said else (),
-        remarks=_remarks(result, ranked[0]) if ranked else (),
-        rows=_rows(result, metrics),
-        rejected=_rejected(result, entry),
-        thumbnail=thumbnail(result, shown, label),
-        picture=season_svg(result, entry.season, identity=anchor, label=f"Map of {label}"),
-        profile=profile,
-        padding=padding,
-        **_departure(result, entry.season, anchor),
-        **_how_fast(result, entry.season, anchor),
-    )
-
-
-def _departure(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
-    """Return when to leave, as text and plot; nothing if the departure was given."""
-    choice = result.departure_choice(season)
-    if choice is None:
-        return {}
-    sentences = departures_and_speeds.departure_text(choice)
-    plot = departure_svg(choice, identity=f"{anchor}-departure", label=sentences[0])
-    return {"departure": sentences, "departure_plot": plot}
-
-
-def _how_fast(result: RunResult, season: str, anchor: str) -> dict[str, Any]:
-    """Return how fast to go, as text and plot; nothing if the speed was given."""
     found = departures_and_speeds.trade_off(result, season)
-    if found is None:
-        return {}
-    sentences = departures_and_speeds.trade_off_text(found)
-    plot = trade_off_svg(found, identity=f"{anchor}-trade-off", label=" ".join(sentences))
     return {
-        "how_fast": sentences,
-        "trade_off_plot": plot,
-        "speeds": (found.slowest, found.fastest),
+        "title": title,
+        "anchor": anchor,
+        "failure": entry.failure,
+        "current": _current(result, season),
+        "valid": result.valid_text(season),
+        "passage": [text.moment_text(moment) for moment in passage or ()],
+        "said": said,
+        "best": said and said.best,
+        "remarks": _remarks(result, ranked[0]) if ranked else (),
+        "rows": _rows(result, metrics),
+        "rejected": _rejected(result, entry),
+        "thumbnail": {
+            **thumbnail(result, [r for r in ranked if r.metrics in (metrics[0], rival)]),
+            "label": label,
+        },
+        "picture": season_svg(result, season, identity=anchor, label=f"Map of {label}"),
+        **(_plots(result, ranked[0], title, anchor) if ranked else {}),
+        "choices": [*_choices(result.departure_choice(season), found, anchor)],
+        "speeds": found and (found.slowest, found.fastest),
     }
+
+
+def _choices(
+    choice: DepartureChoice | None, found: departures_and_speeds.TradeOff | None, anchor: str
+) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
+    """Yield when to leave and how fast to go: a title, sentences, and a plot."""
+    if choice is not None:
+        said = departures_and_speeds.departure_text(choice)
+        figure = departure_figure(choice)
+        plot = page_svg(figure, identity=f"{anchor}-departure", label=said[0])
+        yield "When to leave", said, plot
+    if found is not None:
+        said = departures_and_speeds.trade_off_text(found)
+        figure = trade_off_figure(found)
+        plot = page_svg(figure, identity=f"{anchor}-trade-off", label=" ".join(said))
+        yield "How fast", said, plot
 
 
 def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> SeasonFacts | None:
@@ -175,26 +101,23 @@ def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> SeasonFacts | 
     )
 
 
-def _plots(
-    result: RunResult, best: RankedRoute, title: str, anchor: str
-) -> tuple[Markup, Markup | str]:
+def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> dict[str, Markup]:
     """Plot the best route's profile, and the reach of turns at its tightest place."""
     m = best.metrics
-    profile = profile_svg(
-        result,
-        best,
+    profile = page_svg(
+        profile_figure(result, best),
         identity=f"{anchor}-profile",
         label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel)}, speed over "
         f"ground, current along the course, and distance to {m.no_go_name}, at least "
         f"{text.clearance(m.clearance_m)}",
     )
-    padding = padding_svg(
-        result,
-        best,
+    found = tightest_place(result, best)
+    padding = page_svg(
+        padding_figure(found, result.scene.projection.scale) if found else None,
         identity=f"{anchor}-padding",
         label=f"How far hard-over turns reach at the tightest place of the best route of {title}",
     )
-    return profile, padding
+    return {"profile": profile, "padding": padding}
 
 
 def _map_label(metrics: list[RouteMetrics], no_go: str) -> str:
@@ -215,40 +138,50 @@ def _current(result: RunResult, season: str) -> str:
     return "given in the scenario" if season in result.scene.currents else "none found"
 
 
-def _rows(result: RunResult, metrics: list[RouteMetrics]) -> tuple[Row, ...]:
-    """Compare each route's fuel with the best route's, with still water and the shortest way."""
-    if not metrics:
-        return ()
+def _rows(result: RunResult, metrics: list[RouteMetrics]) -> list[dict[str, Any]]:
+    """Return the rows of a season's table: each route's fuel as shares of other fuels.
+
+    `excess` is above the best route's fuel; `bar_percent` is the length of its bar, 100 for the
+    greatest. `of_still` is of the fuel that this way takes in still water, `of_shortest` of the
+    shortest way's.
+    """
     excesses = [row.fuel / metrics[0].fuel - 1 for row in metrics]
-    largest = max(abs(e) for e in excesses)
-    shortest = min(metrics, key=lambda row: row.length_m)
-    return tuple(
-        Row(
-            row,
-            excess,
-            100 * abs(excess) / largest if largest > 0 else 0.0,
-            row.fuel_per_distance / departures_and_speeds.still_fuel_per_metre(result, row),
-            row.fuel / shortest.fuel,
-        )
+    largest = max(map(abs, excesses), default=0.0)
+    shortest = min(metrics, key=lambda row: row.length_m, default=None)
+    return [
+        {
+            "metrics": row,
+            "excess": excess,
+            "bar_percent": 100 * abs(excess) / largest if largest > 0 else 0.0,
+            "of_still": row.fuel_per_distance
+            / departures_and_speeds.still_fuel_per_metre(result, row),
+            "of_shortest": row.fuel / shortest.fuel,
+        }
         for row, excess in zip(metrics, excesses, strict=True)
-    )
+        if shortest
+    ]
 
 
-def _rejected(result: RunResult, entry: SeasonPlan) -> tuple[RejectedGroup, ...]:
-    """Group the rejected classes by reason, in order of first appearance."""
+def _rejected(result: RunResult, entry: SeasonPlan) -> list[dict[str, Any]]:
+    """Group the rejected classes by reason, in order of first appearance.
+
+    Each group has the least fuel of any class without padding, and a place for the map, or "".
+    """
     groups: dict[str, list[Rejected]] = {}
     for rejected in entry.plan.rejected if entry.plan else ():
         groups.setdefault(result.rejection_reason(entry.season, rejected), []).append(rejected)
-    return tuple(
-        RejectedGroup(
-            reason,
-            tuple(r.homotopy for r in group),
-            min(r.unpadded_fuel for r in group),
+    return [
+        {
+            "reason": reason,
+            "homotopies": [r.homotopy for r in group],
+            "unpadded_fuel": min(r.unpadded_fuel for r in group),
             # The middle of the places that the reason names.
-            place_on_map(result, np.mean(named, axis=0)) if (named := group[0].text.places) else "",
-        )
+            "place": place_on_map(result, np.mean(named, axis=0))
+            if (named := group[0].text.places)
+            else "",
+        }
         for reason, group in groups.items()
-    )
+    ]
 
 
 def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
@@ -289,49 +222,35 @@ def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def thumbnail(result: RunResult, shown: Sequence[RankedRoute], label: str) -> Markup:
-    """Return an `<svg>` element in the page's colours; the first route is in the season's colour.
-
-    `label` says what the picture shows, and is escaped here.
-    """
+def thumbnail(result: RunResult, shown: Sequence[RankedRoute]) -> dict[str, Any]:
+    """Return the sizes, outlines and places of a small map: the best route, and its rival."""
     frame = _frame(result, shown)
     xmin, ymin, xmax, ymax = frame
-    scale = _SIDE / max(xmax - xmin, ymax - ymin)
+    side = max(xmax - xmin, ymax - ymin)
+    scale = _SIDE / side
 
     def placed(points: FloatArray) -> FloatArray:
         return np.round((points - [xmin, ymax]) * [scale, -scale], 1)
 
+    def outline(line: shapely.LineString) -> str:
+        points = placed(shapely.get_coordinates(line))
+        return f"{_line(points[:-1])}Z" if isinstance(line, shapely.LinearRing) else _line(points)
+
     box = shapely.intersection(result.scene.chart.extent, shapely.box(*frame))
     land = within(np.array(result.scene.land, dtype=object), box)
-    land = coarser(land, _DETAIL * max(xmax - xmin, ymax - ymin), _MAX_VERTICES)
-    rings = shapely.get_rings(shapely.get_parts(land))
-    coast = "".join(_line(placed(shapely.get_coordinates(ring)[:-1])) + "Z" for ring in rings)
-    detail = _DETAIL * max(xmax - xmin, ymax - ymin) / 2
-    routes = [
-        _line(
-            placed(
-                shapely.get_coordinates(
-                    shapely.simplify(shapely.LineString(one.route.path), detail)
-                )
-            )
-        )
-        for one in shown
-    ]
-    water = _line(placed(shapely.get_coordinates(box)[:-1])) + "Z"
-    start, goal = placed(result.scene.start), placed(result.scene.goal)
-    width, height = scale * (xmax - xmin), scale * (ymax - ymin)
-    classes = ("way", "rival")
-    return Markup(  # noqa: S704 - numbers, and the label escaped
-        f'<svg class="thumbnail" viewBox="0 0 {width:.1f} {height:.1f}" role="img" '
-        f'aria-label="{escape(label)}"><path class="sea" d="{water}"/><path class="shore" '
-        f'd="{coast}"/>'
-        + "".join(
-            f'<path class="{name}" d="{route}"/>'
-            for name, route in reversed([*zip(classes, routes, strict=False)])
-        )
-        + f'<circle cx="{start[0]:g}" cy="{start[1]:g}" r="3"/>'
-        f'<path class="goal" d="M{goal[0]:g} {goal[1] - 4:g}l4 4-4 4-4-4Z"/></svg>'
-    )
+    land = coarser(land, _DETAIL * side, _MAX_VERTICES)
+    return {
+        "width": scale * (xmax - xmin),
+        "height": scale * (ymax - ymin),
+        "sea": outline(box.exterior),
+        "shore": "".join(map(outline, shapely.get_rings(shapely.get_parts(land)))),
+        "ways": [
+            outline(shapely.simplify(shapely.LineString(one.route.path), _DETAIL * side / 2))
+            for one in shown
+        ],
+        "start": placed(result.scene.start),
+        "goal": placed(result.scene.goal),
+    }
 
 
 def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, float, float, float]:

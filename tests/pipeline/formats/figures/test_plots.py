@@ -14,8 +14,9 @@ from matplotlib.text import Text
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.formats.figures.plots import profile_figure, profile_svg
-from pipeline.formats.figures.turning import padding_figure, padding_svg
+from pipeline.formats.figures.artists import page_svg
+from pipeline.formats.figures.plots import profile_figure
+from pipeline.formats.figures.turning import padding_figure, tightest_place
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import route_profile
@@ -182,7 +183,7 @@ def test_turns_of_equal_reach_are_one_bar() -> None:
 
 def test_the_svg_is_well_formed_and_leaves_its_colours_to_the_page(result: RunResult) -> None:
     ranked = result.routes[0]
-    svg = profile_svg(result, ranked, identity="one", label=HOSTILE)
+    svg = page_svg(profile_figure(result, ranked), identity="one", label=HOSTILE)
     tree = ET.fromstring(svg)  # noqa: S314 - our own
     assert tree.get("aria-label") == HOSTILE
     width = float((tree.get("viewBox") or "").split()[2])
@@ -193,7 +194,8 @@ def test_the_svg_is_well_formed_and_leaves_its_colours_to_the_page(result: RunRe
     assert set(re.findall(r"(?<!, )#[0-9a-f]{6}", svg)) == set()
     assert "<script" not in svg
     assert len(svg) < 120_000
-    assert profile_svg(result, ranked, identity="one", label=HOSTILE) == svg
+    again = profile_figure(result, ranked)
+    assert page_svg(again, identity="one", label=HOSTILE) == svg
 
 
 def test_the_padding_of_a_run_is_that_of_its_tightest_place(result: RunResult) -> None:
@@ -207,12 +209,14 @@ def test_the_padding_of_a_run_is_that_of_its_tightest_place(result: RunResult) -
     assert line[:, 0] == pytest.approx(tightest.padding * result.scenario.scale / 1000)
     # The (1 - risk)-quantile, and a margin for the sampling error.
     assert (tightest.reaches > tightest.padding).mean() < result.scenario.planner.risk
-    svg = padding_svg(result, ranked, identity="p", label=HOSTILE)
-    assert ET.fromstring(svg).get("aria-label") == HOSTILE  # noqa: S314 - our own
-    assert svg == padding_svg(result, ranked, identity="p", label=HOSTILE)
+    svgs = {
+        page_svg(padding_figure(tightest, 1000.0), identity="p", label=HOSTILE) for _ in range(2)
+    }
+    assert [ET.fromstring(svg).get("aria-label") for svg in svgs] == [HOSTILE]  # noqa: S314
 
 
 def test_without_padding_there_is_no_histogram(planar_result: RunResult) -> None:
     ranked = planar_result.routes[0]
     bare = replace(ranked, route=replace(ranked.route, padding_used=np.empty((0, 5))))
-    assert padding_svg(planar_result, bare, identity="p", label="") == ""
+    assert tightest_place(planar_result, bare) is None
+    assert page_svg(None, identity="p", label="") == ""
