@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
-from pipeline.machine.files import file_lock, remove_leftovers, write_whole
+from pipeline.machine.files import file_lock, needed, remove_leftovers, write_whole
 from pipeline.machine.paths import folder_to_write
 from pipeline.machine.store import (
     DOWNLOADS,
@@ -145,16 +145,9 @@ def _locks(root: Path, name: str) -> Iterator[None]:
         yield
 
 
-@contextlib.contextmanager
-def _writing(folder: Path) -> Iterator[None]:
+def _writing(folder: Path) -> contextlib.AbstractContextManager[None]:
     """Turn an OSError in the `with` block into a StageError with a remedy."""
-    try:
-        yield
-    except OSError as error:
-        raise StageError(
-            f"can't write in {folder}: {error.strerror or error}; choose another folder with "
-            "--output"
-        ) from error
+    return needed(f"can't write in {folder}", "choose another folder with --output")
 
 
 def _remove_leftovers(directory: Path, store: Store) -> None:

@@ -17,7 +17,7 @@ from pipeline.formats.figures.method import Variant
 from pipeline.formats.figures.turning import NothingToDrawError
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import distance, season_text
-from pipeline.machine.files import whole_file
+from pipeline.machine.files import needed, whole_file
 from pipeline.run import EventHandler, planned_scenario
 from pipeline.scenario.loading import require_seasons
 from pipeline.scenario.model import Scenario
@@ -123,18 +123,14 @@ def _save(drawing: "Figure", path: Path, title: str) -> Path:
     import matplotlib as mpl
 
     form = path.suffix[1:]
-    try:
+    remedy = "free some space, or choose another folder with --output"
+    with needed(f"plot: cannot write {path.name} to {path.parent}", remedy):
         path.parent.mkdir(parents=True, exist_ok=True)
         # Text stays text in PDF files; ids in SVG files depend only on the figure.
         settings = mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "renew"})
         with settings, whole_file(path) as file:
             about = {**_METADATA[form], "Title": title}
             drawing.savefig(file, format=form, dpi=_DPI, metadata=about)
-    except OSError as error:
-        raise StageError(
-            f"plot: cannot write {path.name} to {path.parent}: {error.strerror or error}; free "
-            "some space, or choose another folder with --output"
-        ) from error
     return path
 
 

@@ -24,8 +24,19 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import IO
 
+from pipeline.errors import StageError
+
 UNFINISHED = ".tmp"
 """Suffix of files that are being written."""
+
+
+@contextlib.contextmanager
+def needed(what: str, remedy: str) -> Iterator[None]:
+    """Turn an OSError in the `with` block into a StageError: what fails, the reason, a remedy."""
+    try:
+        yield
+    except OSError as error:
+        raise StageError(f"{what}: {error.strerror or error}; {remedy}") from error
 
 
 @contextlib.contextmanager

@@ -33,8 +33,7 @@ from typing import Generic, TypeVar
 
 from pydantic import BaseModel
 
-from pipeline.errors import StageError
-from pipeline.machine.files import UNFINISHED, whole_file
+from pipeline.machine.files import UNFINISHED, needed, whole_file
 
 ValueT = TypeVar("ValueT")
 
@@ -142,14 +141,10 @@ def save_artefact(path: Path, value: object, owner: str = "") -> None:
     StageError
         The disk refuses.
     """
-    try:
+    remedy = "free some space, or choose another folder with --output"
+    with needed(f"can't write {path.name} in {path.parent}", remedy):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_checked(path, pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL), owner)
-    except OSError as error:
-        raise StageError(
-            f"can't write {path.name} in {path.parent}: {error.strerror or error}; free some "
-            "space, or choose another folder with --output"
-        ) from error
 
 
 def load_artefact(path: Path, kind: type[ValueT]) -> ValueT | None:

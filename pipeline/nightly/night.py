@@ -70,7 +70,12 @@ def run_night(
         Nothing could be published (exit code 1); finished parts are kept for the next run.
     """
     return _Night(
-        config, expand(config, only=only, yes=yes), only, share, scheduler, on_event
+        config,
+        expand(config, only=only, yes=yes),
+        only,
+        share,
+        scheduler,
+        on_event or (lambda _: None),
     ).run()
 
 
@@ -83,7 +88,7 @@ class _Night:
     only: str | None
     share: tuple[int, int]
     scheduler: str | None
-    handler: NightEventHandler | None
+    handler: NightEventHandler
     started: datetime = field(default_factory=lambda: datetime.now(UTC))
     seconds: dict[str, float] = field(default_factory=dict)
     newest: Newest = field(init=False)
@@ -365,7 +370,7 @@ class _Night:
 
     def _event(self, event: NightEvent) -> None:
         """Report an event."""
-        (self.handler or outcome.ignore)(event)
+        self.handler(event)
 
     def _check_time(self) -> None:
         """Raise StageError after the night's time limit."""

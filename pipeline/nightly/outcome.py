@@ -60,11 +60,6 @@ class NightEvent:
 NightEventHandler = Callable[[NightEvent], None]
 
 
-def ignore(event: NightEvent) -> None:
-    """Ignore an event."""
-    del event
-
-
 class BusyError(StageError):
     """Another job is running in the same output folder; exit code 4."""
 

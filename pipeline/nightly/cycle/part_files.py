@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
-from pipeline.machine.files import UNFINISHED, file_lock, write_whole
+from pipeline.machine.files import UNFINISHED, file_lock, needed, write_whole
 from pipeline.machine.store import read_checked, write_checked
 from pipeline.nightly.cycle.folders import writing
 
@@ -83,13 +83,8 @@ def write_part(path: Path, rows: Sequence[Row]) -> None:
     """Write a part file atomically; raise StageError if it can't be written."""
     content = pa.BufferOutputStream()
     pq.write_table(pa.Table.from_pylist(list(rows), PART_SCHEMA), content)
-    try:
+    with needed(f"can't write {path.name} in {path.parent}", "free some space and run again"):
         write_checked(path, content.getvalue().to_pybytes())
-    except OSError as error:
-        reason = error.strerror or error
-        raise StageError(
-            f"can't write {path.name} in {path.parent}: {reason}; free some space and run again"
-        ) from error
 
 
 def parts_in(folder: Path) -> list[PartFile]:

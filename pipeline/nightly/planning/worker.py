@@ -18,7 +18,8 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline.errors import StageError, one_line
+from pipeline.errors import one_line
+from pipeline.machine.files import needed
 from pipeline.machine.store import read_checked
 from pipeline.model import RouteMetrics, Scene, SeasonPlan
 from pipeline.nightly.cycle.part_files import Row, write_part
@@ -135,15 +136,12 @@ class PlanBatch:
 
 def _mark(path: Path) -> None:
     """Write a batch's marker file; raise DiedBeforeError if it exists, as the batch never ended."""
-    try:
-        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
-    except FileExistsError:
-        path.unlink(missing_ok=True)
-        raise DiedBeforeError(path.name) from None
-    except OSError as error:
-        raise StageError(
-            f"can't write in {path.parent}: {error.strerror}; free some space and run again"
-        ) from error
+    with needed(f"can't write in {path.parent}", "free some space and run again"):
+        try:
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
+        except FileExistsError:
+            path.unlink(missing_ok=True)
+            raise DiedBeforeError(path.name) from None
 
 
 def plan_case(

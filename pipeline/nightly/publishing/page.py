@@ -1,7 +1,7 @@
 """`index.html` of a cycle: maps and the cases to look at, in one file that works offline."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -56,21 +56,6 @@ class ChartMap:
         return sorted(self.lines, key=lambda line: (OUTCOMES.index(line.outcome), line.is_earlier))
 
 
-@dataclass(frozen=True)
-class NightPage:
-    """The content of the page."""
-
-    cycle: str
-    reference: str
-    earlier: str
-    notes: Sequence[str]
-    counts: Mapping[str, int]
-    total: int
-    rows: list[Row]
-    hidden: int
-    maps: list[ChartMap]
-
-
 def write_page(
     cases_path: Path,
     path: Path,
@@ -117,18 +102,20 @@ def write_page(
             if chart is not None:
                 _add_lines(chart_map, row, chart, earlier_of(row) if outcome != SAME else None)
     shown = [*rows[ACT], *rows[LOOK]][:_MAX_ROWS]
-    page = NightPage(
+    loaded = text.environment("pipeline.nightly.publishing", "pipeline.formats.report")
+    loaded.filters.update({"number": text.number, "distance": text.distance})
+    page = loaded.get_template("night.html.jinja").render(
         cycle=cycle,
         reference=reference.strftime("%Y-%m-%d %H:%M UTC") if reference else "no time",
         earlier=earlier_cycle,
         notes=notes,
         counts=counts,
-        total=counts.total(),
         rows=shown,
         hidden=counts[ACT] + counts[LOOK] - len(shown),
-        maps=list(maps.values()),
+        maps=maps.values(),
+        **style_colours(),
     )
-    path.write_text(_rendered(page), "utf-8")
+    path.write_text(page, "utf-8")
 
 
 def _map(row: Row, chart: NightChart | None) -> ChartMap:
@@ -152,13 +139,3 @@ def _add_lines(
     if earlier is not None:
         path = chart.small_map.path(chart.scene.projection.to_plane(earlier.path))
         chart_map.lines.append(Line(path, row["case"], row["outcome"], is_earlier=True))
-
-
-def _rendered(page: NightPage) -> str:
-    """Render the template; all values except our own styles are escaped."""
-    from pipeline.formats.shared.text import environment
-
-    loaded = environment("pipeline.nightly.publishing", "pipeline.formats.report")
-    loaded.filters.update({"number": text.number, "distance": text.distance})
-    template = loaded.get_template("night.html.jinja")
-    return template.render(page=page, **style_colours())
