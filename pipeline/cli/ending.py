@@ -15,7 +15,7 @@ from pipeline.formats.shared.note_words import note_json, note_texts, rejections
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import json_value
 from pipeline.machine.paths import short_path
-from pipeline.model import ClockWorth, RouteMetrics
+from pipeline.model import RouteMetrics
 from pipeline.run import Outcome
 from pipeline.scenario.model import Scenario
 from pipeline.stages.write import season_stem
@@ -184,17 +184,27 @@ def outcome_json(outcome: Outcome) -> str:
             for row in outcome.evaluation.routes
         ],
         "rejected": [
-            {"season": plan.season, **json_value(one)}
+            {"season": plan.season, **one}
             for plan in outcome.plans
             for one in rejections(outcome.result, plan.season)
         ],
-        "clock_worth": [_clock_worth(one) for one in outcome.evaluation.clock_worths],
+        "clock_worth": [
+            {
+                "season": one.season,
+                "best_fuel": one.best,
+                "departure_plan_fuel": one.frozen,
+                "mean_plan_fuel": one.mean,
+                "shortest_path_fuel": one.shortest,
+                "fuel_bound": one.bound,
+            }
+            for one in outcome.evaluation.clock_worths
+        ],
         "unknown": note_texts(outcome.result.unknowns),
         "notes": note_texts(outcome.fetched.notes),
-        "note_values": json_value([note_json(note) for note in outcome.fetched.notes]),
+        "note_values": [note_json(note) for note in outcome.fetched.notes],
         "failures": list(outcome.failures),
     }
-    return json.dumps(fields, ensure_ascii=False, allow_nan=False)
+    return json.dumps(json_value(fields), ensure_ascii=False, allow_nan=False)
 
 
 def _route(
@@ -210,16 +220,16 @@ def _route(
         "class": row.homotopy,
         "fuel": row.fuel,
         "length_m": row.length_m,
-        "clearance_m": _finite(row.clearance_m),
+        "clearance_m": row.clearance_m,
         "duration_s": row.duration_s,
         "speed_through_water_m_s": row.speed_m_s,
         "departure": passage[0].isoformat() if passage else None,
         "arrival": passage[1].isoformat() if passage else None,
-        "optimality_gap": _finite(row.optimality_gap),
-        "gap_at_clearance": _finite(row.gap_at_clearance),
+        "optimality_gap": row.optimality_gap,
+        "gap_at_clearance": row.gap_at_clearance,
         "filled_share": row.filled_share,
-        "uncharted_share": _finite(row.uncharted_share),
-        "least_water_m": _finite(row.least_water_m),
+        "uncharted_share": row.uncharted_share,
+        "least_water_m": row.least_water_m,
         "least_water_at": row.least_water_at.isoformat() if row.least_water_at else None,
         "files": [
             name
@@ -227,20 +237,3 @@ def _route(
             if name in files
         ],
     }
-
-
-def _clock_worth(worth: ClockWorth) -> dict[str, object]:
-    """Return the fuel of plans for a steady current, sailed in a season's changing current."""
-    return {
-        "season": worth.season,
-        "best_fuel": worth.best,
-        "departure_plan_fuel": _finite(worth.frozen),
-        "mean_plan_fuel": _finite(worth.mean),
-        "shortest_path_fuel": _finite(worth.shortest),
-        "fuel_bound": worth.bound,
-    }
-
-
-def _finite(value: float) -> float | None:
-    """Return a number, or None if it is not finite, such as a clearance without any land."""
-    return value if math.isfinite(value) else None

@@ -204,11 +204,6 @@ class CurrentGrid:
         return len(self.times_s) > 1
 
     @property
-    def change_notes(self) -> tuple[Note, ...]:
-        """The number of time steps by which it changes; no note on a steady current."""
-        return (Note.of("current-changes", steps=len(self.times_s)),) if self.changes else ()
-
-    @property
     def at_departure(self) -> tuple[FloatArray, FloatArray]:
         """The components (ny, nx) at departure, linear between the times around it."""
         if not self.changes:
@@ -265,7 +260,7 @@ def current_notes(currents: Iterable[CurrentGrid]) -> tuple[Note, ...]:
     return of_seasons(
         {
             grid.season: (
-                *grid.change_notes,
+                *[Note.of("current-changes", steps=len(grid.times_s))] * grid.changes,
                 *grid.notes,
                 *(
                     Note.of("source-passed-over", source=passed.source, reason=passed.reason)

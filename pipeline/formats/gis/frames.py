@@ -66,17 +66,15 @@ def frame(
     import geopandas
 
     counts = [np.size(part) for part in geometry]
-    joined = {name: _joined(values, counts, _type_of(name)) for name, values in columns.items()}
+    joined = {
+        name: _joined(values, counts, _TYPES.get(FIELDS.get(name, {}).get("type", ""), float))
+        for name, values in columns.items()
+    }
     return geopandas.GeoDataFrame(
         joined,
         geometry=_joined(geometry, counts, object),
         crs="EPSG:4326",
     )
-
-
-def _type_of(column: str) -> type:
-    """Return the type of a column's values."""
-    return _TYPES.get(FIELDS.get(column, {}).get("type", ""), float)
 
 
 def columns_of(records: Sequence[object], *names: str, **renamed: str) -> dict[str, list[Any]]:

@@ -341,7 +341,9 @@ def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str
         "clearance": series(profile.clearance_m),
         "turns": lattice.line(turns),
         "hits": lattice.line(hits),
-        "shores": lattice.line(_shores(result, ranked)),
+        "shores": lattice.line(
+            result.scene.projection.to_plane(result.crossings(ranked.season, ranked.rank))
+        ),
     }
 
 
@@ -353,11 +355,6 @@ def _turns(result: RunResult, ranked: RankedRoute) -> tuple[FloatArray, FloatArr
     harmless = found.points[~found.collided]
     step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
     return harmless[::step], found.points[found.collided]
-
-
-def _shores(result: RunResult, ranked: RankedRoute) -> FloatArray:
-    """Return middles (n, 2) of a route's parts over land of the second shoreline."""
-    return result.scene.projection.to_plane(result.crossings(ranked.season, ranked.rank))
 
 
 def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, object] | None:

@@ -143,7 +143,13 @@ class Planning:
         )
         workers.run(preparation, self.check)
         self.failures |= preparation.failures
-        self.failures |= self._dated_ahead()
+        self.failures |= {
+            self.current_path(case): "; ".join(
+                self.newest.ahead[one] for one in named_currents(case.season, case.member)
+            )
+            for case in self._current_examples()
+            if not case.block.scenario.is_planar and not self._usable_currents(case)
+        }
         failed = self.failures.keys()
         wanted = [one for one in currents if not {one.path, one.chart_path} & failed]
         wanted = [one for one in wanted if read_checked(one.path) is None]
@@ -217,16 +223,6 @@ class Planning:
         """Return the sources of a case's currents, without those dated in the future."""
         named = named_currents(case.season, case.member)
         return tuple(one for one in named if one not in self.newest.ahead)
-
-    def _dated_ahead(self) -> dict[Path, str]:
-        """Return, by path, why a current can't be used: all its sources are dated in the future."""
-        return {
-            self.current_path(case): "; ".join(
-                self.newest.ahead[one] for one in named_currents(case.season, case.member)
-            )
-            for case in self._current_examples()
-            if not case.block.scenario.is_planar and not self._usable_currents(case)
-        }
 
     def _current_examples(self) -> list[Case]:
         """Return one case for each current of each chart."""

@@ -148,7 +148,8 @@ def land(
         places=tuple(place for part in parts for place in _places(part)),
         depth_areas=tuple(area for areas in depths for area in areas),
         tidal_water=tuple(_tidal_water(parts, depths, sea, rule)),
-        datum=_datum([part.cell for part in used]),
+        # Several are named all, and fit no tide.
+        datum=" and ".join(sorted({part.cell.datum for part in used})),
     )
 
 
@@ -182,11 +183,6 @@ def _depth_text(area: DepthArea) -> str:
     """Name an area by its depths."""
     kind = "dredged" if area.kind == "dredged" else "depth"
     return f"{kind} {area.least_m:g} to {area.greatest_m:g} m"
-
-
-def _datum(cells: Sequence[Cell]) -> str:
-    """Return the chart datum of cells; several are named all, and fit no tide."""
-    return " and ".join(sorted({cell.datum for cell in cells}))
 
 
 def _places(part: _VisibleCell) -> Iterator[PlaceName]:

@@ -199,7 +199,7 @@ class _RouteEvaluator:
             length_m=self._scene.projection.geodesic_length_m(route.path),
             clearance_m=self._clearance_m(line),
             duration_s=planning.true_duration_s(route, self._scene, self._season),
-            speed_m_s=mean_speed_m_s(route),
+            speed_m_s=float(np.average(route.speeds, weights=np.diff(route.times))),
             optimality_gap=route.optimality_gap,
             gap_at_clearance=route.gap_at_clearance,
             trials=turns.trials,
@@ -306,11 +306,6 @@ def land_within_reach(
     crosses = ~shapely.covers(zone, near)
     near[crosses] = shapely.intersection(near[crosses], zone)
     return renew.Chart(scene.chart.extent, _polygons(near))
-
-
-def mean_speed_m_s(route: renew.Route) -> float:
-    """Return the mean over time of the speed through water, m/s."""
-    return float(np.average(route.speeds, weights=np.diff(route.times)))
 
 
 def _sampled(turns: renew.Contingency) -> renew.Contingency:
