@@ -208,15 +208,19 @@ def narrow_gaps(
 
     Gaps up to `widest_m` wide count, the narrowest first; `is_shut` takes a gap's line (2, 2).
     """
+    from scipy.cluster.hierarchy import DisjointSet
+
     bodies = shapely.get_parts(shapely.disjoint_subset_union_all(land))
     lines, owner = _close_pairs(bodies, widest_m)
-    parts = _DisjointSets(shapely.bounds(bodies))
+    parts, bounds = DisjointSet(range(len(bodies))), shapely.bounds(bodies).reshape(-1, 2, 2)
     found = []
-    for line, (one, other) in zip(lines, owner.tolist(), strict=True):
-        one, other = parts.of(one), parts.of(other)  # noqa: PLW2901 - the parts that they are in
+    for line, pair in zip(lines, owner.tolist(), strict=True):
+        one, other = (parts[body] for body in pair)
         if one != other and is_shut(line):
-            found.append(Gap(line, min(parts.size(one), parts.size(other))))
-            parts.join(one, other)
+            both = bounds[[one, other]]
+            found.append(Gap(line, float(np.linalg.norm(np.diff(both, axis=1), axis=-1).min())))
+            parts.merge(one, other)
+            bounds[parts[one]] = both[:, 0].min(axis=0), both[:, 1].max(axis=0)
     return found
 
 
@@ -255,29 +259,3 @@ def _pieces(bodies: Geometries) -> tuple[Geometries, IndexArray]:
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     lines = shapely.linestrings(points[begins[piece] + within], indices=piece)
     return np.atleast_1d(lines), body[ring[begins]]
-
-
-class _DisjointSets:
-    """Disjoint sets of bodies, with their bounds (n, 4)."""
-
-    def __init__(self, bounds: FloatArray) -> None:
-        self._bounds, self._above = bounds.copy(), list(range(len(bounds)))
-
-    def of(self, body: int) -> int:
-        """Return the number of the part that a body is in."""
-        while self._above[body] != body:
-            self._above[body] = self._above[self._above[body]]
-            body = self._above[body]
-        return body
-
-    def size(self, part: int) -> float:
-        """Return the diagonal of a part's bounds."""
-        xmin, ymin, xmax, ymax = self._bounds[part]
-        return float(np.hypot(xmax - xmin, ymax - ymin))
-
-    def join(self, one: int, other: int) -> None:
-        """Make two parts one."""
-        low = np.minimum(self._bounds[one, :2], self._bounds[other, :2])
-        high = np.maximum(self._bounds[one, 2:], self._bounds[other, 2:])
-        self._bounds[one] = [*low, *high]
-        self._above[other] = one
