@@ -204,7 +204,7 @@ class _Night:
         from pipeline.nightly.planning.worker import Rules
         from pipeline.stages.seasons.cluster import own_identity
 
-        identity, latest = own_identity(), self.cycles.latest
+        latest = self.cycles.latest
         if base_of(latest) == self.newest.cycle:
             self._revises = self._reason_to_revise(latest)
             self._note(f"planned anew: {self._revises}")
@@ -215,7 +215,7 @@ class _Night:
         compared = self._look_back.cycle
         partial = Partial.opened(
             self.cycles.partial(self.newest.cycle),
-            f"{identity} {self.request} {self.newest.digest} {compared}",
+            f"{own_identity()} {self.request} {self.newest.digest} {compared}",
             is_alone=is_alone,
         )
         earlier = None
@@ -233,7 +233,6 @@ class _Night:
                 self.newest.stale_reason(partial.started, self.config.spec.stale_hours),
             ),
             earlier,
-            identity,
             self._progress,
             self._check_time,
         )

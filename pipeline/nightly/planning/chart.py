@@ -109,7 +109,6 @@ class ChartTask:
     ends: tuple[Point, ...]
     store_root: Path
     path: Path
-    identity: str
 
     def make(self) -> None:
         """Make the chart and store it, unless it is stored already."""
@@ -127,7 +126,6 @@ class CurrentTask:
     chart_path: Path
     store_root: Path
     path: Path
-    identity: str
 
     def make(self) -> None:
         """Fetch the current, project it to the chart's plane, and store it, unless it is stored.

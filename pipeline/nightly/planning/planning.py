@@ -96,7 +96,6 @@ class Planning:
     partial: Partial
     rules: worker.Rules
     earlier: EarlierRoutes | None
-    identity: str
     on_progress: Callable[[int, int], None]
     check: Callable[[], None]
     failures: dict[Path, str] = field(default_factory=dict)
@@ -115,9 +114,7 @@ class Planning:
         """
         examples = [self.cases[first] for first, _ in self.cases.chart_ranges()]
         charts = [
-            ChartTask(
-                _scenario(one), _ends(one), self.store.root, self.chart_path(one), self.identity
-            )
+            ChartTask(_scenario(one), _ends(one), self.store.root, self.chart_path(one))
             for one in examples
         ]
         currents = [
@@ -127,7 +124,6 @@ class Planning:
                 self.chart_path(one),
                 self.store.root,
                 self.current_path(one),
-                self.identity,
             )
             for one in self._current_examples()
         ]
@@ -241,7 +237,6 @@ class Planning:
             self.chart_path(cases[0]),
             part_path(self.partial.parts_folder, first, end),
             self.partial.marks_folder / f"{first}-{end}-{secrets.token_hex(4)}",
-            self.identity,
             self.rules,
             self.earlier,
         )

@@ -87,7 +87,6 @@ class PlanBatch:
     chart_path: Path
     part_path: Path
     mark_path: Path
-    identity: str
     rules: "Rules"
     earlier: EarlierRoutes | None
 

@@ -202,11 +202,6 @@ class DiedBeforeError(Exception):
 class Task(Protocol):
     """A task for a worker."""
 
-    @property
-    def identity(self) -> str:
-        """Identity of the code and libraries of the job."""
-        ...
-
     def make(self) -> Any:  # noqa: ANN401 - each kind of task has its own
         """Do the task."""
         ...
@@ -232,9 +227,9 @@ class Work(Protocol):
         ...
 
 
-def make(task: Task) -> Any:  # noqa: ANN401 - as `Task.make`
-    """Do a task on a worker; raise StageError if the job has another version."""
-    if own_identity() != task.identity:
+def make(task: Task, identity: str) -> Any:  # noqa: ANN401 - as `Task.make`
+    """Do a task on a worker; raise StageError if the job has another code identity."""
+    if own_identity() != identity:
         raise StageError(f"a Dask worker runs {_OTHER_VERSION}")
     return task.make()
 
@@ -291,13 +286,14 @@ class Fleet:
             The scheduler has died, or has had no workers for _WORKERS_S.
         """
         at_work: dict[Future[Any], Task] = {}
+        identity = own_identity()
         try:
             while True:
                 while len(at_work) < self._slots:
                     task = work.next_task(self._slots)
                     if task is None:
                         break
-                    future = self.client.submit(make, task, pure=False, retries=0)
+                    future = self.client.submit(make, task, identity, pure=False, retries=0)
                     at_work[future] = task
                 if not at_work:
                     return

@@ -35,7 +35,7 @@ from pipeline.model import (
     plan_options,
 )
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.seasons.cluster import fleet, own_identity
+from pipeline.stages.seasons.cluster import fleet
 from pipeline.stages.seasons.one_season import SeasonEvaluation, evaluate_season, plan_season
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage
@@ -238,6 +238,12 @@ class SeasonTask:
         evaluation = load_artefact(self.evaluation_path, SeasonEvaluation)
         return None if plan is None or evaluation is None else (plan, evaluation)
 
+    def make(self) -> "Status":
+        """Plan the season; if it has a time limit, in a process that is killed after it."""
+        if self.limit_s is None:
+            return Status(self.season, plan_and_evaluate(self), crashed=False)
+        return status_in_process(self)
+
 
 def plan_and_evaluate(task: SeasonTask) -> str:
     """Plan and evaluate a season, and store both; return why it could not be planned, or ""."""
@@ -331,7 +337,7 @@ def run_on_scheduler(
     StageError
         The scheduler can't be reached or has no workers, or a worker can't plan.
     """
-    seasons = _Seasons(tasks, own_identity(), on_status)
+    seasons = _Seasons(tasks, on_status)
     with fleet(address, tasks[0].scene_path) as workers:
         try:
             workers.run(seasons)
@@ -339,59 +345,37 @@ def run_on_scheduler(
             seasons.give_up(error)
 
 
-@dataclass(frozen=True, slots=True)
-class _OnWorker:
-    """A season for a worker, as `pipeline.stages.seasons.cluster.Task`."""
-
-    season: SeasonTask
-    identity: str
-
-    def make(self) -> Status:
-        """Plan the season; if it has a time limit, in a process that is killed after it."""
-        task = self.season
-        if task.limit_s is None:
-            return Status(task.season, plan_and_evaluate(task), crashed=False)
-        return status_in_process(task)
-
-
 class _Seasons:
     """The seasons of a run, as `pipeline.stages.seasons.cluster.Work`."""
 
-    def __init__(
-        self, tasks: Sequence[SeasonTask], identity: str, on_status: Callable[[Status], None]
-    ) -> None:
-        self._waiting = deque(_OnWorker(task, identity) for task in tasks)
+    def __init__(self, tasks: Sequence[SeasonTask], on_status: Callable[[Status], None]) -> None:
+        self._waiting = deque(tasks)
         self._tries = {task.season: _TRIES for task in tasks}
         self._open = {task.season: task for task in tasks}
         self._on_status = on_status
 
-    def next_task(self, workers: int) -> _OnWorker | None:
+    def next_task(self, workers: int) -> SeasonTask | None:
         """Return the next season, or None if all are handed out."""
         del workers
         return self._waiting.popleft() if self._waiting else None
 
-    def done(self, task: _OnWorker, result: Status) -> None:
+    def done(self, task: SeasonTask, result: Status) -> None:
         """Report how a season ended."""
         del task
         self._end(result)
 
-    def died(self, task: _OnWorker) -> None:
+    def died(self, task: SeasonTask) -> None:
         """Report a season as crashed because several workers died while planning it."""
         reason = "its workers died (out of memory, or a crash of the interpreter)"
-        self._end(Status(task.season.season, reason, crashed=True))
+        self._end(Status(task.season, reason, crashed=True))
 
-    def failed(self, task: _OnWorker, error: Exception) -> None:
+    def failed(self, task: SeasonTask, error: Exception) -> None:
         """Try a season again, or report its error."""
-        season = task.season.season
-        self._tries[season] -= 1
-        if self._tries[season]:
+        self._tries[task.season] -= 1
+        if self._tries[task.season]:
             self._waiting.append(task)
-            return
-
-        def fail() -> str:
-            raise error
-
-        self._end(status_of(season, fail))
+        else:
+            self._end(Status(task.season, one_line(error), crashed=True))
 
     def give_up(self, error: StageError) -> None:
         """Report each open season: with its result if the store has one, otherwise as crashed."""
