@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pipeline._types import BoolArray, FloatArray, IndexArray
+from pipeline._types import ArrayLike, BoolArray, FloatArray, IndexArray
 from pipeline.geo.projection import Projection
 
 # Mean radius of the earth, m: (2a + b)/3 of the ellipsoid GRS 80, which is WGS 84's to 0.1 mm
@@ -34,6 +34,13 @@ Bounds = tuple[float, float, float, float]
 
 # Cells that a source adds around the region, so that currents at its edge are interpolated.
 MARGIN_CELLS = 2.5
+
+
+def bounds_of(points: ArrayLike) -> Bounds:
+    """Return the bounds of points (n, 2), or of several bounds (n, 4)."""
+    places = np.reshape(np.asarray(points, dtype=float), (-1, 2))
+    (west, south), (east, north) = places.min(axis=0).tolist(), places.max(axis=0).tolist()
+    return west, south, east, north
 
 
 def widened(bounds: Bounds, lon_deg: float, lat_deg: float) -> Bounds:

@@ -23,11 +23,11 @@ from shapely.ops import substring
 
 import renew
 from pipeline._types import BoolArray, FloatArray
+from pipeline.geo.lonlat import bounds_of
 from pipeline.sources.land import osm
 from pipeline.stages.choosing.region_choice import (
     FAR_WAY,
     DirectLine,
-    bounds_of,
     widened_by,
 )
 from tests.bench.drawn_waters import KNOT, PLACES, DrawnWater, drawn

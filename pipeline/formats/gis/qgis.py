@@ -18,7 +18,7 @@ from pipeline.formats.figures.map_marks import SpeedScale, speed_scale
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import XML_FORBIDDEN, shortened, xml_environment, xml_text
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
 from pipeline.geo.projection import Projection
 
 # Width, metres on paper or screen, at which a map opens.
@@ -154,7 +154,7 @@ def map_crs(result: RunResult) -> MapCrs:
 
 def _utm_zone(outline: FloatArray) -> Projection | None:
     """Return the UTM zone of the middle of an outline (n, 2), degrees; None if not to scale."""
-    (west, south), (east, north) = outline.min(axis=0).tolist(), outline.max(axis=0).tolist()
+    west, south, east, north = bounds_of(outline)
     if south < _UTM_LATITUDES_DEG[0] or north > _UTM_LATITUDES_DEG[1]:
         return None
     zone = int(((west + east) / 2 + 180) // _ZONE_DEG) % (360 // _ZONE_DEG) + 1
@@ -172,7 +172,7 @@ def lonlat_system() -> ReferenceSystem:
 
 def _bounds(points: FloatArray) -> Bounds:
     """Return bounds of points (n, 2) with a margin."""
-    (xmin, ymin), (xmax, ymax) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    xmin, ymin, xmax, ymax = bounds_of(points)
     margin = _MARGIN * max(xmax - xmin, ymax - ymin)
     return xmin - margin, ymin - margin, xmax + margin, ymax + margin
 

@@ -57,7 +57,7 @@ class Preparation:
 
     tasks: Iterable[ChartTask | CurrentTask]
     on_done: Callable[[], None]
-    failures: dict[Path, str] = field(default_factory=dict)
+    failures: dict[Path, str]
 
     def __post_init__(self) -> None:
         """Queue all tasks."""
@@ -134,11 +134,11 @@ class Planning:
             done += 1
             self.on_progress(done, total)
 
-        preparation = Preparation(
-            [one for one in charts if read_checked(one.path) is None], progress
-        )
-        workers.run(preparation, self.check)
-        self.failures |= preparation.failures
+        def make(tasks: Iterable[ChartTask | CurrentTask]) -> None:
+            missing = [one for one in tasks if read_checked(one.path) is None]
+            workers.run(Preparation(missing, progress, self.failures), self.check)
+
+        make(charts)
         self.failures |= {
             self.current_path(case): "; ".join(
                 self.newest.ahead[one] for one in named_currents(case.season, case.member)
@@ -147,11 +147,7 @@ class Planning:
             if not case.block.scenario.is_planar and not self._usable_currents(case)
         }
         failed = self.failures.keys()
-        wanted = [one for one in currents if not {one.path, one.chart_path} & failed]
-        wanted = [one for one in wanted if read_checked(one.path) is None]
-        preparation = Preparation(wanted, progress)
-        workers.run(preparation, self.check)
-        self.failures |= preparation.failures
+        make(one for one in currents if not {one.path, one.chart_path} & failed)
         if currents and all(one.path in self.failures for one in currents):
             reasons = dict.fromkeys(self.failures[one.path] for one in currents)
             raise ComeAgainError(f"no currents are there yet: {'; '.join(reasons)}")

@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import shapely
 
 from pipeline.errors import StageError
+from pipeline.geo.lonlat import bounds_of
 from pipeline.machine.store import load_artefact
 from pipeline.nightly.cycle import results
 from pipeline.nightly.cycle.folders import writing
@@ -101,8 +102,7 @@ def _bounds(routes_path: Path) -> tuple[float, float, float, float]:
         column = file.read_row_group(group, ["geometry"])["geometry"].to_pylist()
         if column:
             bounds.append(shapely.total_bounds(shapely.from_wkb(column)).tolist())
-    west, south, east, north = zip(*bounds, strict=True)
-    return min(west), min(south), max(east), max(north)
+    return bounds_of(bounds)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.errors import NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
-from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, common_bounds
+from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
 from pipeline.model import Note
 from pipeline.scenario.model import Scenario
@@ -28,7 +28,6 @@ from pipeline.stages.choosing.region_choice import (
     are_on_both_sides,
     bounded_sides,
     choose_region,
-    hull,
     rounded_outward,
     widened_by,
 )
@@ -104,7 +103,7 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     choices = store.load_or_make("region", key, list, choose)
     far_sides = tuple(side for choice in choices for side in choice.far_sides)
     largest = tuple(side for choice in choices for side in choice.largest)
-    bounds = hull([choice.bounds for choice in choices])
+    bounds = bounds_of([choice.bounds for choice in choices])
     chosen = ChosenRegion(bounds, coverage, direct, far_sides, largest)
     ends = _ends_of_currents(chosen, range(len(SIDES)))
     return replace(chosen, notes=(Note.of("region-chosen", bounds=bounds, ends=ends),))
@@ -249,7 +248,7 @@ def _with_cheap_sides(region: ChosenRegion, sides: Sequence[BoundedSide]) -> Cho
     """Widen a region to hold far sides that may need little fuel; None if there are none."""
     cheap = [one for one in sides if one.fuel_ratio <= FAR_WAY]
     around = [widened_by(one.side.around, region.direct.margin_m) for one in cheap]
-    bounds = common_bounds(hull([region.bounds, *around]), region.coverage.bounds)
+    bounds = common_bounds(bounds_of([region.bounds, *around]), region.coverage.bounds)
     if not cheap or bounds is None:
         return None
     held = {one.side for one in cheap}

@@ -24,7 +24,7 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.errors import PipelineError
 from pipeline.formats.shared.result import RunResult
-from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, common_bounds
+from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import Note, Place, Scene, SeasonPlan
@@ -163,11 +163,11 @@ def _around_ways(
         if len(ways) == 1:
             return None
         length_m = ways[-1].length_m / _DETOUR
-        around = hull([grid.bounds_of(ways[-1].cells), grid.bounds_of_island(island)])
+        around = bounds_of([grid.bounds_of(ways[-1].cells), grid.bounds_of_island(island)])
         place, ratio = grid.place_on(island), length_m / shortest.length_m
         return FarSide(*place, length_m, ratio, around, searched)
 
-    places = [bounds_of(np.array([direct.start, direct.goal])), grid.bounds_of(shortest.cells)]
+    places = [bounds_of([direct.start, direct.goal]), grid.bounds_of(shortest.cells)]
     for island in _islands_between(direct, grid):
         side = far_side(island)
         if side is not None and side.ratio * _DETOUR <= _LONGEST_WAY:
@@ -201,14 +201,7 @@ def _up_to_short(sides: Iterable[FarSide]) -> Iterator[FarSide]:
 
 def _region(direct: DirectLine, places: Sequence[Bounds], limits: Bounds) -> Bounds:
     """Return the bounds of all places with the voyage's margin, within limits."""
-    return _within(rounded_outward(widened_by(hull(places), direct.margin_m)), limits)
-
-
-def hull(boxes: Sequence[Bounds]) -> Bounds:
-    """Return the bounds of several bounds."""
-    west, south = np.min(boxes, axis=0)[:2].tolist()
-    east, north = np.max(boxes, axis=0)[2:].tolist()
-    return west, south, east, north
+    return _within(rounded_outward(widened_by(bounds_of(places), direct.margin_m)), limits)
 
 
 def _islands_between(direct: DirectLine, grid: WaterGrid) -> list[int]:
@@ -218,13 +211,6 @@ def _islands_between(direct: DirectLine, grid: WaterGrid) -> list[int]:
     size = np.bincount(grid.islands.ravel())
     largest = sorted((int(one) for one in met if one), key=lambda one: -size[one])
     return [one for one in largest if not grid.leaves(one)][:_MAX_ISLANDS]
-
-
-def bounds_of(lonlat: FloatArray) -> Bounds:
-    """Return the bounds of points (n, 2)."""
-    west, south = lonlat.min(axis=0).tolist()
-    east, north = lonlat.max(axis=0).tolist()
-    return west, south, east, north
 
 
 def widened_by(bounds: Bounds, metres: float) -> Bounds:

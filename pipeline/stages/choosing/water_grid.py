@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds
+from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of
 from pipeline.sources.current_field import LandMask
 
 Cell = tuple[int, int]
@@ -72,8 +72,7 @@ class WaterGrid:
 
     def bounds_of(self, cells: IndexArray) -> Bounds:
         """Return the bounds of the centres of cells (n, 2), degrees."""
-        lat, lon = self.lat[cells[:, 0]], self.lon[cells[:, 1]]
-        return float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
+        return bounds_of(np.stack([self.lon[cells[:, 1]], self.lat[cells[:, 0]]], axis=-1))
 
     @cached_property
     def islands(self) -> npt.NDArray[np.int32]:

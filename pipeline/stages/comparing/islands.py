@@ -23,7 +23,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray, Geometries, IndexArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
 from pipeline.model import PlaceName, Scene
 from pipeline.scenario import catalogue
 
@@ -175,9 +175,7 @@ class _Finder:
     def _region(self) -> tuple[float, float, float, float]:
         """The region's west, south, east and north side, degrees."""
         corners = shapely.get_coordinates(self.scene.chart.extent)
-        lonlat = self.scene.projection.to_lonlat(corners)
-        (west, south), (east, north) = lonlat.min(axis=0), lonlat.max(axis=0)
-        return float(west), float(south), float(east), float(north)
+        return bounds_of(self.scene.projection.to_lonlat(corners))
 
 
 # Coasts are divided into pieces of this many segments, to measure distances between pieces.
