@@ -6,13 +6,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from html import escape
 from pathlib import Path
 from typing import Literal, get_args
 
 from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.formats.shared.result import RunResult, addressed
-from pipeline.formats.shared.text import season_name, season_text
+from pipeline.formats.shared.text import environment, season_name, season_text
 from pipeline.geo.lonlat import position_text
 from pipeline.machine.interpreters import cores, python_command, python_environment
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
@@ -110,39 +109,8 @@ class Outcome:
 
     def _repr_html_(self) -> str:
         """Return the routes as a table for a notebook."""
-        no_go = self.fetched.land.no_go_name
-        header = (
-            "season",
-            "rank",
-            "way",
-            "fuel",
-            "km",
-            f"clear of {no_go}, km",
-            "gap",
-            f"turns met {no_go}",
-        )
-        rows = [
-            (
-                season_name(row.season),
-                str(row.rank),
-                row.way,
-                f"{row.fuel:.1f}",
-                f"{row.length_m / 1000:.1f}",
-                f"{row.clearance_m / 1000:.2f}",
-                self.result.gap_figure(row),
-                f"{row.collisions} of {row.trials:,}",
-            )
-            for row in self.evaluation.routes
-        ]
-        heads = "".join(f"<th>{text}</th>" for text in header)
-        cells = "".join(
-            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
-        )
-        faults = "".join(f"<p>{escape(fault)}</p>" for fault in self.failures)
-        return (
-            f"<table><caption>{escape(self.scenario.title or self.scenario.name)}</caption>"
-            f"<thead><tr>{heads}</tr></thead><tbody>{cells}</tbody></table>{faults}"
-        )
+        template = environment("pipeline.formats.report").get_template("outcome.html.jinja")
+        return template.render(outcome=self, season_name=season_name)
 
 
 _COMPILE = "from renew.warming import rehearse_half; rehearse_half({half})"
