@@ -127,7 +127,6 @@ def _tasks(
             plan_path=store.path("plan", plan_key),
             evaluation_path=store.path("evaluate", evaluation_key),
             options=options,
-            scale=scenario.scale,
             owner=store.owner,
             limit_s=limit_s,
             explains_gap=explains_gap,

@@ -22,7 +22,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Scene
-from pipeline.scenario.model import Scenario
+from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.sources.land import osm
 from pipeline.stages.project import project
 from pipeline.stages.seasons.one_season import evaluate_season, plan_season
@@ -147,7 +147,7 @@ def _check(
     plan = plan_season(scene, "made-up", scenario.planner)
     if plan.plan is None:
         return Checked((), f"without a route: {plan.failure}")
-    rows = evaluate_season(scene, plan, scenario.scale, seed=0).routes
+    rows = evaluate_season(scene, plan, PlannerOptions()).routes
     return Checked(
         tuple(
             _measured(scene, land, np.asarray(route.path), row.clearance_m)

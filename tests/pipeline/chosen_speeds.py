@@ -11,6 +11,7 @@ import numpy as np
 import renew
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import CurrentGrid, Fetched, Land, Scene, Simplified, SpeedChoice
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.project import project
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
@@ -60,7 +61,9 @@ def run() -> RunResult:
     simplified = Simplified((ISLAND.buffer(0.0005),), (ISLAND,), 0, 0, 0.0, 0.0)
     scene = project(asked, got, simplified)
     plans = tuple(plan_season(scene, one.name, asked.planner) for one in asked.seasons)
-    evaluation = combine_seasons(evaluate_season(scene, plan, 1.0, 0, "crab") for plan in plans)
+    evaluation = combine_seasons(
+        evaluate_season(scene, plan, PlannerOptions(drift="crab")) for plan in plans
+    )
     evaluation = with_way_names(evaluation, scene, plans, ())
     return RunResult(asked, got, simplified, scene, plans, evaluation, {}, DEPARTURE)
 

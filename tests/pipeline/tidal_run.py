@@ -11,6 +11,7 @@ import shapely
 
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.project import project
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from pipeline.stages.seasons.task import clock_worth
@@ -63,7 +64,7 @@ def run(grid: CurrentGrid, islands: tuple[shapely.Polygon, ...] = (ISLAND,)) -> 
     simplified = Simplified(no_go, islands, 0, 0, 0.0, 0.0)
     scene = project(asked, got, simplified)
     plan = plan_season(scene, "tide", asked.planner)
-    evaluated = evaluate_season(scene, plan, 1.0, 0, asked.planner.drift)
+    evaluated = evaluate_season(scene, plan, PlannerOptions(drift=asked.planner.drift))
     worth = clock_worth(scene, plan, asked.planner)
     evaluation = combine_seasons([replace(evaluated, clock_worth=worth)])
     return RunResult(asked, got, simplified, scene, (plan,), evaluation, {}, DEPARTURE)

@@ -155,14 +155,7 @@ def plan_case(
         scene = _scene(case, chart, current)
         options = options_of(chart, scene.start, scene.goal)
         planned = plan_season(scene, case.names[1], options)
-        measured = evaluate_season(
-            scene,
-            planned,
-            chart.scenario.scale,
-            options.seed,
-            options.drift,
-            options.lateness,
-        )
+        measured = evaluate_season(scene, planned, options)
         figures = with_way_names(combine_seasons([measured]), scene, [planned], ()).routes
     except Exception as error:  # noqa: BLE001 - the other cases continue
         return [failed_row(case, one_line(error), rules, earlier)]

@@ -4,9 +4,8 @@ import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime, timedelta
+from datetime import timedelta
 from functools import partial
-from typing import TypedDict
 
 import numpy as np
 import shapely
@@ -32,7 +31,7 @@ from pipeline.model import (
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.places import is_shut_in
 from renew.errors import TooLateError
-from renew.inputs.options import MAX_STATIONS, Drift
+from renew.inputs.options import MAX_STATIONS
 from renew.turns.turn_reach import TurnReach
 
 MIN_LATENESS_S = 3600.0
@@ -117,14 +116,7 @@ class SeasonEvaluation:
     clock_worth: ClockWorth | None = None
 
 
-def evaluate_season(
-    scene: Scene,
-    plan: SeasonPlan,
-    scale: float,
-    seed: int,
-    drift: Drift = "projected",
-    lateness: float = 0.05,
-) -> SeasonEvaluation:
+def evaluate_season(scene: Scene, plan: SeasonPlan, options: PlannerOptions) -> SeasonEvaluation:
     """Measure one season's routes, by rank; the result is empty if the season was not planned.
 
     In a changing current, the drift model determines the times along a route. Turns are simulated
@@ -133,7 +125,7 @@ def evaluate_season(
     routes = plan.ranked_routes
     if not routes:
         return SeasonEvaluation((), {})
-    evaluator = _RouteEvaluator(scene, plan.season, routes, scale, seed, drift, lateness)
+    evaluator = _RouteEvaluator(scene, plan.season, routes, options)
     second_shoreline = SecondShoreline(scene)
     rows, flown, crossings = [], {}, list[ShoreCrossing]()
     for rank, route in enumerate(routes, start=1):
@@ -156,31 +148,14 @@ def combine_seasons(parts: Iterable[SeasonEvaluation]) -> Evaluation:
     )
 
 
-class _LeastWater(TypedDict, total=False):
-    """The fields of RouteMetrics on the water under the keel."""
-
-    least_water_m: float
-    least_water_at: datetime
-    least_water_early_m: float
-    least_water_late_m: float
-
-
 class _RouteEvaluator:
     """Measures the routes of one season."""
 
     def __init__(
-        self,
-        scene: Scene,
-        season: str,
-        routes: Sequence[renew.Route],
-        scale: float,
-        seed: int,
-        drift: Drift,
-        lateness: float,
+        self, scene: Scene, season: str, routes: Sequence[renew.Route], options: PlannerOptions
     ) -> None:
         self._scene, self._season, self._current = scene, season, scene.currents[season]
-        self._scale, self._seed = scale, seed
-        self._drift, self._lateness = drift, lateness
+        self._options = options
         self._land = np.array(scene.land, dtype=object)
         self._tree = shapely.STRtree(self._land)
         self._near_land = land_within_reach(scene, self._current, scene.vessel_in(season), routes)
@@ -189,7 +164,7 @@ class _RouteEvaluator:
         """Return all measurements of one route."""
         line = shapely.LineString(route.path)
         land_m, land_lon, land_lat = self._over_land(line)
-        return RouteMetrics(
+        measured = RouteMetrics(
             season=self._season,
             rank=rank,
             homotopy=route.homotopy,
@@ -209,21 +184,18 @@ class _RouteEvaluator:
             land_lat=land_lat,
             filled_share=self._filled_share(route),
             uncharted_share=self._uncharted_share(route),
-            **self._least_water(route),
         )
-
-    def _least_water(self, route: renew.Route) -> _LeastWater:
-        """Return the figures of the least water under the keel, if there is a tide."""
         least, kept_m = route.least_water, self._scene.under_keel_clearance_m
         if least is None:
-            return {}
-        return {
-            "least_water_m": least.spare + kept_m,
-            "least_water_at": self._scene.departures[self._season]
+            return measured
+        return replace(
+            measured,
+            least_water_m=least.spare + kept_m,
+            least_water_at=self._scene.departures[self._season]
             + timedelta(seconds=round(least.time)),
-            "least_water_early_m": least.early + kept_m,
-            "least_water_late_m": least.late + kept_m,
-        }
+            least_water_early_m=least.early + kept_m,
+            least_water_late_m=least.late + kept_m,
+        )
 
     def turns(self, route: renew.Route) -> renew.Contingency:
         """Simulate the hard-over turns of a route against the original land within their reach."""
@@ -236,9 +208,9 @@ class _RouteEvaluator:
             self._current,
             vessel,
             spacing=max(least, _SPACING_RADII * vessel.turning_radius),
-            seed=self._seed,
-            drift=self._drift,
-            lateness=self._lateness,
+            seed=self._options.seed,
+            drift=self._options.drift,
+            lateness=self._options.lateness,
             min_lateness=MIN_LATENESS_S,
         )
 
@@ -251,7 +223,7 @@ class _RouteEvaluator:
         if not len(self._land):
             return math.inf
         projection = self._scene.projection
-        points = densified(shapely.get_coordinates(line), _PIECE_M / self._scale)
+        points = densified(shapely.get_coordinates(line), _PIECE_M / self._scene.projection.scale)
         pieces = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
         apart = self._tree.query_nearest(pieces, return_distance=True, all_matches=False)[1]
         true = apart / projection.point_scale(projection.to_lonlat((points[:-1] + points[1:]) / 2))

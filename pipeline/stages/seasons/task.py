@@ -227,7 +227,6 @@ class SeasonTask:
     plan_path: Path
     evaluation_path: Path
     options: PlannerOptions
-    scale: float
     owner: str = ""
     limit_s: float | None = None
     explains_gap: bool = False
@@ -257,13 +256,10 @@ def plan_and_evaluate(task: SeasonTask) -> str:
     if plan is None:
         plan = plan_season(scene, task.season, task.options)
         save_artefact(task.plan_path, plan, task.owner)
-    options = task.options
-    evaluation = evaluate_season(
-        scene, plan, task.scale, options.seed, options.drift, options.lateness
-    )
+    evaluation = evaluate_season(scene, plan, task.options)
     if task.explains_gap:
-        evaluation = replace(evaluation, gap_shares=gap_shares(scene, plan, options))
-    evaluation = replace(evaluation, clock_worth=clock_worth(scene, plan, options))
+        evaluation = replace(evaluation, gap_shares=gap_shares(scene, plan, task.options))
+    evaluation = replace(evaluation, clock_worth=clock_worth(scene, plan, task.options))
     save_artefact(task.evaluation_path, evaluation, task.owner)
     return plan.failure
 

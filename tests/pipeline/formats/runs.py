@@ -10,7 +10,7 @@ import shapely
 
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
-from pipeline.scenario.model import Scenario
+from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.stages.project import project
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from tests.pipeline.formats import small_run
@@ -64,7 +64,7 @@ def _finished(asked: Scenario, got: Fetched, simplified: Simplified) -> RunResul
         simplified=simplified,
         scene=scene,
         plans=(plan,),
-        evaluation=combine_seasons([evaluate_season(scene, plan, asked.scale, 0)]),
+        evaluation=combine_seasons([evaluate_season(scene, plan, PlannerOptions())]),
         timings={},
         created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
     )

@@ -12,6 +12,7 @@ import renew
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import legs
 from pipeline.model.planning import speed_choices, true_duration_s
+from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
 from pipeline.stages.comparing.other_ways import side_bounds
 from pipeline.stages.project import project
@@ -141,7 +142,7 @@ def test_a_refusal_of_the_planner_is_reported_for_the_season() -> None:
         assert "speed" in plan.failure
         return
     # On the current's own clock: in time, and every leg as the planner has it.
-    evaluated = evaluate_season(scene, plan, 1.0, 0, "crab")
+    evaluated = evaluate_season(scene, plan, PlannerOptions(drift="crab"))
     assert max(row.duration_s for row in evaluated.routes) <= scene.speeds["tide"].within_s
     worth = clock_worth(scene, plan, scenario.planner)
     assert worth is not None

@@ -10,6 +10,7 @@ import pytest
 
 import renew
 from pipeline.formats.shared.route_profile import legs, route_profile
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.project import planar_current, project
 from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 from tests.pipeline.tidal_run import DEPARTURE, PERIOD_S, planned, tide
@@ -43,7 +44,7 @@ def test_the_clock_begins_at_departure() -> None:
 def test_turns_are_flown_early_on_time_and_late() -> None:
     result = planned()
     steady = replace(result.scene, currents={"tide": renew.UniformCurrent(0.0, 0.0)})
-    still = evaluate_season(steady, result.plans[0], 1.0, 0)
+    still = evaluate_season(steady, result.plans[0], PlannerOptions())
     for row, other in zip(result.evaluation.routes, still.routes, strict=True):
         assert row.trials == 3 * other.trials > 300
         assert row.collisions == 0

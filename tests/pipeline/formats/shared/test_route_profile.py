@@ -14,6 +14,7 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import RouteProfile, coast_index, legs, route_profile
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.seasons.one_season import evaluate_season
 from tests.pipeline.formats import small_run
 from tests.strategies import examples
@@ -23,9 +24,7 @@ GEOD = pyproj.Geod(ellps="WGS84")
 
 def evaluated(result: RunResult) -> RunResult:
     """The run with the metrics of the real evaluation."""
-    parts = [
-        evaluate_season(result.scene, plan, result.scenario.scale, seed=0) for plan in result.plans
-    ]
+    parts = [evaluate_season(result.scene, plan, PlannerOptions()) for plan in result.plans]
     rows = tuple(row for part in parts for row in part.routes)
     return replace(result, evaluation=replace(result.evaluation, routes=rows))
 

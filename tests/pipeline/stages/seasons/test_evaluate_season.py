@@ -16,6 +16,7 @@ from pipeline.geo.lonlat import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
 from pipeline.model import Evaluation, Scene, SeasonPlan
 from pipeline.run import Outcome
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.seasons import one_season
 from pipeline.stages.seasons.one_season import (
     combine_seasons,
@@ -66,7 +67,7 @@ def test_lengths_clearances_and_times_are_true_ones(
     planned: tuple[Scene, shapely.Polygon, SeasonPlan],
 ) -> None:
     scene, island, plan = planned
-    evaluation = combine_seasons([evaluate_season(scene, plan, SCALE, seed=0)])
+    evaluation = combine_seasons([evaluate_season(scene, plan, PlannerOptions())])
     assert plan.plan is not None
     assert len(evaluation.routes) == len(plan.plan.routes) == 2
     coast = shapely.get_coordinates(shapely.segmentize(island.exterior, 0.005))
@@ -125,7 +126,7 @@ def test_the_nearest_land_is_the_nearest_on_earth() -> None:
     )
     straight = replace(plan.best, path=endpoints, trajectory=track, length=length, duration=length)
     season = SeasonPlan("still", replace(plan, routes=(straight,)), "", 1.0)
-    (row,) = evaluate_season(scene, season, 2000.0, seed=0).routes
+    (row,) = evaluate_season(scene, season, PlannerOptions()).routes
     assert row.clearance_m == pytest.approx(clearance_m(line, islands), abs=1.0)
     assert row.length_m == pytest.approx(GEOD.line_length(*line.T), rel=1e-5)
     assert row.duration_s == pytest.approx(row.length_m, rel=1e-3), "1 m/s in still water"
@@ -144,7 +145,7 @@ def test_a_route_over_land_is_detected(
         times=np.array([0.0, 1.0, 2.0]),
     )
     over = SeasonPlan("still", replace(plan.plan, routes=(route,)), "", 1.0)
-    row = evaluate_season(scene, over, SCALE, seed=0).routes[0]
+    row = evaluate_season(scene, over, PlannerOptions()).routes[0]
     # The crossing in lon/lat, where the legs are almost straight too.
     legs = shapely.LineString([(120.3, 12.8), (118.9, 10.0), (116.8, 7.7)])
     inside = shapely.get_coordinates(shapely.intersection(shapely.segmentize(legs, 0.01), island))
@@ -166,13 +167,13 @@ def test_on_the_longest_ways_turns_begin_as_near_as_there_may_be_points(
     scene, _, plan = planned
     for module in (one_season, options):
         monkeypatch.setattr(module, "MAX_STATIONS", 50)
-    rows = evaluate_season(scene, plan, SCALE, seed=0).routes
+    rows = evaluate_season(scene, plan, PlannerOptions()).routes
     assert len(rows) == 2
 
 
 def test_a_season_without_a_plan_has_no_rows() -> None:
     scene, _ = lonlat_scene()
-    evaluation = evaluate_season(scene, SeasonPlan("still", None, "no", 0.0), SCALE, seed=0)
+    evaluation = evaluate_season(scene, SeasonPlan("still", None, "no", 0.0), PlannerOptions())
     assert evaluation.routes == ()
 
 
@@ -201,10 +202,10 @@ def test_shares_without_figures_are_those_of_the_grids(
     north = KnownCells(lon, lat, np.repeat((lat < 10)[:, None], lon.size, axis=1))
     west = DepthCover((shapely.box(110, 0, 118, 20),))
     known = replace(scene, current_cells={"still": north}, depths=west)
-    for row in evaluate_season(scene, plan, SCALE, seed=0).routes:
+    for row in evaluate_season(scene, plan, PlannerOptions()).routes:
         assert row.filled_share == 0
         assert math.isnan(row.uncharted_share)
-    rows = evaluate_season(known, plan, SCALE, seed=0).routes
+    rows = evaluate_season(known, plan, PlannerOptions()).routes
     for row, route in zip(rows, plan.ranked_routes, strict=True):
         line = shapely.segmentize(shapely.LineString(route.path), 0.2)
         points = scene.projection.to_lonlat(shapely.get_coordinates(line))

@@ -43,7 +43,7 @@ def test_the_chosen_route_has_rank_1_and_the_plan_keeps_its_order_by_fuel() -> N
     assert [route.fuel for route in routes] == sorted(route.fuel for route in routes)
     assert season.plan.best is routes[season.plan.chosen]
     assert season.ranked_routes == (routes[1], routes[0])
-    rows = evaluate_season(scene, season, scenario.scale, seed=0).routes
+    rows = evaluate_season(scene, season, PlannerOptions()).routes
     assert [(row.rank, row.homotopy) for row in rows] == [
         (1, season.plan.best.homotopy),
         (2, routes[0].homotopy),
