@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from html import escape
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -318,18 +318,9 @@ class Departures:
     @classmethod
     def of(cls, found: Iterable[Departed], unproven: float, plan: Plan) -> "Departures":
         """List the outcome of each departure, with the plan at the best of them."""
-        departures, arrivals, fuels, paths, times, homotopies, causes = zip(*found, strict=True)
-        return cls(
-            np.array(departures, dtype=float),
-            np.array(arrivals, dtype=float),
-            np.array(fuels, dtype=float),
-            paths,
-            times,
-            homotopies,
-            causes,
-            unproven,
-            plan,
-        )
+        columns: list[Any] = list(zip(*found, strict=True))
+        columns[:3] = (np.array(numbers, dtype=float) for numbers in columns[:3])
+        return cls(*[*columns, unproven, plan])
 
     @property
     def reasons(self) -> tuple[str, ...]:

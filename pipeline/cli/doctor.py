@@ -6,7 +6,6 @@ need, such as an account. Checks that may hang run in parallel threads and have 
 
 import json
 import platform
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
@@ -17,6 +16,7 @@ from pathlib import Path
 from pipeline.cli import check_machine
 from pipeline.cli.check_machine import Finding
 from pipeline.errors import PipelineError
+from pipeline.machine.interpreters import begun
 from pipeline.machine.paths import folder_to_write
 from pipeline.sources.copernicus.client import PASSWORD, USERNAME, has_account, login_fault
 
@@ -93,21 +93,17 @@ class Background:
     """A check that runs in a separate thread, with a time limit in seconds."""
 
     def __init__(self, what: str, check: Callable[[], Finding], seconds: float) -> None:
-        self._what, self._seconds = what, seconds
-        self._end = time.monotonic() + seconds
-        self._found: list[Finding] = []
-        self._thread = threading.Thread(
-            target=lambda: self._found.append(guarded(what, check)), daemon=True
-        )
-        self._thread.start()
+        self._what, self._seconds, self._end = what, seconds, time.monotonic() + seconds
+        self._found = begun(partial(guarded, what, check))
 
     def finding(self) -> Finding:
         """Return the check's finding, or a fault if it has not ended within its time limit."""
-        self._thread.join(max(0.0, self._end - time.monotonic()))
-        if self._found:
-            return self._found[0]
-        detail = f"no answer within {self._seconds:g} s"
-        return Finding("fault", self._what, detail, "check the load of the machine and the network")
+        try:
+            return self._found.result(max(0.0, self._end - time.monotonic()))
+        except TimeoutError:
+            detail = f"no answer within {self._seconds:g} s"
+            remedy = "check the load of the machine and the network"
+            return Finding("fault", self._what, detail, remedy)
 
 
 def check_account() -> Finding:
@@ -163,7 +159,7 @@ def _worker_states(address: str, folder: str) -> dict[str, object]:
     """Return the state of each of a scheduler's workers; raise if they do not answer in time."""
     from distributed import Client
 
-    from pipeline.stages.seasons.cluster import quiet, scheduler_workers, within
+    from pipeline.stages.seasons.cluster import quiet, scheduler_workers
 
     def ask() -> dict[str, object]:
         with Client(address, timeout=NETWORK_S, set_as_default=False) as client:
@@ -172,7 +168,7 @@ def _worker_states(address: str, folder: str) -> dict[str, object]:
 
     with quiet():
         # Check for workers first: a client that can't connect prints a traceback when deleted.
-        return within(NETWORK_S, ask) if scheduler_workers(address, NETWORK_S - 2) else {}
+        return begun(ask).result(NETWORK_S) if scheduler_workers(address, NETWORK_S - 2) else {}
 
 
 def worker_state(folder: str) -> dict[str, str]:

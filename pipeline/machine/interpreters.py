@@ -12,9 +12,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
+
+ValueT = TypeVar("ValueT")
 
 _ROOT = Path(__file__).resolve().parents[2]
 _SAFE_PATH = "PYTHONSAFEPATH"
@@ -49,6 +53,20 @@ def python_environment() -> Mapping[str, str]:
     """
     entries = [str(_ROOT), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, entries)), _SAFE_PATH: "1"}
+
+
+def begun(function: Callable[[], ValueT]) -> Future[ValueT]:
+    """Call a function that may never return, in a thread that does not keep the program alive."""
+    outcome: Future[ValueT] = Future()
+
+    def call() -> None:
+        try:
+            outcome.set_result(function())
+        except BaseException as error:  # noqa: BLE001 - raised again in the caller's thread
+            outcome.set_exception(error)
+
+    threading.Thread(target=call, daemon=True).start()
+    return outcome
 
 
 @contextlib.contextmanager

@@ -5,10 +5,8 @@ with it. If a worker dies, its task is reported to the `Work`, which decides whe
 """
 
 import asyncio
-import concurrent.futures
 import contextlib
 import logging
-import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -17,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pipeline.errors import StageError
-from pipeline.machine.interpreters import cores, ignoring_working_directory
+from pipeline.machine.interpreters import begun, cores, ignoring_working_directory
 from pipeline.machine.store import artefact_key
 
 if TYPE_CHECKING:
@@ -60,21 +58,7 @@ def scheduler_workers(address: str, limit_s: float) -> dict[str, Any]:
         workers: dict[str, Any] = answer["workers"]
         return workers
 
-    return within(limit_s, lambda: asyncio.run(ask()))
-
-
-def within(seconds: float, function: Callable[[], ValueT]) -> ValueT:
-    """Call a function that may never return, in a thread that is abandoned after the time limit."""
-    outcome: concurrent.futures.Future[ValueT] = concurrent.futures.Future()
-
-    def call() -> None:
-        try:
-            outcome.set_result(function())
-        except BaseException as error:  # noqa: BLE001 - raised again in the caller's thread
-            outcome.set_exception(error)
-
-    threading.Thread(target=call, daemon=True).start()
-    return outcome.result(timeout=seconds)
+    return begun(lambda: asyncio.run(ask())).result(limit_s)
 
 
 @contextlib.contextmanager
@@ -118,7 +102,7 @@ def refuse_unfit_workers(client: "Client", address: str, path: Path) -> None:
     """Raise a StageError that names the workers that can't plan, read a path or answer."""
     ask = partial(client.run, worker_fault, own_identity(), str(path), on_error="return")
     try:
-        answers = within(_WORKERS_ANSWER_S, ask)
+        answers = begun(ask).result(_WORKERS_ANSWER_S)
     except Exception as error:
         reason = " ".join(str(error).split()) or f"no answer within {_WORKERS_ANSWER_S:g} s"
         raise StageError(
@@ -162,7 +146,7 @@ def local_cluster(workers: int | None, memory_gb: float) -> Iterator[str]:
             yield str(cluster.scheduler_address)
         finally:
             with contextlib.suppress(Exception):
-                within(2 * _CLOSE_S, partial(cluster.close, timeout=_CLOSE_S))
+                begun(partial(cluster.close, timeout=_CLOSE_S)).result(2 * _CLOSE_S)
 
 
 def _started(workers: int, memory_gb: float, tries: int = _TRIES) -> "LocalCluster":
@@ -305,7 +289,8 @@ class Fleet:
         finally:
             if at_work:
                 with contextlib.suppress(Exception):
-                    within(_CLOSE_S, partial(self.client.cancel, list(at_work), force=True))
+                    cancel = partial(self.client.cancel, list(at_work), force=True)
+                    begun(cancel).result(_CLOSE_S)
 
     def wait_for_workers(self) -> None:
         """Wait until the scheduler has a worker, at most _WORKERS_S."""
@@ -322,7 +307,7 @@ class Fleet:
         # A task that ends or dies had a worker, even if that worker has gone since.
         self._had_workers = time.monotonic()
         try:
-            result = within(_ANSWER_S, future.result)
+            result = begun(future.result).result(_ANSWER_S)
         except (KilledWorker, DiedBeforeError):
             work.died(task)
         except TimeoutError:
@@ -381,7 +366,7 @@ def _client(address: str) -> "Iterator[Client]":
     connect = partial(Client, address, timeout=_ANSWER_S, set_as_default=False)
     try:
         scheduler_workers(address, _ANSWER_S)  # a client would try to connect for long
-        client = within(2 * _ANSWER_S, connect)
+        client = begun(connect).result(2 * _ANSWER_S)
     except Exception as error:
         reason = " ".join(str(error).split()) or f"no answer within {_ANSWER_S:g} s"
         raise StageError(
@@ -391,4 +376,4 @@ def _client(address: str) -> "Iterator[Client]":
         yield client
     finally:
         with contextlib.suppress(Exception):
-            within(_CLOSE_S, partial(client.close, timeout=_CLOSE_S))
+            begun(partial(client.close, timeout=_CLOSE_S)).result(_CLOSE_S)
