@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 import shapely
@@ -45,21 +45,6 @@ class Simplified:
 # A path may come near a via point several times. It passes the point each time that its distance
 # exceeds its least distance by no more than this share of the turning radius.
 _AS_CLOSE = 0.01
-
-
-class Itinerary(TypedDict):
-    """The via points and the shut areas of a plan."""
-
-    via: FloatArray
-    avoid: tuple[renew.ShutArea, ...]
-    depth: renew.TidalDepth | None
-
-
-class Pace(TypedDict, total=False):
-    """Speeds through water to choose from, m/s, and by when to be there; empty without a choice."""
-
-    speed: tuple[float, float]
-    arrive_by: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +98,6 @@ class Scene:
         choice = self.speeds.get(season)
         return self.vessel if choice is None else replace(self.vessel, speed=choice.most)
 
-    def pace(self, season: str, arrive_by_s: float) -> Pace:
-        """Return speeds to choose from and the latest arrival (s, clock), for `renew.plan`."""
-        choice = self.speeds.get(season)
-        if choice is None:
-            return {}
-        return {"speed": (choice.least, choice.most), "arrive_by": arrive_by_s}
-
     @property
     def stops(self) -> FloatArray:
         """Start, via points and goal (n + 2, 2)."""
@@ -131,12 +109,18 @@ class Scene:
 
         return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)[0]
 
-    def itinerary(self, season: str) -> Itinerary:
-        """Return via points and shut areas, as `renew.plan` takes them."""
+    def itinerary(self, season: str, arrive_by_s: float = math.inf) -> dict[str, Any]:
+        """Return via points and shut areas as `renew.plan` takes them.
+
+        If speeds are to be chosen, they are there, too, and the latest arrival (s, clock).
+        """
+        choice = self.speeds.get(season)
         return {
             "via": self.via,
             "avoid": self.areas.get(season, ()),
             "depth": self.tidal_depths.get(season),
+            "speed": None if choice is None else (choice.least, choice.most),
+            "arrive_by": None if choice is None else arrive_by_s,
         }
 
     def planned(
@@ -150,8 +134,7 @@ class Scene:
             self.start,
             self.goal,
             options=options,
-            **self.itinerary(season),
-            **self.pace(season, arrive_by_s),
+            **self.itinerary(season, arrive_by_s),
         )
 
     def place_text(self, place: FloatArray) -> str:

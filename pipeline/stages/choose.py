@@ -215,13 +215,13 @@ def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> 
     """Plan a season's departures, and choose the best or the latest that arrives in time."""
     asked: dict[str, Any] = {
         "options": plan_options(options, min_lateness=MIN_LATENESS_S),
-        **scene.itinerary(season.name),
+        **scene.itinerary(season.name, scene.speeds[season.name].within_s if season.speed else 0.0),
     }
     given = (scene.chart, scene.currents[season.name], scene.vessel, scene.start, scene.goal)
     first = scene.departures[season.name]
     if season.arrive_by is not None and season.speed is None:
         by = (season.arrive_by - first).total_seconds()
-        return _latest(renew.plan(*given, **asked, arrive_by=by).best, first, season)
+        return _latest(renew.plan(*given, **asked | {"arrive_by": by}).best, first, season)
     if season.departures is None:
         raise ValueError(f"season {season.name!r} leaves no departure open")
     times = season.departures.seconds
@@ -232,7 +232,6 @@ def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> 
         *given,
         times,
         **asked,
-        **scene.pace(season.name, scene.speeds[season.name].within_s if season.speed else 0.0),
         to_within=within,
         spacing=_MINUTE_S,
         progress=partial(_say_progress, len(times), say),

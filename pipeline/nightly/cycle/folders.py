@@ -189,19 +189,6 @@ def _age(path: Path) -> tuple[float, int, str]:
     return (record if record.exists() else path).stat().st_mtime, 1, path.name
 
 
-@dataclass(frozen=True, slots=True)
-class Holder:
-    """The holder of the lock: its process, its machine, and the time when it got the lock (UTC)."""
-
-    pid: int
-    host: str
-    since: str
-
-    def __str__(self) -> str:
-        """Return the holder as text for a message."""
-        return f"process {self.pid} on {self.host}, since {self.since}"
-
-
 @contextlib.contextmanager
 def night_lock(output: Path, *, shared: bool = False) -> Iterator[None]:
     """Hold the lock of an output folder, alone or shared with the other jobs of a night.
@@ -230,7 +217,7 @@ def holder_of(output: Path) -> str:
     """Return the holder that the lock's file names, as text."""
     try:
         holder = json.loads((output / LOCK).read_text(encoding="utf-8"))
-        return str(Holder(int(holder["pid"]), str(holder["host"]), str(holder["since"])))
+        return f"process {int(holder['pid'])} on {holder['host']}, since {holder['since']}"
     except (OSError, ValueError, KeyError, TypeError):
         return "a process that is just beginning"
 
