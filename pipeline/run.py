@@ -157,11 +157,12 @@ def run(
         No season could be planned for another reason, or the results can't be written.
     """
     require_covered(scenario)
-    options = _Options(offline, strict, scheduler, limit_s)
     started = time.perf_counter()
     with session(scenario.name, output, origin) as held:
         with first_compilation() as compiled:
-            stages = _Stages(held.store, on_event or ignore, options, compiled)
+            stages = _Stages(
+                held.store, on_event or ignore, compiled, offline, strict, scheduler, limit_s
+            )
             result = stages.result(scenario)
         fresh = stages.write(result, held.directory)
         held.record_origin()
@@ -187,31 +188,23 @@ def planned_scenario(
     require_covered(scenario)
     with session(scenario.name, output, origin) as held:
         with first_compilation() as compiled:
-            options = _Options(offline, bounds_sides=False)
-            stages = _Stages(held.store, on_event or ignore, options, compiled)
+            stages = _Stages(held.store, on_event or ignore, compiled, offline, bounds_sides=False)
             result = stages.result(scenario)
         yield result.value
 
 
-@dataclass(frozen=True, slots=True)
-class _Options:
-    """Options of a run; see `run`."""
+@dataclass(frozen=True)
+class _Stages:
+    """The stages of a run (see `run`); each loads its artefact if the store has it."""
 
+    store: Store
+    on_event: EventHandler
+    compiled: Callable[[], None]  # waits for the compilation of the planner
     offline: bool = False
     strict: bool = False
     scheduler: str | None = None
     limit_s: float | None = None
     bounds_sides: bool = True
-
-
-@dataclass(frozen=True)
-class _Stages:
-    """The stages of a run; each loads its artefact if the store has it."""
-
-    store: Store
-    on_event: EventHandler
-    options: _Options
-    compiled: Callable[[], None]  # waits for the compilation of the planner
     timings: dict[str, float] = field(default_factory=dict)
 
     def result(self, asked: Scenario) -> Artefact[RunResult]:
@@ -219,16 +212,15 @@ class _Stages:
         if asked.region is not None or asked.is_planar:
             return self._in_region(asked, ())
         self.on_event(Event("choose", "part", detail="the region"))
-        offline = self.options.offline
-        return search_region(asked, self.store, self._in_region, offline=offline)
+        return search_region(asked, self.store, self._in_region, offline=self.offline)
 
     def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Artefact[RunResult]:
         """Run all stages except "write" in the scenario's region, with notes on its choice."""
-        store, options = self.store, self.options
+        store = self.store
         with self._stage("fetch", scenario) as say:
             for note in region_notes[-1:]:
                 say(note)
-            data = fetch(scenario, store, offline=options.offline, strict=options.strict)
+            data = fetch(scenario, store, offline=self.offline, strict=self.strict)
             for note in data.fetched.notes:
                 say(note)
         if store.has_made:
@@ -250,14 +242,14 @@ class _Stages:
                 land,
                 store,
                 self._say_season,
-                scheduler=options.scheduler,
-                limit_s=options.limit_s,
+                scheduler=self.scheduler,
+                limit_s=self.limit_s,
                 meanwhile=load_libraries,
             )
         for plan in planned.value.plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
         with self._stage("compare", scenario) as say:
-            return compare(chosen, land, planned, store, say, bounds_sides=options.bounds_sides)
+            return compare(chosen, land, planned, store, say, bounds_sides=self.bounds_sides)
 
     def write(self, result: Artefact[RunResult], directory: Path) -> bool:
         """Write all files unless the folder has them already; return whether they were written."""

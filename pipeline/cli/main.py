@@ -17,7 +17,6 @@ Results go to standard output; progress, notes and errors to standard error.
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -123,21 +122,21 @@ def run(
 ) -> None:
     """Plan a scenario's routes and write them to OUTPUT/<scenario>/."""
     with reported_errors(), failures.dating_earlier_results(output, scenario):
-        wanted = _wanted(scenario, output, charts, currents)
+        wanted, origin, notes = _wanted(scenario, output, charts, currents)
         from pipeline.cli.ending import run_to_end
         from pipeline.run import run as run_scenario
 
         run = partial(
             run_scenario,
-            wanted.scenario.explaining_gap() if explain_gap else wanted.scenario,
+            wanted.explaining_gap() if explain_gap else wanted,
             output,
             offline=offline,
             strict=strict,
             scheduler=scheduler,
             limit_s=limit,
-            origin=wanted.origin,
+            origin=origin,
         )
-        run_to_end(run, wanted.scenario, wanted.notes, as_json=as_json, quiet=quiet)
+        run_to_end(run, wanted, notes, as_json=as_json, quiet=quiet)
 
 
 app.command(cls=GoCommand)(go)
@@ -171,21 +170,21 @@ def plot(
     They show the results of an earlier run; seasons without results are planned first.
     """
     with reported_errors():
-        wanted = _wanted(scenario, output, charts, currents, seasons=season or ())
+        wanted, origin, notes = _wanted(scenario, output, charts, currents, seasons=season or ())
         from pipeline.cli.plot import plot as plot_scenario
         from pipeline.cli.progress import progress
         from pipeline.machine.paths import short_path
 
-        with progress(wanted.scenario, wanted.notes) as on_event:
+        with progress(wanted, notes) as on_event:
             drawn = plot_scenario(
-                wanted.scenario,
+                wanted,
                 output,
                 seasons=season or (),
                 kinds=figure or (),
                 form=form,
                 width=width,
                 offline=offline,
-                origin=wanted.origin,
+                origin=origin,
                 on_event=on_event,
             )
         for file in drawn.files:
@@ -293,15 +292,6 @@ def warm() -> None:
         typer.echo(warm_up())
 
 
-@dataclass(frozen=True)
-class _Wanted:
-    """The requested scenario, its file, and notes on how it was loaded."""
-
-    scenario: "Scenario"
-    origin: "Origin"
-    notes: list[str]
-
-
 def _wanted(
     asked: str,
     output: Path,
@@ -309,8 +299,11 @@ def _wanted(
     currents: Sequence[str] | None,
     *,
     seasons: Sequence[str] = (),
-) -> _Wanted:
-    """Load a scenario before slow imports, so that a wrong request is reported at once."""
+) -> "tuple[Scenario, Origin, list[str]]":
+    """Load a scenario before slow imports, so that a wrong request is reported at once.
+
+    Return it with its file, and notes on how it was loaded.
+    """
     from pipeline.errors import Faults, RequestError
     from pipeline.machine.paths import folder_to_write
     from pipeline.scenario.catalogue import scenario_path
@@ -328,7 +321,7 @@ def _wanted(
         raise RequestError(faults.lines)
     from pipeline.session import Origin
 
-    return _Wanted(scenario, Origin.of(scenario_path(asked)), notes)
+    return scenario, Origin.of(scenario_path(asked)), notes
 
 
 if __name__ == "__main__":

@@ -66,7 +66,9 @@ def run(grid: CurrentGrid, islands: tuple[shapely.Polygon, ...] = (ISLAND,)) -> 
     plan = plan_season(scene, "tide", asked.planner)
     evaluated = evaluate_season(scene, plan, PlannerOptions(drift=asked.planner.drift))
     worth = clock_worth(scene, plan, asked.planner)
-    evaluation = combine_seasons([replace(evaluated, clock_worth=worth)])
+    evaluation = combine_seasons(
+        [replace(evaluated, clock_worths=() if worth is None else (worth,))]
+    )
     return RunResult(asked, got, simplified, scene, (plan,), evaluation, {}, DEPARTURE)
 
 

@@ -36,7 +36,7 @@ from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.strict import Point
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.seasons.cluster import DiedBeforeError
-from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
+from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 from renew import Route
 
 PLANNED, FAILED, BROKEN = "planned", "failed", "broken"
@@ -156,7 +156,7 @@ def plan_case(
         options = options_of(chart, scene.start, scene.goal)
         planned = plan_season(scene, case.names[1], options)
         measured = evaluate_season(scene, planned, options)
-        figures = with_way_names(combine_seasons([measured]), scene, [planned], ()).routes
+        figures = with_way_names(measured, scene, [planned], ()).routes
     except Exception as error:  # noqa: BLE001 - the other cases continue
         return [failed_row(case, one_line(error), rules, earlier)]
     if planned.plan is None:

@@ -11,13 +11,14 @@ largest that distinguishes any two routes.
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 import shapely
 
+import renew
 from pipeline._types import FloatArray
 from pipeline.model import Evaluation, Passage, PlaceName, RouteKey, Scene, SeasonPlan
 from pipeline.model.evaluation import NumberedIsland, Side
@@ -37,7 +38,7 @@ def with_way_names(
 ) -> Evaluation:
     """Name the way of each route; `places` are the chart's names of land."""
     routes = {
-        (plan.season, rank): _Passed(np.asarray(route.path), _letters(route.homotopy))
+        (plan.season, rank): route
         for plan in plans
         for rank, route in enumerate(plan.ranked_routes, start=1)
     }
@@ -45,18 +46,12 @@ def with_way_names(
     rows = [
         replace(row, passages=namer.passages((row.season, row.rank))) for row in evaluation.routes
     ]
-    rejected = {
-        number
-        for plan in plans
-        if plan.plan is not None
-        for one in plan.plan.rejected
-        for number in _letters(one.homotopy)
-    }
+    rejected = [one for plan in plans if plan.plan is not None for one in plan.plan.rejected]
     return replace(
         evaluation,
         routes=tuple(rows),
         islands=namer.islands(),
-        class_islands=namer.class_islands(rejected),
+        class_islands=namer.class_islands(_letters(rejected)),
     )
 
 
@@ -71,24 +66,16 @@ def class_names_text(names: Sequence[str], scene: Scene) -> Iterator[str]:
         yield f"in names of classes, {', '.join(meanings)}"
 
 
-@dataclass(frozen=True, slots=True)
-class _Passed:
-    """A route's path (n, 2), planar metres, and the island numbers in its class name."""
-
-    path: FloatArray
-    spelled: frozenset[int]
-
-
-def _letters(homotopy: str) -> frozenset[int]:
-    """Return the numbers in a class's name, such as {1, 2} for "s2.p1"."""
-    return frozenset(int(number) for number in re.findall(r"\d+", homotopy))
+def _letters(classes: Iterable[renew.Route | renew.Rejected]) -> frozenset[int]:
+    """Return the numbers in the names of classes, such as {1, 2} for "s2.p1"."""
+    return frozenset(int(n) for one in classes for n in re.findall(r"\d+", one.homotopy))
 
 
 class _WayNamer:
     """Names the ways of all routes of a run."""
 
     def __init__(
-        self, scene: Scene, routes: dict[RouteKey, _Passed], places: tuple[PlaceName, ...]
+        self, scene: Scene, routes: dict[RouteKey, renew.Route], places: tuple[PlaceName, ...]
     ) -> None:
         self._scene, self._routes, self._places = scene, routes, places
         self._catalogued = island_places(scene)
@@ -98,6 +85,7 @@ class _WayNamer:
         self._windings = {
             key: self._winding_numbers_of(route.path) for key, route in routes.items()
         }
+        self._spelled = _letters(routes.values())
         self._used: set[int] = set()
         # Caches, because many routes need the same islands.
         self._directions: dict[tuple[RouteKey, int], FloatArray] = {}
@@ -124,13 +112,12 @@ class _WayNamer:
             self._numbered(island, self._names.get(island, "")) for island in sorted(self._used)
         )
 
-    def class_islands(self, rejected: set[int]) -> tuple[NumberedIsland, ...]:
+    def class_islands(self, rejected: frozenset[int]) -> tuple[NumberedIsland, ...]:
         """Return the islands in class names or in `rejected` that are in no way's name.
 
         Class names also number water with an overpowering current, which is left out here.
         """
-        spelled = rejected.union(*(route.spelled for route in self._routes.values()))
-        known = spelled & set(self._rays.island.tolist())
+        known = (rejected | self._spelled) & set(self._rays.island.tolist())
         numbers = known - (self._used - set(self._names))
         return tuple(self._numbered(island) for island in sorted(numbers))
 
@@ -156,12 +143,10 @@ class _WayNamer:
     @cached_property
     def _distinguishing_any(self) -> list[int]:
         """Islands that two routes of some season pass on different sides, the largest first."""
-        known = set(self._rays.island.tolist())
-        spelled = known.intersection(*[set().union(*(it.spelled for it in self._routes.values()))])
         seasons = {season for season, _ in self._routes}
         return sorted(
             island
-            for island in spelled
+            for island in self._spelled & set(self._rays.island.tolist())
             if any(len(set(self._values(island, season))) > 1 for season in seasons)
         )
 

@@ -2,8 +2,8 @@
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from datetime import timedelta
 from functools import partial
 
@@ -16,11 +16,8 @@ from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.geo.lonlat import share_without
 from pipeline.geo.projection import densified
 from pipeline.model import (
-    ClockWorth,
     Current,
     Evaluation,
-    GapShares,
-    RouteKey,
     RouteMetrics,
     Scene,
     SeasonPlan,
@@ -102,21 +99,7 @@ def _least_padding(
     return max(likely, _SURE * min(paddings, default=0.0))
 
 
-@dataclass(frozen=True, slots=True)
-class SeasonEvaluation:
-    """One season's part of an Evaluation.
-
-    `contingency` counts all turns, and has the points of all collisions and of some other turns.
-    """
-
-    routes: tuple[RouteMetrics, ...]
-    contingency: Mapping[RouteKey, renew.Contingency]
-    shore_crossings: tuple[ShoreCrossing, ...] = ()
-    gap_shares: GapShares | None = None
-    clock_worth: ClockWorth | None = None
-
-
-def evaluate_season(scene: Scene, plan: SeasonPlan, options: PlannerOptions) -> SeasonEvaluation:
+def evaluate_season(scene: Scene, plan: SeasonPlan, options: PlannerOptions) -> Evaluation:
     """Measure one season's routes, by rank; the result is empty if the season was not planned.
 
     In a changing current, the drift model determines the times along a route. Turns are simulated
@@ -124,7 +107,7 @@ def evaluate_season(scene: Scene, plan: SeasonPlan, options: PlannerOptions) -> 
     """
     routes = plan.ranked_routes
     if not routes:
-        return SeasonEvaluation((), {})
+        return Evaluation((), {})
     evaluator = _RouteEvaluator(scene, plan.season, routes, options)
     second_shoreline = SecondShoreline(scene)
     rows, flown, crossings = [], {}, list[ShoreCrossing]()
@@ -133,18 +116,18 @@ def evaluate_season(scene: Scene, plan: SeasonPlan, options: PlannerOptions) -> 
         flown[plan.season, rank] = _sampled(turns)
         rows.append(evaluator.metrics(route, turns, rank))
         crossings += second_shoreline.crossings(np.asarray(route.path), plan.season, rank)
-    return SeasonEvaluation(tuple(rows), flown, tuple(crossings))
+    return Evaluation(tuple(rows), flown, tuple(crossings))
 
 
-def combine_seasons(parts: Iterable[SeasonEvaluation]) -> Evaluation:
+def combine_seasons(parts: Iterable[Evaluation]) -> Evaluation:
     """Combine the evaluations of all seasons."""
     parts = tuple(parts)
     return Evaluation(
         routes=tuple(row for part in parts for row in part.routes),
         contingency={key: turns for part in parts for key, turns in part.contingency.items()},
         shore_crossings=tuple(one for part in parts for one in part.shore_crossings),
-        gap_shares=tuple(part.gap_shares for part in parts if part.gap_shares is not None),
-        clock_worths=tuple(part.clock_worth for part in parts if part.clock_worth is not None),
+        gap_shares=tuple(one for part in parts for one in part.gap_shares),
+        clock_worths=tuple(one for part in parts for one in part.clock_worths),
     )
 
 

@@ -28,6 +28,7 @@ from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import (
     ClockWorth,
     Current,
+    Evaluation,
     GapShares,
     Scene,
     SeasonPlan,
@@ -36,7 +37,7 @@ from pipeline.model import (
 )
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.seasons.cluster import fleet
-from pipeline.stages.seasons.one_season import SeasonEvaluation, evaluate_season, plan_season
+from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage
 
@@ -231,10 +232,10 @@ class SeasonTask:
     limit_s: float | None = None
     explains_gap: bool = False
 
-    def result(self) -> tuple[SeasonPlan, SeasonEvaluation] | None:
+    def result(self) -> tuple[SeasonPlan, Evaluation] | None:
         """Load plan and evaluation from the store; None if one is missing or damaged."""
         plan = load_artefact(self.plan_path, SeasonPlan)
-        evaluation = load_artefact(self.evaluation_path, SeasonEvaluation)
+        evaluation = load_artefact(self.evaluation_path, Evaluation)
         return None if plan is None or evaluation is None else (plan, evaluation)
 
     def make(self) -> "Status":
@@ -256,10 +257,13 @@ def plan_and_evaluate(task: SeasonTask) -> str:
     if plan is None:
         plan = plan_season(scene, task.season, task.options)
         save_artefact(task.plan_path, plan, task.owner)
-    evaluation = evaluate_season(scene, plan, task.options)
-    if task.explains_gap:
-        evaluation = replace(evaluation, gap_shares=gap_shares(scene, plan, task.options))
-    evaluation = replace(evaluation, clock_worth=clock_worth(scene, plan, task.options))
+    shares = gap_shares(scene, plan, task.options) if task.explains_gap else None
+    worth = clock_worth(scene, plan, task.options)
+    evaluation = replace(
+        evaluate_season(scene, plan, task.options),
+        gap_shares=() if shares is None else (shares,),
+        clock_worths=() if worth is None else (worth,),
+    )
     save_artefact(task.evaluation_path, evaluation, task.owner)
     return plan.failure
 
