@@ -110,7 +110,9 @@ def gather(result: RunResult) -> dict[str, Any]:
             for row in result.evaluation.routes
             if not result.scenario.is_planar and (row.filled_share > 0 or row.uncharted_share > 0)
         ],
-        "seasons": [season_section(result, entry, i) for i, entry in enumerate(result.plans, start=1)],
+        "seasons": [
+            season_section(result, entry, i) for i, entry in enumerate(result.plans, start=1)
+        ],
         "speed_labels": speeds.labels if has_arrows(result) else (),
         # JSON without characters that could end its element.
         "map_json": Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
