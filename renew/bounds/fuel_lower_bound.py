@@ -118,7 +118,9 @@ def least_time(voyage: Voyage, cells: int, wanted: float) -> float:
     """
     cells = min(cells, int(_SPARE * _MAX_NODES / _slices_met(voyage)))
     halvings, proven = max(0, math.floor(math.log(cells / _COARSE, 4))), _straight_time(voyage)
-    while proven <= wanted:
+    if proven > wanted:
+        return proven
+    while True:
         # On a coarse grid the front may slip through narrow land. Then U is too small and limits
         # the bound, so the next try begins with a finer grid; the finest does not use U.
         most, bound = _refined(voyage, cells, halvings, wanted)
@@ -126,7 +128,6 @@ def least_time(voyage: Voyage, cells: int, wanted: float) -> float:
         if bound < most * _ALL or halvings == 0:
             return proven
         halvings //= 2
-    return proven
 
 
 def _straight_time(voyage: Voyage) -> float:

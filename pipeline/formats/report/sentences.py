@@ -96,8 +96,7 @@ class SeasonFacts:
             return "The side is not proven: the current on the way is not known."
         if self.sides is not None and self.sides.fuel > self.best.fuel:
             more = self.sides.fuel / self.best.fuel - 1
-            # The bound is not refined once it decides, so it may be hardly above the best route's
-            # fuel.
+            # The bound may be hardly above the best route's fuel.
             needs = f"at least {text.at_least_percent(more)} more" if more >= _TELLING else "more"
             return (
                 "The side is proven, within the chart and in this current: any way on the other "

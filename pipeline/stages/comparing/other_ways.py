@@ -53,6 +53,9 @@ _AT_LAND = 1.1
 _COVERED = 1.05
 # Open width below which a gap is an artefact of rounding and not a way, true metres.
 _NO_WATER_M = 1.0
+# Fuel of the other side, as a multiple of the best route's, at which its bound ends: a bound just
+# above the best route's fuel proves the side, but doesn't say by how much.
+_PLAIN = 1.01
 
 
 def side_bounds(
@@ -93,7 +96,8 @@ def _bound(
         return math.inf
     is_loose = _choice(scene, plan) != NO_CHOICE and plan.season in scene.departures
     cells = _CELLS_AT_CHOICE if is_loose else _CELLS
-    return fuel_elsewhere(strip, scene, plan, options, cells, plan.ranked_routes[0].fuel)
+    enough = _PLAIN * plan.ranked_routes[0].fuel
+    return fuel_elsewhere(strip, scene, plan, options, cells, enough)
 
 
 def fuel_elsewhere(

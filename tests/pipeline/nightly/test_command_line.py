@@ -88,7 +88,7 @@ def test_a_wrong_request(tmp_path: Path, command: str, cases: str, said: str) ->
 
 
 @pytest.mark.parametrize(("seasons", "key"), [("", "scenario"), ('seasons = ["tide"]', "seasons")])
-def test_a_season_that_changes_on_the_way_is_refused(
+def test_a_season_that_leaves_its_departure_open_is_refused(
     tmp_path: Path, seasons: str, key: str
 ) -> None:
     (tmp_path / "tide.toml").write_text(
@@ -102,7 +102,7 @@ goal = [120.1, 9.5]
 [[seasons]]
 name = "tide"
 time_method = "changing"
-departure = 2026-11-22T06:00:00Z
+departures = { first = 2026-11-22T06:00:00Z, every = "1h", count = 3 }
 currents = ["./tide.nc"]
 """
     )
@@ -110,7 +110,7 @@ currents = ["./tide.nc"]
     result = renew("check", "--config", file, "--output", tmp_path / "out")
     assert result.exit_code == 2
     (line,) = faults(result)
-    assert f"cases[0].{key}: season 'tide' of tide has changing currents" in line
+    assert f"cases[0].{key}: season 'tide' of tide leaves its departure open" in line
 
 
 def test_a_season_with_a_choice_of_speeds_is_refused(tmp_path: Path) -> None:

@@ -141,18 +141,6 @@ def test_changing_currents_are_sailed_by_each_cases_own_clock(tmp_path: Path, cl
         assert case["keep_fuel"] == pytest.approx(kept, rel=1e-12)
 
 
-def test_a_season_that_leaves_its_departure_open_is_refused(tmp_path: Path) -> None:
-    file = region_night(tmp_path)
-    scenario = tmp_path / "region.toml"
-    text = scenario.read_text().replace("scale = 1000", "scale = 1")
-    departures = 'departures = { first = 2026-11-21T06:00:00Z, every = "6h", count = 3 }'
-    scenario.write_text(
-        text.replace('valid = "2024-07"', f'time_method = "changing"\n{departures}')
-    )
-    with pytest.raises(RequestError, match="season 'now' of around leaves its departure open"):
-        run_night(load_config(file, tmp_path / "out"))
-
-
 def test_the_item_is_valid_by_the_schemas_that_pystac_carries(tmp_path: Path, cluster: str) -> None:
     run_night(load_config(plane_night(tmp_path, pairs=1), tmp_path / "out"), scheduler=cluster)
     item = pystac.Item.from_file(str(tmp_path / "out" / "latest" / "item.json"))
