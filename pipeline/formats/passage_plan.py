@@ -38,15 +38,20 @@ from pipeline.formats.tables import Row, distance_text, has_speeds, headings, ro
 
 # A4, landscape, in points; margins, and the height of a line of text.
 _WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0
+# Upper edge of the page's foot, points from the paper's lower edge.
+_FOOT = 20.0
 _LINE_PT, _ROW_PT = 11.0, 15.0
+# Space between paragraphs, in lines.
+_BETWEEN = 0.3
 _SMALL, _PLAIN, _LARGE = 7.0, 8.0, 15.0
-# Left edges of the table's columns, points from the margin; the last begins a text.
-_COLUMNS = (0, 50, 112, 180, 214, 246, 276, 330, 410, 466, 530, 576, 632)
+# Widths of the table's columns, points; columns without a heading are left out. Height of headings.
+_COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 56, 64, 46, 56, 138)
+_HEADINGS_PT = 28.0
 # Size of the map on a season's first page, points, and the chart around the route, as a share.
 _MAP_PT, _MAP_MARGIN = (250.0, 160.0), 0.06
-# Characters of a line across the page, and beside the map; rows on a first and a further page.
-_WIDE, _BESIDE_MAP = 190, 100
-_FIRST_ROWS, _MORE_ROWS = 18, 30
+# Characters of a line across the page, and beside the map; space above the notes, points.
+_WIDE, _BESIDE_MAP = 190, 123
+_NOTES_GAP_PT = 14.0
 
 
 def write_passage_plan(result: RunResult, path: Path) -> None:
@@ -68,27 +73,43 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
     departure = result.spec_of(season).departure
     points = season_waypoints(result, season)[0]
     table = rows(points, result, departure)
-    pages = [table[:_FIRST_ROWS]]
-    pages += [table[at : at + _MORE_ROWS] for at in range(_FIRST_ROWS, len(table), _MORE_ROWS)]
     unknown = note_texts(route_unknowns(result, points.ranked.metrics))
     relied_on = note_texts([note for note in result.fetched.notes if note.kind == "tide-relied-on"])
-    notes = [
+    facts = _wrapped(_facts(points, result), _BESIDE_MAP)
+    texts = [
         f"Not known: {'; '.join(unknown)}." if unknown else "",
         f"Tide: {'; '.join(relied_on)}." if relied_on else "",
         f"Sources: {attribution(result)}.",
         "Not for navigation without the official charts and the navigator's own judgement.",
     ]
+    notes = _wrapped(texts, _WIDE)
+    top = _HEIGHT - _MARGIN - 30
+    below = top - max(_height(facts), _MAP_PT[1]) - 4
+    pages = list(_paged(table, below, top, _NOTES_GAP_PT + _height(notes)))
     for number, part in enumerate(pages, start=1):
         page = _page(result, points, f"page {number} of {len(pages)}")
-        top = _HEIGHT - _MARGIN - 30
         if number == 1:
-            _paragraphs(page, _facts(points, result), top, _BESIDE_MAP)
+            _paragraphs(page, facts, top)
             _put_map(page, points, result, colour, top + 6)
-            top -= _MAP_PT[1] + 4
-        top = _put_table(page, headings(points), part, top)
+        end = _put_table(page, headings(points), part, below if number == 1 else top)
         if number == len(pages):
-            _paragraphs(page, notes, top - 14, _WIDE, size=_SMALL)
+            _paragraphs(page, notes, end - _NOTES_GAP_PT, size=_SMALL)
         yield page
+
+
+def _paged(
+    table: Sequence[Row], first_top: float, top: float, notes_pt: float
+) -> Iterator[Sequence[Row]]:
+    """Yield the rows of each page, whose tables begin at `first_top` and then at `top`, points.
+
+    The last page keeps room for the notes.
+    """
+    while table:
+        room = first_top - _HEADINGS_PT - _FOOT
+        fits = len(table) * _ROW_PT + notes_pt <= room
+        count = len(table) if fits else min(int(room / _ROW_PT), len(table) - 1)
+        yield table[:count]
+        table, first_top = table[count:], top
 
 
 def _page(result: RunResult, points: Waypoints, number: str) -> Figure:
@@ -97,8 +118,8 @@ def _page(result: RunResult, points: Waypoints, number: str) -> Figure:
     title = f"Passage plan: {document_title(result, points.ranked.season)}"
     _write(page, drawable(title, 90), _MARGIN, _HEIGHT - _MARGIN - 6, _LARGE, bold=True)
     foot = f"{route_name(points.ranked, result)} · made {result.created:%Y-%m-%d %H:%M} UTC"
-    _write(page, drawable(foot, 120), _MARGIN, _MARGIN - 16, _SMALL)
-    _write(page, number, _WIDTH - _MARGIN, _MARGIN - 16, _SMALL, right=True)
+    _write(page, drawable(foot, 120), _MARGIN, _FOOT, _SMALL)
+    _write(page, number, _WIDTH - _MARGIN, _FOOT, _SMALL, right=True)
     return page
 
 
@@ -127,8 +148,10 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
         _current_text(result, planned.season),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
         _scale_text(result.scenario.scale),
-        "Within a leg's cross-track limits the vessel stays out of the soft no-go zone.",
-        f"Legs are {points.curve.lower()}s; positions are WGS 84.",
+        (
+            "Within a leg's cross-track limits the vessel stays out of the soft no-go zone. "
+            f"Legs are {points.curve.lower()}s; positions are WGS 84."
+        ),
     ]
 
 
@@ -179,15 +202,19 @@ def _times_text(points: Waypoints, result: RunResult) -> str:
 
 def _put_table(page: Figure, headings: Row, part: Sequence[Row], top: float) -> float:
     """Write rows of the table below `top`, points, under headings; returns the lower end."""
-    for left, text in zip(_COLUMNS, headings, strict=True):
-        _write(page, text, _MARGIN + left, top, _SMALL, bold=True)
-    level = top - 28
+    used = [index for index, text in enumerate(headings) if text]
+    widths = np.array(_COLUMNS)[used]
+    widths += (sum(_COLUMNS) - widths.sum()) // len(used)
+    lefts = _MARGIN + np.cumsum(widths) - widths
+    for left, index in zip(lefts, used, strict=True):
+        _write(page, headings[index], left, top, _SMALL, bold=True)
+    level = top - _HEADINGS_PT
     for row in part:
         rule = [(level + 11) / _HEIGHT] * 2
         span = [_MARGIN / _WIDTH, 1 - _MARGIN / _WIDTH]
         page.add_artist(Line2D(span, rule, color=COLOURS["grid"], linewidth=0.5))
-        for left, text in zip(_COLUMNS, row, strict=True):
-            _write(page, text, _MARGIN + left, level + 7, _PLAIN)
+        for left, index in zip(lefts, used, strict=True):
+            _write(page, row[index], left, level + 7, _PLAIN)
         level -= _ROW_PT
     return level
 
@@ -240,16 +267,28 @@ def _put_region_edge(axes: Axes, result: RunResult, frame: shapely.Polygon) -> N
         )
 
 
+def _wrapped(texts: Sequence[str], width: int) -> list[list[str]]:
+    """Return the lines of each text that is not empty, of at most `width` characters."""
+    return [
+        [drawable(line, width) for line in textwrap.wrap(text, width)] for text in texts if text
+    ]
+
+
+def _height(paragraphs: Sequence[Sequence[str]]) -> float:
+    """Return the height of paragraphs, points."""
+    return (sum(map(len, paragraphs)) + _BETWEEN * (len(paragraphs) - 1)) * _LINE_PT
+
+
 def _paragraphs(
-    page: Figure, texts: Sequence[str], top: float, width: int, size: float = _PLAIN
+    page: Figure, paragraphs: Sequence[Sequence[str]], top: float, size: float = _PLAIN
 ) -> None:
-    """Write paragraphs below `top`, points, wrapped at a number of characters."""
+    """Write paragraphs, each a list of lines, below `top`, points."""
     level = top
-    for text in texts:
-        for line in textwrap.wrap(text, width):
-            _write(page, drawable(line, width), _MARGIN, level, size)
+    for lines in paragraphs:
+        for line in lines:
+            _write(page, line, _MARGIN, level, size)
             level -= _LINE_PT
-        level -= _LINE_PT * 0.3 * bool(text)
+        level -= _LINE_PT * _BETWEEN
 
 
 def _write(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import shutil
 import subprocess
@@ -38,6 +39,20 @@ def texts(path: Path) -> list[str]:
     command = ["pdftotext", "-layout", str(path), "-"]
     printed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
     return printed.split("\f")[:-1]
+
+
+def word_boxes(path: Path) -> list[tuple[str, shapely.Polygon]]:
+    """Return the words of the first page left of the map or below it, with their boxes, points."""
+    if shutil.which("pdftotext") is None:
+        pytest.skip("pdftotext is not installed (Debian: poppler-utils)")
+    command = ["pdftotext", "-bbox", "-l", "1", str(path), "-"]
+    printed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    found = re.findall(
+        r'<word xMin="(.*?)" yMin="(.*?)" xMax="(.*?)" yMax="(.*?)">(.*?)</word>', printed
+    )
+    boxes = [(word, shapely.box(*map(float, corners))) for *corners, word in found]
+    map_area = shapely.box(550, 0, 842, 228)
+    return [(word, box) for word, box in boxes if not map_area.intersects(box)]
 
 
 @pytest.mark.parametrize("name", ["across_180", "far_north", "harbours"])
@@ -159,6 +174,19 @@ def test_land_of_another_shoreline_is_reported(result: RunResult, tmp_path: Path
     summer, winter = (" ".join(page.split()) for page in texts(path))
     assert "2,461 m at 119.4000 E 9.4000 N" in summer
     assert "shoreline" not in winter
+
+
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_no_words_lie_on_each_other(result: RunResult, tmp_path: Path, scale: float) -> None:
+    """The facts above the table are longer at a scale; the map's own numbers may touch."""
+    scaled = replace(result, scenario=result.scenario.model_copy(update={"scale": scale}))
+    write_passage_plan(scaled, tmp_path / "a.pdf")
+    boxes = word_boxes(tmp_path / "a.pdf")
+    assert len(boxes) > 100
+    for (word, box), (other, near) in itertools.combinations(boxes, 2):
+        shared = shapely.intersection(box, near).area
+        # Boxes are as high as the font, nearly twice a letter, so those of lines touch.
+        assert shared < 0.5 * min(box.area, near.area), (word, other)
 
 
 def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) -> None:
