@@ -13,7 +13,7 @@ from tests.bench.history import Time
 
 
 def times(*seconds: float, machine: str = "A", figure: str = "plan") -> list[Time]:
-    return [Time("2026-11-24", f"{i:07x}", machine, figure, s) for i, s in enumerate(seconds)]
+    return [Time("2026-11-24", f"{i:07x}", machine, figure, s, 0.5) for i, s in enumerate(seconds)]
 
 
 def test_times_are_appended_and_read_again(tmp_path: Path) -> None:
@@ -25,7 +25,7 @@ def test_times_are_appended_and_read_again(tmp_path: Path) -> None:
 
 
 def test_a_time_has_its_commit_and_a_machine_without_its_name() -> None:
-    now = history.now("plan", 1.0)
+    now = history.now("plan", 1.0, 0.5)
     assert re.fullmatch(r"[0-9a-f]{7,}\+?", now.commit)
     assert re.fullmatch(r".+, \d+ cores?", now.machine)
 
@@ -36,7 +36,8 @@ def test_only_figures_that_are_times_have_seconds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("seconds", "said"), [(1.29, ""), (1.31, "1.31 s is 1.31 times the median (1 s) of the last 5")]
+    ("seconds", "said"),
+    [(1.29, ""), (1.31, "1.31 s, 2.62 times a fixed loop, is 1.31 times the median of the last 5")],
 )
 def test_a_run_slower_than_the_median_of_the_last_five_is_named(seconds: float, said: str) -> None:
     before = times(9.0, 9.0, 9.0, 0.5, 0.6, 1.0, 1.1, 5.0)
@@ -45,6 +46,16 @@ def test_a_run_slower_than_the_median_of_the_last_five_is_named(seconds: float, 
     sentence = history.slower(now, [*before, *noise])
     assert bool(sentence) == bool(said)
     assert said in sentence
+
+
+def test_times_are_compared_as_multiples_of_the_loop() -> None:
+    (now,) = times(2.0)
+    assert history.slower(now, times(1.0))
+    assert not history.slower(now._replace(loop_s=1.0), times(1.0))
+
+
+def test_the_loop_takes_a_time_that_can_be_compared() -> None:
+    assert 0.05 < history.loop_s() < 5.0
 
 
 def test_a_new_machine_gets_no_note() -> None:

@@ -118,8 +118,10 @@ def main() -> int:
 
 def keep(figures: Iterable[Figure]) -> None:
     """Save the times of figures, say which are slower than before, and draw all of them."""
-    before = history.saved()
-    times = [history.now(one.name, one.seconds) for one in figures if one.seconds is not None]
+    before, loop_s = history.saved(), history.loop_s()
+    times = [
+        history.now(one.name, one.seconds, loop_s) for one in figures if one.seconds is not None
+    ]
     history.save(times)
     history.draw([*before, *times])
     for sentence in filter(None, (history.slower(time, before) for time in times)):

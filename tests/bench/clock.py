@@ -48,8 +48,12 @@ def ran(*words: str, log: Path | None = None) -> Ran:
     """
     begin = time.perf_counter()
     command = [sys.executable, *words]
+    # Modules are compiled once and kept, as on a user's machine.
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     with Path(log or os.devnull).open("w", encoding="utf-8") as heard:
-        child = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=heard)
+        child = subprocess.Popen(
+            command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=heard
+        )
         _, status, usage = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:

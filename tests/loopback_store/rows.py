@@ -114,7 +114,14 @@ ROWS: tuple[Row, ...] = (
     ),
     Row("503 twice", (), (Fault(_ANY, 503, 2),)),
     Row("a reset twice", (), (Fault(_ANY, "reset", 2),)),
-    Row("an answer cut in its middle once", (), (Fault(_ANY, "cut", 1),)),
+    # The client asks again where the connection is reset, and decodes half a chunk where it is
+    # closed: which of both it sees is chance.
+    Row(
+        "an answer cut in its middle once",
+        (),
+        (Fault(_ANY, "cut", 1),),
+        spec_changes={"attempts": 2},
+    ),
     Row(
         "503 for ever",
         ("no answer within 25 s", "last message: the service answers 503 for", "/uo/"),
