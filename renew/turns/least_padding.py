@@ -88,7 +88,7 @@ def voyage_at_clearance(
     if clearance > 0:
         if options.narrow_share < 1:
             yields = clearance / options.narrow_share + _PIECE * clearance
-            lines = _outside(lines, _narrows(voyage, triangulation, clearance, yields))
+            lines = _outside(lines, _narrows(voyage, triangulation, clearance, yields, lines))
         zone += [*shapely.buffer(lines, (1 - _ROUNDING) * clearance, quad_segs=_SEGMENTS)]
     if not zone and chart.open_water is chart.water:
         return voyage
@@ -142,18 +142,28 @@ def _outermost(triangulation: Triangulation, width: float, edges: FloatArray) ->
 
 
 def _narrows(
-    voyage: Voyage, triangulation: Triangulation, clearance: float, reach: float
+    voyage: Voyage,
+    triangulation: Triangulation,
+    clearance: float,
+    reach: float,
+    lines: npt.NDArray[np.object_],
 ) -> shapely.Geometry:
     """Area around triangles that may have a section without a place that keeps the clearance (m).
 
     Within `reach` (m) of such triangles the clearance may be reduced
-    (:func:`renew.planner.hindrances.with_clearance`).
+    (:func:`renew.planner.hindrances.with_clearance`). Triangles that are further from all `lines`
+    are left out.
     """
     ends = [triangulation.locate(stop) for stop in voyage.stops]
     inside = np.zeros(len(triangulation.triangles), dtype=bool)
     for first, last in itertools.pairwise(ends):
         inside |= without_dead_ends(triangulation.neighbours, first, last)
     corners, narrow = triangulation.corners, np.zeros(len(inside), dtype=bool)
+    width, rows = reach / math.cos(math.pi / 32), np.flatnonzero(inside)
+    near, _ = shapely.STRtree(lines).query(
+        shapely.polygons(corners[rows]), predicate="dwithin", distance=width
+    )
+    inside[np.delete(rows, near)] = False
     for pivot in range(3):
         one, other = (pivot + 1) % 3, (pivot + 2) % 3
         # A section leads from the pivot, between two passing edges, to the edge opposite.
@@ -168,8 +178,7 @@ def _narrows(
             left = left[np.unique(near)]
         narrow[left] = True
     narrow[ends] = True
-    around = shapely.buffer(shapely.polygons(corners[narrow]), reach / math.cos(math.pi / 32))
-    return shapely.union_all(around)
+    return shapely.union_all(shapely.buffer(shapely.polygons(corners[narrow]), width))
 
 
 def _paddings(
