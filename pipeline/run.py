@@ -18,7 +18,8 @@ from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
 from pipeline.model import Evaluation, Fetched, Note, Say, SeasonPlan
 from pipeline.scenario.model import Scenario
 from pipeline.session import Origin, session
-from pipeline.stages.choose import Chosen, choose
+from pipeline.stages.choose import choose
+from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.coverage import require_covered
 from pipeline.stages.choosing.region import search_region
 from pipeline.stages.compare import compare

@@ -134,7 +134,8 @@ Via = Annotated[
     _limits(
         metavar="POSITION",
         help="Point that the route must pass, written like START; may be repeated, in the "
-        "order of passing.",
+        "order of passing. 'POSITION wait 6h' is an anchorage, where the vessel may wait for "
+        "water or current.",
     ),
 ]
 Avoid = Annotated[

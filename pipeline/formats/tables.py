@@ -199,7 +199,11 @@ def _trade_off_rows(found: TradeOff) -> Iterator[dict[str, Any]]:
 def write_scenario(result: RunResult, path: Path) -> None:
     """Write the scenario as TOML, with the departures among which one was chosen."""
     open_ones = {choice.season: choice.asked for choice in result.departures}
-    seasons = tuple(open_ones.get(one.name) or one for one in result.scenario.seasons)
+    seasons = tuple(
+        open_ones.get(one.name) or one
+        for one in result.scenario.seasons
+        if one.name not in result.scene.onward
+    )
     asked = result.scenario.model_copy(update={"seasons": seasons})
     path.write_text(_HEAD + scenario_text(asked), encoding="utf-8")
 

@@ -73,6 +73,9 @@ class Scene:
     the same clock, and out of its `tidal_depths` while the tide is too low there; these count the
     `under_keel_clearance_m`. `speeds` has the seasons in which the vessel chooses its speed. There
     the choice replaces the speed of `vessel`.
+
+    With an `anchorage`, the index of a via point, each season is planned as far as there. Seasons
+    named `onward` go on from there; each has the name of the season before it.
     """
 
     chart: renew.Chart
@@ -92,6 +95,17 @@ class Scene:
     tidal_depths: Mapping[str, renew.TidalDepth] = field(default_factory=dict)
     under_keel_clearance_m: float = 0.0
     speeds: Mapping[str, SpeedChoice] = field(default_factory=dict)
+    anchorage: int | None = None
+    onward: Mapping[str, str] = field(default_factory=dict)
+
+    def leg(self, season: str) -> "Scene":
+        """Return the scene with the stops of a season: those before or after the anchorage."""
+        at = self.anchorage
+        if at is None:
+            return self
+        if season in self.onward:
+            return replace(self, start=self.via[at], via=self.via[at + 1 :], anchorage=None)
+        return replace(self, goal=self.via[at], via=self.via[:at], anchorage=None)
 
     def vessel_in(self, season: str) -> renew.Vessel:
         """Return the vessel at the highest speed that it has in a season."""
@@ -116,7 +130,7 @@ class Scene:
         """
         choice = self.speeds.get(season)
         return {
-            "via": self.via,
+            "via": self.leg(season).via,
             "avoid": self.areas.get(season, ()),
             "depth": self.tidal_depths.get(season),
             "speed": None if choice is None else (choice.least, choice.most),
@@ -127,12 +141,13 @@ class Scene:
         self, season: str, options: renew.PlanOptions, arrive_by_s: float = math.inf
     ) -> renew.Plan:
         """Plan a season."""
+        leg = self.leg(season)
         return renew.plan(
             self.chart,
             self.currents[season],
             self.vessel_in(season),
-            self.start,
-            self.goal,
+            leg.start,
+            leg.goal,
             options=options,
             **self.itinerary(season, arrive_by_s),
         )

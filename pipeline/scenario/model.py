@@ -19,6 +19,7 @@ from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane,
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import StrictModel
 from pipeline.scenario.tide import TideSpec
+from pipeline.scenario.via import Via, place_of, wait_at
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
@@ -146,14 +147,15 @@ class Scenario(StrictModel):
     )
     """Where the routes end, in water. Give [lon, lat] in degrees, or [x, y] in metres in a plane.
     """
-    via: tuple[strict.Point, ...] = Field(
+    via: tuple[Via, ...] = Field(
         default=(),
         max_length=100,
         examples=[[[119.2, 11.9]]],
         json_schema_extra=strict.unit("degrees, or m in a plane"),
     )
-    """Points that the routes pass in this order, in water and outside the padding. Give a list of
-    [lon, lat] in degrees, or of [x, y] in metres in a plane, or leave it out."""
+    """Points that the routes pass in this order, in water and outside the padding. One of them may
+    be an anchorage, { at = [119.2, 11.9], wait = '6h' }. Give a list of [lon, lat] in degrees, or
+    of [x, y] in metres in a plane, or leave it out."""
     avoid: tuple[AvoidedArea, ...] = Field(default=(), max_length=1000)
     """Areas that are shut, always or for some hours: the vessel and its turns stay out of them
     then, even if it is early or late. Add an [[avoid]] table for each."""
@@ -234,6 +236,7 @@ class Scenario(StrictModel):
         if self.tide is not None and self.plane is not None:
             yield "has a [tide] and a [plane], which has no depths; leave one of the two out"
         with_hours = list(self._keys_with_hours())
+        yield from self._waiting_faults(has_hours=bool(with_hours))
         if not with_hours:
             yield from filter(None, (season.timeless_fault for season in self.seasons))
         for key, remedy in with_hours:
@@ -247,6 +250,33 @@ class Scenario(StrictModel):
                 yield (
                     f"has hours in {key} at scale = {self.scale:g}, where times under way are not "
                     "the true ones; plan at true scale, scale = 1"
+                )
+
+    def _waiting_faults(self, *, has_hours: bool) -> Iterator[str]:
+        """Find faults of a wait at an anchorage: it needs a clock, and one departure."""
+        waiting = [f"via[{at}].wait" for at, one in enumerate(self.via) if wait_at(one)]
+        if len(waiting) > 1:
+            yield (
+                f"has {' and '.join(waiting)}; a plan waits at one anchorage: leave out the other "
+                "waits, or plan the way on from there by itself"
+            )
+        for season in self.seasons if waiting else ():
+            given = [
+                repr(name)
+                for name in ("departures", "arrive_by", "speed")
+                if getattr(season, name) is not None
+            ]
+            if given:
+                yield (
+                    f"season {season.name!r} has {' and '.join(given)}, and {waiting[0]} leaves "
+                    "another time open; give the season one 'departure' alone, or leave the wait "
+                    "out"
+                )
+            elif season.departure is None or not (season.is_changing or has_hours):
+                yield (
+                    f"season {season.name!r} has nothing to wait for at {waiting[0]}: give it a "
+                    "'departure', with a [tide], hours in [[avoid]] or time_method = 'changing', "
+                    "or leave the wait out"
                 )
 
     def _keys_with_hours(self) -> Iterator[tuple[str, str]]:
@@ -270,8 +300,13 @@ class Scenario(StrictModel):
     @property
     def stops(self) -> dict[str, strict.Point]:
         """Start, via points and goal as given, by their keys."""
-        via = {f"via[{at}]": point for at, point in enumerate(self.via)}
+        via = {f"via[{at}]": place_of(one) for at, one in enumerate(self.via)}
         return {"start": self.start, **via, "goal": self.goal}
+
+    @property
+    def anchorage(self) -> tuple[int, timedelta] | None:
+        """Which via point is the anchorage, and the longest wait there; None without a wait."""
+        return next(((at, wait_at(one)) for at, one in enumerate(self.via) if wait_at(one)), None)
 
     def departing(self, season: str, departure: datetime, label: str) -> Self:
         """Return the scenario with a season's departure chosen, and the season's new name."""

@@ -6,16 +6,7 @@ from pydantic import AfterValidator, Field, ValidationInfo
 
 from pipeline.scenario import strict
 from pipeline.scenario.strict import StrictModel
-from pipeline.scenario.times import interval
-
-_NO_TIME = "0min"
-
-
-def _checked(text: str) -> str:
-    """Refuse a text that is neither an interval nor no time."""
-    if text != _NO_TIME:
-        interval(text)
-    return text
+from pipeline.scenario.times import Span, span
 
 
 def _as_path(station: str, info: ValidationInfo) -> str:
@@ -35,10 +26,10 @@ class TideSpec(StrictModel):
     surge_m: strict.NonNegative = 0.3
     """Height by which the water may stand lower than predicted, by wind and air pressure, metres.
     Give metres, 0 or more."""
-    lag: Annotated[str, AfterValidator(_checked)] = "15min"
+    lag: Span = "15min"
     """Time by which the tide may be early or late. Give '15min' or '1h', or '0min'."""
 
     @property
     def lag_s(self) -> float:
         """Time by which the tide may be early or late, s."""
-        return 0.0 if self.lag == _NO_TIME else interval(self.lag).total_seconds()
+        return span(self.lag).total_seconds()

@@ -81,6 +81,22 @@ def _checked(text: str) -> str:
 
 Interval = Annotated[str, AfterValidator(_checked)]
 
+_NO_TIME = "0min"
+
+
+def span(text: str) -> timedelta:
+    """Read an interval that may be no time at all, '0min'; else ValueError with the remedy."""
+    return timedelta() if text == _NO_TIME else interval(text)
+
+
+def _spanned(text: str) -> str:
+    """Refuse a text that is neither an interval nor no time."""
+    span(text)
+    return text
+
+
+Span = Annotated[str, AfterValidator(_spanned)]
+
 
 Count = Annotated[Integer, Field(ge=1, le=10_000)]
 

@@ -16,12 +16,11 @@ it. Later stages treat it as a given departure.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import shapely
@@ -30,28 +29,15 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import planner_text, season_text
-from pipeline.machine.store import Artefact, Store, artefact_key
+from pipeline.machine.store import Store, artefact_key
 from pipeline.model import DepartureChoice, Note, Say, Scene, SeasonPlan, plan_options
-from pipeline.model.planning import speed_choices
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import departure_name, interval, named_departure
-from pipeline.stages.fetch import FetchedData
-from pipeline.stages.places import later
+from pipeline.stages.choosing.chosen import Chosen, in_thread
+from pipeline.stages.choosing.onward import waiting_notes, with_onward_legs
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
-from pipeline.stages.tides import later_tides
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """A complete scenario with its data and scene; the chosen departures, and notes on choices."""
-
-    scenario: Scenario
-    data: FetchedData
-    scene: Artefact[Scene]
-    choices: tuple[DepartureChoice, ...] = ()
-    notes: tuple[Note, ...] = ()
 
 
 def choose(given: Chosen, store: Store, say: Say) -> Chosen:
@@ -62,7 +48,9 @@ def choose(given: Chosen, store: Store, say: Say) -> Chosen:
     RequestError
         No season has a departure that can be planned.
     """
-    chosen = choose_departures(_with_offing(given), store, say)
+    split = with_onward_legs(_with_offing(given), store)
+    chosen = choose_departures(split, store, say)
+    chosen = replace(chosen, notes=(*chosen.notes, *waiting_notes(chosen)))
     for note in chosen.notes[len(given.notes) :]:
         say(note)
     return chosen
@@ -157,8 +145,6 @@ def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
     )
 
 
-_T = TypeVar("_T")
-
 # Number of plans between two progress notes.
 _PLANS_PER_NOTE = 5
 # Departures that are added are whole minutes after the first: no vessel departs to the second.
@@ -190,11 +176,13 @@ def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
         try:
             if choice is None:
                 asked = scene.value, season, scenario.planner, say_of_it
-                choice = _in_thread(partial(_choice, *asked))
+                choice = in_thread(partial(_choice, *asked))
                 store.save("departures", key, choice)
             departed = _with_departure(departed, replace(choice, asked=season))
         except renew.PlanningError as error:
             reason = planner_text(error.text, scene.value, season.name)
+            if season.name in scene.value.onward:
+                reason += "; or let the vessel wait longer at its anchorage"
             departed = _without(departed, season.name, reason)
     if scenario.seasons and not departed.data.current_keys:
         raise RequestError(
@@ -205,19 +193,14 @@ def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
     return departed
 
 
-def _in_thread(work: Callable[[], DepartureChoice]) -> DepartureChoice:
-    """Call `work` in a thread: a signal handler must not raise inside compiled code."""
-    with ThreadPoolExecutor(1) as pool:
-        return pool.submit(work).result()
-
-
 def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> DepartureChoice:
     """Plan a season's departures, and choose the best or the latest that arrives in time."""
     asked: dict[str, Any] = {
         "options": plan_options(options, min_lateness=MIN_LATENESS_S),
         **scene.itinerary(season.name, scene.speeds[season.name].within_s if season.speed else 0.0),
     }
-    given = (scene.chart, scene.currents[season.name], scene.vessel, scene.start, scene.goal)
+    leg = scene.leg(season.name)
+    given = (scene.chart, scene.currents[season.name], scene.vessel, leg.start, leg.goal)
     first = scene.departures[season.name]
     if season.arrive_by is not None and season.speed is None:
         by = (season.arrive_by - first).total_seconds()
@@ -282,50 +265,14 @@ def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
 
 def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
     """Set a season's chosen departure, and count the times of its current and areas from it."""
-    name, data, scene = choice.season, departed.data, departed.scene.value
+    name = choice.season
     # Output files have times in whole seconds, so the plan starts at a whole second, too.
     shift = float(round(choice.chosen_s))
     chosen = choice.first + timedelta(seconds=shift)
     label = _label(departed.scenario, name, chosen)
     scenario = departed.scenario.departing(name, chosen, label)
-    current = scene.currents[name]
-    if isinstance(current, renew.VaryingCurrent):
-        current = renew.VaryingCurrent(current.slice_times - shift, current.slices)
-    grids = tuple(
-        replace(grid, season=label, times_s=grid.times_s - shift) if grid.season == name else grid
-        for grid in data.fetched.currents
-    )
-    key = artefact_key("departures", data.current_keys[name], chosen)
     return replace(
-        departed,
-        scenario=scenario,
-        data=replace(
-            data,
-            fetched=replace(
-                data.fetched,
-                currents=grids,
-                notes=tuple(
-                    one.about(*(label if of == name else of for of in one.seasons))
-                    for one in data.fetched.notes
-                ),
-            ),
-            current_keys={**_renamed(data.current_keys, name, label), label: key},
-        ),
-        scene=Artefact(
-            artefact_key("departures", departed.scene.key, name, chosen),
-            replace(
-                scene,
-                currents={**_renamed(scene.currents, name, label), label: current},
-                current_cells=_renamed(scene.current_cells, name, label),
-                areas={
-                    **_renamed(scene.areas, name, label),
-                    label: later(scene.areas.get(name, ()), shift),
-                },
-                tidal_depths=_from_departure(scene.tidal_depths, name, label, shift),
-                departures={**_renamed(scene.departures, name, label), label: chosen},
-                speeds=speed_choices(scenario),
-            ),
-        ),
+        departed.at_clock(scenario, name, label, shift),
         choices=(*departed.choices, replace(choice, season=label)),
         notes=(
             *departed.notes,
@@ -334,24 +281,11 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
     )
 
 
-def _from_departure(
-    depths: Mapping[str, renew.TidalDepth], name: str, label: str, shift: float
-) -> dict[str, renew.TidalDepth]:
-    """Return tidal depths, one of them on a clock that begins `shift` seconds later."""
-    found = _renamed(depths, name, label)
-    return {**found, label: later_tides(found[label], shift)} if label in found else found
-
-
 def _label(scenario: Scenario, season: str, chosen: datetime) -> str:
     """Name a season by its chosen departure, unless it has a name of its own."""
     label = departure_name(chosen)
     others = {one.name for one in scenario.seasons}
     return season if named_departure(season) is None or label in others else label
-
-
-def _renamed(by_season: Mapping[str, _T], season: str, label: str) -> dict[str, _T]:
-    """Return values by season, with one season renamed."""
-    return {label if name == season else name: value for name, value in by_season.items()}
 
 
 def _without(departed: Chosen, season: str, reason: str) -> Chosen:

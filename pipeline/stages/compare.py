@@ -17,7 +17,8 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan
 from pipeline.sources.cf.streams import WEAK_SHARE
-from pipeline.stages.choose import Chosen, narrows_notes
+from pipeline.stages.choose import narrows_notes
+from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.places import shut_notes

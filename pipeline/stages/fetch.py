@@ -140,7 +140,9 @@ def with_max_hours(season: Season, scenario: Scenario) -> Season:
     lon, lat = zip(*scenario.stops.values(), strict=True)
     apart_m = pyproj.Geod(ellps="WGS84").line_length(lon, lat)
     straight_hours = apart_m / scenario.vessel_in(season).speed_m_s / 3600
-    hours = min(math.ceil(_LONGEST_WAY * straight_hours + _DAY_HOURS), MAX_HOURS)
+    wait = scenario.anchorage[1] if scenario.anchorage else timedelta()
+    hours = _LONGEST_WAY * straight_hours + _DAY_HOURS + wait / timedelta(hours=1)
+    hours = min(math.ceil(hours), MAX_HOURS)
     return season.model_copy(update={"max_hours": hours})
 
 

@@ -303,7 +303,7 @@ def plane_scene(scenario: Scenario) -> Scene:
         projection=projection,
         vessel=planner_vessel(scenario.vessel),
         is_planar=True,
-        via=np.array(scenario.via, dtype=float).reshape(-1, 2),
+        via=np.array([*scenario.stops.values()][1:-1], dtype=float).reshape(-1, 2),
         departures=known_clocks(scenario),
         speeds=speed_choices(scenario),
     )

@@ -12,7 +12,7 @@ from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Evaluation, SeasonPlan
 from pipeline.model.planning import speed_choices
-from pipeline.stages.choose import Chosen
+from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.comparing.way_names import class_names_text
 from pipeline.stages.project import scene_inputs
 from pipeline.stages.seasons.one_season import combine_seasons

@@ -227,7 +227,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         ],
     }
     if via:
-        data["via"] = [[point.lon, point.lat] for point in via]
+        data["via"] = [point.key for point in via]
     if clearance_m is not None:
         data["planner"] = {"clearance": clearance_m}
     scenario = parse_scenario({**data, **files})

@@ -31,13 +31,21 @@ _AXIS = {"N": "lat", "S": "lat", "E": "lon", "W": "lon"}
 class Position:
     """A position in degrees; `note` is "" or says how a text without letters was understood.
 
-    `either_order` is True if the two figures may also be a latitude and a longitude.
+    `either_order` is True if the two figures may also be a latitude and a longitude. At an
+    anchorage the vessel may `wait` for an interval, such as '6h'.
     """
 
     lon: float
     lat: float
     note: str = ""
     either_order: bool = False
+    wait: str = ""
+
+    @property
+    def key(self) -> list[float] | dict[str, object]:
+        """The position as in a scenario's `via`."""
+        place = [self.lon, self.lat]
+        return {"at": place, "wait": self.wait} if self.wait else place
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +96,8 @@ def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
 def read_via(texts: Sequence[str], near: float) -> tuple[Position, ...]:
     """Read via points; 360 degrees are added to bring their longitudes close to `near`.
 
+    An anchorage is 'POSITION wait 6h'.
+
     Raises
     ------
     RequestError
@@ -95,8 +105,9 @@ def read_via(texts: Sequence[str], near: float) -> tuple[Position, ...]:
     """
     found, faults = [], []
     for text in texts:
+        place, wait = (part.strip() for part in text.partition(" wait ")[::2])
         try:
-            point = read_position(text)
+            point = replace(read_position(place), wait=wait)
         except ValueError as error:
             faults.append(f"--via {error}")
             continue

@@ -140,7 +140,7 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     where the path itself does, at a start or goal. Each via point is a waypoint, and so is each
     place where the speed through water changes by a tenth or more.
     """
-    scene = result.scene
+    scene = result.scene.leg(ranked.season)
     line = shapely.LineString(ranked.route.path)
     areas = [area.polygon for area in scene.areas.get(ranked.season, ())]
     if (depth := scene.tidal_depths.get(ranked.season)) is not None:
@@ -183,7 +183,7 @@ def _described(
     curve: Curve,
 ) -> Waypoints:
     """Return waypoints with the figures of their legs."""
-    scene = result.scene
+    scene = result.scene.leg(ranked.season)
     factor = np.zeros(len(lonlat) - 1)
     np.maximum.at(factor, legs.leg, scene.projection.point_scale(legs.lonlat))
     # True metres per planar metre where the plane stretches the leg most: no limit is too wide.

@@ -336,6 +336,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "and turn at another time than planned",
     "straits-shut": "{count:strait is|straits are} shut by margin or padding; the widest, at "
     "{widest}, is {width_m:distance} wide, and {needed_m:distance} are needed",
+    "waits-at-anchor": lambda place, begin, until: (
+        f"the vessel lies at anchor at {place.text}{_from_until(begin, until, '')}"
+    ),
     "way-shut": "{way} {places:, /3/ and at # more places}",
 }
 """The words of each kind of note."""

@@ -113,7 +113,7 @@ def fuel_elsewhere(
     A grid is refined to this number of cells, or until the bound is above `enough`. Like the
     optimality gap's bound, this one uses the land without margin or padding.
     """
-    chart = scene.chart
+    scene, chart = scene.leg(plan.season), scene.chart
     elsewhere = chart.with_open_water(chart.less(chart.open_water, strip))
     voyage = Voyage(
         Waters(elsewhere, as_field(scene.currents[plan.season])),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from datetime import timedelta
 
 import pytest
 from pydantic import BaseModel, ValidationError
@@ -267,3 +268,46 @@ def test_departures_are_chosen_where_something_changes_with_time(
     with pytest.raises(ValidationError, match=words):
         Scenario.model_validate(asked)
     Scenario.model_validate({**asked, "tide": {"stations": ["boston"]}})
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"tide": None},
+            r"season 'calm' has nothing to wait for at via\[1\].wait: .* or leave the wait out",
+        ),
+        ({"seasons": [{"name": "calm", "currents": ["still"]}]}, "nothing to wait for"),
+        (
+            {"seasons": [{"name": "calm", "currents": ["still"], "departures": WINDOW}]},
+            r"'departures', and via\[1\].wait leaves another time open; give .* one 'departure'",
+        ),
+        (
+            {"via": [{"at": [119.3, 9.5], "wait": "2h"}, {"at": [119.5, 9.5], "wait": "6h"}]},
+            r"via\[0\].wait and via\[1\].wait; a plan waits at one anchorage: leave out",
+        ),
+        ({"via": [{"at": [119.5, 9.5], "wait": "5d"}]}, "'5d' is longer than 3 days; give at most"),
+        ({"via": [{"at": [119.5, 9.5], "wait": "soon"}]}, "'soon' is not an interval"),
+        ({"via": [{"at": [119.5, 9.5], "wait": "-2h"}]}, "'-2h' is not an interval"),
+        ({"via": [{"at": [119.5, 9.5]}]}, r"(?s)via.0.*wait.*required"),
+    ],
+)
+def test_a_wait_at_an_anchorage_needs_a_clock_and_one_departure(
+    changes: dict[str, object], words: str
+) -> None:
+    asked: dict[str, object] = {
+        "schema_version": 1,
+        "name": "calm",
+        "region": {"bbox": [119.0, 9.0, 120.2, 10.0]},
+        "vessel": {"length_m": 2.0, "speed_m_s": 4.0, "turn_rate_deg_s": 35.0, "draught_m": 1.0},
+        "start": [119.1, 9.5],
+        "goal": [120.1, 9.5],
+        "via": [[119.3, 9.5], {"at": [119.5, 9.5], "wait": "6h"}],
+        "tide": {"stations": ["boston"]},
+        "seasons": [{"name": "calm", "currents": ["still"], "departure": "2026-11-22T06:00Z"}],
+    }
+    scenario = Scenario.model_validate(asked)
+    assert scenario.anchorage == (1, timedelta(hours=6))
+    assert scenario.stops["via[1]"] == (119.5, 9.5)
+    with pytest.raises(ValidationError, match=words):
+        Scenario.model_validate({**asked, **changes})

@@ -17,6 +17,7 @@ from pipeline.errors import RequestError
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
+from pipeline.scenario.via import Anchorage
 from pipeline.sources.current_field import Field
 from pipeline.stages.places import later
 from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
@@ -188,5 +189,8 @@ def test_a_one_line_voyage_takes_points_and_files(tmp_path: Path) -> None:
     )
     assert scenario.via == ((180.05, 35.1),)
     assert scenario.avoid[0].path == str(tmp_path / "range.geojson")
+    waiting = {**asked, "depart": "2026-11-22T06:00Z", "tide": ("boston",)}
+    scenario, _ = voyage_scenario(VoyageRequest(**waiting, via=("35.1N 179.95W wait 6h",)))
+    assert scenario.via == (Anchorage(at=(180.05, 35.1), wait="6h"),)
     with pytest.raises(RequestError, match="--via 'here'"):
         voyage_scenario(VoyageRequest(**asked, via=("here",)))

@@ -21,7 +21,8 @@ from pipeline.model import DepartureChoice, Note
 from pipeline.model.planning import speed_choices
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import departure_name
-from pipeline.stages.choose import Chosen, choose_departures
+from pipeline.stages.choose import choose_departures
+from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.seasons.one_season import plan_season
 from renew.planner.departures import Sailing, Sailings
