@@ -17,6 +17,7 @@ from renew.errors import (
 )
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
+from renew.inputs.haven import Haven
 from renew.inputs.options import PlanOptions
 from renew.inputs.shut_areas import ShutArea, TidalArea
 from renew.inputs.tidal_depth import LeastWater, TidalDepth
@@ -27,6 +28,8 @@ from renew.planner.plan import plan, plan_departures
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
+from renew.underway.cover import cover
+from renew.underway.coverage import Coverage, Diversion, EqualPoint, LastTurn, Stretch, TurnOff
 from renew.underway.replan import Replanned, replan
 from renew.voyage.fuel import fuel
 
@@ -38,14 +41,19 @@ __all__ = [
     "Chart",
     "Constant",
     "Contingency",
+    "Coverage",
     "CurrentField",
     "CurrentTooStrongError",
     "Departures",
+    "Diversion",
+    "EqualPoint",
     "GeometryError",
     "GoalInNoGoError",
     "GriddedCurrent",
     "GyreCurrent",
+    "Haven",
     "HighAndLow",
+    "LastTurn",
     "LeastWater",
     "OverpoweredHours",
     "ParameterError",
@@ -57,18 +65,21 @@ __all__ = [
     "Route",
     "ShutArea",
     "StartInNoGoError",
+    "Stretch",
     "SwingingGyre",
     "TidalArea",
     "TidalDepth",
     "Tide",
     "Tightest",
     "TradeOff",
+    "TurnOff",
     "UniformCurrent",
     "UnreachableError",
     "VaryingCurrent",
     "Vessel",
     "ViaInNoGoError",
     "contingency",
+    "cover",
     "fuel",
     "plan",
     "plan_departures",

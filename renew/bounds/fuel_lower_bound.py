@@ -238,28 +238,29 @@ class Front:
         corners = at_goal.corners(self.time)
         top = BEYOND * float(corners[np.isfinite(corners)].max(initial=0.0))
         self.known = np.minimum(self.time, top)
-        _, low = self._range(at_start)
+        _, low = u_range(self.known, self.grid.wet, at_start)
         self.rates, reached = march(self.known, self.grid, counts, low, top)
         self.rise = Rise(low, top, reached)
         # No wet cells lead to the goal.
         if np.isinf(at_goal.values(self.time)).all():
             return math.inf
-        high, _ = self._range(at_goal)
+        high, _ = u_range(self.known, self.grid.wet, at_goal)
         levels = np.linspace(low, top, LEVELS + 1)
         return float(np.interp(high, levels, reached)) * (1 - ROUNDING)
-
-    def _range(self, place: Place) -> tuple[float, float]:
-        """Bounds of u at a place."""
-        bends = np.empty(6)
-        set_bends(bends, self.known, self.grid.wet, place.row, place.column)
-        off = (1 - (place.weights**2).sum(axis=1)) * np.abs(bends).max()
-        values = place.values(self.known)
-        return float((values - off).min()), float((values + off).max())
 
     def relax(self) -> None:
         """Lower the slowness of the cells that broke (1), to begin again at the start."""
         self.stretch /= np.maximum(self.rates, 1.0)
         self.time, self.dirty = source(self.grid, self.start)
+
+
+def u_range(known: FloatArray, wet: BoolArray, place: Place) -> tuple[float, float]:
+    """Bounds of u (ny, nx) at a place."""
+    bends = np.empty(6)
+    set_bends(bends, known, wet, place.row, place.column)
+    off = (1 - (place.weights**2).sum(axis=1)) * np.abs(bends).max()
+    values = place.values(known)
+    return float((values - off).min()), float((values + off).max())
 
 
 def _mean_time(grid: TravelGrid, start: FloatArray, goal: FloatArray) -> float:
@@ -269,11 +270,11 @@ def _mean_time(grid: TravelGrid, start: FloatArray, goal: FloatArray) -> float:
 
 def drop(counts: BoolArray, there: Front, back: Front, most: float) -> None:
     """Cells through which no route quicker than `most` (s) leads don't count from now on: (2)."""
-    _drop(counts, there.grid.wet, there.known, there.rise, back.known, back.rise, most)
+    drop_cells(counts, there.grid.wet, there.known, there.rise, back.known, back.rise, most)
 
 
 @kernel
-def _drop(
+def drop_cells(
     counts: BoolArray,
     wet: BoolArray,
     there: FloatArray,
