@@ -225,7 +225,7 @@ def list_all() -> None:
 
 
 def _self_contained() -> tuple[Path, ...]:
-    """Folders that together must hold all code; one that was asked for may be shipped alone."""
+    """Folders that together must hold all code; one that the user named must do so alone."""
     return _folders()[:1] if cache_folder().parent == _asked_folder() else _folders()
 
 

@@ -102,7 +102,7 @@ class _InlinedCode(JITCodeLibrary):
         return _NoMachineCode()
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Return the address of a function: none."""
+        """Return 0 in place of the address of a function, which has no machine code."""
         del name
         self._ensure_finalized()
         return 0

@@ -211,7 +211,7 @@ class ArrivalError(PlanningError):
 
 
 class CurrentTooStrongError(PlanningError):
-    """The current is as strong as the vessel where it has to be."""
+    """The current is as strong as the vessel at a place where the vessel has to be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,8 +287,8 @@ class InfeasibleError(PlanningError):
 class TooSharpError(InfeasibleError):
     """Corners of the class's path leave the vessel too little room to turn in.
 
-    `excess` (n,) is the length of a leg beside each point that arcs need, divided by the length of
-    that leg: at most 1 if there is enough room.
+    For each point (n,), `excess` is the share of a leg beside it that the arcs need: at most 1 if
+    there is enough room.
     """
 
     excess: FloatArray

@@ -89,8 +89,9 @@ def fit(
         found = fit_files(series)
         try:
             with whole_file(folder / out.name) as file:
-                # Names as characters: of a file with strings that is opened twice at a time, the
-                # NetCDF library frees their type at the first close, and crashes at the second.
+                # Names are written as characters: if a file with strings is opened twice at a time,
+                # the NetCDF library frees the type of strings at the first close, and crashes at
+                # the second.
                 names_as = {"constituent": {"dtype": "S1"}}
                 found.to_netcdf(file.name, engine="netcdf4", encoding=names_as)
         except (OSError, RuntimeError) as error:

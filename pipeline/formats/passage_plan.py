@@ -47,7 +47,7 @@ _SMALL, _PLAIN, _LARGE = 7.0, 8.0, 15.0
 # Widths of the table's columns, points; columns without a heading are left out. Height of headings.
 _COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 56, 64, 46, 56, 138)
 _HEADINGS_PT = 28.0
-# Size of the map on a season's first page, points, and the chart around the route, as a share.
+# Size of the map on a season's first page, points; its margin as a share of the route's extent.
 _MAP_PT, _MAP_MARGIN = (250.0, 160.0), 0.06
 # Characters of a line across the page, and beside the map; space above the notes, points.
 _WIDE, _BESIDE_MAP = 190, 123

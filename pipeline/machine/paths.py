@@ -72,7 +72,7 @@ def expanded(path: str | Path, key: str) -> Path:
 def resolved(path: str | Path, key: str) -> Path:
     """Make a path absolute, without symbolic links; raises what `expanded` does.
 
-    A link that leads back to itself stays as it is: `unreadable_reason` says so.
+    A link that leads back to itself stays as it is; `unreadable_reason` reports it.
     """
     return Path(os.path.realpath(expanded(path, key)))
 

@@ -123,10 +123,11 @@ class Land:
     how far the source's coast may lie from the true one, in metres. `credits` has one entry per
     source, `notes` are about the chart, `zones` are areas to be shown.
     `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
-    it, but a route that crosses it does so where the two disagree. `places` are the chart's names
-    of land, where it has any. `depths` says where the chart has depths; None where it has none at
-    all. `depth_areas` are its areas of equal depth, where it has any. `tidal_water` is deep enough
-    for some hours; `datum` is the chart datum of the depths, "" where the chart does not state it.
+    it, but a route crosses it only where the two shorelines disagree. `places` are the chart's
+    names of land, where it has any. `depths` says where the chart has depths; None where it has
+    none at all. `depth_areas` are its areas of equal depth, where it has any. `tidal_water` is deep
+    enough for some hours; `datum` is the chart datum of the depths, "" where the chart does not
+    state it.
     """
 
     polygons: tuple[Polygon, ...]
@@ -173,10 +174,10 @@ class CurrentGrid:
     valid : the time that the field is valid for, as the source names it.
     notes : about the field, for a reader.
     files : names and hashes of the files it came from.
-    climatology_for : the season's own time where the field is a climatology in its place, or "".
+    climatology_for : the season's own time, if a climatology stands in for that time; else "".
     passed_over : the sources that the scenario prefers to this one, in its order.
-    weak : (ny, nx), of tidal streams: where their constants give too little of the variance of the
-        currents that they were fitted to.
+    weak : (ny, nx), of tidal streams: where their constants explain too little of the variance of
+    the currents that they were fitted to.
     """
 
     season: str

@@ -256,7 +256,7 @@ def scenario_path(asked: str) -> Path:
     Raises
     ------
     RequestError
-        Neither, or a directory; the message suggests a similar name.
+        There is no such name or path, or it is a directory; the message suggests a similar name.
     """
     named = root() / "scenarios" / f"{asked}.toml"
     if asked in names("scenarios"):

@@ -82,9 +82,9 @@ class PlannerOptions(StrictModel):
     """Share of the time since departure by which the vessel may be early or late in currents that
     change: its turns are safe at all these times. Give a share from 0 to below 1, such as 0.05."""
     gap_to: strict.Number = Field(default=0.0, ge=0, lt=1)
-    """Optimality gap of the best route at which the bound on fuel is tight enough: it is worked out
-    no further, and on a finer grid where that is needed; 0: as tight as about half a second makes
-    it. Give a share from 0 to below 1, such as 0.02."""
+    """Optimality gap of the best route at which the lower bound on fuel is tight enough: until then
+    its grid is refined. With 0 it is as tight as about half a second of work makes it. Give a
+    share from 0 to below 1, such as 0.02."""
 
 
 class OutputOptions(StrictModel):

@@ -110,7 +110,7 @@ def plain_reason(reason: str) -> str:
 
 
 def looks_like_path(text: str) -> bool:
-    """Whether a source is given by its path: catalogue names have none of these characters."""
+    """Whether a source is given by its path: catalogue names have no slashes, points or tildes."""
     return bool(set(text) & set("/\\.~"))
 
 

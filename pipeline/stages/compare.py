@@ -170,7 +170,7 @@ def unresolved_strait_notes(result: RunResult) -> Iterator[Note]:
 
 
 def weak_stream_notes(result: RunResult) -> Iterator[Note]:
-    """Yield a note for each season on its routes' shares where constants tell too little."""
+    """Yield a note for each season on its routes' shares with unreliable tidal constants."""
     for grid in result.fetched.currents:
         if grid.weak is None or not grid.weak.any():
             continue

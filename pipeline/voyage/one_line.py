@@ -240,7 +240,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
 
 
 def _position_notes(scenario: Scenario, places: Sequence[Position]) -> Iterator[str]:
-    """Yield notes on how positions were read; none on an order that can't be the other way."""
+    """Yield notes on how positions were read; none if only one order of the figures is possible."""
     doubtful = [(place.lon, place.lat) for place in places if place.either_order]
     is_doubtful = bool(doubtful) and are_water_swapped(scenario, doubtful)
     for place in places:

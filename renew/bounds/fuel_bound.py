@@ -16,8 +16,8 @@ class FuelBound:
     """The fuel that no route of a voyage can stay below, of any class.
 
     It is computed from the voyage when first asked for, unless a number is given. `kept` is the
-    bound on routes that keep the plan's clearance, or a function that gives their voyage. Where a
-    number of fuel units is `enough`, a grid may be finer, and ends once the bound is above it.
+    bound on routes that keep the plan's clearance, or a function that gives their voyage. If
+    `enough` (fuel units) is finite, the grid may be refined further, until the bound is above it.
     """
 
     source: Voyage | float

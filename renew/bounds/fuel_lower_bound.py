@@ -38,22 +38,23 @@ and needs at least φᵦ from there on. So it keeps to the places where
     φₐ(x) + φᵦ(x) < U,                                                                           (2)
 
 and (1) need hold only there. Then no route takes less than min(U, φₐ(goal)), or than
-min(U, φᵦ(start)): one that leaves these cells takes U, any other what φ says. Cells that are left
-are cut in four, on that finer grid more are dropped by (2), and so on. Within a cell φ is no less
-than f at the least u, and rises with u no more slowly than f does anywhere between the cell's least
-and largest u; (2) is asked of that. U is the time of the front in the mean current, and a little
-more. It need not be the time of any route: where it is too small, the bound is U.
+min(U, φᵦ(start)): one that leaves these cells takes at least U, any other at least what φ says.
+Cells that are left are cut in four, on that finer grid more are dropped by (2), and so on. Within a
+cell φ is no less than f at the least u, and rises with u no more slowly than f does anywhere
+between the cell's least and largest u; (2) is tested with this lower bound on φ. U is the time of
+the front in the mean current, and a little more. It need not be the time of any route: where it is
+too small, the bound is U.
 
 Where the current changes, c is read at the front's own arrival. (1) is asked of the velocities at
 x at the time t₀ + φ(x) alone, t₀ being the departure: along a route put m = φ - (t - t₀), which is
 0 at the start. Where m > 0 the current differs from that at t₀ + φ by at most κ m, κ bounding its
 change with time; so m' <= κ |∇φ| m, and by Grönwall's lemma m <= 0 for ever: nobody is anywhere
-before t₀ + φ. (A barrier: it is enough to hold the line on the line.) In a triangle φ runs over
-an interval of time, and the current over it is in the hull of those at its ends and at the slices
-between, from which λ is taken. λ depends on f, which depends on λ of no later times: f is worked
-out from the start on. Λ counts as no less than _LEAST_RATE there (raising it is on the safe side),
-so that f rises by no more than the inverse of that: from where a triangle's lowest corner is
-reached, that bounds the time at its highest.
+before t₀ + φ. (So (1) need hold at this one time only.) In a triangle φ runs over an interval of
+time, and the current over it is in the hull of those at its ends and at the slices between, from
+which λ is taken. f depends on λ, and λ on f at no later times, so f is worked out from the start
+on. Λ counts as no less than _LEAST_RATE there (raising it is on the safe side), so that f's slope
+is at most the inverse of that: this bounds φ at a triangle's highest corner once its lowest is
+reached.
 
 φᵦ is such a φ, too, with the clock running backwards from t₀ + U: a route that takes less than U is
 at the goal by then, m = φᵦ - (t₀ + U - t) is at most 0 there, and, by the same lemma, all along the
@@ -64,20 +65,22 @@ What is proven for which current: everything for `UniformCurrent`, `GyreCurrent`
 `GriddedCurrent`, whose deviation r is bounded in closed form. Any other field is known by its
 values alone: r is four times the error that the second differences between neighbouring nodes
 suggest, so the bound holds for fields that the grid resolves (a cell is under 1 % of a square
-extent's side). Of a current that changes r is the largest of all its slices; where it is not linear
+extent's side). For a changing current r is the largest over all its slices; where it is not linear
 between them, the deviation that second differences in time suggest is added.
 
 Where the vessel chooses its speed v, and has to arrive by a deadline D, let λ be a price of time.
 (1) is then asked of (∇φ·T) g(x, T, v) <= α vᵏ + λ for every v as well: φ bounds fuel + λ time from
 below, and no route that arrives by D needs less fuel than φ(goal) - φ(start) - λ (D - t₀), whatever
-λ >= 0 (weak duality). It is taken at the λ of the best route found. In a current that changes φ
-does not tell when the vessel is where: (1) is asked, in each cell, of the currents of all hours at
-which a vessel may be there that has left at t₀ and arrives by D, as fast as v and the strongest
-current together. That is looser, and a little less than the price at the route's end is better.
+λ >= 0 (weak duality). It is taken at the λ of the best route found. In a changing current φ does
+not tell when the vessel is where. So (1) is asked in each cell of the currents of all hours at
+which a vessel may be there that leaves at t₀, arrives by D and goes no faster than v plus the
+strongest current. This is looser, and a λ a little below the price at the route's end gives a
+better bound.
 
 In a uniform current a linear φ that obeys (1) at one point obeys it everywhere. The best one says
 how long the straight way takes at the speed of the convex hull of all velocities over ground, which
-is exact in free water. Where land is in the way, the grid's φ is better, mostly: the larger counts.
+is exact in free water. Where land is in the way, the grid's φ is mostly better; the larger bound
+counts.
 
 Currents above v are no obstacle here: such water may be crossed, at no less than its true cost.
 """

@@ -1,4 +1,4 @@
-"""Grids on which a voyage is bounded: their water, currents and hours, coarse and then finer.
+"""Grids for the lower bound on a voyage's fuel, refined in steps: their water, currents and hours.
 
 The lower bound on fuel (:mod:`renew.bounds.fuel_lower_bound`) knows a current at the grid's nodes
 and takes it as linear between them; the error of that is bounded here, by kind of field.
@@ -30,7 +30,7 @@ from renew.voyage.voyage import Voyage, Waters
 def wet_cells(
     chart: Chart, x: FloatArray, y: FloatArray, among: BoolArray | None = None
 ) -> BoolArray:
-    """Which cells (ny - 1, nx - 1), `among` some, hold water; slivers along sides don't count."""
+    """Cells (ny - 1, nx - 1), of `among` if given, with water; slivers along sides don't count."""
     from scipy.ndimage import label
 
     near_shore = _near_lines(chart.open_water.boundary, x, y)
@@ -201,7 +201,7 @@ def _sampled_deviation(
 
 @small_kernel
 def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArray) -> float:
-    """How far a velocity is off the lines through its neighbours; on a side, the next node's."""
+    """How far a velocity, or that of the next inner node, is off lines through its neighbours."""
     m, n = min(max(i, 1), y.size - 2), min(max(j, 1), x.size - 2)
     along_x = _off_line(c, at, i, n, 0, 0, 1, x, n) if x.size > 2 else 0.0
     along_y = _off_line(c, at, m, j, 0, 1, 0, y, m) if y.size > 2 else 0.0

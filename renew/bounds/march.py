@@ -36,9 +36,9 @@ def growth_rate(
     """λ of a triangle: an upper bound on (p·T) g over all T and all its points.
 
     p (3, 2) in s/m and c (3, 2) are given at its corners and linear between them. For any T and v,
-    (p·T) g is then a quadratic function, so it is at most what it is at a corner and two thirds of
-    the largest rise of a side's coefficient above the mean of its ends, -2 (δp·T)(δc·T), with half
-    the differences of p and of c along the side.
+    (p·T) g is then a quadratic function, so it is at most its largest corner value plus two thirds
+    of the largest excess of a side. The excess is the middle coefficient in Bernstein's form less
+    the mean of the ends: -2 (δp·T)(δc·T), where δp and δc are half the differences along the side.
     """
     largest, steepest, excess = -math.inf, 0.0, 0.0
     for k in range(3):

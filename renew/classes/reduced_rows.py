@@ -63,8 +63,8 @@ class SearchTask(NamedTuple):
 class Words(NamedTuple):
     """All words met so far as a tree: word 0 is empty, each other one letter longer than its stem.
 
-    `newest` is the last of the words that a word is the stem of, and `older` the one before
-    among those with the same stem; -1 is none. A dictionary would take a second to compile.
+    `newest` is the last word made from a word as its stem, and `older` the one made before it from
+    the same stem; -1 is none. A dictionary would take a second to compile.
     """
 
     stem: list[int]

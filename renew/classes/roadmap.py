@@ -55,7 +55,8 @@ class Resolution(NamedTuple):
 def resolution_for(voyage: Voyage, triangulation: Triangulation) -> Resolution:
     """Return a resolution that distinguishes a voyage's classes: finer with eddies and islands.
 
-    In small eddies legs also lead in more directions: with few, the search ends in a wrong valley.
+    In small eddies legs also lead in more directions: with few directions, the search ends in a
+    poor local minimum.
     """
     islands = min(_PER_TRIANGLE * len(triangulation.triangles), _MAX_CELLS)
     if voyage.table.has_small_eddies:

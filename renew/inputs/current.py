@@ -97,7 +97,7 @@ class CurrentField(ABC):
     ) -> CurrentStatistics:
         """Mean and spread of the current in triangles (n, 3, 2), over windows of time (n, 2), s.
 
-        Without windows at time 0.
+        Without windows, at time 0.
         """
         points = np.einsum("lk,nkd->nld", _lattice(), triangles)
         if windows is None or self.is_steady or not len(triangles):
@@ -147,7 +147,7 @@ def _sample_statistics(
 
 
 def as_field(current: CurrentLike) -> CurrentField:
-    """Take a field as it is, or a callable (..., 2) m -> (..., 2) m/s as one."""
+    """Return a field as it is; wrap a callable (..., 2) m -> (..., 2) m/s as a field."""
     if isinstance(current, CurrentField):
         return current
     if callable(current):

@@ -25,7 +25,7 @@ MAX_SEED = 2**63 - 1
 
 _CHOICES = {"method": Method, "drift": Drift, "order": Order, "risk_at": RiskAt}
 MAX_STATIONS = 1_000_000
-"""Largest number of points along a route from which turns are flown."""
+"""Largest number of points along a route from which turns are simulated."""
 MAX_DEPARTURES = 10_000
 """Largest number of departures that are asked for at once."""
 
@@ -73,9 +73,9 @@ class PlanOptions:
     min_lateness : float
         Time (s) by which it may be early or late at least, but not before the departure.
     gap_to : float
-        Optimality gap of the best route at which the bound on fuel is tight enough, such as 0.02.
-        It is worked out no further, and on a finer grid where that is needed. 0: as tight as about
-        half a second makes it.
+        Optimality gap of the best route at which the lower bound on fuel is tight enough, such as
+        0.02: until then its grid is refined. With 0 it is as tight as about half a second of work
+        makes it.
 
     Raises
     ------
@@ -298,7 +298,7 @@ def check_turns(
     seed: object,
     late: tuple[object, object],
 ) -> None:
-    """Refuse arguments with which :func:`renew.contingency` can't fly turns.
+    """Refuse arguments with which :func:`renew.contingency` can't simulate turns.
 
     The path is `length` m long; `late` are the share of the time and the time (s) by which the
     vessel may be late.
@@ -393,7 +393,7 @@ def as_departures(departures: Sequence[float] | FloatArray) -> FloatArray:
 
 
 def _is_row(value: object) -> TypeGuard[Sequence[Any] | FloatArray]:
-    """Whether a value is a row of others, and not text."""
+    """Whether a value is a sequence, and not text."""
     if isinstance(value, np.ndarray):
         return value.ndim > 0
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)

@@ -39,9 +39,9 @@ class LeastWater(NamedTuple):
 class TidalDepth:
     """Areas of water, and the height of tide that the vessel needs in each.
 
-    An area is shut while the tide relied on is below its need: the least height predicted within
-    `lag` of the vessel's time, less the `surge`. Areas may overlap; all their needs count. Outside
-    them there is enough water at any time.
+    The tide relied on is the least height predicted within `lag` of the vessel's time, less the
+    `surge`; an area is shut while this height is below its need. Areas may overlap; all their needs
+    count. Outside them there is enough water at any time.
 
     Parameters
     ----------

@@ -182,7 +182,7 @@ def leg_is_clear(leg: Segment, capsules: Capsules, chosen: IntArray, exempt: Boo
 
 @small_kernel
 def _lies_beside(segment: Segment, line: Segment, distance: float) -> bool:
-    """Whether a segment certainly lies beyond a distance, to one side of another's line."""
+    """Whether a segment surely lies on one side of another's line, further off than a distance."""
     dx, dy = line.bx - line.ax, line.by - line.ay
     one = dx * (segment.ay - line.ay) - dy * (segment.ax - line.ax)
     other = dx * (segment.by - line.ay) - dy * (segment.bx - line.ax)

@@ -334,7 +334,7 @@ def without_detours(path: FloatArray, longest: float, water: Water) -> FloatArra
 
 @kernel
 def _around_middle(intervals: FloatArray) -> tuple[float, float]:
-    """Return the interval's ends that contain or are nearest to 0.5; both 0.5 if there is none."""
+    """Return the ends of the interval around or nearest to 0.5; 0.5 twice if there is none."""
     low, high, nearest = 0.5, 0.5, np.inf
     for k in range(len(intervals)):
         away = max(intervals[k, 0] - 0.5, 0.5 - intervals[k, 1])

@@ -43,7 +43,7 @@ def with_always_shut(chart: Chart, areas: Sequence[ShutArea]) -> Chart:
 def meetings(
     route: Route, areas: Sequence[Area], planner: ClassPlanner
 ) -> dict[Area, InfeasibleError]:
-    """Return the areas in which the vessel may be while they are shut on a route, each with why."""
+    """Return the areas that the vessel may enter on a route while they are shut, with reasons."""
     if not areas:
         return {}
     voyage = planner.problem.voyage.leaving(float(route.times[0]))

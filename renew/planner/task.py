@@ -113,7 +113,7 @@ def check_current_at_endpoints(voyage: Voyage) -> None:
 
 
 def _until(voyage: Voyage, point: FloatArray) -> Text:
-    """Until when the current stays as strong as the vessel at a point (2,), if it ever falls."""
+    """Say until when the current at a point (2,) stays as strong as the vessel; empty if always."""
     if voyage.current.is_steady:
         return Text("")
     now, speed = voyage.departure, voyage.vessel.speed

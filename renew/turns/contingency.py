@@ -55,7 +55,7 @@ class Contingency:
 
     Attributes
     ----------
-    trials : turns flown.
+    trials : turns simulated.
     collisions : turns that touched the no-go zone.
     points : (n, 2) metres, where turns began.
     collided : (n,) True where at least one turn of that point collided.
@@ -81,7 +81,7 @@ def contingency(
     drift: Drift = "projected",
     speeds: FloatArray | None = None,
 ) -> Contingency:
-    """Fly a full hard-over turn to both sides from points along a route.
+    """Simulate full hard-over turns to both sides from points along a route.
 
     In a current that changes the clock runs: turns begin when the vessel passes, and when it is
     early and late by a share of the time under way.
@@ -93,7 +93,7 @@ def contingency(
     chart : Chart
         No turn may touch its no-go zone; it need not be the chart planned on.
     current : CurrentField or callable
-        The field flown in.
+        The field in which turns are simulated.
     vessel : Vessel
         Gives v and ω.
     spacing : float
@@ -110,7 +110,7 @@ def contingency(
     drift : {"projected", "crab"}
         Drift model by which the time of passage is computed.
     speeds : array_like, optional
-        Speeds through water (n - 1,), m/s, at which the legs are sailed and turns are flown; by
+        Speeds through water (n - 1,), m/s, at which the legs are sailed and turns are simulated; by
         default the speeds chosen for the route, or the vessel's.
 
     Returns
@@ -141,7 +141,7 @@ def contingency(
     if not field.is_steady:
         early, late = early_and_late(times, departure, lateness, min_lateness)
         passed = (early, times, late)
-    # Only turns within reach of land can touch it; the others are counted without being flown.
+    # Only turns within reach of land can touch it; the others are counted, not simulated.
     near = np.zeros(len(points), dtype=bool)
     if chart.no_go:
         tree = shapely.STRtree(chart.no_go)
@@ -191,7 +191,7 @@ def fly_turns(
     """Return tracks (n, turns, steps + 1, 2) of full turns from points (n, 2) on courses (n,) rad.
 
     They begin at `times` (n,), s, at speeds (n,) through water, or at the vessel's. Each of the
-    draws, to either side, is flown in the field perturbed by `deviations` (n or 1, draws, 2):
+    draws, to either side, is simulated in the field perturbed by `deviations` (n or 1, draws, 2):
     multiples of the spread of its speed and of its direction.
     """
     speeds = np.full(len(points), vessel.speed) if speeds is None else speeds

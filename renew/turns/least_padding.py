@@ -6,9 +6,10 @@ the path. So a path in t stays at least g(t, e) off e, which is the least quanti
 headings. A path that comes nearer to e than P(e) = min over t of max(distance of t from e, g(t, e))
 breaks the rule.
 
-g is bounded by the turns that are drawn at least an angle γ off the heading, to one side. As no
-turn is off by more than 20°, whatever the heading, such turns to one side or to the other begin at
-an angle β from the normal of e with γ <= |β| <= 180° - γ. A turn away from that side reaches
+g is bounded by those drawn turns that begin at least an angle γ off the heading, on one side of it.
+As no drawn turn begins more than 20° off the heading, for every heading the turns on one of its
+sides all begin at an angle β from the normal of e with γ <= |β| <= 180° - γ. A turn away from that
+side reaches
 
     h(|β|) = v/ω (√(1 - r²) + sin |β|) + δ (arccos r + |β|)/ω,    r = -δ/v,
 

@@ -69,11 +69,11 @@ class PaddedEdges:
         return PaddedEdges(self.start[keep], self.end[keep], self.padding[keep], self.edge[keep])
 
     def at_least(self, width: FloatArray) -> "PaddedEdges":
-        """Return them with a padding of at least `width` (e,) metres."""
+        """Return the edges with a padding of at least `width` (e,) metres."""
         return replace(self, padding=np.maximum(self.padding, width))
 
     def cut(self, longest: float) -> "PaddedEdges":
-        """Return them in pieces of at most `longest` metres."""
+        """Return the edges in pieces of at most `longest` metres."""
         along = self.end - self.start
         count = np.maximum(np.ceil(np.linalg.norm(along, axis=1) / longest), 1).astype(np.int64)
         row = np.repeat(np.arange(len(count)), count)
@@ -88,18 +88,18 @@ class PaddedEdges:
         )
 
     def around(self, point: FloatArray) -> "PaddedEdges":
-        """Only the edges whose padding reaches over a point (2,)."""
+        """Return only the edges whose padding reaches over a point (2,)."""
         return self.select(segment_distance(point, self.start, self.end) < self.padding)
 
     def grown(self, edges: IntArray, by: FloatArray) -> "PaddedEdges":
-        """Return them with the padding of some constrained edges larger by `by` metres each."""
+        """Return the edges, with the padding of some of them larger by `by` metres each."""
         extra = np.zeros(len(self.edge))
         order = np.argsort(self.edge, kind="stable")
         np.maximum.at(extra, order[np.searchsorted(self.edge, edges, sorter=order)], by)
         return replace(self, padding=self.padding + extra)
 
     def widened(self, places: FloatArray, by: FloatArray, reach: float) -> "PaddedEdges":
-        """Return them with the parts of edges within reach (m) of places (n, 2) padded more.
+        """Return the edges, with more padding on the parts within reach (m) of places (n, 2).
 
         `by` (n,) is how much more, m, at each place.
         """
@@ -204,7 +204,7 @@ class PaddingModel:
     ) -> tuple[IntArray, FloatArray] | None:
         """Return constrained edges whose padding is too small for a path, and by how much (m).
 
-        Its visits fall into windows of time (v, 2), s.
+        The path's visits fall into windows of time (v, 2), s.
 
         Where a path bulges out of the channel for which the padding was set, it meets other edges,
         or meets edges on another heading. It is assumed to cross each of its triangles from one

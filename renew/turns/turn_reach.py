@@ -31,7 +31,7 @@ HEADING_SPREAD = math.radians(20)
 Larger values change little, since a turn reaches furthest when begun along the edge."""
 
 MAX_DEVIATIONS = 2.0
-"""Largest deviation from the field of the currents that turns are flown in, in standard deviations:
+"""Largest deviation from the field of currents in which turns are simulated, standard deviations:
 95 % of a normal spread lie within it, as the default risk of 5 % asks for."""
 
 # Approximate number of draws that exceed the quantile; minimum and maximum number of draws.

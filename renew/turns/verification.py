@@ -1,9 +1,9 @@
 """Verification of a path by hard-over turns, at the times when the vessel may be at each place.
 
-The padding of a place holds throughout the window of the place.
+The padding at a place holds for the whole window of time in which the vessel may be there.
 
-Turns are flown in the field, and none may touch land. That tests samples, and proves nothing: only
-the bound on fuel has a proof (:mod:`renew.bounds`).
+Turns are simulated in the field, and none may touch land. That tests samples, and proves nothing:
+only the bound on fuel has a proof (:mod:`renew.bounds`).
 
 On request the risk is checked at every point as well. Padding is set for a channel: for travel
 between its passing edges' midpoints, in each triangle by itself. Just outside V a path may take
@@ -79,7 +79,7 @@ _ELSEWHERE = 2.0
 _SPACING, _MAX_STATIONS = 0.6, 1_000_000
 # Number of headings of a turn, one every 15 degrees: chords leave its arc by under 1 % of v/ω.
 _STEPS = 24
-# Deviations in which turns are flown: the field itself, and the corners of the box from which
+# Deviations in which turns are simulated: the field itself, and the corners of the box from which
 # contingency draws: a turn reaches furthest where the field deviates most.
 _CORNERS = MAX_DEVIATIONS * np.array([[[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]], dtype=float)
 # Margin (share of v/ω) added to what padding lacks, because the new path has other headings.
@@ -99,7 +99,7 @@ def colliding_edges(
 
     None if no turn touches any. `reach` bounds how far a turn can get. Turns begun in the part of V
     around a start or goal that itself lies in V are left out: no padding there could help. Turns
-    are flown at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed.
+    are simulated at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed.
     """
     if speeds is None:
         speeds = np.full(len(path) - 1, voyage.vessel.speed)
@@ -110,7 +110,7 @@ def colliding_edges(
     margin = _MARGIN * vessel.turning_radius + astray
     points, course, times = passed_stations(path, _spacing(path, vessel), voyage)
     speed = speeds_along(points, path, speeds)
-    # Only turns within reach of land can touch it: most of a long way needs no flying.
+    # Only turns within reach of land can touch it: most of a long way needs no simulation.
     furthest = reach(points)
     first, near = segments_near(points, furthest + margin, padded.start, padded.end)
     close = np.flatnonzero(np.diff(first))
@@ -126,7 +126,7 @@ def colliding_edges(
         return turns, *tracks_touch(turns, bounds, edges, padded.start, padded.end, radius)
 
     if len(close):
-        # No perturbed turns are flown where the unperturbed one stays so far off that none can
+        # Perturbed turns are left out where the unperturbed one stays so far off that none can
         # touch land.
         drift = (furthest[close] - 2 * vessel.turning_radius) / 2
         off = _max_offset(points[close], field, vessel, drift, times[close])

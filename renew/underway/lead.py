@@ -164,7 +164,7 @@ def _unwound(rows: FloatArray, before: FloatArray) -> FloatArray:
 
 
 def _joined(rows: FloatArray, tail: Route, planner: ClassPlanner) -> Route:
-    """Return the route of the rows (m, 4) flown first, and of the route from their end."""
+    """Return the route that begins with rows (m, 4) and continues with another route, the tail."""
     problem = planner.problem
     voyage, lead = problem.voyage, rows[:-1]
     path = np.vstack([lead[:, 1:3], tail.path])

@@ -53,10 +53,9 @@ class Replanned:
     moved : distance from the position given to the water in which the plan begins, m; above 0 only
         for a position in the margin around charted land.
     burnt : fuel burnt since the previous plan began.
-    by_drift : fuel that the voyage needs more than planned, in the current that was planned in, for
-        the way back to the path and on along it: what being off the path, late or early costs; inf
-        where there is no such way.
-    by_forecast : fuel that the same way needs more in the new current.
+    by_drift : fuel beyond the planned fuel, in the previous plan's current, for the way back to the
+    path and on along it: the cost of being off the path, late or early; inf without such a way.
+    by_forecast : further fuel that the same way needs in the new current.
     saved : fuel that the best way saves against that way, in the new current; negative where that
         way is not safe any more, or the vessel has to turn first.
     cause : the error that says why there is no way, or None.
@@ -87,7 +86,7 @@ class Replanned:
 
     @property
     def alternatives(self) -> tuple[Route, ...]:
-        """Routes of other classes, least fuel first: of those that might have saved enough."""
+        """Routes of the other classes that might have saved enough, least fuel first."""
         best = self.best
         return () if self.plan is None else tuple(r for r in self.plan.routes if r is not best)
 
@@ -131,8 +130,8 @@ def replan(
     -------
     Replanned
         Kept, switched or no way; with the fuel of each, and what drift and the forecast changed.
-        Padding grows and hard-over turns are flown as for :func:`renew.plan`, but not in the first
-        arc nor on the way out of the soft no-go zone.
+        Padding grows and hard-over turns are simulated as for :func:`renew.plan`, but not in the
+        first arc nor on the way out of the soft no-go zone.
 
     Raises
     ------

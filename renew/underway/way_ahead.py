@@ -37,9 +37,10 @@ class Abeam(NamedTuple):
         return self.off <= _ON_PATH * voyage.vessel.turning_radius
 
     def is_proven(self, voyage: Voyage, time: float, begun: float) -> bool:
-        """Whether the plan's turns were flown for a vessel that is here at a time (s).
+        """Whether the plan's turns were simulated for a vessel that is here at a time (s).
 
-        It is on its path, and no earlier or later than planned for since `begun` (s).
+        That is so on the path, if the vessel is no earlier or later than the plan allows for a
+        voyage that began at `begun` (s).
         """
         late = max(voyage.lateness * (self.due - begun), voyage.min_lateness, ON_TIME)
         in_time = voyage.current.is_steady or abs(time - self.due) <= late

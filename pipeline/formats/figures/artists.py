@@ -212,7 +212,7 @@ def draw_island_labels(axes: Axes, result: RunResult) -> None:
 
 
 def page_svg(figure: Figure | None, *, identity: str, label: str) -> Markup:
-    """Draw a figure as an `<svg>` element whose colours the page sets; without one it is empty.
+    """Draw a figure as an `<svg>` element whose colours the page sets; empty without a figure.
 
     `identity` (letters, digits, hyphens) prefixes its ids, so that they are unique in the page;
     `label` is what a screen reader says, escaped here. Colours become

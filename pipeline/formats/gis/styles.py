@@ -24,7 +24,7 @@ from pipeline.formats.shared.palette import COLOURS
 
 _Symbol: TypeAlias = Callable[[SeasonView], SymbolLayer]
 
-# Least depth of an area, m at chart datum, from one limit and below another -> its tint.
+# Tints by least depth of an area, m at chart datum: from the first limit to below the second.
 _DEPTH_TINTS = (
     (None, 0.0, "#b7ccb0"),
     (0.0, 2.0, "#9dc3e0"),

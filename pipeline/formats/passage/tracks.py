@@ -25,7 +25,8 @@ DECIMALS = 8
 # differently there.
 _HIGH_LATITUDE_DEG = 70.0
 _GEOD = pyproj.Geod(ellps="WGS84")
-# Curvature that the plane itself may add to a line's tan(latitude), in 1 / earth radius.
+# Largest curvature of straight lines of the plane, 1 / earth radius; a loxodrome's is
+# tan(latitude).
 _PLANE_CURVATURE = 0.2
 # Minimum length of a chord, metres.
 _MIN_STEP_M = 1.0

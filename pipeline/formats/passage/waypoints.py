@@ -55,8 +55,8 @@ MAX_EXTRA_FUEL = 3e-3
 MAX_CROSS_TRACK_M = NAUTICAL_MILE_M
 # Maximum turning radius, true metres, that the schemas of RTZ 1.1 and 1.2 allow.
 _MAX_RADIUS_M = 5 * NAUTICAL_MILE_M
-# Drawing error of the chosen legs, as a share of the error in the corridor; it is small, because
-# the limits are measured from these legs.
+# Largest error of the curves drawn for the chosen legs, as a share of that for legs in the
+# corridor: small, because the cross-track limits are measured from these curves.
 _FINAL_ERROR_SHARE = 0.01
 _CACHE = "_exchange_waypoints"
 
@@ -132,7 +132,7 @@ def both_sides(result: RunResult, season: str) -> tuple[Waypoints, ...]:
 
 
 def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> Waypoints:
-    """Thin a route's path to waypoints whose legs, as sailed, keep off land and off V.
+    """Thin a route's path to waypoints whose legs, as sailed, avoid land and the soft no-go zone V.
 
     The legs stay within 0.1 % of the route's length (30 m on a short route) of the planned line,
     pass every island on the route's side, and need at most 0.3 % more fuel. The plan runs along V's
@@ -186,7 +186,8 @@ def _described(
     scene = result.scene.leg(ranked.season)
     factor = np.zeros(len(lonlat) - 1)
     np.maximum.at(factor, legs.leg, scene.projection.point_scale(legs.lonlat))
-    # True metres per planar metre where the plane stretches the leg most: no limit is too wide.
+    # True metres per planar metre where the plane stretches the leg most, so that no limit is too
+    # wide.
     true = scene.projection.scale / factor
     error = corridor.max_error * _FINAL_ERROR_SHARE
     cap = MAX_CROSS_TRACK_M / float(true.min()) + error

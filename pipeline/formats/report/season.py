@@ -33,10 +33,10 @@ _MAX_RATIO = 1.6
 def season_section(result: RunResult, entry: SeasonPlan, number: int) -> dict[str, Any]:
     """Gather what the templates show of a season; `rows` are empty if `failure` gives a reason.
 
-    `passage` is departure and arrival of the best route, empty if no departure is given, and `said`
-    why to take it. `thumbnail` and `picture` are static maps; `profile` and `padding` are plots of
-    the best route. `choices` are when to leave and how fast to go, if that was to be chosen;
-    `speeds` are then the best route's lowest and highest, m/s.
+    `passage` is departure and arrival of the best route, empty if no departure is given; `said`
+    tells why to take this route. `thumbnail` and `picture` are static maps; `profile` and `padding`
+    are plots of the best route. `choices` are when to leave and how fast to go, if that was to be
+    chosen; `speeds` are then the best route's lowest and highest, m/s.
     """
     season, title, anchor = entry.season, result.season_title(entry.season), f"season-{number}"
     ranked = result.season_routes(season)
@@ -142,8 +142,8 @@ def _rows(result: RunResult, metrics: list[RouteMetrics]) -> list[dict[str, Any]
     """Return the rows of a season's table: each route's fuel as shares of other fuels.
 
     `excess` is above the best route's fuel; `bar_percent` is the length of its bar, 100 for the
-    greatest. `of_still` is of the fuel that this way takes in still water, `of_shortest` of the
-    shortest way's.
+    greatest. `of_still` is a share of the fuel that this way takes in still water, `of_shortest`
+    one of the fuel of the shortest way.
     """
     excesses = [row.fuel / metrics[0].fuel - 1 for row in metrics]
     largest = max(map(abs, excesses), default=0.0)

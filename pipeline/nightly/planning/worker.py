@@ -53,7 +53,7 @@ _DENSIFY = 0.01
 class CaseTask:
     """One case for a worker.
 
-    `names` are the six in its name; `leaves` is its departure. Start and goal are None if the
+    `names` are the six parts of its name; `leaves` is its departure. Start and goal are None if the
     case uses those of the scenario. `earlier_row` is its row in yesterday's cases, or -1. `failure`
     is the reason why the case can't be planned, or "".
     """

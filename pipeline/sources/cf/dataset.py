@@ -252,7 +252,7 @@ _found: dict[tuple[Path, int, int], str] = {}
 
 
 def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
-    """Return the NetCDF 4 files on which the library hangs or crashes, with how it does.
+    """Return the NetCDF 4 files on which the library hangs or crashes, each with its failure.
 
     Files that were not opened before are opened in one process, as its start takes longest.
     """

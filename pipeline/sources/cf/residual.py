@@ -1,4 +1,4 @@
-"""Tidal streams on a residual current of the user's own: the constants' sum, and other files."""
+"""Tidal streams from harmonic constants, plus a residual current from the user's other files."""
 
 import itertools
 from dataclasses import dataclass, replace

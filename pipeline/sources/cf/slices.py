@@ -1,4 +1,4 @@
-"""The fields of a season from the time steps that there are: which steps, with which weights."""
+"""Which time steps of a file make up the fields of a season, and with which weights."""
 
 import calendar
 import itertools
@@ -53,13 +53,13 @@ def select_slices(
 ) -> SelectedSlices:
     """Select a season's fields.
 
-    `step` is the time between fields of harmonic constants, on whole multiples of it in UTC, and
-    `with_mean` says whether their mean, if they have one, is a part of them.
+    `step` is the time between fields that are computed from harmonic constants, at its whole
+    multiples in UTC; `with_mean` says whether they include the constants' mean, if there is one.
 
     Raises
     ------
     ValueError
-        There are none, or steps are missing during the voyage.
+        There are no steps, or some are missing during the voyage.
     """
     if contents.constituents:
         return _of_constants(contents, season, step, with_mean=with_mean)
@@ -74,7 +74,7 @@ def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> Select
     Raises
     ------
     ValueError
-        There are none; the message says which there are.
+        No step fits the period; the message says which steps there are.
     """
     middle = period.begin + (period.end - period.begin) / 2
     if steps.months:
@@ -166,8 +166,8 @@ def _of_constants(
 ) -> SelectedSlices:
     """Return fields from an hour before a period, for a vessel that is early, to its end.
 
-    A straight line between two of them has less than the constituent's swing, by the sinc² of half
-    its turn in a step. The fields are larger by as much, so that no error adds up on the way.
+    Linear interpolation between fields damps a constituent by sinc² of half its change of phase in
+    a step. The fields are divided by this factor, so that no error adds up on the way.
     """
     if not season.is_changing:
         raise ValueError(

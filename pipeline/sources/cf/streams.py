@@ -21,7 +21,7 @@ WEAK_SHARE = 0.7
 _ERROR_M_S = 0.03
 # Times between fields, minutes: parts of an hour, so that the hours of other currents are kept.
 _STEPS_MIN = (60, 30, 20, 15, 12, 10, 6, 5)
-# Values of all fields together above which they are further apart: 160 MB for each component.
+# Number of values of all fields above which the time between them is longer: 160 MB a component.
 _MAX_VALUES = 20_000_000
 # Years beyond the series of a fit after which its constants are called old.
 _OLD_YEARS, _YEAR = 5.0, timedelta(days=365.25)
@@ -56,8 +56,9 @@ def stream_slices(
 def _time_step(contents: Contents, window: Window, season: Season) -> tuple[timedelta, float]:
     """Return the time between fields, and by how much lines between them err at most, m/s.
 
-    A constituent errs by A (ω h)² / 12: its fields are larger by so much, the middles between them
-    smaller by half of it. A is bounded by the largest of its parts at any node.
+    A constituent of amplitude A is too large by A (ω h)² / 12 in its fields, which
+    :func:`select_slices` enlarges, and too small by half of that midway between two fields. A is
+    bounded by the largest of its parts at any node.
     """
     names, count = contents.constituents, len(contents.constituents)
     peaks = np.zeros((2, len(contents.u_index)))
@@ -102,7 +103,7 @@ def _age_notes(contents: Contents, departure: datetime) -> list[Note]:
 
 
 def weak_cells(contents: Contents, bounds: Bounds) -> BoolArray | None:
-    """Say where constants give too little of the variance (ny, nx); None where the file is silent.
+    """Return where constants explain too little variance (ny, nx); None if the file doesn't say.
 
     Raises
     ------

@@ -10,8 +10,8 @@ in the user's cache, after a table of their bounds and validity: checking the va
 continent's polygons again would take a second. From the file a region is read in some 40 ms.
 
 FlatGeobuf was measured (GDAL 3.12): a region is read as fast, but the file has no checksum, so that
-a flipped bit would be land in another place. GDAL takes the whole in one piece only: making the
-file peaks at 1.25 GB where this takes 0.7 GB, and the night's pod has 1 GiB.
+a flipped bit would be land in another place. GDAL takes all polygons at once only: making its file
+takes 1.25 GB of memory, making this one 0.7 GB, and the container for a night has 1 GiB.
 
 The file is named by the package's release and the format's version; several processes may make it
 at once. The table and each polygon have a checksum: a damaged file is made again. Where the cache
@@ -78,8 +78,8 @@ def polygons_near(
 ) -> tuple[NearPolygons, tuple[Note, ...]]:
     """Return a shoreline's polygons whose bounds meet a box (degrees), unchanged, and notes.
 
-    They are moved by whole turns into the box's longitudes; one that meets the box both ways round
-    comes twice. Those whose longer side is below `least_deg` are left out.
+    They are moved by whole turns into the box's longitudes; one that meets the box after either of
+    two turns comes twice. Those whose longer side is below `least_deg` are left out.
     """
     path, problem = cache_file(shoreline), "there is no home"
     if path is not None:

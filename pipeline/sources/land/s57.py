@@ -148,7 +148,7 @@ def land(
         places=tuple(place for part in parts for place in _places(part)),
         depth_areas=tuple(area for areas in depths for area in areas),
         tidal_water=tuple(_tidal_water(parts, depths, sea, rule)),
-        # Several are named all, and fit no tide.
+        # If the cells have several datums, all are named, and no tide's datum equals that text.
         datum=" and ".join(sorted({part.cell.datum for part in used})),
     )
 
@@ -159,7 +159,7 @@ def _tidal_water(
     sea: shapely.Geometry,
     rule: DepthRule,
 ) -> Iterator[TidalWater]:
-    """Yield the depth areas, and the objects on the bed, over which only a tide is high enough."""
+    """Yield the depth areas, and the objects on the bed, that need a tide to be deep enough."""
     for areas in depths:
         for one in areas:
             if rule.is_tidal(one.least_m):

@@ -69,7 +69,7 @@ def find_cells(path: Path) -> tuple[Path, ...]:
     Raises
     ------
     RequestError
-        There is none, one is there twice, or a file can't be read.
+        There is no cell, a cell is there twice, or a file can't be read.
     """
     found = base_files(path)
     if not found:

@@ -73,7 +73,7 @@ def _meets(bounds: FloatArray, box: shapely.Polygon, turn: float) -> BoolArray:
 def near_box(geometries: Geometries, box: shapely.Polygon) -> tuple[Geometries, IntArray]:
     """Return the geometries whose bounds meet a box, in its longitudes, and their indices.
 
-    They are moved by whole turns; one that meets the box both ways round comes twice.
+    They are moved by whole turns; one that meets the box after either of two turns comes twice.
     """
     bounds = shapely.bounds(geometries)
     found: list[Geometries] = [np.empty(0, dtype=object)]

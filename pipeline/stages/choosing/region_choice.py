@@ -1,4 +1,4 @@
-"""Choose the region of a voyage, with start, goal and the ways between; name far sides outside.
+"""Choose a region that holds start, goal and the ways between; list the sides that it leaves out.
 
 The ways are found on a coarse grid: the shortest, and the shortest on either side of each larger
 island that lies on the direct line, or that the region would not hold. Currents are not known yet:
@@ -112,8 +112,8 @@ class RegionChoice(NamedTuple):
     """Bounds of a region, degrees, and the sides of islands that it leaves out.
 
     `largest` are far sides of the largest islands where a way may be at most `FAR_WAY` times as
-    long as the shortest. The planned routes decide whether these sides are left out. They end with
-    the first side that certainly has such a way.
+    long as the shortest. The planned routes decide whether these sides are left out. The list ends
+    with the first side that certainly has such a way.
     """
 
     bounds: Bounds
