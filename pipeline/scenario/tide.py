@@ -20,8 +20,8 @@ class TideSpec(StrictModel):
     stations: tuple[Annotated[str, AfterValidator(_as_path)], ...] = Field(
         min_length=1, max_length=100, examples=[["boston"], ["./boston.json"]]
     )
-    """Tide stations. Each counts in its zone, or else in the waters within 10 km of it to which it
-    is the nearest. Give names of the catalogue (`renew list`), or paths of files with harmonic
+    """Tide stations. Each counts in its zone, or else in the waters to which it is the nearest by
+    water, within 10 km. Give names of the catalogue (`renew list`), or paths of files with harmonic
     constants."""
     surge_m: strict.NonNegative = 0.3
     """Height by which the water may stand lower than predicted, by wind and air pressure, metres.

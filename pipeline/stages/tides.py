@@ -18,6 +18,8 @@ from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.sources.tides.station import Station
 from pipeline.sources.tides.zones import refuse_far_water, stations_of, tide_zones
 
+# Need (m) that no tide on earth meets.
+_NEVER_M = 100.0
 # Segments per quarter circle of a buffer; factor on its radius, because its flat sides cut the
 # circle.
 _QUADRANT_SEGMENTS = 4
@@ -33,7 +35,8 @@ def tidal_depths(
 ) -> dict[str, renew.TidalDepth]:
     """Return the tidal water in an extent, planar m, on the clock of each season's departure.
 
-    Areas are grown by the chart's margin, as land is.
+    Areas are grown by the chart's margin, as land is. Where land parts them from every station, so
+    that none is near by water, they are never deep enough.
 
     Raises
     ------
@@ -45,20 +48,22 @@ def tidal_depths(
     stations = stations_of(scenario.tide)
     _check_datum(scenario, land, stations)
     areas, needs, names, of = list[shapely.Polygon](), list[float](), list[str](), list[int]()
-    zones = tide_zones(stations, extent, projection)
-    outside = shapely.difference(extent, shapely.union_all(zones))
+    shore = projection.geometry_to_plane(np.array(simplified.inner_polygons, dtype=object))
+    zones, unknown = tide_zones(stations, extent, projection, extract_polygons(repaired(shore)[0]))
+    outside = shapely.difference(extent, shapely.union_all([*zones, unknown]))
     given = np.array([one.area for one in land.tidal_water], dtype=object)
     grown = _grown(projection.geometry_to_plane(given), simplified, projection.scale)
     for water, area in zip(land.tidal_water, grown.tolist(), strict=True):
         far = extract_polygons(shapely.intersection(area, outside))
         if len(far):
             refuse_far_water(shapely.point_on_surface(far[0]), stations, projection)
-        for at, zone in enumerate(zones):
+        for at, zone in enumerate([*zones, unknown]):
+            is_known = at < len(zones)
             parts = extract_polygons(shapely.intersection(area, zone)).tolist()
             areas += parts
-            needs += [water.need_m] * len(parts)
+            needs += [water.need_m if is_known else _NEVER_M] * len(parts)
             names += [water.name] * len(parts)
-            of += [at] * len(parts)
+            of += [at if is_known else 0] * len(parts)
 
     def on_clock(departure: datetime) -> renew.TidalDepth:
         tides = [station.tide(departure) for station in stations]
@@ -92,6 +97,10 @@ def tide_notes(scenario: Scenario, scene: Scene, plans: Iterable[SeasonPlan]) ->
         lag_min=scenario.tide.lag_s / 60,
         surge_m=scenario.tide.surge_m,
     )
+    for depth in [*scene.tidal_depths.values()][:1]:
+        for at in np.flatnonzero(np.asarray(depth.needs) == _NEVER_M)[:1]:
+            place = shapely.get_coordinates(shapely.point_on_surface(depth.areas[at]))[0]
+            yield Note.of("tide-unknown", place=scene.place(place))
     for plan in plans:
         if plan.plan is not None:
             yield from _least_water(scene, plan.season, plan.plan)

@@ -272,6 +272,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{error_m_s:.2f} m/s in between; wind and rivers are not in them"
     ),
     "tide-too-low": _tide_too_low,
+    "tide-unknown": "water as at {place} is deep enough for some hours only, and no station counts "
+    "there: the nearest is more than 10 km away by water. Routes keep off it; add a station, "
+    "or give one a zone in a TOML file",
     "time-assumed": "the file gives no time: it is assumed to hold for the requested time",
     "unit-assumed": "{variable} has no unit: m/s is assumed",
     "unit-converted": "{variable} is in {unit}: converted to m/s",

@@ -6,11 +6,13 @@ from functools import lru_cache, partial
 import numpy as np
 import shapely
 
+from pipeline._types import Geometries
 from pipeline.errors import Faults, RequestError
 from pipeline.geo.lonlat import position_text
 from pipeline.geo.projection import Projection
 from pipeline.model.depths import TideRange
 from pipeline.scenario.tide import TideSpec
+from pipeline.sources.tides.by_water import distances_by_water
 from pipeline.sources.tides.station import Station, find_station
 
 # Distance from a station, true metres, up to which its tide counts.
@@ -39,12 +41,15 @@ def tide_range(spec: TideSpec) -> TideRange:
 
 
 def tide_zones(
-    stations: Sequence[Station], extent: shapely.Polygon, projection: Projection
-) -> list[shapely.Geometry]:
-    """Return the part of a planar extent, m, in which each station counts.
+    stations: Sequence[Station],
+    extent: shapely.Polygon,
+    projection: Projection,
+    land: Geometries,
+) -> tuple[list[shapely.Geometry], shapely.Geometry]:
+    """Return the part of a planar extent, m, in which each station counts, given its `land` (n,).
 
-    A station with a zone counts there. Elsewhere the nearest of the others counts, within 10 km of
-    it by the straight line.
+    A station with a zone counts there. Elsewhere the nearest of the others by water counts, within
+    10 km of it. The second part is within 10 km of one by the straight line alone: none counts.
     """
     zones = [shapely.Polygon(one.zone) if one.zone else shapely.Polygon() for one in stations]
     own = [projection.geometry_to_plane(zone, _REACH_M) for zone in zones]
@@ -65,7 +70,41 @@ def tide_zones(
         cell = extent if len(near) == 1 else cells[shapely.intersects(cells, point)][0]
         circle = shapely.buffer(point, _REACH_M / projection.scale)
         found.append(shapely.intersection(shapely.intersection(cell, circle), rest))
-    return found
+    far = shapely.Polygon()
+    if near and len(land) and not rest.is_empty:
+        far = _part_by_land(found, points, rest, land, _REACH_M / projection.scale)
+    return found, far
+
+
+def _part_by_land(
+    zones: list[shapely.Geometry],
+    points: Sequence[shapely.Point | None],
+    rest: shapely.Polygon,
+    land: Geometries,
+    reach: float,
+) -> shapely.Geometry:
+    """Give cells of the water to other zones where the straight line to a station crosses land.
+
+    Return those that no station counts for, since it is farther than its reach by water.
+    `points` are the stations that count in the `rest` of the extent. Water that is joined with none
+    of them keeps its zone: no route leads there.
+    """
+    which = np.array([at for at, point in enumerate(points) if point is not None])
+    stations = shapely.get_coordinates([points[at] for at in which])
+    boxes, places, apart = distances_by_water(stations, rest, land)
+    least = apart.min(axis=0)
+    by_water = np.where(least <= reach, which[apart.argmin(axis=0)], -1)
+    by_line = np.full(len(boxes), -1)
+    for at in which:
+        by_line[shapely.contains_xy(zones[at], places)] = at
+    moves = (by_water != by_line) & np.isfinite(least)
+    for at in which:
+        gained = shapely.union_all(boxes[moves & (by_water == at)])
+        lost = shapely.union_all(boxes[moves & (by_line == at)])
+        zones[at] = shapely.intersection(
+            shapely.union(shapely.difference(zones[at], lost), gained), rest
+        )
+    return shapely.intersection(shapely.union_all(boxes[moves & (by_water < 0)]), rest)
 
 
 def refuse_far_water(
@@ -78,9 +117,13 @@ def refuse_far_water(
         for one in stations
         if one.position is not None
     )
-    named = [f"{name} ({d * projection.scale / 1000:.0f} km)" for d, name in apart[:_MAX_NAMED]]
+    named = [
+        f"{name} ({d * projection.scale / 1000:.0f} km in a straight line)"
+        for d, name in apart[:_MAX_NAMED]
+    ]
     raise RequestError(
         f"tide.stations: the water at {position_text(*lonlat)} is deep enough for some hours only, "
         f"and no station counts there: the nearest is {', '.join(named) or 'none with a position'},"
-        f" and {_REACH_M / 1000:g} km is the most. Add a station, or give one a zone in a TOML file"
+        f" and {_REACH_M / 1000:g} km is the most. Add a station, "
+        "or give one a zone in a TOML file"
     )

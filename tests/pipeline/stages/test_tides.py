@@ -215,7 +215,8 @@ def test_water_far_from_every_station_is_refused_with_the_nearest(tmp_path: Path
     )
     data["tide"] = {"stations": ["far.toml"]}
     with pytest.raises(
-        RequestError, match=r"no station counts there: the nearest is Far \(4\d km\)"
+        RequestError,
+        match=r"no station counts there: the nearest is Far \(4\d km in a straight line\)",
     ):
         run(parse_scenario(data, tmp_path), tmp_path / "outputs")
 
