@@ -34,6 +34,8 @@ from renew.classes.roadmap import (
     Resolution,
     Roadmap,
     Tube,
+    closer,
+    is_coarse,
     resolution_beside,
     resolution_for,
     roadmap,
@@ -72,6 +74,11 @@ class _Roads:
     def time_to_go(self) -> FloatArray:
         """Least time (n,) in s from each node to the goal, whatever the departure."""
         return np.asarray(time_to_go(self.everywhere))
+
+    @cached_property
+    def closer(self) -> Roadmap:
+        """Nodes over the whole water, closer together, with legs in more directions."""
+        return self._roadmap(self.voyage, closer(resolution_for(self.voyage, self.triangulation)))
 
     def beside(self, paths: Sequence[FloatArray], voyage: Voyage) -> tuple[Roadmap, float]:
         """Return nodes beside paths (n, 2), closer together, and a cell's size (m)."""
@@ -164,6 +171,16 @@ class ClassEnumerator:
             return list(itertools.islice(self._depth_first(frozenset(blocked)), count))
         graph, to_go = self._roads.everywhere, self._roads.time_to_go
         return self._quickest(graph, to_go, self._rays, count, blocked)
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether the roadmap has few nodes."""
+        return is_coarse(resolution_for(self._voyage, self._triangulation))
+
+    def best_closely(self) -> list[Channel]:
+        """Return the best channel of a closer roadmap, if there is one."""
+        graph = self._roads.closer
+        return self._quickest(graph, np.asarray(time_to_go(graph)), self._rays, 1)
 
     def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
         """Return the first `count` channels of paths beside others (n, 2), on a finer roadmap.

@@ -65,6 +65,16 @@ def resolution_for(voyage: Voyage, triangulation: Triangulation) -> Resolution:
     return Resolution(max(smooth, islands), 2 if islands < _MANY else 3)
 
 
+def is_coarse(resolution: Resolution) -> bool:
+    """Whether a grid has so few cells that a closer one takes little time."""
+    return resolution.cells < _MANY
+
+
+def closer(resolution: Resolution) -> Resolution:
+    """Return a resolution with cells of half the size, and legs in as many directions as any."""
+    return Resolution(4 * resolution.cells, 4)
+
+
 class Tube(NamedTuple):
     """The water beside some paths (n, 2), a few cells of a size (m) to either side."""
 

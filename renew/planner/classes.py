@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
+from renew.bounds.grids import whole_grid
+from renew.bounds.travel_time import locate, mean_times
 from renew.classes.class_enumerator import ClassEnumerator, ViaEnumerator
 from renew.classes.dual_graph import Channel, Transition
 from renew.classes.h_signature import Word
@@ -27,6 +29,9 @@ _FEW, _CLEARLY_DEARER = 4, 1.03
 # A class whose estimated fuel is more than this ratio times the best is skipped if a cheaper class
 # has a path.
 _WORTH_A_LOOK = 1.25
+# Ratio to the fuel of the mean travel time on a grid of so many cells, over land narrower than a
+# cell, from which a route may be far from the best.
+_FAR_OFF, _GLANCE = 1.05, 2_000
 # Largest number of rounds in which channels around blocked transitions are searched.
 _MAX_ROUNDS = 64
 
@@ -144,6 +149,10 @@ class ClassSearch:
                     self.add(channel)
         if is_free and scout.has_many_triangles:
             self.find_beside_best(scout, beside)
+        elif is_free and isinstance(scout, ClassEnumerator) and self._may_be_far_off(scout):
+            for channel in scout.best_closely():
+                self._done.discard(channel.word)
+                self.add_variant(channel)
 
     def plan(self, classes: int) -> Plan:
         """Return the routes of `classes` classes, least fuel first."""
@@ -192,6 +201,23 @@ class ClassSearch:
         for channel in scout.channels_beside(best, count):
             self._done.discard(channel.word)
             self.add_variant(channel)
+
+    def _may_be_far_off(self, scout: ClassEnumerator) -> bool:
+        """Whether a much better route than the best one may exist, on a closer roadmap.
+
+        Among thin walls and in strong currents, a coarse roadmap may rank classes wrongly.
+        """
+        voyage = self._planner.problem.voyage
+        if self.best is None or voyage.has_price or not scout.is_coarse:
+            return False
+        enough = self.best.fuel / _FAR_OFF
+        # Times on a grid take far longer to find than that of the straight way, which islands and
+        # currents hardly ever beat by as much.
+        if voyage.fuel(voyage.stops) >= enough:
+            return False
+        grid = whole_grid(voyage, _GLANCE)
+        time = locate(grid, voyage.goal).values(mean_times(grid, voyage.start, voyage.goal)).max()
+        return bool(voyage.vessel.fuel_rate * time < enough)
 
     def _add(self, channel: Channel, word: Word) -> frozenset[Transition]:
         """Plan a channel as a channel of the class with this word."""
