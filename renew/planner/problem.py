@@ -79,9 +79,11 @@ class Problem:
     @cached_property
     def fuel_bound(self) -> FuelBound:
         """Lower bounds on the fuel of any route."""
-        return FuelBound(self.voyage, self._voyage_at_clearance)
+        # Routes keep their bound: it is not to keep this problem's roadmaps, of many megabytes.
+        bare = replace(self, first=self.first or self, base=None)
+        return FuelBound(self.voyage, bare.voyage_at_clearance)
 
-    def _voyage_at_clearance(self) -> Voyage:
+    def voyage_at_clearance(self) -> Voyage:
         """Return the voyage in the water that the rule of padding leaves to any route."""
         return voyage_at_clearance(self.voyage, self.triangulation, self.options, self.reach)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 from rich.console import Console
 from rich.table import Table
@@ -96,14 +97,16 @@ def main() -> int:
     parser.add_argument(
         "--save", action="store_true", help=f"keep times; of {', '.join(TIMED)}, if none is named"
     )
+    parser.add_argument("--whole", action="store_true", help="all routes and scenes of `havens`")
     arguments = parser.parse_args()
+    suites = SUITES | {"havens": partial(haven_figures.figures, is_whole=arguments.whole)}
     chosen = arguments.suites or list(TIMED if arguments.save else SUITES)
     table = Table("figure", "asked", "reached", "", title="RENEW: figures to reach")
     console = Console(width=140 if not sys.stdout.isatty() else None)
     figures: list[Figure] = []
     for name in chosen:
         values: dict[str, float] = {}
-        for figure in SUITES[name]():
+        for figure in suites[name]():
             figures.append(figure)
             console.print(f"[dim]{figure.name}: {figure.reached}[/dim]", highlight=False)
             table.add_row(figure.name, figure.asked, figure.reached, figure.verdict)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import renew
 from pipeline.scenario.loading import load_scenario
+from tests.bench import cover_figures
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most, quoted
 from tests.bench.palawan_figures import fetched_data, scene_of
@@ -17,8 +18,9 @@ VOYAGES = 100
 """Number of simulated voyages."""
 
 
-def figures() -> Iterator[Figure]:
-    """Yield times of a plan under way, and what simulated voyages came to."""
+def figures(*, is_whole: bool = False) -> Iterator[Figure]:
+    """Yield figures of havens, times of a plan under way, and what simulated voyages came to."""
+    yield from cover_figures.figures(is_whole=is_whole)
     chart, current = single_gyre()
     gyre = renew.plan(chart, current, PAPER_VESSEL, (10.0, 10.0), (90.0, 90.0))
     yield from _replanned("single gyre", gyre, renew.GyreCurrent(0.75, 100, 100), 50.0)
@@ -35,6 +37,7 @@ def figures() -> Iterator[Figure]:
         distinct_by=options.distinct_by,
     )
     yield from _replanned("Palawan", palawan, winter, 1500.0)
+    yield from cover_figures.palawan(palawan, scene.chart, scene.vessel)
     yield from _voyages()
 
 
