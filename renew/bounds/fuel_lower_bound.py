@@ -176,6 +176,9 @@ def _refined(voyage: Voyage, cells: int, halvings: int, wanted: float) -> tuple[
         slices = len(voyage.current.slice_times)
         if proven > wanted or proven >= most * _ALL or 4 * grid.wet.size * slices > _MAX_NODES:
             break
+        # Of a strait a hundred thousand times as long as it is wide the first grid is that fine.
+        if grid.wet.size > cells:
+            break
     return most, proven
 
 

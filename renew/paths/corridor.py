@@ -135,7 +135,12 @@ class Corridor:
             if not from_end[legs].all():
                 others = self.hard_capsules.select(~self.exempt[at])
                 ahead, behind = path[::step][:-1][legs], path[::step][1:][legs]
-                from_end[legs] |= legs_are_clear(ahead, behind, others)
+                inside = legs_are_clear(ahead, behind, others)
+                # Only the leg at a stop on the outline touches it.
+                outline = self.exempt[at] & (self.hard_capsules.radius < 0)
+                bare = self.hard_capsules.select(outline)
+                inside[1:] &= legs_are_clear(ahead[1:], behind[1:], bare)
+                from_end[legs] |= inside
         return clear
 
     def straight_in_soft_ends(self, path: FloatArray) -> FloatArray:

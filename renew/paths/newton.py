@@ -229,7 +229,8 @@ def _newton_step(
         shift[k] = (-gradient[k] - before * shift[k - 1]) / pivot
     for k in range(len(diagonal) - 3, 0, -1):
         shift[k] -= carried[k] * shift[k + 1]
-    return shift, True
+    # Beside a current that shuts the way derivatives are infinite.
+    return shift, bool(np.isfinite(shift).all())
 
 
 @kernel

@@ -59,6 +59,16 @@ def test_the_first_leg_may_leave_the_padding_around_the_start_and_no_other_may_e
     assert corridor.legs_clear(np.array([[9.0, 51.0], [90.0, 50.0]])).tolist() == [False]
 
 
+def test_legs_near_a_goal_on_the_edge_of_the_chart_stay_on_the_chart() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(90, 40, 97, 42)])
+    corridor = corridor_of(voyage_on(chart, (50.0, 90.0), (100.0, 42.0)))
+    assert corridor.exempt[1].any()
+    ends = np.array([[50.0, 90.0], [98.5, 52.0], [99.5, 44.5], [99.9, 42.5], [100.0, 42.0]])
+    assert corridor.legs_clear(ends).all()
+    ends[3, 0] = 100.1
+    assert corridor.legs_clear(ends).tolist() == [True, True, False, True]
+
+
 def test_several_legs_may_lie_in_the_padding_around_an_end() -> None:
     corridor = corridor_of(voyage_on(HARBOUR, (90.0, 50.0), (9.0, 50.0)))
     path = np.array([[90.0, 50.0], [20.0, 52.0], [10.0, 51.0], [9.5, 50.2], [9.0, 50.0]])
