@@ -83,7 +83,7 @@ REHEARSALS = (
 
 
 def rehearse() -> Iterator[str]:
-    """Plan each of `REHEARSALS`, and ask its routes for everything; yields the next one's name.
+    """Plan each of `REHEARSALS`, and compute all figures of its routes; yields the next one's name.
 
     This compiles the kernels for which no machine code is found; see :mod:`renew._compiled`.
     """

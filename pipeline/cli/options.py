@@ -19,7 +19,7 @@ def _known_names(section: Literal["scenarios", "vessels"]) -> Callable[[str], li
     return completed
 
 
-# Options in the groups of the help of `renew go`.
+# Groups of options in the help of `renew go`.
 _vessel, _when, _water, _limits, _output = (
     partial(typer.Option, rich_help_panel=group)
     for group in ("Vessel", "When", "Water", "Limits", "Output")

@@ -177,7 +177,7 @@ class CurrentGrid:
     climatology_for : the season's own time, if a climatology stands in for that time; else "".
     passed_over : the sources that the scenario prefers to this one, in its order.
     weak : (ny, nx), of tidal streams: where their constants explain too little of the variance of
-    the currents that they were fitted to.
+        the currents that they were fitted to.
     """
 
     season: str

@@ -70,9 +70,9 @@ class Scene:
     The mappings are keyed by season. `current_cells` states where the source of a season's current
     has figures. `departures` has the seasons whose currents change; the clock of such a current, in
     seconds, is 0 at the departure. Routes keep out of their season's `areas`, whose hours are on
-    the same clock, and out of its `tidal_depths` while the tide is too low there; these count the
-    `under_keel_clearance_m`. `speeds` has the seasons in which the vessel chooses its speed. There
-    the choice replaces the speed of `vessel`.
+    the same clock, and out of its `tidal_depths` while the tide is too low there; their needs
+    include the `under_keel_clearance_m`. `speeds` has the seasons in which the vessel chooses its
+    speed. There the choice replaces the speed of `vessel`.
 
     With an `anchorage`, the index of a via point, each season is planned as far as there. Seasons
     named `onward` go on from there; each has the name of the season before it.
@@ -303,7 +303,7 @@ def _speed_choice(season: Season) -> SpeedChoice | None:
 def true_duration_s(route: renew.Route, scene: Scene, season: str) -> float:
     """Return a route's true duration, s, corrected for the plane's point scale along it.
 
-    In a changing current it is the planner's duration, with which the current was read.
+    In a changing current it is the planner's duration: the current was read at the planner's times.
     """
     if not scene.currents[season].is_steady:
         return route.duration

@@ -48,7 +48,7 @@ too small, the bound is U.
 Where the current changes, c is read at the front's own arrival. (1) is asked of the velocities at
 x at the time t₀ + φ(x) alone, t₀ being the departure: along a route put m = φ - (t - t₀), which is
 0 at the start. Where m > 0 the current differs from that at t₀ + φ by at most κ m, κ bounding its
-change with time; so m' <= κ |∇φ| m, and by Grönwall's lemma m <= 0 for ever: nobody is anywhere
+change with time; so m' <= κ |∇φ| m, and by Grönwall's lemma m <= 0 for ever: no vessel is anywhere
 before t₀ + φ. (So (1) need hold at this one time only.) In a triangle φ runs over an interval of
 time, and the current over it is in the hull of those at its ends and at the slices between, from
 which λ is taken. f depends on λ, and λ on f at no later times, so f is worked out from the start

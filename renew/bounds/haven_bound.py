@@ -2,9 +2,9 @@
 
 It is the bound of :mod:`renew.bounds.fuel_lower_bound`, from the haven outwards in the opposite
 current: a way there, sailed backwards. φ(x) is then a bound for every x at once. In a current that
-changes no such equation holds backwards, because nobody knows when the vessel arrives
-(Vladimirsky, 2006). There the current of each place is taken as any within a ball that holds its
-currents of all hours: no vessel is quicker over ground than in the best of these.
+changes no such equation holds backwards, because the time of arrival is not known (Vladimirsky,
+2006). There the current at a place may be any in a ball that holds its currents of all hours: no
+vessel is faster over ground than in the best of these.
 
 Grids are refined where φ is below `most`. A quicker way never leaves that water, because φ of the
 grid before bounds it, too: so min(φ, `most`) is a bound on the finer grid, too.

@@ -253,7 +253,7 @@ def triangles_of(rows: IntArray, row: int) -> IntArray:
 
 @kernel
 def up_to(table: IntArray, row: int, column: int, before: int) -> IntArray:
-    """Return values of a column along the rows that lead to one; `before` is the stems' column."""
+    """Return a column's values along the stems that lead to a row; `before` has each row's stem."""
     values = [table[row, column]]
     while table[row, before] >= 0:
         row = table[row, before]

@@ -29,11 +29,11 @@ from renew.voyage.voyage import Voyage
 _ON_EDGE = 1e-7
 
 Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
-# Tolerance, as a share of a cell, by which its outline is simplified.
+# Tolerance, as a share of a cell, by which the outline of overpowered water is simplified.
 _TOLERANCE = 0.1
-# The table's current counts as overpowering from a share of the vessel's speed: at most the first,
-# so that a simplified outline doesn't cut into such water, and at least the second, however coarse
-# the table.
+# Limits of the current that counts as overpowering in a table, as shares of the vessel's speed: at
+# most the first, so that the simplified outline doesn't cut into overpowered water, and at least
+# the second, however coarse the table is.
 _AT_MOST, _AT_LEAST = 0.99, 0.5
 # Radius, in cells, of the water around start and goal that stays open: there the path itself finds
 # out how strong the current is.

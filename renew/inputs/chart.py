@@ -61,8 +61,8 @@ class Chart:
         self.no_go: tuple[Polygon, ...] = tuple(_polygons(clipped))
         """The hard no-go zone inside the extent as disjoint polygons."""
         self.islands: tuple[tuple[Polygon, ...], ...] = (self.no_go,)
-        """Islands that distinguish classes, by kind: land, then the areas of `without`. Numbers run
-        through all kinds."""
+        """Islands that distinguish classes, by kind: land, then the areas of `without`; they are
+        numbered in this order."""
         self._land = bare
         if self.water.is_empty:
             raise GeometryError(

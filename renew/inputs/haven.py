@@ -11,7 +11,7 @@ from renew.errors import ParameterError, as_floats, is_number, shown
 
 @dataclass(frozen=True, eq=False)
 class Haven:
-    """A place where a vessel can take refuge. It is the user's word that it can.
+    """A place where a vessel can take refuge, by the user's word.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ class Haven:
         Point (2,), m, in the chart's water and outside the soft no-go zone.
     opens, closes : float
         Times (s), on the clock of the current, from which and until which it can be entered. A
-        vessel that comes earlier waits outside, at its thrust.
+        vessel that comes earlier waits outside, and burns fuel at its thrust.
 
     Raises
     ------

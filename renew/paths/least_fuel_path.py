@@ -299,8 +299,8 @@ def _times(
 ) -> FloatArray:
     """Return the times (n, q), s, at which the least fuel is computed in each row of a pass.
 
-    They are centred on the row's earlier time of passage, `passed` (n,), or, with a leeway of 1, on
-    the middle of the `allowed` times. They extend by a further `sideways` (s) on both sides.
+    They are centred on the time of passage in the last pass, `passed` (n,), or, with a leeway of 1,
+    on the middle of the `allowed` times. They extend by a further `sideways` (s) on both sides.
     """
     early, late = allowed
     middle = (early + late) / 2 if one.leeway == 1 else passed

@@ -79,7 +79,7 @@ def trade_off(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]
     if not voyage.has_choice:
         only = way.profile(np.full(len(path) - 1, voyage.vessel.speed), way.own_legs)
         return only.times[-1:], np.array([only.fuel])
-    # Evenly spaced in the best speed in still water.
+    # Prices for which the best speeds in still water are evenly spaced.
     vessel = voyage.vessel
     still = np.linspace(1.0, 0.0, _PRICES) ** vessel.fuel_exponent
     points = [way.cost(way.speeds(price)) for price in way.highest_price * still]

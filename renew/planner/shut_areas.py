@@ -156,7 +156,7 @@ def unavoidable(
 
     The error gives the areas' hours from a departure (s) on.
     """
-    # Many areas of a chart have one name and one need.
+    # Many areas of a chart share a name and a needed height of tide.
     texts = {str(text): text for text in (area.text(departure) for area in closed)}
     around = Text("") if failure is None else Text("; around them: {0}", (failure.text,))
     return UnreachableError(

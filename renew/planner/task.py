@@ -29,7 +29,7 @@ from renew.planner.problem import Problem
 from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 
 # Largest change of the current while the vessel turns by 1 rad, as a share of its speed. On a chart
-# of 100 m a plan takes 1 s up to there, and half a minute beyond.
+# of 100 m a plan takes 1 s up to this change, and half a minute above it.
 _MAX_PACE = 0.5
 
 
@@ -127,7 +127,7 @@ def _until(voyage: Voyage, point: FloatArray) -> Text:
 class Task(Asked):
     """What is asked of a plan, with its planners: the same water is triangulated once.
 
-    A voyage in the same water and current `like` another shares what the other's planner knows.
+    If another voyage, `like`, has the same water and current, what its planner knows is shared.
     """
 
     like: "Task | None" = None

@@ -41,13 +41,13 @@ from renew.voyage.voyage import Voyage, Waters
 
 # Largest padding that is considered, in multiples of v/ω: few triangles lie within it of an edge.
 _MOST = 1.5
-# Distance, as a share of an edge, within which a triangle lies on its line.
+# Distance, as a share of an edge, within which a triangle counts as on the edge's line.
 _FLAT = 1e-9
 # Share by which paddings are lowered: a path may touch a triangle without crossing it.
 _ROUNDING = 1e-6
-# An edge lies behind other land if a point at a width straight off it is less than this share of
-# the width away from that land. Places on a long edge from which this is checked, and on a short
-# edge.
+# An edge lies behind other land if the point at some width straight off the edge is nearer to that
+# land than this share of the width. Places on a long edge from which this is checked, and on a
+# short edge.
 _FREE, _PLACES, _MIDDLE = 0.99, (0.02, 0.5, 0.98), 0.5
 # Number of cells of the grid on which travel times are estimated. Padding at a place counts if a
 # route past it takes at most this multiple of the least time.
@@ -125,7 +125,7 @@ def _worth(voyage: Voyage, points: FloatArray) -> BoolArray:
 
 
 def _outermost(triangulation: Triangulation, width: float, edges: FloatArray) -> BoolArray:
-    """Which edges (e, 2, 2) face water: the point at a width straight off is that far from land."""
+    """Edges (e, 2, 2) that face water: the point one width straight off is that far from land."""
     along = edges[:, 1] - edges[:, 0]
     # Water is on the left of an edge.
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1)

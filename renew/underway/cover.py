@@ -2,9 +2,9 @@
 
 Between two stations the vessel may carry on and turn off at the next one: its time to the haven is
 then at most the rest of the stretch and the way from there. So one planned way covers all places
-before it, as far as the limits go. Conversely, whoever is at x has come from a place a before it,
-and needs at least the least time from a, less the time from a to x. So bounds at close samples
-prove all places between them uncovered.
+before it, as far as the limits go. Conversely, a vessel at x has passed a place a before it, and
+needs at least the least time from a to the haven, less the time from a to x. So bounds at close
+samples prove all places between them uncovered.
 """
 
 import itertools
@@ -30,11 +30,11 @@ from renew.underway.diversions import Diverter, Limits
 from renew.underway.usable_havens import check_cover, usable
 from renew.voyage.voyage import Voyage
 
-# Samples of a limit, at most in all; samples between stations at first, and between two ends
-# without a way at which no place between them is tried; within which a last turn is found.
+# Numbers of samples: of a limit's time; at most in all; between stations at first; between two ends
+# without a way, if no place between them is tried; within which a last turn is found.
 _SAMPLES, _MOST_SAMPLES, _STATIONS, _CLOSE, _LAST = 360, 6_000, 120, 4, 6
-# How many times the limit a haven may be away of which an equal point is looked for, and how often
-# the search for one is widened.
+# Largest time to a haven for which an equal point is searched, as a multiple of the limit; number
+# of times that the search is widened.
 _EQUAL, _WIDENED = 1.5, 3
 
 
@@ -58,7 +58,7 @@ def cover(
     route : Route
         A route at constant speed, from `renew.plan` or `renew.replan`.
     chart, current, vessel
-        As it was planned with.
+        Those that the route was planned with.
     havens : sequence of Haven
         The user's list; nothing is added to it.
     within : float, optional
@@ -66,16 +66,17 @@ def cover(
     within_fuel : float, optional
         Most fuel to a haven (fuel units).
     endurance : float, optional
-        Fuel on board at departure (fuel units): what is left where the vessel turns off has to do.
+        Fuel on board at departure (fuel units): a diversion can use what is left where the vessel
+        turns off.
     options, **changes
-        As the route was planned with, such as ``drift="crab"``.
+        Those of the route's plan, such as ``drift="crab"``.
 
     Returns
     -------
     Coverage
-        Stretches that are covered, uncovered by anybody, or not settled; abort points, the point of
-        no return and equal points. Ways begin on the route's heading; they are padded and steered
-        as for :func:`renew.plan`, and their turns are flown, from the end of the first arc on.
+        Stretches that are covered, uncovered, or not settled; abort points, the point of no return
+        and equal points. Ways begin on the route's heading; they are padded and steered as for
+        :func:`renew.plan`, and their turns are simulated, from the end of the first arc on.
 
     Raises
     ------

@@ -48,13 +48,13 @@ class Stretch:
     ----------
     begin, end : when a vessel on time is at its ends, s, on the current's clock.
     state : "covered", if from each of its places a planned way leads to a haven within the limits,
-        for a vessel that is early, on time or late; "uncovered", if nobody who is on time gets to
-        any haven within the limits, on whatever way off the charted land; "not settled", if neither
-        is shown.
+        for a vessel that is early, on time or late; "uncovered", if it is proven that no vessel on
+        time gets to any haven within the limits, by any way off the charted land; "not settled", if
+        neither is shown.
     diversion : the way to take: carry on along the route to its place, no earlier than `end`, and
         turn off there. None unless covered.
-    longest : the most time to the haven, s, from any place of it, with what is left of the
-        stretch; inf unless covered.
+    longest : the most time to the haven, s, from any place of it, the rest of the stretch included;
+        inf unless covered.
     least : no vessel on time gets to a haven in less than this, s, from any place of it.
     cause : why the last plan from a stretch that is not settled failed, or None.
     """

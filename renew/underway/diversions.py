@@ -17,8 +17,8 @@ from renew.voyage.voyage import Voyage
 
 # Number of classes that are planned, and of departures between early and late that are timed.
 _CLASSES, _TIMED = 2, 9
-# Factor by which hours before a stretch are widened until nobody in time leaves them on it, and how
-# often.
+# Factor by which the hours at the begin of a stretch are widened until they hold every vessel that
+# is in time on it, and largest number of times.
 _WIDER, _TRIES = 1.25, 12
 
 
@@ -97,8 +97,9 @@ class Diverter:
     ) -> Diversion:
         """Return the way to a haven for a vessel that is on time at a time (s).
 
-        It is planned in the class of a way `near`, if one is given and that can be sailed; else in
-        the first classes. Haven number -1 is the start. Raises PlanningError if there is none.
+        It is planned in the class of a way `near`, if one is given and its class can be sailed;
+        else in the first classes. Haven number -1 is the start. Raises PlanningError if there is
+        none.
         """
         key = number, time
         if key not in self._found or (near is None and key not in self._whole):
@@ -173,7 +174,8 @@ class Diverter:
     ) -> float:
         """Return the most time (s) along a path (n, 2) to a haven, for departures between two.
 
-        On one path nobody overtakes: who leaves between two arrives no later than the later.
+        On one path no vessel overtakes: one that leaves between two others arrives no later than
+        the second.
         """
         leaving = np.linspace(*hours, _TIMED)
         arrivals = [float(voyage.leaving(at).arrivals(path)[-1]) for at in leaving.tolist()]
@@ -193,7 +195,7 @@ class Diverter:
         return self._longest(way.haven, path, voyage, self._hours(rows, voyage))
 
     def _hours(self, rows: FloatArray, voyage: Voyage) -> tuple[float, float]:
-        """Return hours at the begin of a stretch (n, 3) that hold all who are in time on it."""
+        """Return hours at the begin of a stretch (n, 3) that hold all vessels in time on it."""
         times, path = rows[:, 0], rows[:, 1:]
         off = np.array([self.off(time) for time in times.tolist()])
         wide = float(off.max())
@@ -215,7 +217,7 @@ class Diverter:
         rate = self.task.vessel.fuel_rate
         if longest > min(limits.within, limits.within_fuel / rate):
             return False
-        # Who is late has burnt more: all that arrive by the latest arrival keep the endurance.
+        # A late vessel has burnt more: all that arrive by the latest arrival keep the endurance.
         return rate * (time + self.off(time) + longest - self.begin) <= limits.endurance
 
     def limit(self, time: float, limits: Limits) -> float:

@@ -54,7 +54,7 @@ class Replanned:
         for a position in the margin around charted land.
     burnt : fuel burnt since the previous plan began.
     by_drift : fuel beyond the planned fuel, in the previous plan's current, for the way back to the
-    path and on along it: the cost of being off the path, late or early; inf without such a way.
+        path and on along it: the cost of being off the path, late or early; inf without such a way.
     by_forecast : further fuel that the same way needs in the new current.
     saved : fuel that the best way saves against that way, in the new current; negative where that
         way is not safe any more, or the vessel has to turn first.

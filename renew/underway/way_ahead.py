@@ -11,12 +11,12 @@ from renew.classes.dual_graph import Channel, RoughPath, visits
 from renew.planner.problem import Problem
 from renew.voyage.voyage import Voyage, shares
 
-# A vessel no farther off its path than this share of v/ω is on it.
+# A vessel no farther off its path than this share of v/ω counts as on it.
 _ON_PATH = 0.001
 ON_TIME = 1e-6
 """Rounding of times, s."""
-# Where a vessel off its path may come back to it: at these multiples of its distance ahead of the
-# place abeam.
+# A vessel off its path may come back to it at these distances ahead of the place abeam, in
+# multiples of its distance from the path.
 _BACK_AT = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 
 

@@ -33,7 +33,7 @@ WITHIN = (_NODES + 1) / 2
 """Places of the nodes in a piece, from 0 to 1."""
 # Times in a changing current: largest number of rounds; the change, as a share of the time under
 # way, below which they count as settled (by Newton's method the next change would be 1e-12); the
-# change from which two rounds show a slope; the steepest slope.
+# least change between two rounds from which a slope is taken; the steepest slope.
 _ROUNDS, _SETTLED, _FAR, _STEEP = 12, 1e-7, 1e-6, 0.9
 
 

@@ -234,7 +234,7 @@ def _currents(view: View) -> Style:
 
 
 def _thinned(season: SeasonView, full_scale: float) -> str:
-    """Return a condition that omits points that would be too close on a map of the whole."""
+    """Return a condition that omits points that would be too close on a map of the whole chart."""
     min_spacing_m = _ARROW_MM[0] / 1000 * full_scale
     every = round(min_spacing_m / season.spacing_m + 0.49)
     if season.step_deg is None or every < 2:

@@ -148,8 +148,7 @@ class FieldReader:
     def fields(self, weights: Iterable[Mapping[int, float]]) -> Iterator[Field]:
         """Read the fields of several weights, as `field` does.
 
-        Those that follow each other and are of the same steps are summed together, some megabytes
-        of them at a time.
+        Consecutive fields of the same steps are summed together, some megabytes of them at a time.
         """
         contents, window = self._contents, self._window
         most = max(1, _CHUNK_BYTES // max(1, window.lat.size * window.lon.size * _VALUE_BYTES))

@@ -16,7 +16,7 @@ from pipeline.sources.cf.slices import LONGEST_STEP, SelectedSlices, select_slic
 from renew.inputs.tide import arguments, speeds
 
 WEAK_SHARE = 0.7
-"""Share of the variance below which the constants of a node tell too little."""
+"""Share of the variance below which the constants of a node count as unreliable."""
 # Largest difference between the streams and straight lines in time between their fields, m/s.
 _ERROR_M_S = 0.03
 # Times between fields, minutes: parts of an hour, so that the hours of other currents are kept.
@@ -54,7 +54,7 @@ def stream_slices(
 
 
 def _time_step(contents: Contents, window: Window, season: Season) -> tuple[timedelta, float]:
-    """Return the time between fields, and by how much lines between them err at most, m/s.
+    """Return the time between fields, and the largest error of interpolation between them, m/s.
 
     A constituent of amplitude A is too large by A (ω h)² / 12 in its fields, which
     :func:`select_slices` enlarges, and too small by half of that midway between two fields. A is

@@ -78,8 +78,8 @@ def polygons_near(
 ) -> tuple[NearPolygons, tuple[Note, ...]]:
     """Return a shoreline's polygons whose bounds meet a box (degrees), unchanged, and notes.
 
-    They are moved by whole turns into the box's longitudes; one that meets the box after either of
-    two turns comes twice. Those whose longer side is below `least_deg` are left out.
+    They are moved by whole turns into the box's longitudes; one that meets the box after two
+    different moves comes twice. Those whose longer side is below `least_deg` are left out.
     """
     path, problem = cache_file(shoreline), "there is no home"
     if path is not None:

@@ -56,7 +56,7 @@ def box_around(region: shapely.Polygon, beyond_m: float = BEYOND_M) -> shapely.P
 
 
 def meets_box(bounds: FloatArray, box: shapely.Polygon) -> BoolArray:
-    """Say which bounds (n, 4), degrees, meet a box in any whole turn."""
+    """Say which bounds (n, 4), degrees, meet a box after a move by whole turns."""
     return np.asarray(np.any([_meets(bounds, box, turn) for turn in _WHOLE_TURNS], axis=0))
 
 
@@ -73,7 +73,7 @@ def _meets(bounds: FloatArray, box: shapely.Polygon, turn: float) -> BoolArray:
 def near_box(geometries: Geometries, box: shapely.Polygon) -> tuple[Geometries, IntArray]:
     """Return the geometries whose bounds meet a box, in its longitudes, and their indices.
 
-    They are moved by whole turns; one that meets the box after either of two turns comes twice.
+    They are moved by whole turns; one that meets the box after two different moves comes twice.
     """
     bounds = shapely.bounds(geometries)
     found: list[Geometries] = [np.empty(0, dtype=object)]

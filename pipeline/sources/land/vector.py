@@ -32,7 +32,7 @@ _LONLAT = "OGC:CRS84"
 _PIECES_PER_SIDE = 200
 # Largest planar coordinate, in units of the CRS: 25 times round the earth in metres.
 _MAX_PLANAR = 1e9
-# Bounds beyond any coordinate.
+# Bounds that contain any coordinate.
 _EVERYWHERE = (-1e300, -1e300, 1e300, 1e300)
 # A file with more features than this is not read again to see why some have no bounds.
 _MAX_REREAD = 100_000

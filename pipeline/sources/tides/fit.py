@@ -189,7 +189,7 @@ def _solved(design: FloatArray, blocks: Iterator[tuple[list[int], FloatArray]]) 
     right, squares, first = np.zeros(()), np.zeros(()), np.zeros(())
     for number, (rows, values) in enumerate(blocks):
         if number == 0:
-            # Squares are summed about the first step, so that a large mean leaves their digits.
+            # Squares are summed about the first step, so that a large mean does not cost digits.
             first = values[0]
         apart = values - first
         right = right + np.tensordot(design[rows], apart, axes=(0, 0))

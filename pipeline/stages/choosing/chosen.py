@@ -31,14 +31,14 @@ class Chosen:
     def at_clock(
         self, scenario: Scenario, name: str, label: str, shift: float, *, keeps: bool = False
     ) -> "Chosen":
-        """Return it for a scenario in which the clock of a season begins `shift` seconds later.
+        """Return the choice for a scenario in which a season's clock begins `shift` seconds later.
 
-        The season is called `label` there; as it was, by its own name, it is there too if it
-        `keeps` it.
+        The season is called `label` there. If it `keeps` the season, it also has it as it was, by
+        its own name.
         """
 
         def renamed(by_season: Mapping[str, _T], value: _T | None = None) -> dict[str, _T]:
-            """Return values by season, with that of the label."""
+            """Return values by season, with the one of the label."""
             found: dict[str, _T] = {}
             for one, known in by_season.items():
                 if one != name or keeps:

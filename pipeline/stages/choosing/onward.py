@@ -2,11 +2,11 @@
 
 The way to the anchorage is planned first, and keeps its season. The way on is a season of its own,
 whose departures are to be chosen from: from the arrival until the end of the wait. So each part has
-departure, arrival, hours early and late, water and files of its own. On the first part least fuel
-is also the earliest arrival, since the vessel's speed is one; and nobody who leaves later arrives
-earlier. So the two parts are the best whole, to within the steps of the departures.
+departure, arrival, hours early and late, water and files of its own. On the first part the route of
+least fuel also arrives first, since the vessel has one speed; and a vessel that leaves later never
+arrives earlier. So the two parts are the best whole, to within the steps of the departures.
 
-While it lies at anchor there must be water, and no area may be shut that it lies in.
+While the vessel lies at anchor there must be enough water, and it may lie in no shut area.
 """
 
 import math
@@ -28,7 +28,7 @@ from pipeline.stages.choosing.chosen import Chosen, in_thread
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S, plan_season
 from renew.inputs.shut_areas import Area
 
-# Departures from the anchorage: least time between them, and how many at most, about.
+# Departures from the anchorage: least time between them, and their largest number, roughly.
 _STEP_MIN, _MOST = 10, 48
 _MINUTE_S = 60.0
 # Largest length of a name that an addition may follow.
@@ -52,7 +52,7 @@ def with_onward_legs(given: Chosen, store: Store) -> Chosen:
 def _split(given: Chosen, season: Season, wait: timedelta) -> Chosen:
     """Add the season that goes on from the anchorage; none if there is no way to it."""
     scene, name = given.scene.value, season.name
-    # What planning adds to a tide is not for the store.
+    # Values that planning caches in a tide are not stored.
     tides = {one: replace(depth) for one, depth in scene.tidal_depths.items()}
     planned = replace(scene, tidal_depths=tides)
     plan = in_thread(partial(plan_season, planned, name, given.scenario.planner)).plan
