@@ -201,7 +201,7 @@ def _sampled_deviation(
 
 @small_kernel
 def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArray) -> float:
-    """How far a velocity, or that of the next inner node, is off lines through its neighbours."""
+    """How far a velocity is off lines through its neighbours; at an edge, the next inner node's."""
     m, n = min(max(i, 1), y.size - 2), min(max(j, 1), x.size - 2)
     along_x = _off_line(c, at, i, n, 0, 0, 1, x, n) if x.size > 2 else 0.0
     along_y = _off_line(c, at, m, j, 0, 1, 0, y, m) if y.size > 2 else 0.0
@@ -319,7 +319,7 @@ def _over(voyage: Voyage, x: FloatArray, y: FloatArray, wet: BoolArray) -> Trave
 
 
 def _hours(voyage: Voyage, x: FloatArray, y: FloatArray, strongest: float) -> FloatArray:
-    """Times (2, ny - 1, nx - 1), s, from and until which a vessel that is in time may be in cells.
+    """Times (2, ny - 1, nx - 1), s, between which a vessel that is in time may be in each cell.
 
     It goes no faster than at its highest speed with the strongest current (m/s) behind. Where the
     end comes before the beginning no way leads there.

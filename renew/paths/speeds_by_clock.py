@@ -92,7 +92,7 @@ class TimedPath:
         deadline, (least, most) = self._voyage.deadline, self.speeds
         tried = np.geomspace(most, least, _CONSTANT).tolist()
         found = [self._at_constant(speed) for speed in tried]
-        # The slowest speed that is just in time lies between two of them.
+        # The slowest speed that is just in time lies between two of the tried ones.
         for at in np.flatnonzero(np.diff([arrival <= deadline for arrival, _ in found])).tolist():
             low, high = tried[at + 1], tried[at]
             for _ in range(_HALVINGS):

@@ -35,8 +35,8 @@ from renew.voyage.voyage import Voyage, shares
 _SPACING = 0.25
 # Largest angle between two sections, rad.
 _ANGLE = np.radians(15)
-# Places on a section that are tried as its middle, as shares of its length: first one by one, where
-# most sections have room, then all at once.
+# Places on a section that are tried as its middle, as shares of its length: first each of a few
+# alone, as most sections have room there, then many at once.
 _FIRST_PLACES = ((0.5,), (0.25,), (0.75,))
 _PLACES = tuple(np.linspace(0.0, 1.0, 17)[1:-1])
 

@@ -216,7 +216,7 @@ def plan_departures(
 
 
 def _finished(plan: Plan, task: Task) -> Plan:
-    """Return the plan with its voyage, each route's least water, and bounds as tight as asked."""
+    """Return the plan with its voyage, the least water under each route, and bounds as asked."""
     if task.request.gap_to > 0 and plan.routes:
         best = plan.best
         bound = replace(best.fuel_bound, enough=best.fuel / (1 + task.request.gap_to))
@@ -240,7 +240,7 @@ def _window(
 
 
 def _best_of(window: DepartureWindow, to_within: float | None, *, with_classes: bool) -> Departures:
-    """Plan departures between those of a window, if asked for, and the best one whole."""
+    """Plan departures between those of a window, and all classes of the best one, if asked for."""
     if window.best.found is None:
         raise window.sailings[0].error
     if to_within is not None:

@@ -59,7 +59,7 @@ _GROWN = 2.0
 _SHARES = (0.5, 0.25, 0.75)
 # Segments per quadrant of buffers, which lie within the true ones.
 _SEGMENTS = 4
-# Length of pieces of shore with reduced clearance, as a share of it.
+# Length of pieces of shore with reduced clearance, as a share of the clearance.
 _PIECE = 0.25
 
 
@@ -245,7 +245,7 @@ def _lower(
     The rows ascend.
     """
     count = len(drawn.speed)
-    # The drift at which the reach is the padding.
+    # The drift at which the reach equals the padding.
     least_drift = np.full(len(padding), np.inf)
     u, v, drift = np.empty(count), np.empty(count), np.empty(count)
     known = -1

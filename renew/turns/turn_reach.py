@@ -41,8 +41,8 @@ _TAIL_DRAWS, _MIN_DRAWS, _MAX_DRAWS = 20.0, 512, 20_000
 _STRETCHED_DRAWS, _STRETCHED_SHARE = 4096, 0.02
 # Share of the risk at which the quantile is taken: the rest covers the error of the draws.
 _SAFETY = 0.85
-# Draws to one side of the course that give a bound on all headings, as a share of all draws: a
-# multiple of the risk, but within a least and a largest share.
+# Share of all draws, to one side of the course, that give a bound on all headings: this multiple of
+# the risk, but no less and no more than the other two.
 _TIMES_ASIDE, _LEAST_ASIDE, _SHARE_ASIDE = 3.0, 0.05, 0.5
 # Largest number of turns that are held in memory at a time: 160 MB.
 _MAX_TURNS = 4_000_000

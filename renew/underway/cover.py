@@ -30,8 +30,8 @@ from renew.underway.diversions import Diverter, Limits
 from renew.underway.usable_havens import check_cover, usable
 from renew.voyage.voyage import Voyage
 
-# Numbers of samples: of a limit's time; at most in all; between stations at first; between two ends
-# without a way, if no place between them is tried; within which a last turn is found.
+# Numbers of samples: in the time of a limit; in all, at most; between two stations at first; up to
+# which no place is tried between two ends without a way; up to which the last turn is narrowed.
 _SAMPLES, _MOST_SAMPLES, _STATIONS, _CLOSE, _LAST = 360, 6_000, 120, 4, 6
 # Largest time to a haven for which an equal point is searched, as a multiple of the limit; number
 # of times that the search is widened.
@@ -189,7 +189,7 @@ class _Survey:
         return self.diverter.is_within(way, self.limits, time)
 
     def _longest(self, time: float, way: Diversion) -> float:
-        """Return the most time (s) to a haven from a time (s) on, by a later way."""
+        """Return the most time (s) to a haven, going on from a time (s) to a later way."""
         return self.diverter.longest_from(time, way) if time < way.time else way.longest
 
     def _ways(self, sample: int) -> list[Diversion]:
@@ -319,7 +319,7 @@ class _Survey:
 
 
 def _joined(stretches: Sequence[Stretch]) -> list[Stretch]:
-    """Return stretches in order; neighbours by the same way, or without one, are joined."""
+    """Return stretches in order; neighbours with the same way, or both without one, are joined."""
     joined = list[Stretch]()
     for one in stretches:
         last = joined[-1] if joined else None

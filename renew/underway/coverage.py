@@ -136,7 +136,7 @@ class Coverage:
     no_return : the last place from which the way back to the start is within the endurance; None
         without an endurance, or if there is none.
     equal_points : where the nearest haven changes, in order of time.
-    turn_offs : the last place for each other class that was given.
+    turn_offs : the last place to turn off into each other class that was given.
     within : limit of time, s; inf if there is none.
     within_fuel : limit of fuel of a diversion (fuel units); inf if there is none.
     endurance : fuel on board at departure (fuel units); inf if it is not given.

@@ -160,7 +160,7 @@ class Diverter:
         return Diversion(haven, time, place, heading, route, duration, rate * duration, longest)
 
     def _waited(self, haven: Haven, arrival: float) -> float:
-        """Return when a vessel that arrives at a time (s) is in a haven."""
+        """Return when (s) a vessel enters a haven that it reaches at some time (s)."""
         if arrival > haven.closes:
             raise InfeasibleError(
                 f"haven {haven.name} closes at {{0}}; the vessel arrives at {{1}}",
@@ -183,7 +183,7 @@ class Diverter:
         return float((waited[1:] - leaving[:-1]).max())
 
     def longest_from(self, time: float, way: Diversion) -> float:
-        """Return the most time (s) to a haven from any place between a time (s) and a way's.
+        """Return the most time (s) to a haven from any place between a time (s) and a way's time.
 
         The vessel carries on to the way's place, early, on time or late, and turns off there.
         """

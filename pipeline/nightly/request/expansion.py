@@ -267,7 +267,7 @@ def _with_times(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _time(season: dict[str, Any]) -> dict[str, Any]:
-    """Return a time for a season's table to begin with, if it may lack one."""
+    """Return a provisional time for a season's table, if it may lack one."""
     if season.get("time_method") == "changing":
         is_open = {"departures", "arrive_by"} & season.keys()
         return {} if is_open else {"departure": datetime.fromtimestamp(0, UTC)}
