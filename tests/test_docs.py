@@ -45,6 +45,7 @@ RUN = (
     "docs/how-to/own-vessel.md",
     "docs/how-to/plotter.md",
     "docs/how-to/tides.md",
+    "docs/how-to/under-way.md",
     "docs/how-to/vehicle.md",
     "docs/how-to/via-and-avoid.md",
 )

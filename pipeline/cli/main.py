@@ -1,4 +1,4 @@
-"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|nightly|tide`.
+"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|nightly|tide|watch`.
 
 Exit codes:
 
@@ -33,6 +33,7 @@ from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.terminal import say
 from pipeline.cli.tide import app as tide_app
 from pipeline.cli.usage import BriefRefusals, Command
+from pipeline.cli.watch import watch
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
 
@@ -144,6 +145,7 @@ def run(
 
 
 app.command(cls=GoCommand)(go)
+app.command(cls=Command)(watch)
 app.add_typer(nightly_app, name="nightly")
 app.add_typer(tide_app, name="tide")
 

@@ -77,6 +77,14 @@ Scheduler = Annotated[
     str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
 ]
 
+# --- of `renew watch` and `renew replan` ---
+
+Results = Annotated[
+    Path,
+    typer.Argument(help="Folder of a finished run, such as outputs/NAME."),
+]
+OneSeason = Annotated[str, typer.Option(help="The season that is sailed, if several were planned.")]
+
 # --- of `renew go` ---
 
 Positions = Annotated[

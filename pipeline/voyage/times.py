@@ -119,7 +119,7 @@ def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Depa
     """
     faults: list[str] = []
     times = [
-        _time(option, text, faults)
+        zoned_time(option, text, faults)
         for option, text in (("--depart", depart), ("--until", until), ("--arrive-by", arrive_by))
     ]
     for option, text in (("--until", until), ("--arrive-by", arrive_by)):
@@ -158,7 +158,7 @@ def _speeds(
         return None
 
 
-def _time(option: str, text: str, faults: list[str]) -> datetime | None:
+def zoned_time(option: str, text: str, faults: list[str]) -> datetime | None:
     """Read a time with a zone, and return it in UTC; add errors to `faults`."""
     if not text:
         return None

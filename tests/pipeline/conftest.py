@@ -12,6 +12,7 @@ from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
 from tests.pipeline.kept_land_mask import keep_land_mask
+from tests.pipeline.underway import sailing
 
 # A region across the middle of Palawan: the island divides it from edge to edge.
 ACROSS_BOX = [118.3, 9.3, 119.2, 10.4]
@@ -30,6 +31,12 @@ def across_outputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     table["region"]["bbox"] = ACROSS_BOX
     fetch(Scenario.model_validate(table), Store(output / ".artefacts"), offline=True)
     return output
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of results of a voyage in a tide, planned once."""
+    return sailing.make(tmp_path_factory.mktemp("sailing"))
 
 
 @pytest.fixture

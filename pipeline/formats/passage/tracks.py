@@ -82,15 +82,26 @@ def tracks(
 
     The polylines in the plane are within `error_m` true metres of the legs everywhere.
     """
+    lonlat, leg = in_pieces(begin, end, curve, _step_m(begin, end, error_m))
+    return Tracks(lonlat, projection.to_plane(lonlat), leg)
+
+
+def in_pieces(
+    begin: FloatArray, end: FloatArray, curve: Curve, most_m: FloatArray | float
+) -> tuple[FloatArray, IntArray]:
+    """Cut legs from points (k, 2) to points (k, 2), degrees, into pieces of at most `most_m` (k,).
+
+    Return the ends of the pieces (m, 2), degrees, and the leg of each (m,).
+    """
     distance = np.asarray(_GEOD.inv(begin[:, 0], begin[:, 1], end[:, 0], end[:, 1])[2])
-    pieces = np.maximum(1, np.ceil(distance / _step_m(begin, end, error_m))).astype(np.int64)
+    pieces = np.maximum(1, np.ceil(distance / most_m)).astype(np.int64)
     leg = np.repeat(np.arange(len(begin)), pieces + 1)
     share = (np.arange(len(leg)) - (np.cumsum(pieces + 1) - pieces - 1)[leg]) / pieces[leg]
     between = _on_loxodrome if curve == "Loxodrome" else _on_geodesic
     lonlat = between(begin, end, leg, share)
     # The computed ends are rounded: the legs' exact ends take their place.
     lonlat[share <= 0], lonlat[share >= 1] = begin, end
-    return Tracks(lonlat, projection.to_plane(lonlat), leg)
+    return lonlat, leg
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,101 @@
+"""The results of a finished run, as they lie in its folder."""
+
+import json
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import RequestError
+from pipeline.formats.records import SCHEMA_VERSION
+from pipeline.machine.paths import expanded, shown, unreadable_reason
+from pipeline.stages.write import MANIFEST
+
+
+@dataclass(frozen=True)
+class FinishedSeason:
+    """A season that was planned: `scenario` and `season` are the tables that were run."""
+
+    folder: Path
+    scenario: dict[str, Any]
+    season: dict[str, Any]
+
+    @property
+    def departure(self) -> datetime | None:
+        """The departure that was planned, if there is one."""
+        text = self.season["departure"]
+        return None if text is None else datetime.fromisoformat(text)
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether water or currents change on the way, so that a route is safe at its times."""
+        has_hours = any(area.get("from") or area.get("until") for area in self.scenario["avoid"])
+        is_changing = self.season["time_method"] == "changing"
+        return is_changing or has_hours or self.scenario["tide"] is not None
+
+    @property
+    def waypoints(self) -> list[dict[str, Any]]:
+        """The waypoints of the best route, in order, as features of GeoJSON."""
+        name = f"{self.scenario['name']}-{self.season['name']}.geojson"
+        features = _read(self.folder / name)["features"]
+        best = {"feature": "waypoint", "rank": 1}
+        return [one for one in features if best.items() <= one["properties"].items()]
+
+
+def finished_season(results: Path, season: str) -> FinishedSeason:
+    """Find a season in a folder of results; "" is the only one that was planned.
+
+    Raises
+    ------
+    RequestError
+        The folder isn't one of a finished run, has no such season, or is that of a plane.
+    """
+    folder = expanded(results, "RESULTS")
+    manifest = _read(folder / MANIFEST)
+    try:
+        if manifest["schema_version"] != SCHEMA_VERSION:
+            raise RequestError(
+                f"RESULTS: {shown(folder / MANIFEST)} has schema_version = "
+                f"{manifest['schema_version']}, not {SCHEMA_VERSION}; run the scenario again"
+            )
+        scenario = manifest["scenario_as_run"]
+        planned = [one["season"] for one in manifest["seasons"] if one["status"] == "planned"]
+        tables = {one["name"]: one for one in scenario["seasons"]}
+        if scenario["plane"] is not None:
+            raise RequestError(
+                f"RESULTS: {shown(folder)} is of a plane, where a vessel has no longitude and "
+                "latitude; give the results of a chart"
+            )
+    except (KeyError, TypeError) as error:
+        raise _damaged(folder / MANIFEST, error) from None
+    if not season and len(planned) == 1:
+        season = planned[0]
+    if season not in planned:
+        known = ", ".join(planned)
+        said = f"{season!r} was not planned" if season else "several seasons were planned"
+        raise RequestError(f"--season: {said} in {shown(folder)}; give one of {known}")
+    return FinishedSeason(folder, scenario, tables[season])
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Read an object of JSON from a folder of results."""
+    if reason := unreadable_reason(path):
+        raise RequestError(
+            f"RESULTS: {shown(path)} {reason}; give the folder of a finished run, such as "
+            "outputs/NAME"
+        )
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise _damaged(path, error) from None
+    if not isinstance(found, dict):
+        raise _damaged(path, TypeError("it holds no object"))
+    return found
+
+
+def _damaged(path: Path, error: Exception) -> RequestError:
+    """Return the error for a file that isn't as it was written."""
+    return RequestError(
+        f"RESULTS: {shown(path)} is damaged ({type(error).__name__}: {error}); run the scenario "
+        "again"
+    )

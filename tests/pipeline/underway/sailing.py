@@ -1,0 +1,107 @@
+"""A finished run in a tide round an island, and the positions of a vessel that sails it."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from functools import reduce
+from operator import xor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+import xarray as xr
+
+from pipeline.run import run
+from pipeline.scenario.loading import load_scenario
+from pipeline.session import Origin
+from pipeline.sources.current_field import Field
+from tests.pipeline import tidal_run
+from tests.pipeline.synthetic_currents import dataset, write
+
+NAME, SEASON = "strait", "tide"
+
+
+def make(folder: Path, extra: str = "") -> Path:
+    """Plan a voyage, and return the folder of its results; `extra` is TOML before the vessel."""
+    (folder / "island.geojson").write_text(shapely.to_geojson(tidal_run.ISLAND))
+    tide_file(folder / "tide.nc")
+    file = folder / f"{NAME}.toml"
+    west, south, east, north = tidal_run.BBOX
+    file.write_text(f"""
+schema_version = 1
+name = "{NAME}"
+start = [119.005, 9.53]
+goal = [119.095, 9.53]
+{extra}
+[region]
+bbox = [{west}, {south}, {east}, {north}]
+[chart]
+source = [{{ path = "island.geojson", accuracy_m = 5.0 }}]
+[vessel]
+length_m = 4.0
+speed_m_s = 1.5
+turn_rate_deg_s = 4.0
+[[seasons]]
+name = "{SEASON}"
+time_method = "changing"
+departure = {tidal_run.DEPARTURE.isoformat()}
+currents = ["tide.nc"]
+[planner]
+classes = 2
+clearance = 100.0
+""")
+    asked = load_scenario(str(file))
+    return run(asked, folder / "outputs", offline=True, origin=Origin.of(file)).directory
+
+
+def tide_file(path: Path, *, faster: float = 1.0, hours: int = 30) -> None:
+    """Write the tide of `tidal_run`, hourly, times a factor."""
+    west, south, east, north = tidal_run.BBOX
+    lon = np.linspace(west - 0.02, east + 0.02, 15)
+    lat = np.linspace(south - 0.02, north + 0.02, 11)
+    strength = faster * (0.3 + 0.2 * (lat - south) / (north - south))
+    times = np.datetime64("2026-11-22T05:00") + np.arange(hours) * np.timedelta64(1, "h")
+    steps = []
+    for hour in range(hours):
+        phase = 2 * np.pi * hour * 3600 / tidal_run.PERIOD_S + 0.6
+        u = np.cos(phase) * strength[:, None] * np.ones(lon.size)
+        steps.append(Field(lon, lat, u, 0.1 * np.sin(phase) * np.ones(u.shape)))
+    data: xr.Dataset = dataset(*steps, times=times)
+    write(path, data)
+
+
+def waypoints(results: Path) -> list[dict[str, Any]]:
+    """The waypoints of the best route."""
+    features = json.loads((results / f"{NAME}-{SEASON}.geojson").read_bytes())["features"]
+    return [
+        one
+        for one in features
+        if one["properties"]["feature"] == "waypoint" and one["properties"]["rank"] == 1
+    ]
+
+
+def sailed(results: Path, seconds: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Positions (n, 2), degrees, of a vessel on its plan at times (n,) since its departure."""
+    points = waypoints(results)
+    times = [one["properties"]["time_s"] for one in points]
+    lonlat = np.array([one["geometry"]["coordinates"] for one in points])
+    return np.stack([np.interp(seconds, times, lonlat[:, i]) for i in (0, 1)], axis=-1)
+
+
+def rmc(seconds: float, lon: float, lat: float, *, talker: str = "GP", decimals: int = 5) -> str:
+    """Write a position at a time since the departure as a receiver does."""
+    at = datetime.fromtimestamp(tidal_run.DEPARTURE.timestamp() + seconds, UTC)
+    parts = []
+    for degrees, size, letters in ((lat, 2, "NS"), (lon, 3, "EW")):
+        whole, minutes = divmod(round(abs(degrees) * 60, decimals), 60)
+        shown = f"{minutes:0{2 + bool(decimals) + decimals}.{decimals}f}"
+        parts += [f"{int(whole):0{size}d}{shown}", letters[degrees < 0]]
+    time = f"{at:%H%M%S}.{at.microsecond // 10_000:02d}"
+    return summed(f"{talker}RMC,{time},A,{','.join(parts)},2.9,091.3,{at:%d%m%y},,,A")
+
+
+def summed(body: str) -> str:
+    """Add $ and checksum to a sentence."""
+    return f"${body}*{reduce(xor, body.encode(), 0):02X}"

@@ -1,0 +1,142 @@
+"""What a watch says of a vessel that sails, drifts off, comes late, or is reported badly."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from pipeline.underway.finished import finished_season
+from pipeline.underway.reports import LineCutter, reports
+from pipeline.underway.watch import Watch, watch_of
+from tests.pipeline.underway.sailing import rmc, sailed, waypoints
+
+
+def watched(results: Path, lines: list[str]) -> tuple[list[dict[str, Any]], Watch]:
+    watch = watch_of(finished_season(results, ""), None, 600.0)
+    found = [
+        event for line in lines for report in reports(line.encode()) for event in watch.take(report)
+    ]
+    return found, watch
+
+
+def voyage(results: Path, seconds: np.ndarray[Any, Any], delay_s: float = 0.0) -> list[str]:
+    """Sentences of a vessel on its plan, all of it so much later."""
+    return [
+        rmc(at + delay_s, *place)
+        for at, place in zip(seconds.tolist(), sailed(results, seconds).tolist(), strict=True)
+    ]
+
+
+def duration(results: Path) -> float:
+    return float(waypoints(results)[-1]["properties"]["time_s"])
+
+
+def test_a_vessel_on_its_plan_is_on_plan_until_it_arrives(results: Path) -> None:
+    seconds = np.arange(0.0, duration(results) + 300, 10.0)
+    found, watch = watched(results, voyage(results, seconds))
+    assert {one["event"] for one in found} == {"on_plan"}
+    assert all(one["proof"] == "holds" and one["off_m"] < 1 for one in found)
+    assert all(abs(one["late_min"]) < 0.2 for one in found)
+    assert [one["arrived"] for one in found] == [False] * (len(found) - 1) + [True]
+    assert len(found) == 1 + int(duration(results) // 600) + 1
+    assert watch.counts["position"] == len(seconds)
+
+
+def test_off_its_plan_it_is_off_once_and_a_new_plan_is_advised(results: Path) -> None:
+    seconds = np.arange(0.0, 1200.0, 10.0)
+    places = sailed(results, seconds)
+    limit = waypoints(results)[0]["properties"]["port_m"]
+    places[40:80, 1] += 2 * limit / 110_600  # to the north: it sails about east
+    lines = [rmc(at, *place) for at, place in zip(seconds, places.tolist(), strict=True)]
+    found, watch = watched(results, lines)
+    assert [one["event"] for one in found] == ["on_plan", "off_plan", "replan", "on_plan"]
+    off, advice, back = found[1:]
+    assert off["proof"] == advice["proof"] == "void"
+    assert (off["side"], off["limit_m"]) == ("port", pytest.approx(limit, abs=0.1))
+    assert off["off_m"] == pytest.approx(2 * limit, rel=0.1)
+    assert advice["because"] == ["off_plan"]
+    assert (off["time"], back["time"]) == ("2026-11-22T06:26:50Z", "2026-11-22T06:33:30Z")
+    # The first position so far off is not believed before the next one agrees.
+    assert watch.counts["stray"] == 2
+
+
+def test_beyond_its_lateness_the_proof_is_void(results: Path) -> None:
+    seconds = np.arange(0.0, 3000.0, 60.0)
+    for delay_s, late in ((3500.0, False), (3700.0, True)):
+        found, _ = watched(results, voyage(results, seconds, delay_s))
+        assert ("late" in {one["event"] for one in found}) == late
+        assert ("replan" in {one["event"] for one in found}) == late
+        assert {one["proof"] for one in found} == {"void" if late else "holds"}
+        assert found[0]["late_min"] == pytest.approx(delay_s / 60, abs=0.1)
+        assert found[0]["may_be_late_min"] == 60.0
+
+
+def test_flapping_about_the_limit_says_little(results: Path) -> None:
+    seconds = np.arange(0.0, 1200.0, 1.0)
+    places = sailed(results, seconds)
+    limit = waypoints(results)[0]["properties"]["port_m"]
+    places[:, 1] += np.where(np.arange(1200) % 2, 0.98, 1.06) * limit / 110_600
+    lines = [rmc(at, *place) for at, place in zip(seconds, places.tolist(), strict=True)]
+    found, _ = watched(results, lines)
+    assert 2 < len(found) <= 3 * 1200 / 60 + 3
+
+
+def test_a_false_first_position_does_not_silence_the_watch(results: Path) -> None:
+    seconds = np.arange(0.0, 100.0, 10.0)
+    false = rmc(20 * 365 * 86_400.0, *sailed(results, seconds[:1])[0].tolist())
+    found, watch = watched(results, [false, *voyage(results, seconds)])
+    assert [one["event"] for one in found][-1] == "on_plan"
+    assert found[-1]["time"] == "2026-11-22T06:20:10Z"
+    assert watch.counts["stray"] == 1
+
+
+def test_what_is_no_position_is_counted(results: Path) -> None:
+    seconds = np.arange(-50.0, 50.0, 10.0)
+    damaged = [line.replace("GP", "GN") for line in voyage(results, seconds)]  # wrong sums
+    pairs = zip(voyage(results, seconds), damaged, strict=True)
+    lines = [text for both in pairs for text in both]
+    again = rmc(40.0, *sailed(results, seconds[-1:])[0].tolist(), talker="GN")
+    found, watch = watched(results, [*lines, again, "$GPRMC,12", "{}", "$GPGSV,1,1,00*79"])
+    assert len(found) == 1
+    counts = watch.counts
+    assert (counts["early"], counts["void"], counts["other"]) == (5, 1, 1)
+    assert (counts["broken"], counts["repeated"]) == (len(seconds) + 1, 1)
+    assert counts["position"] == len(seconds)
+
+
+@pytest.fixture(scope="module")
+def stream(results: Path) -> bytes:
+    """A voyage with a slow drift off and back, and each third line damaged."""
+    rng = random.Random(5)  # noqa: S311 - a test's seed
+    seconds = np.arange(0.0, 6000.0, 20.0)
+    places = sailed(results, seconds)
+    places[:, 1] += 0.01 * np.sin(seconds / 900)
+    lines = [rmc(at, *place).encode() for at, place in zip(seconds, places.tolist(), strict=True)]
+    for at in range(0, len(lines), 3):
+        place = rng.randrange(len(lines[at]))
+        lines[at] = lines[at][:place] + rng.randbytes(3) + lines[at][place:]
+    return b"\r\n".join(lines)
+
+
+@given(cuts=st.lists(st.integers(0, 20_000), max_size=40))
+def test_the_events_are_the_same_however_the_stream_is_cut(
+    results: Path, stream: bytes, cuts: list[int]
+) -> None:
+    def events(chunks: list[bytes]) -> tuple[list[dict[str, Any]], dict[str, int]]:
+        watch, cutter = watch_of(finished_season(results, ""), None, 600.0), LineCutter()
+        lines = [line for chunk in chunks for line in cutter.lines(chunk)] + cutter.last()
+        found = [e for line in lines for one in reports(line) for e in watch.take(one)]
+        return found, dict(watch.counts)
+
+    places = [0, *sorted(cuts), len(stream)]
+    chunks = [stream[a:b] for a, b in itertools.pairwise(places)]
+    whole = events([stream])
+    assert events([*chunks[:-1], stream[places[-2] :]]) == whole
+    assert {one["event"] for one in whole[0]} == {"on_plan", "off_plan", "replan"}
+    assert whole[1]["broken"] > 50
