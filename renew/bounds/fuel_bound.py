@@ -13,7 +13,7 @@ _FINE_CELLS = 512_000
 
 @dataclass(frozen=True, repr=False, eq=False)
 class FuelBound:
-    """The fuel that no route of a voyage can stay below, of any class.
+    """The fuel that every route of a voyage needs at least, whatever its class.
 
     It is computed from the voyage when first asked for, unless a number is given. `kept` is the
     bound on routes that keep the plan's clearance, or a function that gives their voyage. If

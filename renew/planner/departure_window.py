@@ -234,8 +234,8 @@ def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> S
 def _in_time(sailings: Sailings, earliest: float, arrive_by: float) -> tuple[Sailing, float]:
     """Return a sailing that may be in time, and a later departure (s) that is too late or shut.
 
-    Without areas that are shut for some hours it is the earliest. Otherwise it is the last in time
-    of even steps, and the earliest only if none of them is.
+    Without areas that are shut for some hours it is the earliest. Otherwise it is the last one in
+    time of departures in even steps, or the earliest if none of these is in time.
     """
     last = sailings.last_departure(arrive_by)
     if sailings.has_areas and last > earliest:

@@ -143,7 +143,7 @@ def _first_of(arcs: list[Arc], planner: ClassPlanner) -> tuple[FloatArray, Route
 
 
 def _drawn(arc: Arc, planner: ClassPlanner) -> Route | None:
-    """Return the route from an arc's end along the arc's way, or None if it is not safe."""
+    """Return the route that follows an arc's way from the arc's end, or None if it is not safe."""
     after = _onwards(planner, arc.rows[-1])
     channel = channel_along(arc.way, after.problem)
     found = None if channel is None else as_drawn(after, arc.way, channel)

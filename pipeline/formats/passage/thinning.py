@@ -174,7 +174,7 @@ def cheapest_chain(
 def _likely_legs(candidates: Candidates, corridor: SafeCorridor) -> tuple[IntArray, IntArray]:
     """Return indices of pairs of candidates that may see each other: most are far apart."""
     begin, end = np.triu_indices(len(candidates), 1)
-    # A candidate beside the path has the distance along it of the path's nearest point.
+    # A candidate beside the path gets the distance along the path of the path's nearest point.
     onwards = candidates.along[end] > candidates.along[begin]
     begin, end = begin[onwards], end[onwards]
     for share in (0.5, 0.25, 0.75):
