@@ -111,6 +111,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
     land, second_shore = (extract_polygons(repaired(one)[0]) for one in (land, second_shore))
     chart = renew.Chart(extent_polygon(region, projection), no_go, land=inner_land)
     check_endpoints(scenario, chart, projection)
+    _ = chart.open_water  # worked out before it is stored: each season's bound needs it
     return Scene(
         chart=chart,
         land=tuple(land),
