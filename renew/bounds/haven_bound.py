@@ -23,7 +23,7 @@ from renew.kernels.current_table import table_of
 from renew.voyage.voyage import Voyage
 
 # Number of cells of the first grid, and of those that count on the finest; rounds on each grid.
-_FIRST, _MOST_CELLS, _ROUNDS = 8_000, 40_000, 2
+_FIRST, _MOST_CELLS, _ROUNDS = 8_000, 40_000, 5
 # Multiple of `most` up to which φ is solved for: on the first grid, where it orders havens that are
 # farther, and on finer ones.
 _FARTHER, _BEYOND = 4.0, 1.25
