@@ -77,11 +77,11 @@ Scheduler = Annotated[
     str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
 ]
 
-# --- of `renew watch` and `renew replan` ---
+# --- of `renew watch` ---
 
 Results = Annotated[
     Path,
-    typer.Argument(help="Folder of a finished run, such as outputs/NAME."),
+    typer.Argument(metavar="RESULTS", help="Folder of a finished run, such as outputs/NAME."),
 ]
 OneSeason = Annotated[str, typer.Option(help="The season that is sailed, if several were planned.")]
 

@@ -57,15 +57,16 @@ def watch(
     """
     with reported_errors():
         watching = _watch(results, season, departed, every)
+        from pipeline.underway.watch import summary
+
+        code = 0
         try:
             for line in _lines(_chunks(positions, once=once)):
                 _take(watching, line)
         except KeyboardInterrupt as error:
-            raise typer.Exit(exit_code(error)) from None
-        finally:
-            from pipeline.underway.watch import summary
-
-            say(summary(watching.counts), err=True)
+            code = exit_code(error)
+        say(summary(watching.counts), err=True)
+        raise typer.Exit(code)
 
 
 def _watch(results: Path, season: str, departed: str, every: str) -> "Watch":

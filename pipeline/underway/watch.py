@@ -185,4 +185,4 @@ _COUNTED = {
 def summary(counts: Counter[str]) -> str:
     """Say at the end how many positions were taken, and what was not."""
     rest = [f"{counts[kind]:,} {said}" for kind, said in _COUNTED.items() if counts[kind]]
-    return "; ".join([f"{counts['position']:,} positions", *rest])
+    return "; ".join([f"positions: {counts['position']:,}", *rest])

@@ -67,10 +67,10 @@ def test_a_pipe_and_a_file_give_the_same_events(results: Path, tmp_path: Path) -
     done = piped(results, file.read_bytes())
     events = [json.loads(line) for line in done.stdout.splitlines()]
     assert {one["event"] for one in events} == {"on_plan", "off_plan", "replan"}
-    assert b"300 positions; 1 broken" in done.stderr
+    assert b"positions: 300; 1 broken" in done.stderr
     code, text, errors = watch(results, "--positions", str(file), "--once")
     assert (code, text) == (0, done.stdout.decode())
-    assert "300 positions; 1 broken" in errors
+    assert "positions: 300; 1 broken" in errors
 
 
 def test_killed_and_begun_again_it_says_the_same(results: Path, tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_killed_and_begun_again_it_says_the_same(results: Path, tmp_path: Path) 
         rest, errors = process.communicate(timeout=30)
     assert [one.strip() for one in said] == whole
     assert (rest, process.returncode) == ("", 128 + signal.SIGINT)
-    assert errors.splitlines()[-1] == "300 positions"
+    assert errors.splitlines()[-1] == "positions: 300"
 
 
 def test_a_log_that_is_rotated_is_followed(results: Path, tmp_path: Path) -> None:
@@ -135,6 +135,7 @@ def test_a_wrong_request_has_one_clear_error(results: Path, args: list[str], sai
     code, text, errors = watch(results, *args)
     assert (code, text) == (2, "")
     assert said in errors
+    assert len(errors.splitlines()) == 1
 
 
 @pytest.fixture
@@ -202,5 +203,5 @@ def test_a_million_lines_need_little_memory(results: Path, tmp_path: Path) -> No
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     said, memory_kb = done.stderr.splitlines()[-2:]
-    assert said.startswith("900,000 positions; 100,000 broken"), said
+    assert said.startswith("positions: 900,000; 100,000 broken"), said
     assert int(memory_kb) * 1024 < 200e6
