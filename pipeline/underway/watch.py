@@ -97,7 +97,8 @@ class Watch:
 
     def _events(self, fix: Fix, place: Place, passed: float | None) -> Iterator[dict[str, Any]]:
         """Yield the events at a position on the way."""
-        self._has_arrived = place.ahead_m <= _ARRIVED_M
+        is_last = place.leg == len(self.names) - 2  # a round trip begins near its goal
+        self._has_arrived = is_last and place.ahead_m <= _ARRIVED_M
         late_s = 0.0 if passed is None else passed - place.due_s
         may_be_late_s = max(self.lateness * place.due_s, MIN_LATENESS_S)
         states: set[State] = set()

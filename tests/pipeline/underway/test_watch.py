@@ -12,9 +12,11 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pipeline.underway.finished import finished_season
-from pipeline.underway.reports import LineCutter, reports
+from pipeline.underway.reports import Fix, LineCutter, reports
+from pipeline.underway.track import Track
 from pipeline.underway.watch import Watch, watch_of
 from tests.pipeline.underway.sailing import rmc, sailed, waypoints
+from tests.pipeline.underway.test_track import features
 
 
 def watched(results: Path, lines: list[str]) -> tuple[list[dict[str, Any]], Watch]:
@@ -140,3 +142,10 @@ def test_the_events_are_the_same_however_the_stream_is_cut(
     assert events([*chunks[:-1], stream[places[-2] :]]) == whole
     assert {one["event"] for one in whole[0]} == {"on_plan", "off_plan", "replan"}
     assert whole[1]["broken"] > 50
+
+
+def test_a_round_trip_is_not_over_where_it_begins() -> None:
+    ends = [(119.0, 9.0), (119.5, 9.0), (119.5, 9.1), (119.0, 9.0)]
+    watch = Watch(Track.of(features(ends)), ("A", "B", "C", "A"), 0.0, 0.05, depends_on_time=True)
+    (first,) = watch.take(Fix(60.0, 119.0005, 9.0))
+    assert (first["leg"], first["arrived"]) == ("A to B", False)
