@@ -163,8 +163,8 @@ def test_an_oracle_that_waits_at_that_node_does_not_arrive_earlier(outcome: Outc
         return fuel
 
     # Waiting at the anchorage's node, the oracle finds the bar shut until the vessel goes on.
-    waits = np.arange(arrived, chosen - STEP.total_seconds() - 60.0, 1800.0)
-    assert len(waits) > 5
+    waits = np.arange(arrived, chosen - STEP.total_seconds() - 60.0, 5400.0)
+    assert len(waits) > 2
     assert all(map(np.isinf, map(way_on, [*waits, chosen - STEP.total_seconds() - 60.0])))
     assert float(onward["fuel"]) <= 1.005 * way_on(chosen)
 
