@@ -24,6 +24,8 @@ from renew.inputs.tidal_depth import LeastWater, TidalDepth
 from renew.inputs.tide import Constant, HighAndLow, Tide
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
+from renew.planner.ensemble.plan_ensemble import plan_ensemble
+from renew.planner.ensemble.results import EnsemblePlan, ShutInMember
 from renew.planner.plan import plan, plan_departures
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
 from renew.turns.closest_approach import Tightest, tightest
@@ -46,6 +48,7 @@ __all__ = [
     "CurrentTooStrongError",
     "Departures",
     "Diversion",
+    "EnsemblePlan",
     "EqualPoint",
     "GeometryError",
     "GoalInNoGoError",
@@ -64,6 +67,7 @@ __all__ = [
     "Replanned",
     "Route",
     "ShutArea",
+    "ShutInMember",
     "StartInNoGoError",
     "Stretch",
     "SwingingGyre",
@@ -83,6 +87,7 @@ __all__ = [
     "fuel",
     "plan",
     "plan_departures",
+    "plan_ensemble",
     "replan",
     "tightest",
 ]

@@ -16,7 +16,8 @@ class Asked:
     """Where to plan, with which vessel, in which current, and how.
 
     The `chart` excludes the water of areas that are always shut; `areas` are shut for some hours,
-    among them those of the `depth`. Start, via points and goal are `stops` (n, 2), m.
+    among them those of the `depth`. Start, via points and goal are `stops` (n, 2), m. If the
+    current is the mean of an ensemble, `members` are the fields in which turns are to be clear.
     """
 
     chart: Chart
@@ -26,3 +27,4 @@ class Asked:
     areas: tuple[Area, ...]
     request: Request
     depth: TidalDepth | None = None
+    members: tuple[CurrentField, ...] = ()

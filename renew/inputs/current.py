@@ -99,16 +99,20 @@ class CurrentField(ABC):
 
         Without windows, at time 0.
         """
+        return sample_statistics(self.samples(triangles, windows))
+
+    def samples(self, triangles: FloatArray, windows: FloatArray | None) -> FloatArray:
+        """Velocities (n, samples, 2), m/s, over triangles (n, 3, 2) and windows (n, 2), s."""
         points = np.einsum("lk,nkd->nld", _lattice(), triangles)
         if windows is None or self.is_steady or not len(triangles):
-            return sample_statistics(self(points))
+            return self(points)
         longest = float(np.diff(windows, axis=1).max())
         step = float(np.diff(self.slice_times).min())
         count = min(2 + math.ceil(longest / step), _MAX_TIMES)
         times = windows[:, :1] + np.diff(windows, axis=1) * np.linspace(0.0, 1.0, count)
         every = np.broadcast_to(points[:, None], (len(points), count, *points.shape[1:]))
         velocity = self.velocity(every, times[:, :, None])
-        return sample_statistics(velocity.reshape(len(points), -1, 2))
+        return velocity.reshape(len(points), -1, 2)
 
 
 CurrentLike: TypeAlias = CurrentField | Callable[["FloatArray"], "FloatArray"]

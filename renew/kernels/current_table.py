@@ -99,6 +99,13 @@ def table_of(
     return CurrentTable(x, y, times, slices, error, period, per_x, per_y, per_second, strongest)
 
 
+def are_same(one: CurrentTable, other: CurrentTable) -> bool:
+    """Whether two tables hold the same current."""
+    return all(
+        np.array_equal(np.asarray(a), np.asarray(b)) for a, b in zip(one, other, strict=True)
+    )
+
+
 @kernel
 def largest_speed(uv: FloatArray) -> float:
     """Return the largest length (m/s) of velocities (..., 2)."""

@@ -6,7 +6,7 @@ planned again.
 """
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeAlias, TypeVar
@@ -26,6 +26,7 @@ from renew.planner.problem import Problem
 from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified_in_places
 from renew.turns.padding_model import PaddingModel
 from renew.turns.verification import colliding_edges, passage_windows, risky_edges
+from renew.voyage.voyage import Voyage
 
 _Shortfall: TypeAlias = tuple[IntArray, FloatArray]
 """Constrained edges, and the amount by which the padding of each is too small (m)."""
@@ -88,8 +89,11 @@ class PaddingGrowth:
         """Return a path's shortfall of padding in triangles that it crosses; if none, for turns."""
         if not self.options.is_adaptive:
             return None
+        # Each member of an ensemble passes via points at times of its own.
+        every = zip(*(one.parts(path) for one in corridor.voyage.in_members), strict=True)
         return self.crossed_shortfall(corridor, path) or _any(
-            self._turns_shortfall(*part) for part in corridor.parts(path)
+            self._turns_shortfall(part, [own for own, _ in voyages], piece)
+            for (part, piece), voyages in zip(corridor.parts(path), every, strict=True)
         )
 
     def collisions(
@@ -122,12 +126,17 @@ class PaddingGrowth:
         windows = passage_windows(corridor.voyage, path, inside.enter, inside.leave)
         return self.model.shortfall(crossed, windows, corridor.channel, corridor.padded)
 
-    def _turns_shortfall(self, corridor: Corridor, path: FloatArray) -> _Shortfall | None:
-        """Return the shortfall for turns along a path (n, 2) between two stops."""
+    def _turns_shortfall(
+        self, corridor: Corridor, voyages: Sequence[Voyage], path: FloatArray
+    ) -> _Shortfall | None:
+        """Return the shortfall for turns along a path (n, 2) between two stops, in all voyages."""
         voyage, padded = corridor.voyage, corridor.padded
-        short = colliding_edges(path, voyage, padded, self.problem.reach)
-        if short or self.options.risk_at == "route":
-            return short
+        every = (colliding_edges(path, one, padded, self.problem.reach) for one in voyages)
+        if short := [one for one in every if one]:
+            edges, lacking = map(np.concatenate, zip(*short, strict=True))
+            return edges, lacking
+        if self.options.risk_at == "route":
+            return None
         return risky_edges(
             path, voyage, padded, corridor.corners, self.model.sampler, self.options.risk
         )

@@ -74,7 +74,7 @@ class ClassPlanner:
         self.problem, self.options, self.is_thorough = problem, options, thorough
         waters, vessel = problem.voyage.waters, problem.voyage.vessel
         self._model = model or PaddingModel(
-            problem.triangulation, waters.quick_current, vessel, options
+            problem.triangulation, waters.padded_for, vessel, options
         )
         self.growth = PaddingGrowth(problem, self._model, options)
 

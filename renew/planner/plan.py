@@ -121,10 +121,10 @@ def plan(
         No voyage that begins at `departure` arrives by `arrive_by`; with the earliest arrival.
     """
     check_objects(chart, vessel, avoid, depth)
-    given = {**_given(options, changes), "departure": departure, "arrive_by": arrive_by}
+    given = {**given_options(options, changes), "departure": departure, "arrive_by": arrive_by}
     given |= {"speed": speed}
-    task = _task(chart, current, vessel, (start, goal), via, avoid, depth, given)
-    return _finished(planned(task), task)
+    task = task_of(chart, current, vessel, (start, goal), via, avoid, depth, given)
+    return finished(planned(task), task)
 
 
 def plan_departures(
@@ -203,19 +203,19 @@ def plan_departures(
     if not (is_finite(spacing) and spacing >= 0):
         raise ParameterError(f"spacing = {shown(spacing)} s must be finite, 0 or more")
     times = as_departures(departures).tolist()
-    given = {**_given(options, changes), "departure": times[0], "arrive_by": arrive_by}
+    given = {**given_options(options, changes), "departure": times[0], "arrive_by": arrive_by}
     given |= {"to_within": to_within, "speed": speed, "is_sweep": True}
-    task = _task(chart, current, vessel, (start, goal), via, avoid, depth, given)
+    task = task_of(chart, current, vessel, (start, goal), via, avoid, depth, given)
     check_departures(task.current, times)
     if speed is not None:
         found = departures_with_speeds(task, times, progress)
     else:
         window = _window(task, times, spacing, progress)
         found = _best_of(window, to_within, with_classes=bool(with_classes))
-    return replace(found, plan=_finished(found.plan, task))
+    return replace(found, plan=finished(found.plan, task))
 
 
-def _finished(plan: Plan, task: Task) -> Plan:
+def finished(plan: Plan, task: Task) -> Plan:
     """Return the plan with its voyage, the least water under each route, and bounds as asked."""
     if task.request.gap_to > 0 and plan.routes:
         best = plan.best
@@ -251,7 +251,7 @@ def _best_of(window: DepartureWindow, to_within: float | None, *, with_classes: 
     return window.departures(window.plan_best())
 
 
-def _given(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str, Any]:
+def given_options(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return all options by name, with the changes."""
     options = PlanOptions() if options is None else options
     check_kind("options", options, PlanOptions)
@@ -262,7 +262,7 @@ def _given(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str,
     return {**given, **changes}
 
 
-def _task(
+def task_of(
     chart: Chart,
     current: CurrentLike,
     vessel: Vessel,

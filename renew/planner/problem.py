@@ -73,8 +73,11 @@ class Problem:
     @cached_property
     def reach(self) -> TurnReach:
         """Upper bound on the reach of hard-over turns."""
-        voyage = self.voyage
-        return self.first.reach if self.first else TurnReach.of(voyage.table, voyage.vessel)
+        if self.first:
+            return self.first.reach
+        vessel, every = self.voyage.vessel, self.voyage.in_members
+        reach, *others = (TurnReach.of(one.table, vessel) for one in every)
+        return replace(reach, others=tuple(others))
 
     @cached_property
     def fuel_bound(self) -> FuelBound:

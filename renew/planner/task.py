@@ -136,7 +136,10 @@ class Task(Asked):
     @cached_property
     def waters(self) -> Waters:
         """The chart and the current, with what all voyages there share."""
-        return self.like.waters if self.like else Waters(self.chart, self.current)
+        if self.like:
+            return self.like.waters
+        members = tuple(Waters(self.chart, one) for one in self.members)
+        return Waters(self.chart, self.current, members)
 
     @property
     def deadline(self) -> float:

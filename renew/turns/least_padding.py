@@ -195,7 +195,8 @@ def _paddings(
     aside, *both = sampler.aside(options.risk)
     if not voyage.current.is_steady:
         # Within this speed of the current no turn drifts further away from an edge.
-        strongest = voyage.table.strongest + voyage.table.error
+        tables = [one.table for one in voyage.in_members]
+        strongest = max(table.strongest + table.error for table in tables)
         sure = all(one.weight[one.speed <= 0].sum() > one.least for one in both)
         reach = _least_reach(-strongest, aside, vessel.speed, vessel.turn_rate) if sure else 0.0
         return np.full(len(edges), reach)
@@ -207,7 +208,7 @@ def _paddings(
     met, row = np.unique(triangle, return_inverse=True)
     corners = triangulation.corners[met]
     padding = np.full(len(edges), most)
-    statistics = voyage.waters.quick_current.statistics(corners)
+    statistics = voyage.waters.padded_for.statistics(corners)
     for drawn in both:
         _lower(
             padding, row, edge, apart, edges, corners, statistics, drawn, aside, vessel.speed,

@@ -357,11 +357,15 @@ def _weighted_quantile(
 
 @dataclass(frozen=True, slots=True)
 class TurnReach:
-    """Furthest reach (ny, nx) in metres of turns from near the nodes x (nx,) and y (ny,)."""
+    """Furthest reach (ny, nx) in metres of turns from near the nodes x (nx,) and y (ny,).
+
+    Turns in any of several currents reach as far as the furthest of them: `others` are theirs.
+    """
 
     x: FloatArray
     y: FloatArray
     furthest: FloatArray
+    others: "tuple[TurnReach, ...]" = ()
 
     @classmethod
     def of(cls, table: CurrentTable, vessel: Vessel) -> "TurnReach":
@@ -388,4 +392,5 @@ class TurnReach:
         """Return the bound (n,) in metres for turns that begin at points (n, 2)."""
         column = np.clip(np.searchsorted(self.x, points[:, 0]), 0, len(self.x) - 1)
         row = np.clip(np.searchsorted(self.y, points[:, 1]), 0, len(self.y) - 1)
-        return np.asarray(self.furthest[row, column])
+        reaches = [self.furthest[row, column], *(other(points) for other in self.others)]
+        return np.asarray(np.max(reaches, axis=0))

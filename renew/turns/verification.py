@@ -282,7 +282,7 @@ def _stations(path: FloatArray, voyage: Voyage, corners: FloatArray) -> _Station
     within = np.tile([np.inf, -np.inf], (len(met), 1))
     np.minimum.at(within[:, 0], back, windows[found, 0])
     np.maximum.at(within[:, 1], back, windows[found, 1])
-    current = voyage.waters.quick_current.statistics(corners[met], within)
+    current = voyage.waters.padded_for.statistics(corners[met], within)
     current = CurrentStatistics(*(of[back] for of in current))
     return _Stations(points[found], course[found], current)
 

@@ -19,7 +19,7 @@ from renew.errors import (
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.options import as_point
-from renew.kernels.current_table import CurrentTable
+from renew.kernels.current_table import are_same
 from renew.planner.shut_areas import with_least_water
 from renew.planner.task import Task
 from renew.results import Plan, Rejected, Route
@@ -278,16 +278,9 @@ def _task_ahead(
         replace(asked.request, departure=time, arrive_by=None, to_within=None, is_sweep=False),
         asked.depth,
     )
-    if current is None or _is_same(task.waters.table, asked.waters.table):
+    if current is None or are_same(task.waters.table, asked.waters.table):
         return replace(task, current=asked.current, like=asked.like or asked)
     return task
-
-
-def _is_same(one: CurrentTable, other: CurrentTable) -> bool:
-    """Whether two tables hold the same current."""
-    return all(
-        np.array_equal(np.asarray(a), np.asarray(b)) for a, b in zip(one, other, strict=True)
-    )
 
 
 def _fuels_of(ahead: FloatArray | None, voyage: Voyage, asked: Task) -> tuple[float, float]:

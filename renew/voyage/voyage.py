@@ -12,6 +12,7 @@ from renew._compiled import for_kernels
 from renew._types import FloatArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, TabulatedCurrent
+from renew.inputs.members import PooledCurrent
 from renew.inputs.options import Drift
 from renew.inputs.vessel import Vessel
 from renew.kernels.capsules import segment_distance
@@ -47,10 +48,14 @@ NO_CHOICE = SpeedChoice()
 
 @dataclass(frozen=True, eq=False)
 class Waters:
-    """A chart and its current, with the tables that all voyages there share."""
+    """A chart and its current, with the tables that all voyages there share.
+
+    If the current is the mean of an ensemble, `members` are the same chart in each of its fields.
+    """
 
     chart: Chart
     current: CurrentField
+    members: "tuple[Waters, ...]" = ()
 
     @cached_property
     def table(self) -> CurrentTable:
@@ -61,6 +66,12 @@ class Waters:
     def quick_current(self) -> CurrentField:
         """The table as a current if it is accurate, else the current itself."""
         return TabulatedCurrent(self.table) if self.table.is_fine else self.current
+
+    @cached_property
+    def padded_for(self) -> CurrentField:
+        """The current whose mean and spread padding is for: over all members, if there are any."""
+        fields = tuple(one.quick_current for one in self.members)
+        return PooledCurrent(self.quick_current, fields) if fields else self.quick_current
 
     @cached_property
     def current_change(self) -> float:
@@ -137,6 +148,11 @@ class Voyage:
             return math.inf
         crab = speed / math.sqrt(speed**2 - strongest**2) if self.drift == "crab" else 1.0
         return crab * self.waters.current_change / (speed - strongest)
+
+    @property
+    def in_members(self) -> "tuple[Voyage, ...]":
+        """The voyage itself, and the voyage in each member of its current."""
+        return self, *(replace(self, waters=one) for one in self.waters.members)
 
     def leaving(self, departure: float) -> "Voyage":
         """Return the voyage at another departure (s)."""

@@ -1,0 +1,191 @@
+"""The members of a forecast: fields that may each come true, with weights; and their mean."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from renew._types import FloatArray
+from renew.errors import ParameterError, as_floats, shown
+from renew.inputs.current import (
+    CurrentField,
+    CurrentLike,
+    FunctionCurrent,
+    GriddedCurrent,
+    UniformCurrent,
+    as_field,
+)
+from renew.inputs.varying_current import VaryingCurrent
+from renew.kernels.current_table import are_same
+
+
+class Members(NamedTuple):
+    """Fields that may come true, one a member, with weights (m,) whose sum is 1, and names.
+
+    Members that hold the same values share one field.
+    """
+
+    fields: tuple[CurrentField, ...]
+    weights: FloatArray
+    names: tuple[str, ...]
+
+    @property
+    def are_steady(self) -> bool:
+        """Whether no member changes."""
+        return self.fields[0].is_steady
+
+    @property
+    def distinct(self) -> tuple[CurrentField, ...]:
+        """The fields, each once."""
+        return tuple({id(one): one for one in self.fields}.values())
+
+    def mean(self, weights: FloatArray) -> CurrentField:
+        """Return the mean field by weights (m,), of sum 1; the field itself, if there is one."""
+        return self.fields[0] if len(self.distinct) == 1 else mean_of(self.fields, weights)
+
+
+@dataclass(frozen=True, eq=False)
+class PooledCurrent(CurrentField):
+    """The current of a plan, with a mean and spread that are taken over all members."""
+
+    lead: CurrentField
+    fields: tuple[CurrentField, ...]
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Velocity (..., 2) of the lead."""
+        return self.lead(points)
+
+    @property
+    def slice_times(self) -> FloatArray:
+        """Times (nt,), s, of the lead."""
+        return self.lead.slice_times
+
+    def samples(self, triangles: FloatArray, windows: FloatArray | None) -> FloatArray:
+        """Velocities (n, samples, 2), m/s, of every member in triangles and windows."""
+        return np.concatenate([one.samples(triangles, windows) for one in self.fields], axis=1)
+
+
+def as_members(
+    currents: Sequence[CurrentLike],
+    weights: FloatArray | Sequence[float] | None,
+    names: Sequence[str] | None,
+) -> Members:
+    """Check members, their weights and names; all faults are named at once."""
+    if isinstance(currents, CurrentField) or not isinstance(currents, Sequence):
+        raise ParameterError(f"currents = {shown(currents)} must be fields in a row, one a member")
+    count = len(currents)
+    if count < 2:
+        raise ParameterError(
+            f"currents has {count} member{'s' * (count != 1)}; an ensemble has two or more. Plan "
+            "in a single current with renew.plan"
+        )
+    known = [f"member {at + 1}" for at in range(count)] if names is None else list(names)
+    if len(known) != count or len(set(known)) != count:
+        raise ParameterError(f"names = {shown(names)} must be {count} different names")
+    fields = _shared(map(as_field, currents))
+    share = np.full(count, 1 / count) if weights is None else as_floats("weights", weights)
+    faults = _weight_faults(share, known) + _clock_faults(fields, known)
+    if faults:
+        raise ParameterError("; ".join(faults))
+    return Members(fields, share / share.sum(), tuple(known))
+
+
+def mean_of(fields: Sequence[CurrentField], weights: FloatArray) -> CurrentField:
+    """Return the mean of fields by weights (m,) whose sum is 1: on their grid, if all have one."""
+    first, clock = fields[0], fields[0].slice_times
+    grids = [one for one in fields if isinstance(one, GriddedCurrent)]
+    if len(grids) == len(fields) and all(_share_axes(grids[0], one) for one in grids):
+        u, v = np.moveaxis(np.einsum("m,mjik->jik", weights, [one.uv for one in grids]), -1, 0)
+        return GriddedCurrent(grids[0].x, grids[0].y, u, v)
+    uniform = [(one.u, one.v) for one in fields if isinstance(one, UniformCurrent)]
+    if len(uniform) == len(fields):
+        return UniformCurrent(*(weights @ np.array(uniform)).tolist())
+    if first.is_steady:
+        return FunctionCurrent(lambda points: _mean([one(points) for one in fields], weights))
+    sliced = [one.slices for one in fields if isinstance(one, VaryingCurrent) and one.slices]
+    if len(sliced) == len(fields) and all(np.array_equal(one.slice_times, clock) for one in fields):
+        at_times = zip(*sliced, strict=True)
+        return VaryingCurrent(clock, [mean_of(then, weights) for then in at_times])
+
+    def velocity(points: FloatArray, times: FloatArray) -> FloatArray:
+        return _mean([one.velocity(points, times) for one in fields], weights)
+
+    return VaryingCurrent(_all_times(fields), velocity)
+
+
+def _shared(fields: Iterable[CurrentField]) -> tuple[CurrentField, ...]:
+    """Return fields, in place of each that equals an earlier one that earlier one."""
+    found: list[CurrentField] = []
+    for one in fields:
+        found.append(next((other for other in found if _are_equal(one, other)), one))
+    return tuple(found)
+
+
+def _mean(velocities: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
+    """Return the mean (..., 2) of velocities, m/s, by weights (m,)."""
+    return np.asarray(np.tensordot(weights, np.array(velocities), axes=1))
+
+
+def _all_times(fields: Sequence[CurrentField]) -> FloatArray:
+    """Return the times (nt,), s, of all fields within the span that all know."""
+    begin, end = (max(one.slice_times[0] for one in fields), min(f.slice_times[-1] for f in fields))
+    times = np.unique(np.concatenate([one.slice_times for one in fields]))
+    return np.asarray(times[(times >= begin) & (times <= end)])
+
+
+def _weight_faults(weights: FloatArray, names: Sequence[str]) -> list[str]:
+    """Faults of the weights of members."""
+    if weights.shape != (len(names),):
+        return [f"weights has shape {weights.shape}; there must be {len(names)}, one a member"]
+    bad = [
+        f"{name} {weight:g}"
+        for name, weight in zip(names, weights.tolist(), strict=True)
+        if not (np.isfinite(weight) and weight >= 0)
+    ]
+    if bad:
+        return [f"weights must be finite, 0 or more: {', '.join(bad)}"]
+    if (weights > 0).sum() > 1:
+        return []
+    held = [name for name, weight in zip(names, weights.tolist(), strict=True) if weight > 0]
+    whose = f"only {held[0]} has" if held else "no member has"
+    return [f"weights: {whose} a weight above 0; give it to two members or more"]
+
+
+def _clock_faults(fields: Sequence[CurrentField], names: Sequence[str]) -> list[str]:
+    """Faults of members some of which change while others don't, or of different times."""
+    first = fields[0]
+    for one, name in zip(fields, names, strict=True):
+        if one.is_steady != first.is_steady:
+            steady, changing = (name, names[0]) if one.is_steady else (names[0], name)
+            fault = (
+                f"{steady} is steady, and {changing} changes with time: give all as one or other"
+            )
+            return [fault]
+    begin, end = max(one.span[0] for one in fields), min(one.span[1] for one in fields)
+    if begin < end:
+        return []
+    late, early = max(fields, key=lambda f: f.span[0]), min(fields, key=lambda f: f.span[1])
+    later, earlier = names[fields.index(late)], names[fields.index(early)]
+    fault = f"{later} begins at {begin:g} s, and {earlier} has ended at {end:g} s"
+    return [f"{fault}: members need times in common"]
+
+
+def _share_axes(one: GriddedCurrent, other: GriddedCurrent) -> bool:
+    """Whether two fields have the same nodes."""
+    return np.array_equal(one.x, other.x) and np.array_equal(one.y, other.y)
+
+
+def _are_equal(one: CurrentField, other: CurrentField) -> bool:
+    """Whether two fields are the same field, or hold the same values."""
+    if one is other or (type(one) is type(other) and one == other):
+        return True
+    if isinstance(one, GriddedCurrent) and isinstance(other, GriddedCurrent):
+        return are_same(one.nodes, other.nodes)
+    if isinstance(one, VaryingCurrent) and isinstance(other, VaryingCurrent):
+        return (
+            len(one.slices) == len(other.slices) > 0
+            and np.array_equal(one.slice_times, other.slice_times)
+            and all(map(_are_equal, one.slices, other.slices))
+        )
+    return False
