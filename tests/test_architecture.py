@@ -20,6 +20,7 @@ from importlinter.cli import lint_imports
 NEEDED_UNIMPORTED = {
     "numcodecs": "older ones run code that a Zarr store holds",
     "click": "named only for the pin of copernicusmarine",
+    "eccodeslib": "what eccodes is built on, which only some of its wheels say",
     "geopandas": "how a reader opens routes.gpkg; the tests do",
     "xarray": "what copernicusmarine hands over; our floor for its version",
 }
@@ -29,6 +30,7 @@ COMES_WITH = {"distributed": "dask", "markupsafe": "jinja2", "pydantic-core": "p
 HEAVY = {
     "copernicusmarine",
     "distributed",
+    "eccodes",
     "geopandas",
     "matplotlib",
     "numba",

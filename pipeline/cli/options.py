@@ -53,7 +53,7 @@ Charts = Annotated[
 Currents = Annotated[
     list[str] | None,
     _water(
-        help="A NetCDF file or Zarr store of currents, in place of the chosen ones; may be "
+        help="A NetCDF, GRIB or Zarr file of currents, in place of the chosen ones; may be "
         "repeated for files that belong together, or given as a quoted pattern: 'daily/*.nc'. Or a "
         "source of the catalogue; 'still' plans without currents."
     ),

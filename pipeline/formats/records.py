@@ -257,7 +257,7 @@ def _about(result: RunResult, grid: CurrentGrid) -> dict[str, str]:
     """Return global attributes, without empty ones."""
     made = result.created.strftime("%Y-%m-%dT%H:%M:%SZ")
     software = f"renew-planner {versions().get('renew-planner', '')}".strip()
-    scenario, credit, valid = result.scenario, grid.credit, _period(grid)
+    scenario, credit, valid = result.scenario, grid.credit, valid_period(grid)
     attributes = {
         "Conventions": _CONVENTIONS,
         "title": (
@@ -322,7 +322,7 @@ def _put_time(
         time.setncatts({**_TIME, "long_name": "time", "axis": "T"})
         time[:] = since + table.times
         return True
-    valid = _period(grid)
+    valid = valid_period(grid)
     if valid is None:
         return False
     time = dataset.createVariable("time", "f8")
@@ -376,7 +376,7 @@ def _put(
     return variable
 
 
-def _period(grid: CurrentGrid) -> Period | None:
+def valid_period(grid: CurrentGrid) -> Period | None:
     """Read the period of the values, or the first and last of several ('2024-01-03/2024-01-28').
 
     None for any other text, as sources name their periods freely, and for a current that changes,

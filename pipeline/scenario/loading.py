@@ -233,7 +233,7 @@ def require_currents(asked: Sequence[str | Path]) -> None:
             continue
         reason = unreadable_reason(resolved(one, "--currents"))
         if reason == NOT_THERE:
-            hint = "give a NetCDF file or a Zarr store"
+            hint = "give a NetCDF, GRIB or Zarr file"
             if not looks_like_path(one):
                 hint = f"it is no source of the catalogue either: {near_miss(one, known)}"
             reason = f"{reason}; {hint}"

@@ -149,7 +149,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
             "trade-off.json": tables.write_trade_off_json,
         }
     for grid in result.fetched.currents:  # a planar scenario has none: its current is a formula
-        formats[f"{season_stem(result.scenario.name, grid.season)}-currents.nc"] = _currents(grid)
+        formats |= _current_formats(result, grid)
     if not result.scenario.is_planar:  # a plane lies nowhere on earth: nobody can navigate by it
         if result.routes:
             formats["passage-plan.pdf"] = write_passage_plan
@@ -159,11 +159,18 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     return formats
 
 
-def _currents(grid: CurrentGrid) -> Format:
-    """Return the function that writes a season's current."""
+def _current_formats(result: RunResult, grid: CurrentGrid) -> dict[str, Format]:
+    """Return the files of a season's current; for a plotter only where its time is known."""
+    from pipeline.formats.grib import fields_from, write_grib
     from pipeline.formats.records import write_currents
 
-    return lambda result, path: write_currents(result, grid.season, path)
+    stem = f"{season_stem(result.scenario.name, grid.season)}-currents"
+    found: dict[str, Format] = {
+        f"{stem}.nc": lambda result, path: write_currents(result, grid.season, path)
+    }
+    if fields_from(result, grid) is not None:
+        found[f"{stem}.grb"] = lambda result, path: write_grib(result, grid.season, path)
+    return found
 
 
 def season_stem(scenario: str, season: str) -> str:

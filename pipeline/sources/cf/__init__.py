@@ -1,1 +1,1 @@
-"""Currents from the user's own files, by the CF conventions."""
+"""Currents from the user's own files, by the CF conventions, and GRIB."""

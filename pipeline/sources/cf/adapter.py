@@ -1,4 +1,4 @@
-"""Currents from the user's own files: NetCDF or Zarr by the CF conventions.
+"""Currents from the user's own files: NetCDF or Zarr by the CF conventions, and GRIB.
 
 Only the region's part of the steps needed is read. Each field is checked (speeds, directions, gaps,
 position) in a wider window than the planner is given, as faults are easier to detect there. The

@@ -44,7 +44,7 @@ _STANDARD_NAMES = tuple(
 _VARIABLE_NAMES = (("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("utotal", "vtotal"))
 # Parts of harmonic constants (u_re and u_im are those of u), and the dimension that they are along.
 _PARTS, _CONSTITUENT = ("re", "im"), "constituent"
-_REMEDY = "give a NetCDF file or a Zarr store"
+_REMEDY = "give a NetCDF, GRIB or Zarr file"
 # Number of groups that a message names.
 _MAX_GROUPS = 4
 

@@ -1,4 +1,4 @@
-"""Open the user's files of currents, NetCDF or Zarr; report damage in one line, and limit sizes.
+"""Open the user's files of currents: NetCDF, Zarr, GRIB; report damage in one line, limit sizes.
 
 The libraries below raise errors of many kinds about damaged files, and read any size that a file
 declares. So they are called only here or inside `reading`, and sizes are checked before.
@@ -11,7 +11,8 @@ to 4 bytes. No library does this: SciPy, which maps the whole file, does not kno
 On a damaged NetCDF 4 file HDF5 may hang, or crash. So such a file is first opened in a process of
 its own, for which this file is run as a module. That process opens the files that its standard
 input names, one a line, and first reports each one on standard error. If it crashes or exceeds its
-deadline, the file reported last is damaged.
+deadline, the file reported last is damaged. A GRIB file is read whole there, since ecCodes writes
+its complaints to standard error itself: what fails is reported on standard output.
 """
 
 import contextlib
@@ -28,6 +29,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.machine.interpreters import ProcessResult, run_python
+from pipeline.sources.cf import grib
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,10 +84,15 @@ def open_dataset(path: Path) -> "xr.Dataset":
     """
     import xarray as xr
 
+    if grib.is_grib(path):
+        grib.require_library()
+        with reading():
+            contents = grib.read_contents(path)
+        return grib.as_dataset(path, contents)
     with reading():
         store = _store(path)
     if store is None:
-        raise ValueError("it is neither NetCDF nor Zarr; convert it, as with `cdo -f nc copy`")
+        raise ValueError("it is neither NetCDF, Zarr nor GRIB; convert it to NetCDF")
     try:
         with reading():
             sizes = {
@@ -125,7 +132,7 @@ def _store(path: Path) -> Any:  # noqa: ANN401 - xarray does not say what a stor
 
 def groups_of(path: Path) -> tuple[str, ...]:
     """Return the names of a NetCDF file's groups, whose variables are not read."""
-    if is_zarr(path):
+    if is_zarr(path) or grib.is_grib(path):
         return ()
     import netCDF4
 
@@ -243,6 +250,8 @@ def _padded(size: int) -> int:
 _START_S, _FILE_S = 60.0, 2.0
 # CPU time of the process, and for each file, s, where the system can limit it.
 _START_CPU_S, _FILE_CPU_S = 5.0, 0.2
+# Bytes of a GRIB file that are read in a second of CPU time: a tenth of what is usual.
+_BYTES_S = 5e6
 # A variable with at most this number of values is read whole, as an axis is.
 _MAX_VALUES = 10_000
 
@@ -252,14 +261,15 @@ _found: dict[tuple[Path, int, int], str] = {}
 
 
 def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
-    """Return the NetCDF 4 files on which the library hangs or crashes, each with its failure.
+    """Return the NetCDF 4 and GRIB files on which the library fails, each with its failure.
 
-    Files that were not opened before are opened in one process, as its start takes longest.
+    On a NetCDF 4 file it hangs or crashes. Files that were not opened before are opened in one
+    process, as its start takes longest.
     """
     versions = {
         file: (file, file.stat().st_size, file.stat().st_mtime_ns)
         for file in files
-        if is_hdf5(file)
+        if is_hdf5(file) or grib.is_grib(file)
     }
     unknown = tuple(file for file, version in versions.items() if version not in _found)
     fatal = dict(_fatal(unknown))
@@ -272,26 +282,31 @@ def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
     found = []
     while files:
         result = _run(files)
-        begun = [int(line) for line in result.stderr.split() if line.isdecimal()]
+        begun = [int(line) for line in result.stderr.splitlines() if line.isdecimal()]
+        for line in result.stdout.splitlines():
+            number, _, fault = line.partition(" ")
+            found.append((files[int(number)], fault))
         # Where the process itself can't start, the files are read without this probe.
         if not begun or (result.exit_code is not None and result.exit_code >= 0):
             break
         end = "hangs"
         if result.exit_code is not None and Signals(-result.exit_code).name != "SIGXCPU":
             end = f"ends by {Signals(-result.exit_code).name}"
-        fault = f"it is damaged: the HDF5 library {end} on it; fetch it again"
-        found.append((files[begun[-1]], fault))
+        last = files[begun[-1]]
+        library = "ecCodes" if grib.is_grib(last) else "the HDF5 library"
+        found.append((last, f"it is damaged: {library} {end} on it; fetch it again"))
         files = files[begun[-1] + 1 :]
     return tuple(found)
 
 
 def _run(files: tuple[Path, ...]) -> ProcessResult:
     """Open files in a process."""
-    cpu_s = _START_CPU_S + _FILE_CPU_S * len(files)
+    values_s = sum(file.stat().st_size for file in files if grib.is_grib(file)) / _BYTES_S
+    cpu_s = _START_CPU_S + _FILE_CPU_S * len(files) + values_s
     return run_python(
         ["-m", __name__],
         "\n".join([str(math.ceil(cpu_s)), *map(str, files)]),
-        _START_S + _FILE_S * len(files),
+        _START_S + _FILE_S * len(files) + 4 * values_s,
     )
 
 
@@ -304,8 +319,16 @@ def main() -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (int(cpu_s), int(cpu_s) + 1))
     import netCDF4
 
-    for index, file in enumerate(files):
+    for index, file in enumerate(map(Path, files)):
         print(index, file=sys.stderr, flush=True)  # noqa: T201 - this is how it answers
+        if grib.is_grib(file):
+            try:
+                grib.require_library()
+                with reading():
+                    grib.check_values(file)
+            except ValueError as error:
+                print(index, error, flush=True)  # noqa: T201 - as above
+            continue
         # An error is raised again where the file is read.
         with contextlib.suppress(Exception), netCDF4.Dataset(file) as dataset:
             dataset.set_auto_maskandscale(False)

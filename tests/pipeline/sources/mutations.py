@@ -18,6 +18,7 @@ import pyogrio
 import shapely
 
 from pipeline.sources.current_field import LandMask
+from tests.pipeline.sources.cf.grib_files import write_grib
 from tests.pipeline.synthetic_currents import coastal, dataset, sea, write
 
 ISLAND = shapely.Polygon(
@@ -75,6 +76,8 @@ def make_currents(folder: Path, mask: LandMask) -> dict[str, Path]:
         "packed": write(folder / "packed.nc", data, uo=packed, vo=packed),
         "netcdf3": classic,
         "zarr": write(folder / "store.zarr", data),
+        "grib1": write_grib(folder / "edition1.grb", data, 1),
+        "grib2": write_grib(folder / "edition2.grb", data, 2),
     }
 
 
@@ -301,5 +304,7 @@ MUTATIONS: dict[str, tuple[Callable[[Path, random.Random], None], ...]] = {
     "netcdf4": (*_ANY, change_netcdf, change_netcdf, change_netcdf, build_netcdf, build_netcdf),
     "packed": (*_ANY, change_netcdf),
     "netcdf3": (*_ANY, change_netcdf),
+    "grib1": _ANY,
+    "grib2": _ANY,
     "zarr": (*_ANY, change_text, change_text, remove),
 }

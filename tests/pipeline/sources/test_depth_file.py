@@ -113,7 +113,7 @@ def test_a_curvilinear_grid_text_and_damage_are_refused(tmp_path: Path) -> None:
     (tmp_path / "cut.nc").write_bytes(whole[: len(whole) // 2])
     for name, reason in (
         ("bent.nc", "grid is curvilinear"),
-        ("text.nc", "neither NetCDF nor Zarr"),
+        ("text.nc", "neither NetCDF, Zarr nor GRIB"),
         ("cut.nc", "bytes before its last value"),
         ("absent.nc", "does not exist"),
     ):

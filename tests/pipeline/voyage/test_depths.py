@@ -79,7 +79,7 @@ def test_depths_need_a_draught_and_a_file_that_has_them(tmp_path: Path, chart: P
     for draught, name, reason in (
         ("", "text.nc", "vessel.draught_m is missing, and chart.depths needs it"),
         ("2m", "absent.nc", "absent.nc' does not exist; give a GEBCO or EMODnet grid"),
-        ("2m", "text.nc", "chart.depths: text.nc: it is neither NetCDF nor Zarr"),
+        ("2m", "text.nc", "chart.depths: text.nc: it is neither NetCDF, Zarr nor GRIB"),
     ):
         with pytest.raises(RequestError) as caught:
             pipeline.go(

@@ -201,7 +201,7 @@ def test_what_is_neither_netcdf_nor_zarr_is_refused(tmp_path: Path, name: str) -
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / ".zgroup").touch() if name.endswith(".zgroup") else None
     path = tmp_path / name.partition("/")[0]
-    assert ("can't be read" if "/" in name else "neither NetCDF nor Zarr") in refusal(path)
+    assert ("can't be read" if "/" in name else "neither NetCDF, Zarr nor GRIB") in refusal(path)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
@@ -257,7 +257,7 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
         ("fifo.nc", "is a FIFO, not a file"),
         ("loop.nc", "leads back to itself"),
         ("dangling.nc", "link to nowhere.nc, which does not exist"),
-        ("absent.nc", "does not exist; give a NetCDF file or a Zarr store"),
+        ("absent.nc", "does not exist; give a NetCDF, GRIB or Zarr file"),
         ("*.grib", "no file matches the pattern"),
         ("x" * 300, "too long"),
     ):
@@ -272,4 +272,4 @@ def test_a_folder_that_is_no_store_is_not_searched(
         raise AssertionError(arguments)
 
     monkeypatch.setattr(Path, "rglob", searched)
-    assert "neither NetCDF nor Zarr" in refusal(tmp_path)
+    assert "neither NetCDF, Zarr nor GRIB" in refusal(tmp_path)

@@ -1,0 +1,414 @@
+"""GRIB files of currents, editions 1 and 2, as datasets by the CF conventions.
+
+By ecCodes itself and not by cfgrib (0.9.15), which is built on it: that knows variables by ECMWF's
+names, of which the WMO's current components have none, and makes one variable of both. It takes
+the first of several fields of one time without a word, and writes an index beside the file, a
+pickle, which it reads as well.
+
+The source is the WMO's Manual on Codes (I.2: FM 92 GRIB). Programs for sailors write 49 and 50
+under any centre and version of table 2, and on several kinds of level.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline._types import FloatArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Components by their parameter in edition 1, whose tables from version 128 on are a centre's own,
+# and by discipline, category and number in edition 2.
+_EAST, _NORTH = "eastward", "northward"
+_PARAMETERS: Mapping[tuple[int, ...], str] = {
+    (49,): _EAST,
+    (50,): _NORTH,
+    (10, 1, 2): _EAST,
+    (10, 1, 3): _NORTH,
+}
+_FIRST_LOCAL_TABLE = 128
+_NAMES = {_EAST: "uo", _NORTH: "vo"}
+_NEEDED = "the components of a current: 49 and 50 in GRIB 1, 10/1/2 and 10/1/3 in GRIB 2"
+_REGULAR = "regular_ll"
+# Depth of each kind of level, m per unit of the level. A lone level of another kind counts as the
+# surface.
+_DEPTHS_M = dict.fromkeys(("surface", "meanSea", "oceanSurface"), 0.0)
+_DEPTHS_M |= dict.fromkeys(("depthBelowSea", "depthBelowSeaLayer"), 1.0)
+_DEPTH = {"standard_name": "depth", "units": "m", "positive": "down"}
+# Numbers of a missing centre, which the library has names for.
+_NO_CENTRES = (255, 65535)
+# Number of bytes at the beginning of a file in which the first message begins: a bulletin's header
+# may come before it.
+_HEADER_BYTES = 100
+# Largest number of nodes of a field: 512 MB.
+_MAX_NODES = 64 << 20
+# Difference between the step of an axis and the one stated, as a share: edition 1 rounds to
+# millidegrees.
+_STEP_SHARE = 0.05
+# Number of other parameters, and of kinds of level, that a message names.
+_MAX_NAMES = 4
+# What the library gives for a node without a value.
+_MISSING = 1e30
+_SINCE = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "standard"}
+_Axis = tuple[float, float, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """A grid: its kind, and the first and last value (degrees) and the number of both axes' nodes.
+
+    `steps_deg` are the steps that the file states for longitude and latitude; 0 where it does not.
+    Values run along longitudes first, unless `by_column`, and `snakes` if each line turns round.
+    """
+
+    kind: str
+    lons: _Axis = (0.0, 0.0, 0)
+    lats: _Axis = (0.0, 0.0, 0)
+    steps_deg: tuple[float, ...] = (0.0, 0.0)
+    by_column: bool = False
+    snakes: bool = False
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of nodes along latitude and longitude."""
+        return self.lats[2], self.lons[2]
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A component at one time: where it lies in its file, and what it says of itself.
+
+    `part` counts the fields of the message that begins at the byte `offset`. Times are seconds
+    since 1970: `time` is that of the values, or the end of the period that begins at `begin`.
+    `member` is -1 outside an ensemble.
+    """
+
+    component: str
+    offset: int
+    part: int
+    reference: int
+    begin: int
+    time: int
+    kind: str
+    level: tuple[str, float]
+    member: int
+    grid: Grid
+
+    @property
+    def depth_m(self) -> float:
+        """The depth of its level."""
+        kind, value = self.level
+        return _DEPTHS_M.get(kind, 0.0) * value
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """The currents of a file, the names of its other parameters, and its centre."""
+
+    fields: tuple[Field, ...]
+    others: tuple[str, ...]
+    centre: str
+
+
+def is_grib(path: Path) -> bool:
+    """Whether a file says that it is GRIB."""
+    try:
+        with path.open("rb") as file:
+            return b"GRIB" in file.read(_HEADER_BYTES)
+    except OSError:
+        return False
+
+
+def require_library() -> None:
+    """Raise ValueError where ecCodes is not installed."""
+    try:
+        import eccodes  # noqa: F401 - only to see whether it can be loaded
+    except (ImportError, RuntimeError):
+        raise ValueError(
+            "it is GRIB, and ecCodes is not installed; pip install 'renew-planner[grib]', or "
+            "convert it, as with `cdo -f nc copy`"
+        ) from None
+
+
+@contextmanager
+def _messages(path: Path, offset: int = 0) -> Iterator[Iterator[int]]:
+    """Yield the handles of a file's fields from a byte on: each is valid until the next."""
+    import eccodes
+
+    def handles() -> Iterator[int]:
+        try:
+            while (handle := eccodes.codes_grib_new_from_file(file)) is not None:
+                try:
+                    yield handle
+                finally:
+                    eccodes.codes_release(handle)
+        except eccodes.PrematureEndOfFileError:
+            raise ValueError("it ends in the middle of a message") from None
+
+    with path.open("rb") as file:
+        file.seek(offset)
+        # A message of edition 2 may hold several fields, as NCEP's hold both components.
+        eccodes.codes_grib_multi_support_on()
+        eccodes.codes_grib_multi_support_reset_file(file)
+        yield handles()
+
+
+def read_contents(path: Path) -> Contents:
+    """Read what a file says of its fields; errors of the library where it is damaged."""
+    fields, others, centre = [], dict[str, None](), ""
+    at, part = -1, 0
+    with _messages(path) as handles:
+        for handle in handles:
+            offset = int(_get(handle, "offset", float))
+            at, part = offset, (part + 1 if offset == at else 0)
+            if _get(handle, "centre", int) not in _NO_CENTRES:
+                centre = _get(handle, "centreDescription", str, "")
+            parameter = _parameter(handle)
+            if parameter in _PARAMETERS:
+                fields.append(_field(handle, _PARAMETERS[parameter], at, part))
+            else:
+                name = _get(handle, "name", str, "unknown")
+                number = f"parameter {'/'.join(map(str, parameter))}"
+                others[number if name == "unknown" else name] = None
+    return Contents(tuple(fields), tuple(others), centre)
+
+
+def check_values(path: Path) -> None:
+    """Read all values of a file's currents; errors of the library where they are damaged."""
+    for field in read_contents(path).fields:
+        if field.grid.kind == _REGULAR and math.prod(field.grid.shape) <= _MAX_NODES:
+            _values(path, field)
+
+
+def _get(handle: int, key: str, kind: type, default: Any = None) -> Any:  # noqa: ANN401 - untyped
+    """Return the value of a key, or the default, if there is one, where the key does not exist."""
+    import eccodes
+
+    try:
+        return eccodes.codes_get(handle, key, kind)
+    except eccodes.KeyValueNotFoundError:
+        if default is None:
+            raise
+        return default
+
+
+def _parameter(handle: int) -> tuple[int, ...]:
+    """Return a field's parameter: as in `_PARAMETERS`, or with the version of a centre's table."""
+    if _get(handle, "edition", int) == 1:
+        table = _get(handle, "table2Version", int)
+        number = _get(handle, "indicatorOfParameter", int)
+        return (number,) if table < _FIRST_LOCAL_TABLE else (number, table)
+    keys = ("discipline", "parameterCategory", "parameterNumber")
+    return tuple(_get(handle, key, int) for key in keys)
+
+
+def _field(handle: int, component: str, offset: int, part: int) -> Field:
+    """Return what a message says of a component."""
+    import eccodes
+
+    eccodes.codes_set(handle, "stepUnits", "m")
+    day, clock = (_get(handle, key, int) for key in ("dataDate", "dataTime"))
+    reference = datetime.strptime(f"{day}{clock:04}", "%Y%m%d%H%M").replace(tzinfo=UTC)
+    begin, end = (60 * _get(handle, key, int) for key in ("startStep", "endStep"))
+    since = int(reference.timestamp())
+    return Field(
+        component=component,
+        offset=offset,
+        part=part,
+        reference=since,
+        begin=since + begin,
+        time=since + end,
+        kind=_get(handle, "stepType", str),
+        level=(_get(handle, "typeOfLevel", str), _get(handle, "level", float)),
+        member=_get(handle, "perturbationNumber", int, -1),
+        grid=_grid(handle),
+    )
+
+
+def _grid(handle: int) -> Grid:
+    """Return what a message says of its grid; of a grid that is not regular only its kind."""
+    import eccodes
+
+    kind = _get(handle, "gridType", str)
+    if kind != _REGULAR:
+        return Grid(kind)
+    axes: list[_Axis] = []
+    steps_deg = []
+    for axis, letter in (("longitude", "i"), ("latitude", "j")):
+        first, last = (
+            _get(handle, f"{axis}Of{end}GridPointInDegrees", float) for end in ("First", "Last")
+        )
+        axes.append((first, last, _get(handle, f"N{letter}", int)))
+        step = f"{letter}DirectionIncrement"
+        is_stated = not eccodes.codes_is_missing(handle, step)
+        steps_deg.append(_get(handle, f"{step}InDegrees", float) if is_stated else 0.0)
+    (west, east, columns), lats = axes
+    if _get(handle, "iScansNegatively", int):
+        east -= 360.0 * (east > west)
+    else:
+        east += 360.0 * (east < west)
+    return Grid(
+        kind,
+        (west, east, columns),
+        lats,
+        tuple(steps_deg),
+        bool(_get(handle, "jPointsAreConsecutive", int)),
+        bool(_get(handle, "alternativeRowScanning", int)),
+    )
+
+
+def _values(path: Path, field: Field) -> FloatArray:
+    """Read the values of a field (ny, nx), m/s, with NaN where there are none."""
+    import eccodes
+
+    with _messages(path, field.offset) as handles:
+        handle = next(itertools.islice(handles, field.part, None))
+        eccodes.codes_set(handle, "missingValue", _MISSING)
+        values = np.array(eccodes.codes_get_values(handle), dtype=float)
+    values[values == _MISSING] = np.nan
+    shape, grid = field.grid.shape, field.grid
+    lines = values.reshape(shape[::-1] if grid.by_column else shape)
+    if grid.snakes:
+        lines[1::2] = lines[1::2, ::-1]
+    return lines.T if grid.by_column else lines
+
+
+def as_dataset(path: Path, contents: Contents) -> "xr.Dataset":
+    """Return the currents as a dataset whose values are read when they are needed.
+
+    Raises
+    ------
+    ValueError
+        There are none, or they are not along time, latitude and longitude.
+    """
+    import xarray as xr
+
+    fields = _uppermost(contents)
+    grid = _one_grid(fields)
+    series = {component: _in_time(fields, component) for component in _NAMES}
+    times = {component: [field.time for field in own] for component, own in series.items()}
+    if lacking := set(times[_EAST]) ^ set(times[_NORTH]):
+        raise ValueError(
+            f"it has only one component at {_moment(min(lacking))}; give both for the same times"
+        )
+    newest = max(field.reference for field in fields)
+    coordinates: dict[str, Any] = {
+        "time": ("time", np.array(times[_EAST], float), {"standard_name": "time", **_SINCE}),
+        "depth": ("depth", [fields[0].depth_m], _DEPTH),
+        "latitude": ("latitude", np.linspace(*grid.lats), {"units": "degrees_north"}),
+        "longitude": ("longitude", np.linspace(*grid.lons), {"units": "degrees_east"}),
+        "reference": ((), newest, {"standard_name": "forecast_reference_time", **_SINCE}),
+    }
+    variables = {
+        _NAMES[component]: xr.Variable(
+            ("time", "depth", "latitude", "longitude"),
+            _lazy(path, own),
+            {"standard_name": f"{component}_sea_water_velocity", "units": "m s-1"},
+        )
+        for component, own in series.items()
+    }
+    periods = [(field.begin, field.time) for field in series[_EAST]]
+    if any(begin < end for begin, end in periods):
+        coordinates["time"][2]["bounds"] = "periods"
+        variables["periods"] = xr.Variable(("time", "side"), np.array(periods, float))
+    about = {"institution": contents.centre} if contents.centre else {}
+    return xr.Dataset(variables, coordinates, about)
+
+
+def _uppermost(contents: Contents) -> list[Field]:
+    """Return the fields of the uppermost level; ValueError where they make no current."""
+    fields, others = contents.fields, contents.others
+    if not fields:
+        more = ", …" if len(others) > _MAX_NAMES else ""
+        listed = ", ".join(others[:_MAX_NAMES]) or "no fields"
+        raise ValueError(f"it has {listed}{more}, and not {_NEEDED}")
+    if kinds := sorted({field.kind for field in fields} - {"instant", "avg"}):
+        raise ValueError(
+            f"its currents are neither those of a time nor means ({', '.join(kinds)}); give such"
+        )
+    if (members := len({field.member for field in fields})) > 1:
+        raise ValueError(f"it is an ensemble of {members}; keep one member")
+    levels = {field.level for field in fields}
+    unknown = sorted({kind for kind, _ in levels} - _DEPTHS_M.keys())
+    if unknown and len(levels) > 1:
+        raise ValueError(
+            f"it has currents on {len(levels)} levels, some of the kind "
+            f"{', '.join(unknown[:_MAX_NAMES])}; keep the surface alone"
+        )
+    least = min(field.depth_m for field in fields)
+    return [field for field in fields if field.depth_m == least]
+
+
+def _one_grid(fields: Sequence[Field]) -> Grid:
+    """Return the grid of fields; ValueError where they have several, or it can't be used."""
+    grids = {field.grid for field in fields}
+    if len(grids) > 1:
+        raise ValueError(f"its currents are on {len(grids)} grids; keep one of them")
+    grid = grids.pop()
+    if grid.kind != _REGULAR:
+        raise ValueError(
+            f"its grid is of the kind {grid.kind}, not along latitude and longitude; put it on a "
+            "regular grid first, as with `cdo -f nc remapbil,r1440x720`"
+        )
+    if math.prod(grid.shape) > _MAX_NODES:
+        raise ValueError(
+            f"its grid states {grid.shape[0]:,} x {grid.shape[1]:,} nodes, more than "
+            f"{_MAX_NODES:,}; cut out the region"
+        )
+    axes = (("longitude", grid.lons), ("latitude", grid.lats))
+    for (name, (first, last, count)), stated in zip(axes, grid.steps_deg, strict=True):
+        step = abs(last - first) / max(count - 1, 1)
+        if stated and abs(step - stated) > _STEP_SHARE * stated:
+            raise ValueError(
+                f"its {name}s contradict each other: {count} from {first:g} to {last:g}, and a "
+                f"step of {stated:g}; fetch it again"
+            )
+    return grid
+
+
+def _in_time(fields: Sequence[Field], component: str) -> list[Field]:
+    """Return a component's fields in time; ValueError where two have the same time."""
+    own = sorted((one for one in fields if one.component == component), key=lambda one: one.time)
+    for one, following in itertools.pairwise(own):
+        if one.time == following.time:
+            raise ValueError(
+                f"it has two fields of the {component} component at {_moment(one.time)}; leave "
+                "one out"
+            )
+    return own
+
+
+def _moment(time: int) -> str:
+    """Write a time: "2024-07-01T06:00Z"."""
+    return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%dT%H:%MZ}"
+
+
+def _lazy(path: Path, fields: Sequence[Field]) -> Any:  # noqa: ANN401 - a type of xarray's inside
+    """Return fields (nt, 1, ny, nx) as an array that reads only those that are asked for."""
+    from xarray.backends import BackendArray
+    from xarray.core import indexing
+
+    class Values(BackendArray):
+        shape = (len(fields), 1, *fields[0].grid.shape)
+        dtype = np.dtype(float)
+
+        def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:  # noqa: ANN401 - as above
+            basic = indexing.IndexingSupport.BASIC
+            return indexing.explicit_indexing_adapter(key, self.shape, basic, self.read)
+
+        def read(self, key: tuple[Any, ...]) -> FloatArray:
+            """Read whole fields, and cut the rest of the key out of them."""
+            chosen = np.arange(len(fields))[key[0]]
+            some = np.atleast_1d(chosen)
+            found = np.stack([_values(path, fields[i])[None][key[1:]] for i in some])
+            return found if np.ndim(chosen) else found[0]
+
+    return indexing.LazilyIndexedArray(Values())
