@@ -4,17 +4,14 @@ import re
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Self, TypeVar
 
 # Largest number of faults in a message, of characters in a fault, and of characters in a word.
 _MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
 # From this number of faults that are equal except for their place, only the first is reported, with
 # at most the second number of other places.
 _MIN_ALIKE, _MAX_PLACES = 4, 3
-# A place, by which faults of repeated tables or rows may differ: `seasons[3]`, `row 7`, `line 12`.
-_PLACE = re.compile(r"\w*\[\d+\]|\b(?:row|line) \d+\b")
 _LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
-_DIGITS = re.compile(r"\d+")
 _Value = TypeVar("_Value")
 
 
@@ -29,13 +26,31 @@ def _without_middle(text: str, size: int) -> str:
     return text if len(text) <= size else f"{text[: size // 2]}…{text[1 - size // 2 :]}"
 
 
+class Fault(str):
+    """A fault at a place, such as `seasons[3].name` or `row 7`, and the words around the place."""
+
+    __slots__ = ("around", "place")
+    place: str
+    around: tuple[str, str]
+
+    def __new__(cls, place: str, after: str, before: str = "") -> Self:
+        """Spell a fault; `after` begins with its space or colon."""
+        fault = super().__new__(cls, f"{before}{place}{after}")
+        fault.place, fault.around = place, (before, after)
+        return fault
+
+    def behind(self, words: str) -> "Fault":
+        """Return the fault with more words before it."""
+        before, after = self.around
+        return Fault(self.place, after, f"{words}{before}")
+
+
 def condensed(faults: Iterable[str]) -> tuple[str, ...]:
     """Put each fault into a line; report similar faults once, and count those beyond a limit."""
-    alike: dict[str, list[str]] = {}
+    alike: dict[tuple[str, ...], list[str]] = {}
     for fault in faults:
-        line = " ".join(fault.split())
-        kind = _PLACE.sub(lambda place: _DIGITS.sub("#", place[0]), line)
-        alike.setdefault(kind, []).append(line)
+        kind = fault.around if isinstance(fault, Fault) else (fault,)
+        alike.setdefault(kind, []).append(fault)
     lines = []
     for group in alike.values():
         found = list(dict.fromkeys(group))
@@ -43,21 +58,12 @@ def condensed(faults: Iterable[str]) -> tuple[str, ...]:
     if len(lines) > _MAX_FAULTS:
         more = len(lines) - (_MAX_FAULTS - 1)
         lines[_MAX_FAULTS - 1 :] = [f"and {more:,} more faults; mend these first"]
-    return tuple(map(shortened, lines))
+    return tuple(shortened(" ".join(line.split())) for line in lines)
 
 
 def _once(faults: Sequence[str]) -> str:
     """Return the first of several similar faults, with the places of the others."""
-    first = _PLACE.findall(faults[0])
-    places = dict.fromkeys(
-        ", ".join(
-            place
-            for place, other in zip(_PLACE.findall(fault), first, strict=True)
-            if place != other
-        )
-        for fault in faults[1:]
-    )
-    named = list(places)[:_MAX_PLACES]
+    named = [one.place for one in faults[1 : _MAX_PLACES + 1] if isinstance(one, Fault)]
     more = len(faults) - 1 - len(named)
     rest = f" and {more:,} more" if more else ""
     return f"{faults[0]} (the same in {', '.join(named)}{rest})"

@@ -124,10 +124,7 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
     unused: dict[str, list[str]] = {}
     for grid in outcome.fetched.currents:
         for passed in grid.passed_over:
-            reason = passed.reason
-            if not reason.startswith(passed.source):
-                reason = f"{passed.source} ({reason})"
-            unused.setdefault(reason, []).append(text.season_name(grid.season))
+            unused.setdefault(passed.reason, []).append(text.season_name(grid.season))
     if unused:
         reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
         yield f"Currents NOT used: {'; '.join(reasons)}\n"

@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from pipeline.errors import Faults, RequestError
+from pipeline.errors import Fault, Faults, RequestError
 from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE
@@ -129,7 +129,7 @@ def _unknown_sources(scenario: Scenario) -> Iterator[str]:
     known = catalogue.names("sources")
     for key, name, needs_land in named:
         if name not in known:
-            yield f"{key} {catalogue.unknown('source', name, known)}{_AS_PATH}"
+            yield Fault(key, f" {catalogue.unknown('source', name, known)}{_AS_PATH}")
         elif isinstance(catalogue.source(name), catalogue.ChartEntry) is not needs_land:
             yield (
                 f"{key} = {name!r} gives currents, not land; use 'osm-land'"

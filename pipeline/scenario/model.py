@@ -220,7 +220,7 @@ class Scenario(StrictModel):
                 )
         faults += self._itinerary_faults()
         if faults:
-            raise ValueError(strict.FAULT_SEPARATOR.join(faults))
+            raise strict.RemediedError(*faults)
         return self
 
     def _itinerary_faults(self) -> Iterator[str]:

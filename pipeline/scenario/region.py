@@ -23,7 +23,7 @@ def _refuse_empty(key: str, limits: tuple[float, float, float, float], remedy: s
     """Refuse limits [left, bottom, right, top] that hold nothing between them."""
     left, bottom, right, top = limits
     if not (left < right and bottom < top):
-        raise ValueError(f"has {key} {list(limits)}, which is empty: {remedy}")
+        raise strict.RemediedError(f"has {key} {list(limits)}, which is empty: {remedy}")
 
 
 class Region(StrictModel):
@@ -50,7 +50,7 @@ class Region(StrictModel):
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
         if (self.bbox is None) == (self.polygon is None):
-            raise ValueError("must have either 'bbox' or 'polygon'; give one of the two")
+            raise strict.RemediedError("must have either 'bbox' or 'polygon'; give one of the two")
         if self.bbox is not None:
             remedy = (
                 "west must be below east and south below north; across 180 degrees continue "
@@ -97,13 +97,13 @@ class Plane(StrictModel):
         xmin, ymin, xmax, ymax = self.extent
         _refuse_empty("extent", self.extent, "give [xmin, ymin, xmax, ymax]")
         if self.width_m > MAX_PLANE_M:
-            raise ValueError(
+            raise strict.RemediedError(
                 f"has extent {list(self.extent)}, {self.width_m / 1000:,.0f} km wide; a plane is "
                 f"at most {MAX_PLANE_M / 1000:,.0f} km wide: shrink it, or add a [region]"
             )
         height_m = min(xmax - xmin, ymax - ymin)
         if height_m < _MIN_RATIO * self.width_m:
-            raise ValueError(
+            raise strict.RemediedError(
                 f"has extent {list(self.extent)}, {height_m:.3g} m across; give it at least a "
                 "millionth of its longer side"
             )
@@ -155,7 +155,9 @@ class ChartSource(StrictModel):
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
         if not (self.name or self.path):
-            raise ValueError("has neither 'name' nor 'path'; give one of the two, or both")
+            raise strict.RemediedError(
+                "has neither 'name' nor 'path'; give one of the two, or both"
+            )
         return self
 
 
@@ -222,7 +224,7 @@ class AvoidedArea(StrictModel):
     @model_validator(mode="after")
     def _ascending(self) -> Self:
         if self.begin is not None and self.until is not None and self.until <= self.begin:
-            raise ValueError(
+            raise strict.RemediedError(
                 f"is shut from {self.begin.isoformat()} until {self.until.isoformat()}, which is "
                 "not later; give a later time"
             )

@@ -184,13 +184,13 @@ class Season(StrictModel):
     def _one_current(self) -> Self:
         given = [bool(self.currents), self.gyre is not None, self.uniform is not None]
         if sum(given) != 1:
-            raise ValueError(
+            raise strict.RemediedError(
                 f"(season {self.name!r}) has {sum(given)} kinds of current; give one of "
                 "'currents', 'gyre' and 'uniform'"
             )
         if faults := [*(self._changing_faults() if self.is_changing else self._steady_faults())]:
             how = "has time_method = 'changing' and " if self.is_changing else ""
-            raise ValueError(f"(season {self.name!r}) {how}{'; it '.join(faults)}")
+            raise strict.RemediedError(f"(season {self.name!r}) {how}{'; it '.join(faults)}")
         return self
 
     def _changing_faults(self) -> Iterator[str]:

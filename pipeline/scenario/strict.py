@@ -24,7 +24,7 @@ from pydantic import (
     ValidationInfo,
 )
 
-from pipeline.errors import RequestError
+from pipeline.errors import Fault, RequestError
 from pipeline.machine.paths import resolved, shown as shown_path, unusable_reason
 
 if TYPE_CHECKING:
@@ -32,8 +32,10 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
-# Separates the faults of one validator in the text of its ValueError.
-FAULT_SEPARATOR = "\n"
+
+
+class RemediedError(ValueError):
+    """Refuses a value for faults that have their own remedies, in place of the key's."""
 
 
 @cache
@@ -117,7 +119,7 @@ def looks_like_path(text: str) -> bool:
 def usable_path(text: str, info: ValidationInfo) -> str:
     """Refuse a text that can't be a path; make it absolute where the context names a `folder`."""
     if reason := unusable_reason(text):
-        raise ValueError(f"= '{shown_path(text)}' {reason}")
+        raise RemediedError(f"= '{shown_path(text)}' {reason}")
     if not (text and info.context):
         return text
     is_relative = not text.startswith(("~", "/"))
@@ -178,7 +180,7 @@ def shown(value: object) -> str:
 
 
 def validated(
-    model: type[ModelT], data: object, located: Callable[[str], str] = str, **context: object
+    model: type[ModelT], data: object, located: Callable[[Fault], str] = str, **context: object
 ) -> ModelT:
     """Return a table as a model; RequestError with a line for each fault, made by `located`."""
     try:
@@ -187,9 +189,9 @@ def validated(
         raise RequestError([*map(located, model_faults(error, model, data))]) from None
 
 
-def model_faults(error: ValidationError, model: type[BaseModel], data: object) -> list[str]:
+def model_faults(error: ValidationError, model: type[BaseModel], data: object) -> list[Fault]:
     """Return one line per fault, in the order found; of the faults of a union, only the first."""
-    lines: dict[str, str] = {}
+    lines: dict[str, Fault] = {}
     found = error.errors(include_url=False)
     for details in found:
         # pydantic counts only valid items: a list that has invalid ones need not be too short.
@@ -210,7 +212,7 @@ def _lines(
     details: "ErrorDetails",
     model: type[BaseModel],
     path: Sequence[str | int],
-) -> list[str]:
+) -> list[Fault]:
     """Return the lines for one of pydantic's errors."""
     key, kind, given = _spelled(path), details["type"], details["input"]
     context = details.get("ctx", {})
@@ -220,14 +222,12 @@ def _lines(
         owner = _model(model, path[:-1])
         fields = owner.model_fields if owner is not None else {}
         known = (field.alias or name for name, field in fields.items())
-        return [f"unknown key {key}: {near_miss(str(path[-1]), known)}"]
+        return [Fault(key, f": {near_miss(str(path[-1]), known)}", "unknown key ")]
     if kind == "missing":
-        return [f"{key} is missing{remedy}"]
+        return [Fault(key, f" is missing{remedy}")]
     if kind == "value_error":
-        return [
-            f"{key} {reason}{remedy if ';' not in reason else ''}".strip()
-            for reason in str(context["error"]).split(FAULT_SEPARATOR)
-        ]
+        remedy = "" if isinstance(context["error"], RemediedError) else remedy
+        return [Fault(key, f"{' ' * bool(key)}{why}{remedy}") for why in context["error"].args]
     if kind in _LIMITS:
         bound, relation = _LIMITS[kind]
         fault = f"{relation} {limit_text(context[bound])}"
@@ -236,7 +236,7 @@ def _lines(
         fault = f"has {context['actual_length'] or len(given):,} items, not {limit:,}"
     else:
         fault = _KINDS.get(kind, details["msg"].lower())
-    return [f"{key} = {shown(given)} {fault}{remedy}"]
+    return [Fault(key, f" = {shown(given)} {fault}{remedy}")]
 
 
 def limit_text(limit: float) -> str:

@@ -11,7 +11,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, AwareDatetime, Field, model_validator
 
-from pipeline.scenario.strict import Integer, StrictModel
+from pipeline.scenario.strict import Integer, RemediedError, StrictModel
 
 # Forms of a season's `valid`; whether the date exists is checked by `datetime`.
 _INSTANT = re.compile(r"\d{4}-\d{2}-\d{2}T\d{2}:\d{2}Z", re.ASCII)
@@ -67,9 +67,9 @@ def interval(text: str) -> timedelta:
     """
     found = _INTERVAL.fullmatch(text)
     if not found:
-        raise ValueError(f"= {text!r} is not an interval; give it as '30min', '6h' or '1d'")
+        raise RemediedError(f"= {text!r} is not an interval; give it as '30min', '6h' or '1d'")
     if not int(found[1]):
-        raise ValueError(f"= {text!r} is no time at all; give one above 0, such as '6h'")
+        raise RemediedError(f"= {text!r} is no time at all; give one above 0, such as '6h'")
     return int(found[1]) * _UNITS[found[2]]
 
 
@@ -121,7 +121,7 @@ class DepartureTimes(StrictModel):
     def _ascending(self) -> Self:
         if self.last is not None and self.last <= self.begin + self._sampled:
             latest = (self.begin + self._sampled).isoformat()
-            raise ValueError(
+            raise RemediedError(
                 f"last = {self.last.isoformat()} is not after the others, which go on to {latest}; "
                 "lower 'count', or leave it out"
             )

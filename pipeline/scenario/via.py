@@ -16,7 +16,7 @@ _LONGEST = timedelta(days=3)
 def _short(wait: str) -> str:
     """Refuse a wait of many days."""
     if span(wait) > _LONGEST:
-        raise ValueError(
+        raise strict.RemediedError(
             f"= {wait!r} is longer than {_LONGEST.days} days; give at most "
             f"'{_LONGEST.days}d', or plan the way on by itself, with 'departures'"
         )

@@ -178,7 +178,7 @@ def avoided_zones(scenario: Scenario, region: shapely.Polygon) -> tuple[Zone, ..
         try:
             polygons = _file(area).land(region).polygons
         except RequestError as error:
-            faults += [fault.replace("chart.source", f"avoid[{at}]") for fault in error.faults]
+            faults += [f"avoid[{at}]: {fault}" for fault in error.faults]
             continue
         shape = shapely.union_all(np.array(polygons, dtype=object))
         zones.append(Zone("shut", Path(area.path).stem, hours_text(area), shape))

@@ -90,7 +90,7 @@ class Chart:
     def with_open_water(self, water: shapely.Geometry) -> "Chart":
         """Return the chart with other water (m) for the bound on fuel."""
         other = copy.copy(self)
-        vars(other)["open_water"] = water
+        other.open_water = water
         return other
 
     @cached_property

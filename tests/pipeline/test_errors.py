@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pickle
 
-from pipeline.errors import RequestError, StageError
+from pipeline.errors import Fault, RequestError, StageError
 from pipeline.scenario.strict import near_miss
 
 
 def test_similar_faults_are_reported_once_with_their_places() -> None:
-    faults = [f"seasons[{i}].valid = 'July' is not a time; give YYYY-MM" for i in range(50)]
+    after = ".valid = 'July' is not a time; give YYYY-MM"
+    faults = [Fault(f"seasons[{i}]", after) for i in range(50)]
     said = RequestError([*faults, "start is missing"]).faults
     assert said == (
         (
@@ -18,7 +19,8 @@ def test_similar_faults_are_reported_once_with_their_places() -> None:
         ),
         "start is missing",
     )
-    rows = [f"night.toml, line 4: pairs.csv, row {i}: has 1 cells" for i in range(2, 6)]
+    rows = [Fault(f"row {i}", ": has 1 cells", "pairs.csv, ") for i in range(2, 6)]
+    rows = [row.behind("night.toml, line 4: ") for row in rows]
     assert RequestError(rows).faults == (f"{rows[0]} (the same in row 3, row 4, row 5)",)
 
 

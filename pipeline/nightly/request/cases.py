@@ -18,6 +18,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from pipeline.errors import Fault
 from pipeline.machine.paths import shown, unreadable_reason
 from pipeline.nightly.request.config import Departure, NightConfig
 from pipeline.scenario.catalogue import VesselSpec
@@ -68,18 +69,16 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
         return (), [f"{path.name}, row 1: {fault}"]
     if len(set(head)) < len(head):
         return (), [f"{path.name}, row 1: a column comes twice; leave one out"]
-    pairs, faults = [], []
+    pairs, faults = [], list[str]()
     for number, cells in enumerate(rows[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue
-        where = f"{path.name}, row {number}"
-        if len(cells) != len(head):
-            faults.append(
-                f"{where}: has {len(cells)} cells, the header has {len(head)}; correct the row"
-            )
-            continue
-        pair, found = _pair(dict(zip(head, cells, strict=True)), number, keys, is_planar=is_planar)
-        faults += [f"{where}: {fault}" for fault in found]
+        pair = None
+        found = [f"has {len(cells)} cells, the header has {len(head)}; correct the row"]
+        if len(cells) == len(head):
+            row = dict(zip(head, cells, strict=True))
+            pair, found = _pair(row, number, keys, is_planar=is_planar)
+        faults += [Fault(f"row {number}", f": {fault}", f"{path.name}, ") for fault in found]
         if pair is not None:
             pairs.append(pair)
     faults += _repeated(path, pairs)

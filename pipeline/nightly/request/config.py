@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from pipeline.errors import RequestError
+from pipeline.errors import Fault, RequestError
 from pipeline.machine.paths import expanded, folder_to_write, shown, unreadable_reason
 from pipeline.scenario import catalogue
 from pipeline.scenario.strict import (
@@ -16,6 +16,7 @@ from pipeline.scenario.strict import (
     NonNegative,
     Number,
     Positive,
+    RemediedError,
     StrictModel,
     validated,
 )
@@ -31,14 +32,12 @@ _MEMBERS = Annotated[
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.\-]+)\s*\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"^\s*([\w\-]+)\s*=")
-# The path at the beginning of a fault of `pipeline.scenario.strict`: `cases[0].departures.every`.
-_PATH = re.compile(r"(?:unknown key )?([A-Za-z_][\w\-]*(?:\[\d+\])?(?:\.[\w\-]+(?:\[\d+\])?)*)")
 
 
 def _time_of_day(text: str) -> str:
     """Return the text, or raise ValueError if it is not a time of day in UTC."""
     if not _TIME.fullmatch(text):
-        raise ValueError(f"= {text!r} is not a time of day in UTC; give it as '06:00Z'")
+        raise RemediedError(f"= {text!r} is not a time of day in UTC; give it as '06:00Z'")
     return text
 
 
@@ -114,10 +113,10 @@ class TomlLines:
             path = shorter or ("" if "[" not in path else path.partition("[")[0])
         return 1
 
-    def located(self, fault: str, file: str) -> str:
-        """Prepend file and line to a fault that begins with a key's path."""
-        found = _PATH.match(fault)
-        return f"{file}, line {self.line(found[1]) if found else 1}: {fault}"
+    def located(self, fault: Fault, file: str) -> Fault:
+        """Prepend file and line to a fault of a key."""
+        before, after = fault.around
+        return Fault(f"line {self.line(fault.place)}: {before}{fault.place}", after, f"{file}, ")
 
 
 class CaseSpec(StrictModel):
@@ -181,9 +180,9 @@ class NightConfig:
     lines: TomlLines
     output: Path
 
-    def located(self, fault: str) -> str:
-        """Prepend file and line to a fault that begins with a key's path."""
-        return self.lines.located(fault, self.path.name)
+    def located(self, key: str, text: str) -> Fault:
+        """Return a fault of a key, with file and line before it."""
+        return self.lines.located(Fault(key, text), self.path.name)
 
 
 def shipped_config() -> Path:

@@ -10,7 +10,7 @@ from typing import Any
 
 import shapely
 
-from pipeline.errors import RequestError
+from pipeline.errors import Fault, RequestError
 from pipeline.nightly.request.cases import Block, Cases, Member, Pair, doubled, read_pairs
 from pipeline.nightly.request.config import CaseSpec, Departure, NightConfig
 from pipeline.scenario import catalogue
@@ -54,8 +54,9 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
             blocks.append(block)
     faults += [
         config.located(
-            f"cases[{other.number}].scenario = {other.scenario.name!r}: asks for cases of "
-            f"cases[{one.number}] again; leave them out in one of the two"
+            f"cases[{other.number}].scenario",
+            f" = {other.scenario.name!r}: asks for cases of cases[{one.number}] again; leave them "
+            "out in one of the two",
         )
         for one, other in doubled(blocks)
     ]
@@ -67,10 +68,10 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
     if len(cases) > MAX_UNASKED and not yes:
         sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in cases.blocks)
         fault = (
-            f"cases: there are {len(cases):,} ({sizes}), more than {MAX_UNASKED:,}; give --yes to "
+            f": there are {len(cases):,} ({sizes}), more than {MAX_UNASKED:,}; give --yes to "
             "plan all of them"
         )
-        raise RequestError(config.located(fault))
+        raise RequestError(config.located("cases", fault))
     return cases
 
 
@@ -105,8 +106,12 @@ class _Expansion:
         ), self._faults
 
     def _fault(self, key: str, text: str) -> None:
-        """Add a fault of a key."""
-        self._faults.append(self._config.located(f"cases[{self._number}].{key}: {text}"))
+        """Add a fault of a key, or one in the key's file."""
+        where = f"cases[{self._number}].{key}"
+        if isinstance(text, Fault):
+            self._faults.append(text.behind(self._config.located(where, ": ")))
+        else:
+            self._faults.append(self._config.located(where, f": {text}"))
 
     def _here(self, path: str) -> str:
         """Return a path relative to the file's own folder."""
@@ -304,7 +309,7 @@ def _only(cases: Cases, asked: str) -> Cases:
     return Cases(tuple(blocks))
 
 
-def pairs_on_land(config: NightConfig, cases: Cases) -> list[str]:
+def pairs_on_land(config: NightConfig, cases: Cases) -> list[Fault]:
     """Return a message for each start and goal on land."""
     faults = []
     for block in cases.blocks:
@@ -314,8 +319,11 @@ def pairs_on_land(config: NightConfig, cases: Cases) -> list[str]:
         voyages = _voyages(block)
         for suspect in _suspects([scenario for scenario, _ in voyages]):
             scenario, row = voyages[suspect]
-            where = f"cases[{block.number}].pairs: {file}, row {row}: " if row else ""
-            faults += [config.located(f"{where}{fault}") for fault in endpoints_on_land(scenario)]
+            key, where = ("pairs", f"{file}, row {row}: ") if row else ("scenario", "")
+            faults += [
+                config.located(f"cases[{block.number}].{key}", f": {where}{fault}")
+                for fault in endpoints_on_land(scenario)
+            ]
     return faults
 
 

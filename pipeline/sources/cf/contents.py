@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-from pipeline.machine.paths import shown, unreadable_reason
+from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
 from pipeline.model import Note
 from pipeline.sources.cf import axes
 from pipeline.sources.cf.axes import TimeSteps
@@ -102,7 +102,7 @@ def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
             faults.append(f"no file matches the pattern {shown(path)!r}; {_REMEDY}")
         for match in matches:
             if why := unreadable_reason(match):
-                remedy = "" if ";" in why else f"; {_REMEDY}"
+                remedy = f"; {_REMEDY}" if why == NOT_THERE else ""
                 faults += [f"{shown(match)} {why}{remedy}"]
         files += [Path(match) for match in matches]
     if faults:

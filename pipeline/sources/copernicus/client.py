@@ -166,9 +166,8 @@ def answer_request() -> int:
         with contextlib.redirect_stdout(sys.stderr):
             answer = _download(request, log)
     except Exception as error:  # noqa: BLE001 - any error is reported; the parent decides
-        message = f"{type(error).__name__}: {' '.join(str(error).split())}"
         lacking = "".join(f"; the service lacks its {axis}" for axis in sorted(log.missing_axes))
-        answer = {"error": f"{message}{lacking}"}
+        answer = {"error": type(error).__name__, "said": f"{' '.join(str(error).split())}{lacking}"}
     if answer is None:
         return NO_ANSWER
     json.dump(answer, sys.stdout)

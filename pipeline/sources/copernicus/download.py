@@ -300,14 +300,13 @@ def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | 
         reason = f"the client failed: {message or f'exit {result.exit_code}'}"
         return _Failure(reason, is_permanent=False)
     answer: dict[str, Any] = json.loads(result.stdout)
-    return _explained(_presentable(answer["error"])) if "error" in answer else answer
+    return _explained(**answer) if "error" in answer else answer
 
 
-def _explained(message: str) -> _Failure:
+def _explained(error: str, said: str) -> _Failure:
     """Add the remedy to an error of the client."""
-    error = message.partition(":")[0]
     remedy = {**_PERMANENT_ERRORS, **_TEMPORARY_ERRORS}.get(error, _TRY_LATER)
-    reason = f"the client failed: {message.rstrip(': .')}; {remedy}"
+    reason = f"the client failed: {_presentable(f'{error}: {said}').rstrip(': .')}; {remedy}"
     return _Failure(reason, is_permanent=error in _PERMANENT_ERRORS)
 
 

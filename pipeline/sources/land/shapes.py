@@ -250,8 +250,6 @@ def unread_reason(wkb: bytes) -> str:
     try:
         shapely.from_wkb(wkb)
     except shapely.errors.ShapelyError as error:
-        if "closed" in str(error):
-            return "a ring that is not closed: its last point must be its first"
         return f"a geometry that can't be built: {one_line(error)}"
     return "a geometry that can't be built"
 
@@ -259,7 +257,7 @@ def unread_reason(wkb: bytes) -> str:
 def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
     """Turn errors about a chart's file into a RequestError, and list warnings."""
     return reading(
-        f"chart.source: {path}",
+        str(path),
         "correct it, or export it again as GeoPackage, GeoJSON or Shapefile, or give a folder of "
         "S-57 cells",
     )
@@ -267,7 +265,7 @@ def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
 
 def chart_fault(path: Path, fault: str) -> RequestError:
     """Return an error about a chart's file."""
-    return RequestError(f"chart.source: {path} {fault}")
+    return RequestError(f"{path} {fault}")
 
 
 def layer_name(path: Path, name: str) -> str:

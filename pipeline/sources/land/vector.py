@@ -316,7 +316,7 @@ class VectorFile:
         """The file and its sidecar files, such as .dbf and .prj, which GDAL reads too."""
         pattern = f"{glob.escape(self.path.stem)}.*"
         files = tuple(sorted({self.path, *self.path.parent.glob(pattern)}))
-        require_readable(files, "chart.source")
+        require_readable(files, self.path.name)
         return files
 
     @property
@@ -341,7 +341,7 @@ class VectorFile:
     def land(self, region: shapely.Polygon) -> Land:
         """Return the land near a region (lon/lat degrees)."""
         box = shapes.box_around(region)
-        require_readable(self._files, "chart.source")
+        require_readable(self._files, self.path.name)
         layer = open_layer(self.path, self.source.layer, self.source.crs)
         found = layer.near(box)
         if len(found.geometry) == 0:
