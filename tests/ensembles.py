@@ -16,27 +16,34 @@ from renew.inputs.options import Drift
 from tests.oracles import grid_graph
 from tests.strategies import PAPER_VESSEL, SINGLE_GYRE_ISLANDS
 
-# Number of waves of a stream function, and their length (m, about).
-_WAVES, _WAVE_M = 8, 50.0
+# Number of waves of a stream function.
+_WAVES = 8
+SIDE = np.linspace(0, 100, 65)
+"""Nodes along a side of the published scenes, m."""
 
 
 def stirred(
-    base: renew.CurrentField, count: int, spread: float, seed: int, side: float = 100.0
+    base: renew.CurrentField,
+    count: int,
+    spread: float,
+    seed: int | list[int],
+    axes: tuple[FloatArray, FloatArray] = (SIDE, SIDE),
+    wave: float = 50.0,
 ) -> list[renew.GriddedCurrent]:
-    """Return members around a current on a square: its strength ± 15 %, and random eddies.
+    """Return members around a current at nodes x and y, m: its strength ± 15 %, and random eddies.
 
-    `spread` is the rms speed (m/s) of the eddies, which are seeded stream functions.
+    `spread` is the rms speed (m/s) of the eddies, seeded stream functions of waves about `wave`
+    metres long.
     """
-    rng, x = np.random.default_rng(seed), np.linspace(0, side, 65)
-    points = np.stack(np.meshgrid(x, x), axis=-1)
+    rng, points = np.random.default_rng(seed), np.stack(np.meshgrid(*axes), axis=-1)
     mean, found = base(points), []
     for _ in range(count):
-        wave = rng.normal(0, 2 * np.pi / _WAVE_M, (_WAVES, 2))
-        slope = np.cos(points @ wave.T + rng.uniform(0, 2 * np.pi, _WAVES))
-        eddies = np.stack([slope @ wave[:, 1], -(slope @ wave[:, 0])], axis=-1)
+        waves = rng.normal(0, 2 * np.pi / wave, (_WAVES, 2))
+        slope = np.cos(points @ waves.T + rng.uniform(0, 2 * np.pi, _WAVES))
+        eddies = np.stack([slope @ waves[:, 1], -(slope @ waves[:, 0])], axis=-1)
         eddies *= spread / np.sqrt((eddies**2).sum(axis=-1).mean())
         u, v = np.moveaxis(mean * rng.uniform(0.85, 1.15) + eddies, -1, 0)
-        found.append(renew.GriddedCurrent(x, x, u, v))
+        found.append(renew.GriddedCurrent(*axes, u, v))
     return found
 
 
@@ -91,15 +98,13 @@ class Lattice(NamedTuple):
         return PAPER_VESSEL.fuel_rate * fuels
 
 
-def opposite(members: list[renew.GriddedCurrent], side: float) -> list[renew.GriddedCurrent]:
-    """Return members mirrored about the middle of a square, y -> side - y."""
-    return [
-        renew.GriddedCurrent(one.x, side - one.y[::-1], one.uv[::-1, :, 0], -one.uv[::-1, :, 1])
-        for one in members
-    ]
+def evened(member: renew.GriddedCurrent) -> renew.GriddedCurrent:
+    """Return the mean of a member on a square and of its mirror image about the middle, along y."""
+    u, v = np.moveaxis(member.uv, -1, 0)
+    return renew.GriddedCurrent(member.x, member.y, (u + u[::-1]) / 2, (v - v[::-1]) / 2)
 
 
-def island_between(side: float = 100.0) -> renew.Chart:
-    """Return a square of water with one island in its middle: two equal ways past it."""
-    middle = shapely.Point(side / 2, side / 2)
-    return renew.Chart(box(0, 0, side, side), [middle.buffer(0.15 * side, quad_segs=4)])
+def island_between(off: float = 0.0) -> renew.Chart:
+    """Return a square of water with an island `off` metres above its middle: two ways past it."""
+    island = shapely.Point(50, 50 + off).buffer(15, quad_segs=4)
+    return renew.Chart(box(0, 0, 100, 100), [island])

@@ -104,7 +104,7 @@ class PaddingGrowth:
             return None
         own_speeds = corridor.voyage.cut_speeds(path, speeds)
         return _any(
-            colliding_edges(piece, part.voyage, part.padded, self.problem.reach, own)
+            colliding_edges(piece, [part.voyage], part.padded, self.problem.reach, own)
             for (part, piece), own in zip(corridor.parts(path), own_speeds, strict=True)
         )
 
@@ -131,12 +131,9 @@ class PaddingGrowth:
     ) -> _Shortfall | None:
         """Return the shortfall for turns along a path (n, 2) between two stops, in all voyages."""
         voyage, padded = corridor.voyage, corridor.padded
-        every = (colliding_edges(path, one, padded, self.problem.reach) for one in voyages)
-        if short := [one for one in every if one]:
-            edges, lacking = map(np.concatenate, zip(*short, strict=True))
-            return edges, lacking
-        if self.options.risk_at == "route":
-            return None
+        short = colliding_edges(path, voyages, padded, self.problem.reach)
+        if short or self.options.risk_at == "route":
+            return short
         return risky_edges(
             path, voyage, padded, corridor.corners, self.model.sampler, self.options.risk
         )

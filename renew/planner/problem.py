@@ -75,9 +75,8 @@ class Problem:
         """Upper bound on the reach of hard-over turns."""
         if self.first:
             return self.first.reach
-        vessel, every = self.voyage.vessel, self.voyage.in_members
-        reach, *others = (TurnReach.of(one.table, vessel) for one in every)
-        return replace(reach, others=tuple(others))
+        tables = [one.table for one in self.voyage.in_members]
+        return TurnReach.of_all(tables, self.voyage.vessel)
 
     @cached_property
     def fuel_bound(self) -> FuelBound:

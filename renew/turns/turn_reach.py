@@ -15,6 +15,7 @@ which a turn begins about the course. `TurnReach` bounds the reach of any turn f
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -359,7 +360,7 @@ def _weighted_quantile(
 class TurnReach:
     """Furthest reach (ny, nx) in metres of turns from near the nodes x (nx,) and y (ny,).
 
-    Turns in any of several currents reach as far as the furthest of them: `others` are theirs.
+    `others` are the reaches in other currents, on nodes of their own.
     """
 
     x: FloatArray
@@ -387,6 +388,19 @@ class TurnReach:
             for axis in (table.y, table.x)
         ]
         return cls(table.x, table.y, wide + drift * maximum_filter(speed, size, mode="nearest"))
+
+    @classmethod
+    def of_all(cls, tables: Sequence[CurrentTable], vessel: Vessel) -> "TurnReach":
+        """Return bounds for turns in any of several currents."""
+        first, *rest = (cls.of(table, vessel) for table in tables)
+        alike = [one.has_nodes_of(first) for one in rest]
+        same = [one.furthest for one, is_alike in zip(rest, alike, strict=True) if is_alike]
+        others = tuple(one for one, is_alike in zip(rest, alike, strict=True) if not is_alike)
+        return cls(first.x, first.y, np.max([first.furthest, *same], axis=0), others)
+
+    def has_nodes_of(self, other: "TurnReach") -> bool:
+        """Whether both are at the same nodes."""
+        return np.array_equal(self.x, other.x) and np.array_equal(self.y, other.y)
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Return the bound (n,) in metres for turns that begin at points (n, 2)."""

@@ -11,7 +11,7 @@ another heading, or lie in another triangle than the one that an edge was padded
 the drawn turns than the risk allows may reach land from there.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -90,56 +90,102 @@ _MAX_TURNS = 4_000_000
 
 def colliding_edges(
     path: FloatArray,
-    voyage: Voyage,
+    voyages: Sequence[Voyage],
     padded: PaddedEdges,
     reach: TurnReach,
     speeds: FloatArray | None = None,
 ) -> tuple[IntArray, FloatArray] | None:
     """Return constrained edges that turns along a path touch, and the padding they lack (m).
 
-    None if no turn touches any. `reach` bounds how far a turn can get. Turns begun in the part of V
-    around a start or goal that itself lies in V are left out: no padding there could help. Turns
-    are simulated at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed.
+    None if no turn touches any, in any of the voyages: the same one in several currents, each by
+    its own clock. `reach` bounds how far a turn can get. Turns begun in the part of V around a
+    start or goal that itself lies in V are left out: no padding there could help. Turns are
+    simulated at the vessel's speed, or at the speeds (n - 1,) at which the legs are sailed.
     """
+    voyage = voyages[0]
+    vessel = voyage.vessel
     if speeds is None:
-        speeds = np.full(len(path) - 1, voyage.vessel.speed)
+        speeds = np.full(len(path) - 1, vessel.speed)
     if not len(padded.edge):
         return None
-    chart, vessel = voyage.chart, voyage.vessel
-    field, astray = _flown_in(voyage)
-    margin = _MARGIN * vessel.turning_radius + astray
-    points, course, times = passed_stations(path, _spacing(path, vessel), voyage)
-    speed = speeds_along(points, path, speeds)
+    fields = [_flown_in(one) for one in voyages]
+    margin = _MARGIN * vessel.turning_radius
+    spacing = _spacing(path, vessel)
+    points, course, times = passed_stations(path, spacing, voyage)
     # Only turns within reach of land can touch it: most of a long way needs no simulation.
     furthest = reach(points)
-    first, near = segments_near(points, furthest + margin, padded.start, padded.end)
+    most = margin + max(astray for _, astray in fields)
+    first, near = segments_near(points, furthest + most, padded.start, padded.end)
     close = np.flatnonzero(np.diff(first))
     close = close[~in_soft_endpoints(points[close], voyage, padded)]
-
-    def touching(chosen: IntArray, radius: FloatArray, deviations: FloatArray) -> _Touching:
-        begin = times[chosen]
-        flown, at = (points[chosen], course[chosen]), speed[chosen]
-        turns = fly_turns(*flown, field, vessel, deviations, begin, _STEPS, at)
-        counts = np.diff(first)[chosen]
-        bounds = np.concatenate([[0], np.cumsum(counts)])
-        edges = near[np.repeat(first[chosen] - bounds[:-1], counts) + np.arange(bounds[-1])]
-        return turns, *tracks_touch(turns, bounds, edges, padded.start, padded.end, radius)
-
-    if len(close):
-        # Perturbed turns are left out where the unperturbed one stays so far off that none can
-        # touch land.
-        drift = (furthest[close] - 2 * vessel.turning_radius) / 2
-        off = _max_offset(points[close], field, vessel, drift, times[close])
-        turns, track, _ = touching(close, margin + off, _CORNERS[:, :1])
-        close = close[np.unique(track // turns.shape[1])]
     if not len(close):
         return None
-    turns, track, edge = touching(close, np.full(len(close), margin), _CORNERS)
-    if not len(track):
+    speed = speeds_along(points, path, speeds)
+    stations_near = _Near(points, course, speed, furthest, first, near, padded, vessel)
+    found = []
+    for one, (field, astray) in zip(voyages, fields, strict=True):
+        is_alike = one is voyage or one.current.is_steady
+        own = times if is_alike else passed_stations(path, spacing, one)[2]
+        found.append(stations_near.touched(close, field, own, margin + astray, voyage.chart))
+    if not (short := [one for one in found if one]):
         return None
-    tracks = turns.reshape(-1, *turns.shape[2:])
-    hit, back = np.unique(track, return_inverse=True)
-    return padded.edge[edge], _OVERSHOOT * _depths(tracks[hit], chart)[back] + 2 * margin
+    edges, lacking = (np.concatenate(parts) for parts in zip(*short, strict=True))
+    return edges, lacking
+
+
+class _Near(NamedTuple):
+    """Stations (n, 2) with the padded edges near them, and a bound on their turns' reach (n,), m.
+
+    The edges of station i are `near[first[i]:first[i + 1]]`.
+    """
+
+    points: FloatArray
+    course: FloatArray
+    speed: FloatArray
+    furthest: FloatArray
+    first: IntArray
+    near: IntArray
+    padded: PaddedEdges
+    vessel: Vessel
+
+    def touched(
+        self, close: IntArray, field: CurrentField, times: FloatArray, margin: float, chart: Chart
+    ) -> tuple[IntArray, FloatArray] | None:
+        """Return edges that turns from some stations touch in a field, and what they lack (m)."""
+        # Perturbed turns are left out where the unperturbed one stays so far off that none can
+        # touch land.
+        drift = (self.furthest[close] - 2 * self.vessel.turning_radius) / 2
+        off = _max_offset(self.points[close], field, self.vessel, drift, times[close])
+        turns, track, _ = self._touching(close, field, times, margin + off, _CORNERS[:, :1])
+        close = close[np.unique(track // turns.shape[1])]
+        if not len(close):
+            return None
+        radius = np.full(len(close), margin)
+        turns, track, edge = self._touching(close, field, times, radius, _CORNERS)
+        if not len(track):
+            return None
+        tracks = turns.reshape(-1, *turns.shape[2:])
+        hit, back = np.unique(track, return_inverse=True)
+        return self.padded.edge[edge], _OVERSHOOT * _depths(tracks[hit], chart)[back] + 2 * margin
+
+    def _touching(
+        self,
+        chosen: IntArray,
+        field: CurrentField,
+        times: FloatArray,
+        radius: FloatArray,
+        deviations: FloatArray,
+    ) -> _Touching:
+        """Return turns from chosen stations, and which of them touch which edge."""
+        flown, at = (self.points[chosen], self.course[chosen]), self.speed[chosen]
+        turns = fly_turns(*flown, field, self.vessel, deviations, times[chosen], _STEPS, at)
+        counts = np.diff(self.first)[chosen]
+        bounds = np.concatenate([[0], np.cumsum(counts)])
+        edges = self.near[
+            np.repeat(self.first[chosen] - bounds[:-1], counts) + np.arange(bounds[-1])
+        ]
+        start, end = self.padded.start, self.padded.end
+        return turns, *tracks_touch(turns, bounds, edges, start, end, radius)
 
 
 def _flown_in(voyage: Voyage) -> tuple[CurrentField, float]:

@@ -41,7 +41,7 @@ def shores(chart: renew.Chart, padding: float) -> PaddedEdges:
 def verify(path: FloatArray, voyage: Voyage, padded: PaddedEdges) -> dict[int, float]:
     """Growth (m) that each colliding edge needs."""
     reach = TurnReach.of(voyage.table, voyage.vessel)
-    found = colliding_edges(path, voyage, padded, reach)
+    found = colliding_edges(path, [voyage], padded, reach)
     growth: dict[int, float] = {}
     for edge, by in zip(*found, strict=True) if found else ():
         growth[int(edge)] = max(by, growth.get(int(edge), 0.0))
