@@ -133,7 +133,7 @@ wheel: $(READY)  ## build dist/*.whl
 FORKS := fewest
 lock:  ## resolve requirements.lock anew (needs uv)
 	uv pip compile --quiet --no-config --universal --fork-strategy $(FORKS) --generate-hashes \
-	  --python-version 3.11 --group dev --group docs --extra triangle --extra tides --extra grib \
+	  --python-version 3.11 --group dev --group docs --extra triangle --extra tides --extra grib --extra web \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock' \
 	  $(UPGRADE) --output-file requirements.lock pyproject.toml
 

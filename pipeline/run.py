@@ -26,6 +26,7 @@ from pipeline.stages.compare import compare
 from pipeline.stages.fetch import fetch
 from pipeline.stages.plan import plan_seasons
 from pipeline.stages.project import projected
+from pipeline.stages.seasons.one_season import OnStep, ignore_step
 from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import simplify
 from pipeline.stages.write import load_libraries, write
@@ -127,6 +128,8 @@ def run(
     limit_s: float | None = None,
     origin: Origin | None = None,
     on_event: EventHandler | None = None,
+    on_step: OnStep = ignore_step,
+    on_result: Callable[[RunResult], None] | None = None,
 ) -> Outcome:
     """Run a scenario and write its results to `output/<scenario>/`.
 
@@ -149,6 +152,11 @@ def run(
         The file that the scenario was loaded from; results of another file are not replaced.
     on_event
         Called with the events of every stage and season.
+    on_step
+        Called with a season and each step of its plan, whose path is in lon/lat degrees, in the
+        thread that plans it; not for seasons that other processes plan.
+    on_result
+        Called with the result before it is written.
 
     Raises
     ------
@@ -162,9 +170,12 @@ def run(
     with session(scenario.name, output, origin) as held:
         with first_compilation() as compiled:
             stages = _Stages(
-                held.store, on_event or ignore, compiled, offline, strict, scheduler, limit_s
+                *(held.store, on_event or ignore, compiled, offline, strict, scheduler, limit_s),
+                on_step=on_step,
             )
             result = stages.result(scenario)
+        if on_result is not None:
+            on_result(result.value)
         fresh = stages.write(result, held.directory)
         held.record_origin()
         return Outcome(result.value, held.directory, fresh, time.perf_counter() - started)
@@ -206,6 +217,7 @@ class _Stages:
     scheduler: str | None = None
     limit_s: float | None = None
     bounds_sides: bool = True
+    on_step: OnStep = ignore_step
     timings: dict[str, float] = field(default_factory=dict)
 
     def result(self, asked: Scenario) -> Artefact[RunResult]:
@@ -246,6 +258,7 @@ class _Stages:
                 scheduler=self.scheduler,
                 limit_s=self.limit_s,
                 meanwhile=load_libraries,
+                on_step=self.on_step,
             )
         for plan in planned.value.plans:
             self.timings[f"plan {plan.season}"] = plan.seconds

@@ -25,18 +25,25 @@ NEEDED_UNIMPORTED = {
     "xarray": "what copernicusmarine hands over; our floor for its version",
 }
 # Imported along with the library that depends on it and uses its types.
-COMES_WITH = {"distributed": "dask", "markupsafe": "jinja2", "pydantic-core": "pydantic"}
+COMES_WITH = {
+    "distributed": "dask",
+    "markupsafe": "jinja2",
+    "pydantic-core": "pydantic",
+    "starlette": "fastapi",
+}
 # Modules that take seconds to import, and so may not be loaded for `renew --help`.
 HEAVY = {
     "copernicusmarine",
     "distributed",
     "eccodes",
+    "fastapi",
     "geopandas",
     "matplotlib",
     "numba",
     "pandas",
     "pydantic",
     "pyfes",
+    "uvicorn",
     "xarray",
 }
 

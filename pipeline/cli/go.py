@@ -70,32 +70,10 @@ def _scenario(given: dict[str, Any]) -> "tuple[Scenario, tuple[str, ...]]":
     """Return the scenario of a voyage, given arguments and options by their names, with notes."""
     from pipeline.errors import Faults, RequestError
     from pipeline.machine.paths import folder_to_write
-    from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
-    from pipeline.voyage.vessel_options import RANGE, VesselFigures
+    from pipeline.voyage.one_line import voyage_scenario
+    from pipeline.voyage.request import VoyageRequest
 
-    speed = given["speed"]
-    is_choice = RANGE in speed
-    request = VoyageRequest(
-        positions=tuple(given.get("positions") or _ANYWHERE),
-        vessel=given["vessel"],
-        figures=VesselFigures(
-            "" if is_choice else speed, given["length"], given["turning_circle"], given["draught"]
-        ),
-        months=tuple(given["month"] or ()),
-        depart=given["depart"],
-        until=given["until"],
-        arrive_by=given["arrive_by"],
-        speeds=speed if is_choice else "",
-        currents=tuple(given["currents"] or ()),
-        via=tuple(given["via"] or ()),
-        avoid=tuple(given["avoid"] or ()),
-        clearance=given["clearance"],
-        charts=given["charts"],
-        depths=given["depths"],
-        datum=given["datum"],
-        tide=tuple(given["tide"] or ()),
-        name=given["name"],
-    )
+    request = VoyageRequest.of_options({**given, "positions": given.get("positions") or _ANYWHERE})
     faults = Faults()
     faults.collect(lambda: folder_to_write(given["output"], "--output"))
     made = faults.collect(lambda: voyage_scenario(request))

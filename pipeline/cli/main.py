@@ -30,6 +30,7 @@ from pipeline.cli.failures import reported_errors
 from pipeline.cli.go import GoCommand, go
 from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.nightly import app as nightly_app
+from pipeline.cli.serve import serve
 from pipeline.cli.terminal import say
 from pipeline.cli.tide import app as tide_app
 from pipeline.cli.usage import BriefRefusals, Command
@@ -146,6 +147,7 @@ def run(
 
 app.command(cls=GoCommand)(go)
 app.command(cls=Command)(watch)
+app.command(cls=Command)(serve)
 app.add_typer(nightly_app, name="nightly")
 app.add_typer(tide_app, name="tide")
 

@@ -15,7 +15,7 @@ from pipeline.model.planning import speed_choices
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.comparing.way_names import class_names_text
 from pipeline.stages.project import scene_inputs
-from pipeline.stages.seasons.one_season import combine_seasons
+from pipeline.stages.seasons.one_season import OnStep, combine_seasons, ignore_step
 from pipeline.stages.seasons.task import (
     SeasonTask,
     Status,
@@ -44,6 +44,7 @@ def plan_seasons(
     scheduler: str | None = None,
     limit_s: float | None = None,
     meanwhile: Callable[[], None] = lambda: None,
+    on_step: OnStep = ignore_step,
 ) -> Artefact[Planned]:
     """Plan each season and evaluate its routes; a season that fails does not stop the others.
 
@@ -59,6 +60,8 @@ def plan_seasons(
         Where the tasks run, see `run_tasks`, and the time limit of each, s.
     meanwhile
         Called in a separate thread during planning, unless the store has all results.
+    on_step
+        Called with the steps of the seasons that are planned in threads of this process.
 
     Raises
     ------
@@ -77,7 +80,7 @@ def plan_seasons(
 
     if waiting:
         threading.Thread(target=meanwhile).start()
-    run_tasks(waiting, scheduler, report)
+    run_tasks(waiting, scheduler, report, on_step)
     for task in waiting:
         result = None if task.season in crashed else task.result()
         if result is not None:
@@ -142,7 +145,10 @@ def _reasons(plans: Sequence[SeasonPlan]) -> list[str]:
 
 
 def run_tasks(
-    tasks: Sequence[SeasonTask], scheduler: str | None, on_status: Callable[[Status], None]
+    tasks: Sequence[SeasonTask],
+    scheduler: str | None,
+    on_status: Callable[[Status], None],
+    on_step: OnStep = ignore_step,
 ) -> None:
     """Run tasks, and report the status of each as it ends.
 
@@ -156,6 +162,8 @@ def run_tasks(
         takes. Tasks with a time limit run in processes, because a process can be killed.
     on_status
         Called in the caller's thread.
+    on_step
+        Called in the threads of this process that plan, with the steps of their plans.
     """
     if not tasks:
         return
@@ -167,15 +175,17 @@ def run_tasks(
     else:
         # Even a single task runs in a thread: a signal handler may raise in the main one, and
         # compiled code, called from C, can't handle an exception.
-        _run_in_threads(tasks, on_status)
+        _run_in_threads(tasks, on_status, on_step)
 
 
-def _run_in_threads(tasks: Sequence[SeasonTask], on_status: Callable[[Status], None]) -> None:
+def _run_in_threads(
+    tasks: Sequence[SeasonTask], on_status: Callable[[Status], None], on_step: OnStep
+) -> None:
     """Run tasks in threads of this process; a failure is returned as a status, not raised."""
     pool, stop = ThreadPoolExecutor(min(len(tasks), cores())), threading.Event()
     try:
         runs = [
-            pool.submit(status_of, one.season, partial(plan_and_evaluate, one))
+            pool.submit(status_of, one.season, partial(plan_and_evaluate, one, on_step))
             if one.limit_s is None
             else pool.submit(status_in_process, one, stop)
             for one in tasks

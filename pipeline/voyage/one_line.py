@@ -1,7 +1,7 @@
 """Plan a voyage in one call: make its scenario from the request, and run it."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from pipeline.errors import Faults, RequestError
+from pipeline.formats.shared.result import RunResult
 from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason
 from pipeline.run import Event, EventHandler, Outcome, ignore, run
 from pipeline.scenario import catalogue
@@ -21,7 +22,9 @@ from pipeline.scenario.tide import TideSpec
 from pipeline.sources.registry import current_source
 from pipeline.sources.tides.zones import stations_of
 from pipeline.stages.choosing.coverage import are_water_swapped, least_region, require_sailable
+from pipeline.stages.seasons.one_season import OnStep, ignore_step
 from pipeline.voyage.positions import Position, read_positions, read_via, spelled, voyage_name
+from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.times import Departing, departing, read_months
 from pipeline.voyage.vessel_options import RANGE, VesselFigures, read_clearance_m, vessel_spec
 
@@ -143,43 +146,31 @@ def go(
 
 
 def run_voyage(
-    scenario: Scenario, output: Path, *, offline: bool, strict: bool, on_event: EventHandler
+    scenario: Scenario,
+    output: Path,
+    *,
+    offline: bool,
+    strict: bool,
+    on_event: EventHandler,
+    on_step: OnStep = ignore_step,
+    on_result: Callable[[RunResult], None] | None = None,
 ) -> Outcome:
     """Run a voyage's scenario, after a quick check of its currents and its stops."""
     require_sailable(scenario)
-    return run(scenario, output, offline=offline, strict=strict, on_event=on_event)
+    return run(
+        scenario,
+        output,
+        offline=offline,
+        strict=strict,
+        on_event=on_event,
+        on_step=on_step,
+        on_result=on_result,
+    )
 
 
 def _text(place: str | tuple[float, float]) -> str:
     """Return a position as text."""
     return place if isinstance(place, str) else f"{place[0]!r},{place[1]!r}"
-
-
-@dataclass(frozen=True, slots=True)
-class VoyageRequest:
-    """A voyage as typed for `renew go`; an option that was left out is empty.
-
-    The first half of `positions` is the start. `figures` replaces `vessel`, which may be a complete
-    specification. `speeds` is a range, "4kn..9kn". See `go` for the other options.
-    """
-
-    positions: tuple[str, ...]
-    vessel: str | VesselSpec = ""
-    figures: VesselFigures | None = None
-    months: tuple[str, ...] = ()
-    currents: tuple[str, ...] = ()
-    clearance: str = ""
-    charts: Path | None = None
-    depths: Path | None = None
-    datum: str = ""
-    name: str = ""
-    depart: str = ""
-    until: str = ""
-    arrive_by: str = ""
-    speeds: str = ""
-    via: tuple[str, ...] = ()
-    avoid: tuple[Path, ...] = ()
-    tide: tuple[str, ...] = ()
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:

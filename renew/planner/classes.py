@@ -15,6 +15,7 @@ from renew.planner.hindrances import hours_of, with_hours
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.sampled_paths import chosen_class
 from renew.results import Plan, Rejected
+from renew.watching import Step, tell
 
 # A variant is a channel of a class that passes a small island, one without a ray, on another side.
 # Number of variants searched if only the best route is wanted, and number planned near the best
@@ -230,6 +231,7 @@ class ClassSearch:
                 self._too_dear[word] = estimate
                 return frozenset()
         asked = replace(channel, word=word)
+        tell(Step("class"))
         try:
             found = self._find(asked)
         except InfeasibleError as error:
@@ -244,6 +246,7 @@ class ClassSearch:
             return error.blocked
         self._done.add(channel.word)
         _keep_best(self.found, word, found)
+        tell(Step("path", found.path))
         return frozenset()
 
     def _find(self, channel: Channel) -> ClassPath:

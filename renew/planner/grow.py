@@ -27,6 +27,7 @@ from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified
 from renew.turns.padding_model import PaddingModel
 from renew.turns.verification import colliding_edges, passage_windows, risky_edges
 from renew.voyage.voyage import Voyage
+from renew.watching import Step, tell
 
 _Shortfall: TypeAlias = tuple[IntArray, FloatArray]
 """Constrained edges, and the amount by which the padding of each is too small (m)."""
@@ -63,6 +64,7 @@ def grown_until_clear(
         if short is None:
             return found
         if rounds_left:
+            tell(Step("padding"))
             found = plan_again(grown(found.corridor, short), found)
     raise InfeasibleError(
         f"its path is still not clear of {turns} in the last of {most} rounds of growing padding"

@@ -5,12 +5,9 @@ from a scenario or a source. Without scripts, and on paper, the page shows stati
 the scripts replace them by the interactive one.
 """
 
-import base64
-import hashlib
 import math
-import re
 from collections.abc import Iterator
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +16,7 @@ from markupsafe import Markup
 
 from pipeline.formats.figures.map_marks import has_arrows, speed_scale
 from pipeline.formats.records import versions
+from pipeline.formats.report import assets
 from pipeline.formats.report.map_data import json_for_script, map_data, place_on_map
 from pipeline.formats.report.season import season_section
 from pipeline.formats.shared import text
@@ -29,16 +27,6 @@ from pipeline.formats.shared.text import environment
 from pipeline.geo.lonlat import position_text
 from pipeline.model import Credit, CurrentGrid, ShutStrait
 from pipeline.scenario.published import PublishedRow
-
-_HERE = Path(__file__).parent
-_LEAFLET = _HERE / "vendor" / "leaflet"
-# In the order of their dependencies.
-_SCRIPTS = (
-    *("data", "text", "units", "currents", "particles", "probe"),
-    *("map", "playback", "strip", "report"),
-)
-# A rule that would fetch an image, for Leaflet's markers and layer button: the page uses neither.
-_FETCHING_RULE = re.compile(r"[^{}]*\{[^{}]*url\([^{}]*\}")
 
 Notice = tuple[str, tuple[tuple[str, str], ...]]
 """What a reader must know before the answer: a title, and items that are each about a season."""
@@ -71,9 +59,9 @@ def render(report: dict[str, Any]) -> str:
         versions=versions(),
         **style_colours(),
         # Files of this package, without text from elsewhere.
-        script=Markup(script()),  # noqa: S704 - our own
-        script_hash=content_hash(script()),
-        leaflet_style=Markup(leaflet_style()),  # noqa: S704 - our own
+        script=Markup(assets.script()),  # noqa: S704 - our own
+        script_hash=assets.content_hash(assets.script()),
+        leaflet_style=Markup(assets.leaflet_style()),  # noqa: S704 - our own
     )
 
 
@@ -247,25 +235,3 @@ def _published_ratio(row: PublishedRow) -> float | None:
     if row.fuel_per_distance is None and row.fuel is not None and row.length is not None:
         return row.fuel / row.length
     return row.fuel_per_distance
-
-
-@cache
-def script() -> str:
-    """Return Leaflet, then our own files in one scope."""
-    leaflet = (_LEAFLET / "leaflet.js").read_text(encoding="utf-8")
-    own = "\n".join(
-        (_HERE / "scripts" / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS
-    )
-    return f'\n{leaflet}\n(() => {{\n"use strict";\n{own}\n}})();\n'
-
-
-@cache
-def leaflet_style() -> str:
-    """Return Leaflet's style sheet without the rules that fetch images."""
-    return _FETCHING_RULE.sub("", (_LEAFLET / "leaflet.css").read_text(encoding="utf-8"))
-
-
-def content_hash(text: str) -> str:
-    """Return the hash of a script as in a Content-Security-Policy: `sha256-…`."""
-    digest = hashlib.sha256(text.encode()).digest()
-    return f"sha256-{base64.b64encode(digest).decode()}"

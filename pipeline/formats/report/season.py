@@ -43,7 +43,7 @@ def season_section(result: RunResult, entry: SeasonPlan, number: int) -> dict[st
     metrics = [r.metrics for r in ranked]
     label = f"{title}: {_map_label(metrics, result.fetched.land.no_go_name)}"
     passage = result.scenario.passage(season, round(metrics[0].duration_s)) if ranked else ()
-    said = _sentences(result, metrics)
+    said = season_facts(result, metrics)
     rival = said.rival if said else None
     found = departures_and_speeds.trade_off(result, season)
     return {
@@ -85,7 +85,7 @@ def _choices(
         yield "How fast", said, plot
 
 
-def _sentences(result: RunResult, metrics: list[RouteMetrics]) -> SeasonFacts | None:
+def season_facts(result: RunResult, metrics: list[RouteMetrics]) -> SeasonFacts | None:
     """Gather the facts for a season's sentences; None without a route."""
     if not metrics:
         return None

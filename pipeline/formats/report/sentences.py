@@ -79,6 +79,24 @@ class SeasonFacts:
             helped, but = f"the current {_effect_on(ours)} the speed on either route", "and"
         return f"because {self._shorter(rival)}, {but} {helped}."
 
+    def why_dearer(self, route: RouteMetrics) -> str:
+        """Say in one sentence why a route needs more fuel than the best; empty if it doesn't."""
+        best = self.best
+        if route.fuel <= best.fuel:
+            return ""
+        longer = route.length_m - best.length_m
+        is_alike = abs(longer) <= _SAME_LENGTH * best.length_m
+        length = f"{text.distance(abs(longer))} {'longer' if longer > 0 else 'shorter'}"
+        theirs, ours = (_effect_on(_gain(one)) for one in (route, best))
+        current = f"the current {theirs} its speed and {ours} the best route's"
+        if self.is_still or self.lacks_current:
+            return f"because it is {length} than the best route."
+        if is_alike:
+            return f"because {current}, over the same distance."
+        if longer > 0:
+            return f"because it is {length} than the best route, and {current}."
+        return f"because {current}, although it is {length}."
+
     def lead(self) -> str:
         """Say how much more fuel the closest rival needs; empty where it needs no more."""
         rival = self.rival

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from datetime import timedelta
 from functools import partial
@@ -30,6 +30,16 @@ from pipeline.stages.places import is_shut_in
 from renew.errors import TooLateError
 from renew.inputs.options import MAX_STATIONS
 from renew.turns.turn_reach import TurnReach
+from renew.watching import Step, watched
+
+OnStep = Callable[[str, Step], None]
+"""Called with a season and a step of its plan, in the thread that plans."""
+
+
+def ignore_step(season: str, step: Step) -> None:
+    """Ignore a step."""
+    del season, step
+
 
 MIN_LATENESS_S = 3600.0
 """Minimum of the times by which turns are checked early and late in changing currents, s."""
@@ -53,16 +63,27 @@ _QUADRANT_SEGMENTS = 4
 _BUFFER_RESERVE = 1.1
 
 
-def plan_season(scene: Scene, season: str, options: PlannerOptions) -> SeasonPlan:
-    """Plan one season; if that is impossible, the result's `failure` has the reason."""
+def plan_season(
+    scene: Scene, season: str, options: PlannerOptions, on_step: OnStep = ignore_step
+) -> SeasonPlan:
+    """Plan one season; if that is impossible, the result's `failure` has the reason.
+
+    `on_step` is called with the season and each step of its plan, whose path is in lon/lat degrees.
+    """
     started = time.perf_counter()
     asked, arrive_by_s = plan_options(options, min_lateness=MIN_LATENESS_S), math.inf
     planned = partial(scene.planned, season, asked)
+
+    def tell(step: Step) -> None:
+        path = None if step.path is None else scene.projection.to_lonlat(step.path)
+        on_step(season, replace(step, path=path))
+
     try:
-        if season in scene.speeds:
-            plan, arrive_by_s = planning.planned_in_time(planned, scene, season)
-        else:
-            plan = planned(arrive_by_s)
+        with watched(tell):
+            if season in scene.speeds:
+                plan, arrive_by_s = planning.planned_in_time(planned, scene, season)
+            else:
+                plan = planned(arrive_by_s)
     except renew.PlanningError as error:
         stretch = planning.largest_stretch(scene, season) if season in scene.speeds else 1.0
         failure = planner_text(error.text, scene, season, stretch)

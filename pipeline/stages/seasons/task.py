@@ -37,7 +37,12 @@ from pipeline.model import (
 )
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.seasons.cluster import fleet
-from pipeline.stages.seasons.one_season import evaluate_season, plan_season
+from pipeline.stages.seasons.one_season import (
+    OnStep,
+    evaluate_season,
+    ignore_step,
+    plan_season,
+)
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage
 
@@ -245,7 +250,7 @@ class SeasonTask:
         return status_in_process(self)
 
 
-def plan_and_evaluate(task: SeasonTask) -> str:
+def plan_and_evaluate(task: SeasonTask, on_step: OnStep = ignore_step) -> str:
     """Plan and evaluate a season, and store both; return why it could not be planned, or ""."""
     scene = load_artefact(task.scene_path, Scene)
     if scene is None:
@@ -255,7 +260,7 @@ def plan_and_evaluate(task: SeasonTask) -> str:
         )
     plan = load_artefact(task.plan_path, SeasonPlan)
     if plan is None:
-        plan = plan_season(scene, task.season, task.options)
+        plan = plan_season(scene, task.season, task.options, on_step)
         save_artefact(task.plan_path, plan, task.owner)
     shares = gap_shares(scene, plan, task.options) if task.explains_gap else None
     worth = clock_worth(scene, plan, task.options)

@@ -20,7 +20,8 @@ from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_te
 from pipeline.scenario.via import Anchorage
 from pipeline.sources.current_field import Field
 from pipeline.stages.places import later
-from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
+from pipeline.voyage.one_line import voyage_scenario
+from pipeline.voyage.request import VoyageRequest
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)

@@ -27,7 +27,8 @@ from pipeline.run import Outcome, run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.sources.tides.station import find_station
 from pipeline.stages.tides import tidal_depths
-from pipeline.voyage.one_line import VoyageRequest, voyage_scenario
+from pipeline.voyage.one_line import voyage_scenario
+from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.sources.depth_grids import emodnet
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.formats.report import page
+from pipeline.formats.report import assets
 
-VENDOR = Path(page.__file__).parent / "vendor" / "leaflet"
+VENDOR = Path(assets.__file__).parent / "vendor" / "leaflet"
 # Hashes of npm package leaflet 1.9.4; leaflet.js without its last line, which names a source map.
 PINNED = {
     "leaflet.js": "dc71f8a6880bc3ca1bd9fa8dc5f1af48c702dc510b0a78240a07c5feed7ce935",
@@ -23,17 +23,17 @@ def test_leaflet_is_as_it_was_published(name: str, sha256: str) -> None:
 
 
 def test_the_script_has_leaflets_copyright() -> None:
-    assert "Leaflet 1.9.4" in page.script()[:200]
-    assert "(c) 2010-2023 Vladimir Agafonkin" in page.script()[:300]
+    assert "Leaflet 1.9.4" in assets.script()[:200]
+    assert "(c) 2010-2023 Vladimir Agafonkin" in assets.script()[:300]
 
 
 def test_nothing_in_the_script_can_end_its_element() -> None:
-    assert not re.search(r"</script|<!--", page.script(), re.IGNORECASE)
-    assert "\r" not in page.script()
+    assert not re.search(r"</script|<!--", assets.script(), re.IGNORECASE)
+    assert "\r" not in assets.script()
 
 
 def test_leaflets_style_is_complete_but_fetches_nothing() -> None:
-    style = page.leaflet_style()
+    style = assets.leaflet_style()
     assert "url(" not in style
     assert ".leaflet-pane" in style
     assert ".leaflet-control-zoom-in" in style

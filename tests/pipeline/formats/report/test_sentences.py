@@ -53,6 +53,23 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
     assert "needs less than 720.0; this one is within 25.0 % of that bound" in text
 
 
+def test_each_other_route_is_told_why_it_needs_more() -> None:
+    facts = SeasonFacts([BEST, TWIN, OTHER])
+    assert facts.why_dearer(BEST) == ""
+    assert facts.why_dearer(OTHER) == (
+        "because the current takes 0.10 m/s from its speed and adds 0.25 m/s to the best route's, "
+        "although it is 40.00 km shorter."
+    )
+    assert facts.why_dearer(TWIN).endswith("over the same distance.")
+    longer = replace(OTHER, length_m=1_100_000.0, duration_s=1_100_000.0)
+    assert facts.why_dearer(longer) == (
+        "because it is 100.0 km longer than the best route, and the current adds nothing to its "
+        "speed and adds 0.25 m/s to the best route's."
+    )
+    still = SeasonFacts([BEST, longer], lacks_current=True)
+    assert still.why_dearer(longer) == "because it is 100.0 km longer than the best route."
+
+
 def test_the_parts_of_a_gap_are_reported() -> None:
     text = SeasonFacts([BEST, OTHER], gap=GapShares("summer", 0.05, 0.08, 0.12)).verdict()[-1]
     assert "gap of 25.0 %, the chart's simplification, margin and offing cause 5.0 %" in text

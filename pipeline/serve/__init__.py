@@ -1,0 +1,1 @@
+"""A page and an HTTP interface on this machine, where people and programs plan voyages."""

@@ -1,0 +1,247 @@
+"""The HTTP interface and the page: what the server answers to whom the guard lets through."""
+
+import asyncio
+import contextlib
+import io
+import zipfile
+from collections.abc import AsyncIterator, Callable
+from typing import Annotated, Any
+
+from fastapi import FastAPI, Path as InPath, Query, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, JSONResponse, Response
+
+from pipeline.errors import PipelineError, RequestError, StageError
+from pipeline.scenario import catalogue
+from pipeline.serve.files import MAX_FILE_BYTES, GivenFiles, TooLargeError, too_large
+from pipeline.serve.guard import FILES, Guard, Keys, refused
+from pipeline.serve.page import REPORT_POLICY, page_files
+from pipeline.serve.plans import BusyError, Plan, Plans
+from pipeline.serve.request import PlanRequest
+from pipeline.voyage.positions import read_position
+
+_Identity = Annotated[str, InPath(pattern=r"^[0-9a-f]{32}$")]
+_TYPES = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
+# Seconds that a browser may keep a tile of the land.
+_TILE_S = 86_400
+
+
+def make_app(keys: Keys, plans: Plans, files: GivenFiles) -> FastAPI:
+    """Return the application of a server."""
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        async with plans.at_work():
+            yield
+
+    # FastAPI's own pages of documentation load scripts from elsewhere.
+    app = FastAPI(
+        title="RENEW",
+        description="Plan voyages on this machine. Send the token of the server's first address "
+        "as `Authorization: Bearer TOKEN`.",
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/api/openapi.json",
+        lifespan=lifespan,
+    )
+    app.add_middleware(Guard, keys=keys)
+    _add_errors(app)
+    _add_page(app)
+    _add_plans(app, plans, files)
+    _add_results(app, plans)
+    _add_given(app, files)
+    return app
+
+
+def _add_errors(app: FastAPI) -> None:
+    """Answer every error with `{"faults": [...]}`."""
+
+    async def invalid(_: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RequestValidationError)  # noqa: S101 - it is called with no other
+        faults = [
+            f"{'.'.join(map(str, one['loc'][1:])) or 'the body'}: {one['msg']}"
+            for one in error.errors()[:10]
+        ]
+        return JSONResponse({"faults": faults}, status_code=422)
+
+    async def failed(_: Request, error: Exception) -> Response:
+        status = next(status for kind, status in _STATUS.items() if isinstance(error, kind))
+        return JSONResponse({"faults": str(error).splitlines()}, status_code=status)
+
+    app.add_exception_handler(RequestValidationError, invalid)
+    app.add_exception_handler(PipelineError, failed)
+
+
+# The status of each error's answer, the particular ones first.
+_STATUS: dict[type[PipelineError], int] = {
+    TooLargeError: 413,
+    RequestError: 422,
+    BusyError: 429,
+    StageError: 507,
+    PipelineError: 500,
+}
+
+
+def _add_page(app: FastAPI) -> None:
+    """Serve the page, its scripts and styles, the catalogue and the land."""
+
+    def answer(content: bytes, kind: str) -> Callable[[], Response]:
+        return lambda: Response(content, media_type=kind)
+
+    for path, content in page_files().items():
+        kind = _TYPES[path.rpartition(".")[2] if "." in path else "html"]
+        app.add_api_route(path, answer(content, kind), include_in_schema=False)
+
+    @app.get("/api/catalogue")
+    def names() -> dict[str, Any]:
+        """Vessels, sources of currents and stations of the tide, by name with their titles."""
+        return {
+            "vessels": {name: catalogue.vessel(name).label for name in catalogue.names("vessels")},
+            "currents": {
+                name: found.title
+                for name in catalogue.names("sources")
+                if not isinstance(
+                    found := catalogue.source(name),
+                    catalogue.OsmLandSpec | catalogue.S57Spec | catalogue.VectorSpec,
+                )
+            },
+            "tides": list(catalogue.stations()),
+        }
+
+    @app.get("/api/position")
+    def position(text: Annotated[str, Query(max_length=200)]) -> dict[str, Any]:
+        """Where a position is that was typed as for `renew go`, degrees."""
+        try:
+            found = read_position(text)
+        except ValueError as error:
+            raise RequestError(str(error)) from None
+        return {"lon": found.lon, "lat": found.lat, "note": found.note}
+
+    @app.get("/api/land/{zoom}/{column}/{row}")
+    def land(zoom: int, column: int, row: int) -> Response:
+        """Rings of the land in a tile: x, y, x, y, ... in quarters of a pixel of 512."""
+        from pipeline.serve.land import tile  # loads for half a second
+
+        try:
+            rings = tile(zoom, column, row)
+        except IndexError:
+            return refused(404, "there is no such tile")
+        return JSONResponse(rings, headers={"cache-control": f"private, max-age={_TILE_S}"})
+
+
+def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
+    """Take, tell and cancel plans."""
+
+    @app.post("/api/plan", status_code=202)
+    async def add(request: PlanRequest) -> dict[str, Any]:
+        """Plan a voyage; the answer has the `id` by which to ask how it goes."""
+        options = await asyncio.to_thread(request.options, files)
+        return told(plans, plans.add(request, options))
+
+    @app.get("/api/plan")
+    async def every() -> list[dict[str, Any]]:
+        """All plans, the latest first, without their routes."""
+        return [_brief(one) for one in plans.all()]
+
+    @app.get("/api/plan/{identity}", response_model=None)
+    async def state(identity: _Identity) -> dict[str, Any] | Response:
+        """How a plan goes: its state, the ways found so far, and its sides when they are known."""
+        plan = plans.get(identity)
+        return _unknown() if plan is None else told(plans, plan)
+
+    @app.delete("/api/plan/{identity}", response_model=None)
+    async def cancel(identity: _Identity) -> dict[str, Any] | Response:
+        """Cancel a plan that waits or is at work."""
+        plan = plans.get(identity)
+        if plan is None:
+            return _unknown()
+        plans.cancel(plan)
+        return told(plans, plan)
+
+
+def _unknown() -> Response:
+    """Return the answer to who asks for a plan that is not known."""
+    return refused(404, "there is no such plan; the server keeps the latest ones only")
+
+
+def _brief(plan: Plan) -> dict[str, Any]:
+    """Return a plan's row in a list."""
+    return {
+        "id": plan.id,
+        "state": plan.state,
+        "name": plan.name,
+        "asked_at": plan.asked_at,
+        "request": plan.request.model_dump(mode="json"),
+    }
+
+
+def told(plans: Plans, plan: Plan) -> dict[str, Any]:
+    """Return all that is known of a plan."""
+    return {
+        **_brief(plan),
+        "command": plans.command(plan),
+        "stages": plan.stages,
+        "detail": plan.detail,
+        "notes": plan.notes,
+        "drafts": [] if plan.sides else plan.drafts,
+        "sides": plan.sides,
+        "faults": plan.faults,
+        "files": plan.files,
+        "seconds": round(plan.seconds, 2),
+        "version": plan.version,
+    }
+
+
+def _add_results(app: FastAPI, plans: Plans) -> None:
+    """Serve the files of plans that ended; their names are known, and nothing else is opened."""
+
+    @app.get("/api/plan/{identity}/files/{name}", response_model=None)
+    async def one_file(identity: _Identity, name: str) -> Response:
+        """Download one file of a plan."""
+        plan = plans.get(identity)
+        if plan is None or plan.directory is None or name not in plan.files:
+            return refused(404, "there is no such file")
+        return FileResponse(
+            plan.directory / name, media_type="application/octet-stream", filename=name
+        )
+
+    @app.get("/api/plan/{identity}/files.zip", response_model=None)
+    def all_files(identity: _Identity) -> Response:
+        """Download all files of a plan."""
+        plan = plans.get(identity)
+        if plan is None or plan.directory is None:
+            return refused(404, "the plan has no files")
+        packed = io.BytesIO()
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            for name in plan.files:
+                archive.write(plan.directory / name, f"{plan.name}/{name}")
+        kept = f'attachment; filename="{plan.name}.zip"'
+        return Response(
+            packed.getvalue(),
+            media_type="application/zip",
+            headers={"content-disposition": kept},
+        )
+
+    @app.get("/plan/{identity}/report.html", include_in_schema=False, response_model=None)
+    async def report(identity: _Identity) -> Response:
+        """Show a plan's report, shut in: its scripts reach nothing of this server."""
+        plan = plans.get(identity)
+        if plan is None or plan.directory is None or "report.html" not in plan.files:
+            return refused(404, "there is no such report")
+        return FileResponse(
+            plan.directory / "report.html",
+            media_type="text/html",
+            headers={"content-security-policy": REPORT_POLICY},
+        )
+
+
+def _add_given(app: FastAPI, files: GivenFiles) -> None:
+    """Take files: currents, charts, depths, areas, constants of the tide."""
+
+    @app.post(FILES, status_code=201)
+    async def receive(request: Request, name: Annotated[str, Query(max_length=200)]) -> Any:  # noqa: ANN401 - JSON
+        """Send a file as the body; the answer has the `id` by which a plan names it."""
+        if int(request.headers.get("content-length", "0")) > MAX_FILE_BYTES:
+            raise TooLargeError(too_large(name))
+        found = await files.receive(name, request.stream())
+        return {"id": found.id, "name": found.name, "size": found.size}

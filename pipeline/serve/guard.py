@@ -1,0 +1,196 @@
+"""Who may ask: this machine's own page or program, by the right name, with the key.
+
+Every request passes here first. What fails reaches neither a file nor a plan:
+
+- the Host must be the server's own (a foreign name that resolves to 127.0.0.1 is refused: 421);
+- a request from another page, which names its Origin or its site, is refused: 403;
+- the first address holds a token, which is exchanged for a cookie that scripts can't read and other
+  sites can't send; a program sends the token as `Authorization: Bearer`. Without: 401;
+- a body is at most 1 MB, except that of a file: 413.
+"""
+
+import secrets
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qs
+
+from starlette.datastructures import Headers
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+MAX_BODY_BYTES = 1_000_000
+"""Largest body of a request that is not a file."""
+FILES = "/api/files"
+"""The path to which files are sent; they are counted there as they come."""
+
+# Scripts, styles and data from here alone, in no frame. Leaflet's pictures are data.
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "content-security-policy": _POLICY,
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+    "cross-origin-resource-policy": "same-origin",
+    "cross-origin-opener-policy": "same-origin",
+    "cache-control": "no-store",
+}
+
+
+@dataclass(frozen=True)
+class Keys:
+    """What opens a server at a port: the token of its first address, and the cookie's value."""
+
+    port: int
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(32))
+    cookie: str = field(default_factory=lambda: secrets.token_urlsafe(32))
+
+    @property
+    def cookie_name(self) -> str:
+        """The cookie's name: cookies of all ports of a host are sent to each of them."""
+        return f"renew-{self.port}"
+
+    @property
+    def hosts(self) -> frozenset[str]:
+        """The names by which the server may be called."""
+        return frozenset(f"{name}:{self.port}" for name in ("127.0.0.1", "localhost"))
+
+    @property
+    def address(self) -> str:
+        """The first address."""
+        return f"http://127.0.0.1:{self.port}/?token={self.token}"
+
+    def opens(self, headers: Headers) -> bool:
+        """Whether a request has the cookie or the token."""
+        scheme, _, given = headers.get("authorization", "").partition(" ")
+        if scheme.lower() == "bearer":
+            return _is_same(given.strip(), self.token)
+        try:
+            cookies = SimpleCookie(headers.get("cookie", ""))
+        except CookieError:
+            return False
+        return self.cookie_name in cookies and _is_same(
+            cookies[self.cookie_name].value, self.cookie
+        )
+
+
+def _is_same(given: str, key: str) -> bool:
+    """Compare in a time that tells nothing of the key."""
+    return secrets.compare_digest(given.encode(), key.encode())
+
+
+class _TooLongError(Exception):
+    """A body is longer than allowed."""
+
+
+class Guard:
+    """Lets a request through to `app` if it may ask (see the module)."""
+
+    def __init__(self, app: ASGIApp, keys: Keys) -> None:
+        self._app, self._keys = app, keys
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        if scope["type"] != "http":  # a web socket: there is none
+            await send({"type": "websocket.close", "code": 1008})
+            return
+
+        async def say(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message = {**message, "headers": [*_with_defaults(message["headers"])]}
+            await send(message)
+
+        refusal = self._refusal(scope)
+        if refusal is not None:
+            await refusal(scope, receive, say)
+        elif scope["path"] == FILES:
+            await self._app(scope, receive, say)
+        else:
+            await self._with_body(scope, receive, say)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        """Return the answer to a request that is not let through, or to the first one."""
+        headers = Headers(scope=scope)
+        hosts = headers.getlist("host")
+        if len(hosts) != 1 or hosts[0] not in self._keys.hosts:
+            return refused(421, "this server answers to 127.0.0.1 and localhost only")
+        origins, site = headers.getlist("origin"), headers.get("sec-fetch-site", "none")
+        if any(one != f"http://{hosts[0]}" for one in origins):
+            return refused(403, "requests from other pages are refused")
+        if site not in {"same-origin", "none"}:
+            return refused(
+                403, "a link from another page is refused; paste the address into the address bar"
+            )
+        if scope["path"] == "/" and scope["method"] == "GET" and scope["query_string"]:
+            return self._exchanged(scope["query_string"])
+        if not self._keys.opens(headers):
+            return refused(
+                401, "no token: open the address that `renew serve` printed, or send its token"
+            )
+        return None
+
+    def _exchanged(self, query: bytes) -> Response:
+        """Return a cookie in exchange for the token of the first address."""
+        given = parse_qs(query.decode("latin-1")).get("token", [""])[0]
+        if not _is_same(given, self._keys.token):
+            return refused(401, "not this server's token: open the address that it printed")
+        answer = RedirectResponse("/", status_code=303)
+        answer.set_cookie(
+            self._keys.cookie_name, self._keys.cookie, httponly=True, samesite="strict", path="/"
+        )
+        return answer
+
+    async def _with_body(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on with a body that is not too long."""
+        try:
+            body = await _body(Headers(scope=scope), receive)
+        except _TooLongError:
+            text = f"the body is longer than {MAX_BODY_BYTES:,} bytes; send files to {FILES}"
+            await refused(413, text)(scope, receive, send)
+            return
+        is_read = False
+
+        async def read() -> Message:
+            nonlocal is_read
+            if is_read:
+                return await receive()  # until the client leaves
+            is_read = True
+            return {"type": "http.request", "body": body, "more_body": False}
+
+        await self._app(scope, read, send)
+
+
+async def _body(headers: Headers, receive: Receive) -> bytes:
+    """Read a body; raise _TooLongError as soon as it is too long."""
+    length = headers.get("content-length", "0")
+    if not length.isdecimal() or int(length) > MAX_BODY_BYTES:
+        raise _TooLongError
+    parts, size, more = [], 0, True
+    while more:
+        message = await receive()
+        parts.append(message.get("body", b""))
+        size += len(parts[-1])
+        if size > MAX_BODY_BYTES:
+            raise _TooLongError
+        more = message.get("more_body", False)
+    return b"".join(parts)
+
+
+def _with_defaults(headers: Iterable[tuple[bytes, bytes]]) -> Iterable[tuple[bytes, bytes]]:
+    """Return an answer's headers with those of every answer that it has not set itself."""
+    own = list(headers)
+    names = {name.lower() for name, _ in own}
+    yield from own
+    for name, value in _HEADERS.items():
+        if name.encode() not in names:
+            yield name.encode(), value.encode()
+
+
+def refused(status: int, fault: str) -> Response:
+    """Return a refusal with its reason."""
+    return JSONResponse({"faults": [fault]}, status_code=status)

@@ -1,0 +1,108 @@
+"""The world's land in tiles for the page's map: from the file of the whole world, simplified.
+
+Tiles are those of web maps: at zoom z the world is 2^z tiles wide, in Mercator's projection. A far
+view would read the outlines of continents with millions of vertices, so up to _COARSE_ZOOM land
+comes from a coarse copy, which is made once and kept in the user's cache.
+"""
+
+import struct
+import threading
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from pipeline._types import FloatArray, Geometries
+from pipeline.sources.land import osm, shapes
+
+TILE_PX = 512
+"""Pixels along each side of a tile."""
+MAX_ZOOM = 14
+"""The closest view: a pixel is some 5 m at the equator, and the coast is accurate to 60 m."""
+
+# Zoom of tiles of 512 pixels up to which the coarse copy is taken, and the coarse copy's detail,
+# degrees: half a pixel then.
+_COARSE_ZOOM, _COARSE_DEG = 4, 0.02
+# Room around a tile so that outlines along the cut are not seen, pixels; steps to a pixel.
+_ROOM_PX, _STEPS = 8, 4
+# Latitude at which the square map ends, degrees.
+_MAX_LATITUDE = 85.0511287
+# Tiles are made one at a time, so that a map that is moved leaves a core to the plans.
+_making = threading.Lock()
+
+
+@lru_cache(maxsize=512)
+def tile(zoom: int, column: int, row: int) -> tuple[tuple[int, ...], ...]:
+    """Return the rings of the land in a tile: x, y, x, y, ... in quarters of its pixels.
+
+    Holes are rings as well: fill by the even-odd rule. Raises IndexError for a tile off the map.
+    """
+    count = 2**zoom
+    if not (0 <= zoom <= MAX_ZOOM and 0 <= column < count and 0 <= row < count):
+        raise IndexError
+    with _making:
+        corner, px = np.array([column, row]) * float(TILE_PX), TILE_PX * count
+        low, high = corner - _ROOM_PX, corner + TILE_PX + _ROOM_PX
+        west, north = _degrees(low, px)
+        east, south = _degrees(high, px)
+        box = shapely.box(west, south, east, north)
+        land = shapes.clipped(shapes.repaired(*_near(box, zoom, 180 / px))[0], box)
+
+        def to_tile(points: FloatArray) -> FloatArray:
+            return np.asarray((_pixels(points, px) - corner) * _STEPS)
+
+        drawn = shapely.simplify(shapely.transform(land, to_tile), _STEPS / 2)
+        rings = shapely.get_rings(shapely.get_parts(drawn))
+        points = (np.rint(shapely.get_coordinates(ring)[:-1]).astype(int) for ring in rings)
+        return tuple(tuple(one.ravel().tolist()) for one in points if len(one) > 2)
+
+
+def _near(box: shapely.Polygon, zoom: int, least_deg: float) -> osm.NearPolygons:
+    """Return the land near a box, except what is smaller than half a pixel."""
+    if zoom > _COARSE_ZOOM:
+        return osm.polygons_near("Osm", box, least_deg)[0]
+    path = osm.cache_file("Osm")
+    coarse = None if path is None else path.with_name(f"coarse-{path.name}")
+    found = None if coarse is None else osm.read_cached(coarse, box, least_deg)
+    if found is not None:
+        return found
+    wkb = _coarse()
+    if coarse is not None:
+        _keep(coarse, wkb)
+    return osm.read_near(wkb, box, least_deg)
+
+
+def _keep(path: Path, wkb: bytes) -> None:
+    """Keep the coarse copy, unless the cache can't be written: then it is made each time."""
+    try:
+        osm.write_cached(path, wkb)
+    except OSError:
+        return
+
+
+@lru_cache(maxsize=1)
+def _coarse() -> bytes:
+    """Return the world's land with less detail, as WKB."""
+    # Up to 180 degrees itself, what ends there would come a second time from the other side.
+    world = shapely.box(-179.999, -90, 179.999, 90)
+    near = osm.polygons_near("Osm", world, least_deg=_COARSE_DEG)[0].polygons
+    parts: Geometries = shapely.get_parts(
+        shapely.make_valid(shapely.simplify(near, _COARSE_DEG, preserve_topology=False))
+    )
+    kept = parts[shapely.area(parts) > 0]
+    bodies = [shapely.to_wkb(one, byte_order=1) for one in kept]
+    return b"\x01" + struct.pack("<II", 6, len(bodies)) + b"".join(bodies)
+
+
+def _pixels(points: FloatArray, px: int) -> FloatArray:
+    """Return points (n, 2), lon/lat degrees, on a map of the world that is `px` pixels wide."""
+    lat = np.radians(np.clip(points[:, 1], -_MAX_LATITUDE, _MAX_LATITUDE))
+    y = 0.5 - np.arcsinh(np.tan(lat)) / (2 * np.pi)
+    return np.asarray(np.stack([points[:, 0] / 360 + 0.5, y], axis=1) * px)
+
+
+def _degrees(point: FloatArray, px: int) -> tuple[float, float]:
+    """Return longitude and latitude, degrees, of a point (2,) on a map `px` pixels wide."""
+    x, y = point / px
+    return 360 * (x - 0.5), float(np.degrees(np.arctan(np.sinh(np.pi * (1 - 2 * y)))))

@@ -1,0 +1,206 @@
+"""The plans of a server: asked for, waiting, at work, and ended; they outlive the page."""
+
+import asyncio
+import contextlib
+import json
+import time
+import uuid
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from pipeline.errors import PipelineError, StageError
+from pipeline.serve.request import PlanRequest, command_line
+from pipeline.serve.workers import Worker
+
+State = Literal["waiting", "running", "done", "failed", "cancelled"]
+
+# Largest number of plans that wait, and of plans that are kept, oldest first out.
+_MAX_WAITING, _MAX_KEPT = 8, 50
+# Largest number of notes that are kept of a plan, and of draft routes.
+_MAX_NOTES, _MAX_DRAFTS = 50, 40
+_LIVE = {"waiting", "running"}
+
+
+class BusyError(StageError):
+    """So many plans wait that no other is taken."""
+
+
+@dataclass
+class Plan:
+    """A plan: what was asked, and what is known of it so far.
+
+    `stages` are those begun, in order; `detail` is what happens in the last. `drafts` are the ways
+    found while it is planned, and `sides` its routes, before its `files` are written.
+    """
+
+    request: PlanRequest
+    options: Mapping[str, Any]
+    id: str = field(default_factory=lambda: uuid.uuid4().hex)
+    state: State = "waiting"
+    name: str = ""
+    stages: list[str] = field(default_factory=list)
+    detail: str = ""
+    notes: list[str] = field(default_factory=list)
+    drafts: list[list[list[float]]] = field(default_factory=list)
+    sides: dict[str, Any] | None = None
+    faults: list[str] = field(default_factory=list)
+    directory: Path | None = None
+    files: list[str] = field(default_factory=list)
+    asked_at: float = field(default_factory=time.time)
+    begun: float = 0.0
+    seconds: float = 0.0
+    version: int = 0
+
+    def take(self, event: Mapping[str, Any]) -> None:
+        """Take in an event of the worker."""
+        self.version += 1
+        self.seconds = time.monotonic() - self.begun
+        match event["event"]:
+            case "scenario":
+                self.name = event["name"]
+            case "note":
+                self._note(event["detail"])
+            case "progress":
+                self._progress(event)
+            case "step":
+                self.detail = event["detail"]
+                if event["line"] is not None and len(self.drafts) < _MAX_DRAFTS:
+                    self.drafts.append(event["line"])
+            case "sides":
+                self.sides = {key: value for key, value in event.items() if key != "event"}
+            case "failed":
+                self.fail(event["faults"])
+            case "done":
+                self.directory, self.files = Path(event["directory"]), event["files"]
+                self.faults, self.state = event["failures"], "done"
+
+    def fail(self, faults: list[str], state: State = "failed") -> None:
+        """End the plan without results."""
+        self.version += 1
+        self.state, self.faults = state, faults
+
+    def _progress(self, event: Mapping[str, Any]) -> None:
+        """Take in an event of a stage."""
+        if event["status"] == "note":
+            self._note(event["detail"])
+        elif event["status"] == "begun":
+            if event["stage"] == "fetch":  # the first one: the region is widened
+                self.stages.clear()
+                self.drafts.clear()
+            self.stages.append(event["stage"])
+            self.detail = ""
+        elif event["status"] == "part":
+            self.detail = event["detail"]
+
+    def _note(self, note: str) -> None:
+        """Keep a note, once."""
+        if note not in self.notes and len(self.notes) < _MAX_NOTES:
+            self.notes.append(note)
+
+
+class Plans:
+    """Plans voyages in some workers, in the order in which they were asked for."""
+
+    def __init__(
+        self, output: Path, *, offline: bool, workers: int, limit_s: float, memory_bytes: int
+    ) -> None:
+        self.output, self._offline, self._limit_s = output, offline, limit_s
+        self._workers = [Worker(memory_bytes) for _ in range(workers)]
+        self._plans: dict[str, Plan] = {}
+        self._waiting: asyncio.Queue[Plan] = asyncio.Queue()
+        self._work: dict[str, asyncio.Task[None]] = {}
+        self._loops: list[asyncio.Task[None]] = []
+
+    @contextlib.asynccontextmanager
+    async def at_work(self) -> AsyncIterator[None]:
+        """Take plans inside the `with` block; kill all workers at its end."""
+        self._loops = [asyncio.create_task(self._serve(worker)) for worker in self._workers]
+        try:
+            yield
+        finally:
+            for task in (*self._loops, *self._work.values()):
+                task.cancel()
+            await asyncio.gather(*(worker.kill() for worker in self._workers))
+
+    def add(self, request: PlanRequest, options: Mapping[str, Any]) -> Plan:
+        """Return a new plan, or that of the same options unless it failed.
+
+        Raises
+        ------
+        BusyError
+            Too many plans wait.
+        """
+        same = json.dumps(options, sort_keys=True)
+        for known in self._plans.values():
+            if (
+                known.state in {*_LIVE, "done"}
+                and json.dumps(known.options, sort_keys=True) == same
+            ):
+                return known
+        if sum(one.state == "waiting" for one in self._plans.values()) >= _MAX_WAITING:
+            raise BusyError(
+                f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one"
+            )
+        plan = Plan(request, options)
+        self._plans[plan.id] = plan
+        self._waiting.put_nowait(plan)
+        self._forget()
+        return plan
+
+    def get(self, identity: str) -> Plan | None:
+        """Return a plan by its id; None if it is not known."""
+        return self._plans.get(identity)
+
+    def all(self) -> tuple[Plan, ...]:
+        """Return all plans that are kept, the latest first."""
+        return tuple(reversed(self._plans.values()))
+
+    def command(self, plan: Plan) -> str:
+        """Return the command line of a plan; empty until its name is known."""
+        if not plan.name:
+            return ""
+        return command_line(plan.options, plan.name, self.output, offline=self._offline)
+
+    def cancel(self, plan: Plan) -> None:
+        """Cancel a plan that waits or is at work; one that ended stays as it is."""
+        if plan.state in _LIVE:
+            plan.fail([], "cancelled")
+            if (task := self._work.pop(plan.id, None)) is not None:
+                task.cancel()
+
+    def _forget(self) -> None:
+        """Forget the oldest plans that ended; their results stay on the disk."""
+        ended = [one.id for one in self._plans.values() if one.state not in _LIVE]
+        for identity in ended[: max(0, len(self._plans) - _MAX_KEPT)]:
+            del self._plans[identity]
+
+    async def _serve(self, worker: Worker) -> None:
+        """Plan with a worker, one plan after the other; it is started before it is needed."""
+        while True:
+            with contextlib.suppress(PipelineError):  # it is tried again by the next plan
+                await worker.start()
+            plan = await self._waiting.get()
+            if plan.state != "waiting":
+                continue
+            work = self._work[plan.id] = asyncio.create_task(self._plan(worker, plan))
+            await asyncio.wait([work])
+            self._work.pop(plan.id, None)
+
+    async def _plan(self, worker: Worker, plan: Plan) -> None:
+        """Plan with a worker; whatever happens, the plan ends."""
+        plan.state, plan.begun = "running", time.monotonic()
+        plan.version += 1
+        asked = {"options": plan.options, "output": str(self.output), "offline": self._offline}
+        try:
+            async for event in worker.plan(asked, self._limit_s):
+                plan.take(event)
+        except PipelineError as error:
+            plan.fail(str(error).splitlines())
+        except asyncio.CancelledError:
+            await worker.kill()
+            raise
+        finally:
+            if plan.state in _LIVE:
+                plan.fail(["the plan ended unexpectedly; ask for it again"])

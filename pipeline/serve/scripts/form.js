@@ -1,0 +1,205 @@
+// The form: what is asked for, as the server takes it, and the places that the map shows of it.
+
+import { ask, send } from "./api.js";
+import { button, find, make } from "./elements.js";
+
+const TEXTS = ["vessel", "speed", "length", "turning_circle", "draught", "depart", "until", "arrive_by", "clearance", "datum"];
+const UPLOADS = { given: "currents", charts: "charts", depths: "depths" };
+const STILL = "still";
+
+export class Form {
+  /** `heard` has: changed(), when the places or areas changed, and fault(lines). */
+  constructor(heard) {
+    this.heard = heard;
+    this.areas = [];
+    this.files = { currents: [], charts: [], depths: [] };
+    this.places = new Map();
+    this.listen();
+  }
+
+  async load() {
+    const { vessels, currents, tides } = await ask("/api/catalogue");
+    for (const [name, title] of Object.entries(vessels)) find("#vessel").append(make("option", { value: name }, title || name));
+    for (const [name, title] of Object.entries(currents)) find("#source").append(make("option", { value: name }, name === STILL ? "Still water" : title));
+    for (const name of tides) find("#tide").append(make("option", { value: name }, name));
+    this.showFigures();
+  }
+
+  listen() {
+    find("#vessel").addEventListener("change", () => this.showFigures());
+    for (const name of ["start", "goal"]) find(`#${name}`).addEventListener("change", () => this.located());
+    find("#add-via").addEventListener("click", () => this.addVia("").focus());
+    find("#swap").addEventListener("click", () => {
+      const [start, goal] = [find("#start"), find("#goal")];
+      [start.value, goal.value] = [goal.value, start.value];
+      const vias = this.vias().map((input) => input.value).reverse();
+      this.vias().forEach((input, i) => { input.value = vias[i]; });
+      this.located();
+    });
+    find("#add-area").addEventListener("click", () => this.typedArea());
+    for (const [id, kind] of Object.entries(UPLOADS)) {
+      find(`#${id}`).addEventListener("change", (event) => {
+        this.upload(kind, [...event.target.files]);
+        event.target.value = "";
+      });
+    }
+    const drop = find("#drop");
+    for (const target of [drop, find("#map")]) {
+      target.addEventListener("dragover", (event) => { event.preventDefault(); drop.classList.add("over"); });
+      target.addEventListener("dragleave", () => drop.classList.remove("over"));
+      target.addEventListener("drop", (event) => {
+        event.preventDefault();
+        drop.classList.remove("over");
+        this.upload("currents", [...event.dataTransfer.files]);
+      });
+    }
+  }
+
+  showFigures() {
+    find("#figures").hidden = find("#vessel").value !== "";
+  }
+
+  vias() {
+    return [...document.querySelectorAll("#vias input")];
+  }
+
+  addVia(text) {
+    const input = make("input", { value: text, autocomplete: "off", spellcheck: false });
+    const row = make("li", {}, input, button("Remove", () => { row.remove(); this.located(); }));
+    input.addEventListener("change", () => this.located());
+    find("#vias").append(row);
+    this.number();
+    return input;
+  }
+
+  number() {
+    this.vias().forEach((input, i) => {
+      input.setAttribute("aria-label", `Point ${i + 1} on the way`);
+      input.nextElementSibling.setAttribute("aria-label", `Remove point ${i + 1}`);
+    });
+  }
+
+  /** The fields of places, by the names that their pins have. */
+  fields() {
+    return new Map([["Start", find("#start")], ...this.vias().map((input, i) => [`Point ${i + 1}`, input]), ["Goal", find("#goal")]]);
+  }
+
+  /** Ask where the typed places are, and show them. */
+  async located() {
+    this.number();
+    const asked = (this.asking = (this.asking || 0) + 1);
+    const found = new Map();
+    for (const [name, input] of this.fields()) {
+      input.removeAttribute("aria-invalid");
+      if (!input.value.trim()) continue;
+      try {
+        found.set(name, await ask(`/api/position?text=${encodeURIComponent(input.value)}`));
+      } catch {
+        input.setAttribute("aria-invalid", "true");
+      }
+    }
+    if (asked !== this.asking) return;
+    this.places = found;
+    this.heard.changed();
+  }
+
+  /** Pins for the map: [name, letter, lat, lon]. */
+  pins() {
+    return [...this.places].map(([name, { lat, lon }]) => [name, name.startsWith("Point") ? name.slice(6) : name[0], lat, lon]);
+  }
+
+  /** Set a place by a click: what is still missing first. */
+  click(text) {
+    const name = !find("#start").value ? "Start" : !find("#goal").value ? "Goal" : "";
+    if (name) this.set(name, text);
+    else this.addVia(text);
+    return this.located();
+  }
+
+  set(name, text) {
+    const field = this.fields().get(name);
+    // An anchorage's hours stay with it.
+    field.value = `${text}${(field.value.match(/ wait .*/) || [""])[0]}`;
+  }
+
+  addArea(ring) {
+    this.areas.push(ring);
+    this.showAreas();
+    this.heard.changed();
+  }
+
+  typedArea() {
+    const ring = find("#corners").value.split(";").filter((one) => one.trim()).map((one) => one.split(",").map(Number));
+    if (ring.length < 3 || ring.some((corner) => corner.length !== 2 || !corner.every(Number.isFinite))) {
+      this.heard.fault(["An area needs three corners or more, longitude first: 118,9; 119,9; 118.5,10"]);
+      return;
+    }
+    find("#corners").value = "";
+    this.addArea(ring);
+  }
+
+  showAreas() {
+    find("#areas").replaceChildren(...this.areas.map((ring, i) => make("li", {},
+      make("span", {}, `Area ${i + 1}: ${ring.length} corners`),
+      button("Remove", () => { this.areas.splice(i, 1); this.showAreas(); this.heard.changed(); }, { "aria-label": `Remove area ${i + 1}` }))));
+  }
+
+  async upload(kind, files) {
+    for (const file of files) {
+      const entry = { name: file.name, id: "", size: file.size };
+      if (kind !== "currents") this.files[kind].length = 0;
+      this.files[kind].push(entry);
+      this.showFiles();
+      try {
+        entry.id = (await send(file)).id;
+      } catch (error) {
+        this.files[kind].splice(this.files[kind].indexOf(entry), 1);
+        this.heard.fault(error.faults || [String(error)]);
+      }
+      this.showFiles();
+    }
+  }
+
+  showFiles() {
+    const rows = (kind) => this.files[kind].map((entry, i) => make("li", {},
+      make("span", { dir: "auto" }, `${kind === "currents" ? "" : `${kind}: `}${entry.name}${entry.size ? `, ${(entry.size / 1e6).toFixed(1)} MB` : ""}${entry.id ? "" : " (being sent)"}`),
+      button("Remove", () => { this.files[kind].splice(i, 1); this.showFiles(); }, { "aria-label": `Remove ${entry.name}` })));
+    find("#files").replaceChildren(...rows("currents"));
+    find("#charted").replaceChildren(...rows("charts"), ...rows("depths"));
+    find("#source").disabled = this.files.currents.length > 0;
+  }
+
+  /** The request, as the server takes it. */
+  read() {
+    const value = (id) => find(`#${id}`).value.trim();
+    const ids = (kind) => this.files[kind].map((one) => one.id).filter(Boolean);
+    const request = { start: value("start"), goal: value("goal"), via: this.vias().map((input) => input.value.trim()).filter(Boolean), areas: this.areas };
+    for (const name of TEXTS) if (value(name)) request[name] = value(name);
+    if (request.vessel) for (const name of ["speed", "length", "turning_circle"]) delete request[name];
+    request.month = value("month").split(/[\s,]+/).filter(Boolean);
+    request.currents = ids("currents").length ? ids("currents") : [value("source")].filter(Boolean);
+    request.tide = [value("tide")].filter(Boolean);
+    for (const kind of ["charts", "depths"]) if (ids(kind).length) [request[kind]] = ids(kind);
+    return request;
+  }
+
+  /** Fill the form with an earlier request. */
+  write(request) {
+    for (const name of ["start", "goal", ...TEXTS]) find(`#${name}`).value = request[name] || "";
+    find("#vias").replaceChildren();
+    for (const text of request.via) this.addVia(text);
+    find("#month").value = request.month.join(", ");
+    find("#tide").value = request.tide[0] || "";
+    const known = new Set([...find("#source").options].map((one) => one.value));
+    find("#source").value = request.currents.find((one) => known.has(one)) || "";
+    const named = (id) => ({ name: `file ${id}`, id, size: 0 });
+    this.files.currents = request.currents.filter((one) => !known.has(one)).map(named);
+    this.files.charts = request.charts ? [named(request.charts)] : [];
+    this.files.depths = request.depths ? [named(request.depths)] : [];
+    this.areas = request.areas;
+    this.showFiles();
+    this.showAreas();
+    this.showFigures();
+    return this.located();
+  }
+}

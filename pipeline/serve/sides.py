@@ -1,0 +1,102 @@
+"""What the page shows of a plan: the routes of each season, best first, and why to take which."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import shapely
+
+from pipeline._types import FloatArray
+from pipeline.formats.report.season import season_facts
+from pipeline.formats.shared.note_words import note_texts
+from pipeline.formats.shared.result import RankedRoute, RunResult, addressed
+from pipeline.formats.shared.text import capitalised, json_value
+from pipeline.geo.lonlat import METRES_PER_DEGREE
+
+# Largest distance of a drawn line from the route, as a share of the route's longer side: half a
+# pixel on a map of 2,000 pixels.
+_DETAIL = 1 / 4000
+# Decimals of drawn positions, degrees: about 1 m.
+_DECIMALS = 5
+
+
+def drawn(path: FloatArray) -> list[list[float]]:
+    """Return a path (n, 2), lon/lat degrees, with as many points as a map shows."""
+    line = shapely.LineString(path)
+    west, south, east, north = line.bounds
+    detail = max(east - west, north - south, 1 / METRES_PER_DEGREE) * _DETAIL
+    points = shapely.get_coordinates(shapely.simplify(line, detail))
+    shown: list[list[float]] = np.round(points, _DECIMALS).tolist()
+    return shown
+
+
+def sides(result: RunResult) -> dict[str, Any]:
+    """Return each season's routes with their figures and sentences, ready for JSON.
+
+    Lengths and distances are in true metres, durations in seconds. The first route by each passage
+    of the main island is marked as a side's best one. `gap` is a share, None where none is proven.
+    `warnings` tell which currents stand in for others.
+    """
+    stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
+    return dict(
+        json_value(
+            {
+                "name": result.scenario.name,
+                "title": result.scenario.title,
+                "no_go": result.fetched.land.no_go_name,
+                "seasons": [
+                    {
+                        "name": entry.season,
+                        "title": result.season_title(entry.season),
+                        "failure": entry.failure,
+                        "routes": list(_routes(result, entry.season)),
+                    }
+                    for entry in result.plans
+                ],
+                "warnings": [capitalised(one) for one in note_texts(stand_ins)],
+                "unknown": note_texts(result.unknowns),
+                "notes": [capitalised(one) for one in note_texts(result.fetched.notes)],
+            }
+        )
+    )
+
+
+def _routes(result: RunResult, season: str) -> Iterator[dict[str, Any]]:
+    """Yield the routes of a season, best first."""
+    ranked = result.season_routes(season)
+    facts = season_facts(result, [one.metrics for one in ranked])
+    passed: set[str] = set()
+    for one in ranked:
+        row = one.metrics
+        because = "" if facts is None else facts.because() if one.rank == 1 else ""
+        if facts is not None and one.rank > 1:
+            because = facts.why_dearer(row)
+        yield {
+            **_figures(result, one),
+            "excess": row.fuel / ranked[0].metrics.fuel - 1,
+            "because": because,
+            "certainty": facts.certainty() if facts is not None and one.rank == 1 else "",
+            "is_side": row.main_passage not in passed,
+        }
+        passed.add(row.main_passage)
+
+
+def _figures(result: RunResult, ranked: RankedRoute) -> dict[str, Any]:
+    """Return a route's figures and its line."""
+    row = ranked.metrics
+    passage = result.scenario.passage(row.season, round(row.duration_s))
+    return {
+        "rank": row.rank,
+        "way": row.way,
+        "side": row.main_passage,
+        "fuel": row.fuel,
+        "length_m": row.length_m,
+        "duration_s": row.duration_s,
+        "clearance_m": row.clearance_m,
+        "gap": None if result.lacks_current(row.season) else row.optimality_gap,
+        "trials": row.trials,
+        "collisions": row.collisions,
+        "departure": passage[0].isoformat() if passage else None,
+        "arrival": passage[1].isoformat() if passage else None,
+        "line": drawn(result.scene.projection.to_lonlat(np.asarray(ranked.route.path))),
+    }

@@ -1,0 +1,135 @@
+"""Start the server: open a port of this machine, print the first address, answer until Ctrl-C."""
+
+import contextlib
+import socket
+import webbrowser
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import uvicorn
+
+from pipeline.errors import RequestError
+from pipeline.machine.interpreters import cores
+from pipeline.machine.paths import folder_to_write
+from pipeline.serve.app import make_app
+from pipeline.serve.files import GivenFiles
+from pipeline.serve.guard import Keys
+from pipeline.serve.plans import Plans
+
+HOST = "127.0.0.1"
+"""The one address that the server listens at: nobody else's machine reaches it."""
+USUAL_PORT = 8137
+"""The port where none is asked for, if it is free."""
+# Folder, inside the output folder, of the files that the page is given.
+_GIVEN = ".given"
+# Connections at a time: a browser opens six; more are refused with 503.
+_MAX_CONNECTIONS = 200
+# Seconds that answers in progress have at the end.
+_GRACE_S = 2
+_GB = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """A plan's limits: time, s, and memory, GB; and how many are planned at a time."""
+
+    seconds: float = 600.0
+    memory_gb: float = 4.0
+    workers: int = 0
+
+    @property
+    def processes(self) -> int:
+        """Number of workers; 0 asks for two, or one where there is one core."""
+        return self.workers or min(2, cores())
+
+
+def serve(
+    output: Path,
+    *,
+    port: int | None = None,
+    offline: bool = False,
+    limits: Limits | None = None,
+    on_ready: Callable[[str], None],
+    opens: bool = False,
+) -> None:
+    """Serve the page until the process is stopped.
+
+    Parameters
+    ----------
+    output
+        Folder of all results, as of `renew go`.
+    port
+        Port of 127.0.0.1; by default USUAL_PORT, or any free one if it is taken.
+    offline
+        Use no source of currents that needs the network.
+    limits
+        Of the plans.
+    on_ready
+        Called with the first address once the server answers.
+    opens
+        Whether to open that address in the user's browser.
+
+    Raises
+    ------
+    RequestError
+        The port is taken, or `output` can't be a folder.
+    """
+    output, limits = folder_to_write(output, "--output"), limits or Limits()
+    with _listening(port) as opened:
+        keys = Keys(opened.getsockname()[1])
+        plans = Plans(
+            output,
+            offline=offline,
+            workers=limits.processes,
+            limit_s=limits.seconds,
+            memory_bytes=round(limits.memory_gb * _GB),
+        )
+        app = make_app(keys, plans, GivenFiles(output / _GIVEN))
+        config = uvicorn.Config(
+            app,
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            limit_concurrency=_MAX_CONNECTIONS,
+            timeout_graceful_shutdown=_GRACE_S,
+        )
+        server = _Server(config, lambda: _say(keys.address, on_ready, opens=opens))
+        server.run(sockets=[opened])
+
+
+class _Server(uvicorn.Server):
+    """A server that says when it answers."""
+
+    def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._on_ready = on_ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to answer."""
+        await super().startup(sockets=sockets)
+        self._on_ready()
+
+
+def _say(address: str, on_ready: Callable[[str], None], *, opens: bool) -> None:
+    """Tell the first address, and open it if asked to."""
+    on_ready(address)
+    if opens:
+        webbrowser.open(address)
+
+
+@contextlib.contextmanager
+def _listening(port: int | None) -> Iterator[socket.socket]:
+    """Open a port of this machine."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as opened:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            opened.bind((HOST, USUAL_PORT if port is None else port))
+        except OSError as error:
+            if port is not None:
+                raise RequestError(
+                    f"--port = {port} can't be opened ({error.strerror}); choose another one, or "
+                    "leave it out for any that is free"
+                ) from error
+            opened.bind((HOST, 0))
+        yield opened

@@ -1,0 +1,132 @@
+"""A process that plans: it loads everything first, then takes one voyage after the other.
+
+Requests come on standard input, a line of JSON each; events go to standard output in the same form.
+It opens the files that the page was given, so it has a limit of memory, and the server kills it
+when a plan takes too long or is cancelled. It ends with the server, whose end closes its input.
+"""
+
+import json
+import os
+import queue
+import resource
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import PipelineError, one_line
+from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.text import json_value
+from pipeline.machine.interpreters import seldom_collecting
+from pipeline.run import Event
+from pipeline.scenario.model import Scenario
+from pipeline.serve.request import with_paths
+from pipeline.serve.sides import drawn, sides
+from pipeline.sources.copernicus.client import without_secrets
+from pipeline.stages.write import load_libraries
+from pipeline.voyage.one_line import run_voyage, voyage_scenario
+from pipeline.voyage.request import VoyageRequest
+from renew.watching import Step
+
+Tell = Callable[[Mapping[str, Any]], None]
+
+# What is said of each kind of step of a plan.
+_STEPS = {
+    "class": "another way round",
+    "padding": "padding grows, for room to turn",
+    "path": "a way is found",
+}
+# Digits of the hash that tells results of different requests between the same positions apart.
+_DIGITS = 6
+
+
+def main() -> None:
+    """Plan the voyages of standard input, within as many bytes of memory as the argument says."""
+    limit = int(sys.argv[1])
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+    answers, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answers
+    writing = threading.Lock()
+
+    def tell(fields: Mapping[str, Any]) -> None:
+        with writing:
+            answers.write(json.dumps(json_value(dict(fields)), allow_nan=False) + "\n")
+            answers.flush()
+
+    asked: queue.SimpleQueue[str] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(asked,), daemon=True).start()
+    with seldom_collecting():
+        load_libraries()
+        tell({"event": "ready"})
+        while True:
+            _plan(json.loads(asked.get()), tell)
+
+
+def _listen(asked: "queue.SimpleQueue[str]") -> None:
+    """Take requests; end this process, whatever it does, when there are no more to come."""
+    for line in sys.stdin:
+        asked.put(line)
+    os._exit(0)
+
+
+def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
+    """Plan a voyage as `renew go` does, and tell how it goes."""
+    try:
+        scenario, notes = _scenario(asked["options"])
+        tell({"event": "scenario", "name": scenario.name, "title": scenario.title})
+        for note in notes:
+            tell({"event": "note", "detail": note})
+
+        def on_result(result: RunResult) -> None:
+            tell({"event": "sides", **sides(result)})
+
+        outcome = run_voyage(
+            scenario,
+            Path(asked["output"]),
+            offline=asked["offline"],
+            strict=False,
+            on_event=lambda event: tell(_event(event)),
+            on_step=lambda _, step: tell(_step(step)),
+            on_result=on_result,
+        )
+    except PipelineError as error:
+        tell({"event": "failed", "faults": without_secrets(str(error)).splitlines()})
+    except Exception as error:  # noqa: BLE001 - the server tells it, and takes the next request
+        tell({"event": "failed", "faults": [without_secrets(one_line(error))]})
+    else:
+        files = sorted(one.name for one in outcome.directory.iterdir() if one.is_file())
+        directory, failures = str(outcome.directory), outcome.failures
+        tell({"event": "done", "directory": directory, "files": files, "failures": failures})
+
+
+def _scenario(options: Mapping[str, Any]) -> tuple[Scenario, tuple[str, ...]]:
+    """Return the scenario of a request, and notes.
+
+    A hash is added to its name, so that the results of one request never replace those of another.
+    """
+    scenario, notes = voyage_scenario(VoyageRequest.of_options(with_paths(options)))
+    digest = sha256(json.dumps(options, sort_keys=True).encode()).hexdigest()[:_DIGITS]
+    scenario = scenario.model_copy(update={"name": f"{scenario.name[: 63 - _DIGITS]}-{digest}"})
+    return (scenario.explaining_gap() if options.get("explain_gap") else scenario), notes
+
+
+def _event(event: Event) -> Mapping[str, Any]:
+    """Return an event of a run as the page takes it."""
+    return {
+        "event": "progress",
+        "stage": event.stage,
+        "status": event.status,
+        "season": event.season,
+        "detail": without_secrets(event.detail),
+    }
+
+
+def _step(step: Step) -> Mapping[str, Any]:
+    """Return a step of a plan as the page takes it."""
+    line = None if step.path is None else drawn(step.path)
+    return {"event": "step", "detail": _STEPS[step.kind], "line": line}
+
+
+if __name__ == "__main__":
+    main()

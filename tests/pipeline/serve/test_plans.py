@@ -1,0 +1,204 @@
+"""Plans over real HTTP: the same routes as on the command line; limits, cancelling, and death."""
+
+from __future__ import annotations
+
+import io
+import os
+import shlex
+import signal
+import subprocess
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.serve.page import REPORT_POLICY
+from tests.pipeline.processes import descendants, ends_within, renew, wait_until
+from tests.pipeline.serve.client import LONG, VOYAGE, Server, serving
+
+AREA = [[-40.06, 35.01], [-40.04, 35.01], [-40.04, 35.03]]
+
+
+def memory_bytes(process_id: int) -> int:
+    """Resident memory of a process and all that it started."""
+    page = os.sysconf("SC_PAGE_SIZE")
+    total = 0
+    for one in (process_id, *descendants(process_id)):
+        total += int(Path(f"/proc/{one}/statm").read_text().split()[1]) * page
+    return total
+
+
+def workers(server: Server) -> set[int]:
+    """Ids of the server's worker processes."""
+    return {
+        one
+        for one in descendants(server.process.pid)
+        if "pipeline.serve.worker" in Path(f"/proc/{one}/cmdline").read_text()
+    }
+
+
+def running(server: Server, identity: str) -> bool:
+    """Whether a plan is at work, and not merely begun."""
+    return bool(server.state(identity)["stages"])
+
+
+def answered(server: Server) -> str:
+    """What a worker answers to a voyage that it can't plan: there is one that works."""
+    return " ".join(server.ended(server.begin({**VOYAGE, "start": "nowhere"}))["faults"])
+
+
+@pytest.fixture(scope="module")
+def planned(server: Server) -> dict[str, Any]:
+    """The voyage of seconds, around a shut area, when it has been planned."""
+    return server.ended(server.begin({**server.island(), "areas": [AREA]}))
+
+
+def test_a_plan_tells_its_sides_and_why(server: Server, planned: dict[str, Any]) -> None:
+    assert (planned["state"], planned["faults"]) == ("done", [])
+    (season,) = planned["sides"]["seasons"]
+    best, other = (one for one in season["routes"] if one["is_side"])
+    assert best["side"] != other["side"]
+    assert best["excess"] == 0 < other["excess"]
+    for route in (best, other):
+        assert route["because"].startswith("because ")
+        assert route["clearance_m"] > 0
+        assert route["duration_s"] == pytest.approx(route["length_m"] / (8 * 1852 / 3600), rel=2e-3)
+        assert route["line"][0] == pytest.approx([-40.06, 35.0], abs=1e-4)
+        assert route["line"][-1] == pytest.approx([-39.94, 35.0], abs=1e-4)
+    assert planned["stages"][-1] == "write"
+    assert server.state(planned["id"])["request"] == planned["request"]
+
+
+def test_the_command_line_gives_the_same_routes_byte_for_byte(
+    server: Server, planned: dict[str, Any], tmp_path: Path
+) -> None:
+    program, go, *options = shlex.split(planned["command"])
+    assert (program, go) == ("renew", "go")
+    options[options.index("--output") + 1] = str(tmp_path)
+    subprocess.run(renew("go", *options), check=True, capture_output=True, timeout=300)
+    ours, theirs = server.output / planned["name"], tmp_path / planned["name"]
+    assert sorted(one.name for one in theirs.iterdir()) == planned["files"]
+    compared = [*theirs.glob("*.geojson"), theirs / "metrics.csv", *theirs.glob("*.waypoints")]
+    assert len(compared) == 3
+    for file in compared:
+        assert (ours / file.name).read_bytes() == file.read_bytes(), file.name
+
+
+def test_files_are_downloaded_as_they_are_and_the_report_is_shut_in(
+    server: Server, planned: dict[str, Any]
+) -> None:
+    folder = server.output / planned["name"]
+    archive = server.ask("GET", f"/api/plan/{planned['id']}/files.zip")
+    with zipfile.ZipFile(io.BytesIO(archive.content)) as packed:
+        assert sorted(packed.namelist()) == [f"{planned['name']}/{one}" for one in planned["files"]]
+    for name in planned["files"]:
+        answer = server.ask("GET", f"/api/plan/{planned['id']}/files/{name}")
+        assert answer.content == (folder / name).read_bytes()
+        assert answer.headers["content-disposition"].startswith("attachment")
+    report = server.ask("GET", f"/plan/{planned['id']}/report.html")
+    assert report.content == (folder / "report.html").read_bytes()
+    assert report.headers["content-security-policy"] == REPORT_POLICY
+    assert "allow-same-origin" not in REPORT_POLICY
+    secret = server.output / "secret.txt"
+    secret.write_text("secret")
+    for name in ("../secret.txt", "..%2fsecret.txt", "secret.txt", "%2e%2e/secret.txt"):
+        assert server.ask("GET", f"/api/plan/{planned['id']}/files/{name}").status == 404
+
+
+def test_the_same_request_is_planned_once(server: Server, planned: dict[str, Any]) -> None:
+    assert server.begin({**server.island(), "areas": [AREA]}) == planned["id"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"goal": "35.0N 40.0W"}, "lies"),  # on the island
+        ({"start": "nowhere"}, "nowhere"),
+        ({"currents": [], "month": ["2024-13"]}, "2024-13"),
+        ({"speed": "fast"}, "fast"),
+    ],
+)
+def test_wrong_input_is_told(server: Server, change: dict[str, Any], said: str) -> None:
+    plan = server.ended(server.begin({**server.island(), **change}))
+    assert plan["state"] == "failed"
+    assert said in " ".join(plan["faults"])
+    assert plan["sides"] is None
+
+
+def test_a_file_that_is_no_file_of_currents_is_told(server: Server) -> None:
+    rubbish = server.give(b"\x89HDF\r\n\x1a\n" + bytes(1000), "rubbish.nc")
+    plan = server.ended(server.begin({**VOYAGE, "currents": [rubbish], "month": ["2024-07"]}))
+    assert plan["state"] == "failed"
+    assert "rubbish.nc" in " ".join(plan["faults"])
+
+
+def test_a_plan_is_cancelled_and_its_process_ends(server: Server) -> None:
+    identity = server.begin(LONG)
+    waiting = server.begin({**LONG, "goal": "116.81,7.70"})
+    wait_until(lambda: running(server, identity))
+    (worker,) = workers(server)
+    for one in (waiting, identity):
+        assert server.ask("DELETE", f"/api/plan/{one}").json["state"] == "cancelled"
+    assert ends_within(worker, 5)
+    assert "nowhere" in answered(server)
+    assert server.state(waiting)["state"] == "cancelled"
+
+
+def test_a_plan_that_ended_is_not_cancelled(server: Server, planned: dict[str, Any]) -> None:
+    assert server.ask("DELETE", f"/api/plan/{planned['id']}").json["state"] == "done"
+
+
+def test_a_worker_that_is_killed_fails_its_plan_alone(server: Server) -> None:
+    identity = server.begin({**LONG, "goal": "116.82,7.70"})
+    wait_until(lambda: running(server, identity))
+    (worker,) = workers(server)
+    os.kill(worker, signal.SIGKILL)
+    plan = server.ended(identity)
+    assert plan["state"] == "failed"
+    assert "ended with code -9" in plan["faults"][0]
+    assert "nowhere" in answered(server)
+
+
+def test_a_thousand_plans_at_once_are_refused_but_for_a_few(server: Server) -> None:
+    def ask(number: int) -> tuple[int, Any]:
+        answer = server.ask("POST", "/api/plan", {**LONG, "goal": f"116.83,{7.7 + number / 1e4}"})
+        return answer.status, answer.json if answer.status in {202, 429} else None
+
+    with ThreadPoolExecutor(100) as pool:
+        answers = list(pool.map(ask, range(1000)))
+    taken = [told["id"] for status, told in answers if status == 202]
+    assert 1 <= len(taken) <= 9  # one at work, eight that wait
+    assert {status for status, _ in answers} <= {202, 429, 503}
+    assert server.ask("GET", "/").status == 200
+    assert memory_bytes(server.process.pid) < 1.5e9
+    for identity in taken:
+        server.ask("DELETE", f"/api/plan/{identity}")
+    assert {server.state(one)["state"] for one in taken} == {"cancelled"}
+
+
+def test_a_plan_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
+    with serving(tmp_path / "outputs", "--workers", "1", "--limit", "1") as server:
+        plan = server.ended(server.begin(LONG))
+        assert plan["state"] == "failed"
+        assert "longer than 1 s" in plan["faults"][0]
+        left = workers(server)
+        server.process.send_signal(signal.SIGINT)
+        assert server.process.wait(10) == 130
+        assert all(ends_within(one, 5) for one in left)
+
+
+def test_workers_end_with_a_server_that_is_killed(tmp_path: Path) -> None:
+    with serving(tmp_path / "outputs", "--workers", "1") as server:
+        wait_until(lambda: workers(server))
+        left = workers(server)
+        server.process.kill()
+        assert all(ends_within(one, 10) for one in left)
+
+
+def test_a_port_that_is_taken_is_told(server: Server) -> None:
+    command = renew("serve", "--port", str(server.port))
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert f"--port = {server.port} can't be opened" in done.stderr
