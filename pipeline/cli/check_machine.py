@@ -2,7 +2,6 @@
 
 import os
 import platform
-import re
 import resource
 import shutil
 import sys
@@ -14,6 +13,9 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
+
+import psutil
+from packaging.requirements import Requirement
 
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.paths import folder_to_write
@@ -84,29 +86,17 @@ def clock() -> Finding:
 
 def memory() -> Finding:
     """Check the memory that a run can use: the least of free memory and limits."""
-    limits = {"free": _free_memory(), "limit of the control group": _group_memory()}
+    free = float(psutil.virtual_memory().available)
+    limits = {"free": free, "limit of the control group": _group_memory()}
     for name, kind in (("ulimit -v", resource.RLIMIT_AS), ("ulimit -d", resource.RLIMIT_DATA)):
         soft = resource.getrlimit(kind)[0]
         limits[name] = None if soft == resource.RLIM_INFINITY else float(soft)
     known = {name: least for name, least in limits.items() if least is not None}
-    if not known:
-        return Finding("warning", "memory", "not known on this system", "provide 2 GB of memory")
     name = min(known, key=lambda key: known[key])
     text = f"{known[name] / 1e9:.1f} GB ({name})"
     if known[name] < _GOOD_MEMORY:
         return Finding("warning", "memory", text, "large regions need up to 2 GB")
     return Finding("ok", "memory", text)
-
-
-def _free_memory() -> float | None:
-    """Return the memory that the kernel can give to a new process, bytes; None if unknown."""
-    try:
-        found = re.search(
-            r"^MemAvailable:\s*(\d+) kB", Path("/proc/meminfo").read_text(), re.MULTILINE
-        )
-    except OSError:
-        return None
-    return 1024.0 * int(found[1]) if found else None
 
 
 def _group_memory() -> float | None:
@@ -210,37 +200,24 @@ def libraries() -> Finding:
     """Check that the required libraries are installed in the required versions."""
     what = "libraries"
     try:
-        requirements = distribution(_DISTRIBUTION).requires or []
+        requirements = [Requirement(one) for one in distribution(_DISTRIBUTION).requires or ()]
     except PackageNotFoundError:
         return Finding("warning", what, f"{_DISTRIBUTION} is not installed", "run `pip install .`")
     found, wrong = [], []
     for requirement in requirements:
-        name, least = _name_and_least(requirement)
-        if "extra ==" in requirement:
+        if requirement.marker is not None and not requirement.marker.evaluate():
             continue
         try:
-            found.append(f"{name} {version(name)}")
+            installed = version(requirement.name)
         except PackageNotFoundError:
-            wrong.append(f"{name} is missing")
+            wrong.append(f"{requirement.name} is missing")
             continue
-        if _numbers(version(name)) < _numbers(least):
-            wrong.append(f"{found[-1]} is older than {least}")
+        found.append(f"{requirement.name} {installed}")
+        if not requirement.specifier.contains(installed, prereleases=True):
+            wrong.append(f"{found[-1]} is not {requirement.specifier}")
     if wrong:
         return Finding("fault", what, "; ".join(wrong), "install the versions in requirements.lock")
     return Finding("ok", what, ", ".join(found))
-
-
-def _name_and_least(requirement: str) -> tuple[str, str]:
-    """Return the name of a required distribution, and its lowest version."""
-    name = re.match(r"[A-Za-z0-9._-]+", requirement)
-    least = re.search(r">=?\s*([\d.]+)", requirement.partition(";")[0])
-    return name[0] if name else requirement, least[1] if least else "0"
-
-
-def _numbers(release: str) -> tuple[int, ...]:
-    """Return a version as comparable numbers: (2, 10, 1) for 2.10.1rc1."""
-    found = re.match(r"\d+(\.\d+)*", release)
-    return tuple(int(part) for part in found[0].split(".")) if found else ()
 
 
 def projections() -> Finding:

@@ -186,8 +186,6 @@ def reported_errors() -> Iterator[None]:
 
 def _unexpected(error: Exception) -> str:
     """Return one line of JSON about an unexpected error."""
-    from pipeline.cli.failures import program_version
-
     frames = traceback.extract_tb(error.__traceback__)[-_FRAMES:]
     fields = {
         "error": "unexpected",

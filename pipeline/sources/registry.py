@@ -191,13 +191,7 @@ class EmbeddedTable(CurrentSource):
             raise StageError(self.uncovered_reason(region, season))
         entry = self.spec.seasons[part]
         lon, lat, u, v = self._grid(part)
-        credit = Credit(
-            name=self.spec.title,
-            kind="current",
-            text=entry.credit,
-            licence=entry.licence,
-            url=entry.url,
-        )
+        credit = Credit(self.spec.title, "current", entry.credit, entry.licence, entry.url)
         mask = LandMask.of(land.polygons, region.bounds)
         lacking = water_without_data(Field(lon, lat, u, v), mask, region)
         notes = (lacking.note,) if lacking else ()
@@ -267,11 +261,6 @@ class StillWater(CurrentSource):
         """Return its name, as it never changes."""
         del season
         return (self.spec.name,)
-
-    def uncovered_reason(self, region: Polygon, season: Season) -> str:
-        """Return "", as still water covers everything."""
-        del region, season
-        return ""
 
     def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
         """Return all of the region's bounds."""

@@ -11,8 +11,7 @@ from shapely import MultiPolygon, Polygon
 
 from renew._types import FloatArray, IntArray
 from renew.errors import ParameterError, as_floats, check_kind, is_finite, shown
-from renew.inputs.relied_on_tide import ReliedOnTide
-from renew.inputs.shut_areas import ShutArea, TidalArea, check_area
+from renew.inputs.shut_areas import ReliedOnTide, ShutArea, TidalArea, check_area
 from renew.inputs.tide import Tide
 
 Schedules: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]

@@ -52,11 +52,6 @@ class _Request:
         """The request as the sidecar has it."""
         return {**self.arguments, "version": self.version, "times": list(self.steps.labels)}
 
-    @property
-    def fingerprint(self) -> str:
-        """Short hash of the request, for the file's name."""
-        return hashlib.sha256(json.dumps(self.record).encode()).hexdigest()[:12]
-
 
 @dataclass(frozen=True)
 class Copernicus(CurrentSource):
@@ -192,7 +187,8 @@ class Copernicus(CurrentSource):
         request = self._request(region, season)
         labels = request.steps.labels
         valid = season.valid.replace(":", "") or f"{labels[0]}_{labels[-1]}"
-        return CachedDownload(folder / f"{self.spec.dataset}_{valid}_{request.fingerprint}.nc")
+        fingerprint = hashlib.sha256(json.dumps(request.record).encode()).hexdigest()[:12]
+        return CachedDownload(folder / f"{self.spec.dataset}_{valid}_{fingerprint}.nc")
 
     def select_steps(self, season: Season) -> SelectedSteps:
         """Select the time steps of the season's fields; ValueError where there can be none."""
