@@ -95,6 +95,8 @@ class Desk {
       const plan = await ask("/api/plan", "POST", JSON.stringify(this.form.read()));
       this.asked = { id: plan.id, at: asked };
       history.replaceState(null, "", `#${plan.id}`);
+      // On a phone the outcome is far below the button.
+      if (find("#outcome").getBoundingClientRect().top > innerHeight) find("#outcome").scrollIntoView();
       await this.watch(plan);
     } catch (error) {
       this.fault(error.faults || [String(error)]);
@@ -164,7 +166,7 @@ class Desk {
     find("#sides").replaceChildren(...(plan.sides ? sideCards(plan.sides) : []));
     const warnings = plan.sides ? plan.sides.warnings : [];
     find("#warnings").hidden = !warnings.length;
-    find("#warnings").replaceChildren(...warnings.map((one) => make("p", { dir: "auto" }, `${one}.`)));
+    find("#warnings").replaceChildren(...warnings.map((one) => make("p", { dir: "auto" }, `Not the current that was asked for. ${one}.`)));
     this.chart.showRoutes(plan.sides ? lines(plan.sides) : plan.drafts.map((line) => ({ line, kind: "draft", season: 0 })));
     this.time(plan);
     find("#results").hidden = plan.state !== "done";

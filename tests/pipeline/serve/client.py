@@ -27,6 +27,7 @@ VOYAGE: dict[str, Any] = {
     "turning_circle": "40m",
     "currents": ["still"],
 }
+AREA = [[-40.06, 35.01], [-40.04, 35.01], [-40.04, 35.03]]
 # One that takes long enough to be cancelled: many ways among the islands of the Philippines.
 LONG: dict[str, Any] = {
     "start": "120.30,12.80",

@@ -8,17 +8,18 @@ import shlex
 import signal
 import subprocess
 import zipfile
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import shapely
 
 from pipeline.serve.page import REPORT_POLICY
 from tests.pipeline.processes import descendants, ends_within, renew, wait_until
-from tests.pipeline.serve.client import LONG, VOYAGE, Server, serving
-
-AREA = [[-40.06, 35.01], [-40.04, 35.01], [-40.04, 35.03]]
+from tests.pipeline.serve.client import AREA, LONG, VOYAGE, Server, serving
 
 
 def memory_bytes(process_id: int) -> int:
@@ -47,12 +48,6 @@ def running(server: Server, identity: str) -> bool:
 def answered(server: Server) -> str:
     """What a worker answers to a voyage that it can't plan: there is one that works."""
     return " ".join(server.ended(server.begin({**VOYAGE, "start": "nowhere"}))["faults"])
-
-
-@pytest.fixture(scope="module")
-def planned(server: Server) -> dict[str, Any]:
-    """The voyage of seconds, around a shut area, when it has been planned."""
-    return server.ended(server.begin({**server.island(), "areas": [AREA]}))
 
 
 def test_a_plan_tells_its_sides_and_why(server: Server, planned: dict[str, Any]) -> None:
@@ -84,6 +79,62 @@ def test_the_command_line_gives_the_same_routes_byte_for_byte(
     assert len(compared) == 3
     for file in compared:
         assert (ours / file.name).read_bytes() == file.read_bytes(), file.name
+
+
+@pytest.mark.slow
+def test_twenty_random_voyages_are_the_same_on_the_page_and_on_the_command_line(
+    server: Server, tmp_path: Path
+) -> None:
+    for number, request in enumerate(random_voyages(server, 20)):
+        plan = server.ended(server.begin(request), 600)
+        options = shlex.split(plan["command"])[2:]
+        options[options.index("--output") + 1] = str(tmp_path)
+        done = subprocess.run(renew("go", *options), check=False, capture_output=True, timeout=600)
+        assert (done.returncode == 0) == (plan["state"] == "done"), (number, request, plan)
+        if plan["state"] == "done":
+            ours, theirs = server.output / plan["name"], tmp_path / plan["name"]
+            compared = [*theirs.glob("*.geojson"), *theirs.glob("*.waypoints")]
+            assert compared
+            for file in (*compared, theirs / "metrics.csv"):
+                assert (ours / file.name).read_bytes() == file.read_bytes(), (number, file.name)
+
+
+def random_voyages(server: Server, count: int) -> Iterator[dict[str, Any]]:
+    """Yield voyages past drawn islands and areas, in still water and in currents of the catalogue.
+
+    Half of them lie around an island of a given chart, half off Palawan and Korea.
+    """
+    draw = np.random.default_rng(40)
+    vessel = {"speed": "8kn", "length": "12m", "turning_circle": "40m"}
+    for number in range(count):
+        if number % 2:
+            chart = shapely.to_geojson(
+                shapely.MultiPolygon(
+                    [
+                        shapely.box(x, y, x + draw.uniform(0.005, 0.02), y + draw.uniform(0, 0.02))
+                        for x, y in zip((-40.03, -39.99), draw.uniform(34.98, 35.0, 2), strict=True)
+                    ]
+                )
+            )
+            yield {
+                **vessel,
+                "start": f"{draw.uniform(34.98, 35.02):.4f}N 40.06W",
+                "goal": f"{draw.uniform(34.98, 35.02):.4f}N 39.94W",
+                "currents": ["still"],
+                "via": ["35.03N 40.0W"] * (number % 3 == 0),
+                "areas": [AREA] * (number % 4 == 1),
+                "charts": server.give(chart.encode(), f"islands-{number}.geojson"),
+            }
+        else:
+            west, south, month = ((118.9, 9.9, "2024-07"), (128.3, 34.65, "2024-01"))[
+                draw.integers(2)
+            ]
+            yield {
+                **vessel,
+                "start": f"{west + draw.uniform(0, 0.1):.4f},{south + draw.uniform(0, 0.05):.4f}",
+                "goal": f"{west + draw.uniform(0.3, 0.4):.4f},{south + draw.uniform(0, 0.1):.4f}",
+                "month": [month],
+            }
 
 
 def test_files_are_downloaded_as_they_are_and_the_report_is_shut_in(
