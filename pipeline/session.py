@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
-from pipeline.machine.files import file_lock, needed, remove_leftovers, write_whole
+from pipeline.machine.files import file_lock, remove_leftovers, write_whole, writing
 from pipeline.machine.paths import folder_to_write
 from pipeline.machine.store import (
     DOWNLOADS,
@@ -107,7 +107,7 @@ def clean(output: Path, *, max_bytes: float, used_before: float | None = None) -
     root = output / _ARTEFACTS
     if not root.is_dir():
         raise RequestError(f"--output: {output} holds no results of renew; name their folder")
-    with _writing(root), file_lock(root / _STORE_LOCK) as is_held:
+    with writing(root), file_lock(root / _STORE_LOCK) as is_held:
         if not is_held:
             raise StageError(f"a run is at work in {output}: wait until it has ended")
         for hidden in (output / ".results").glob("*"):
@@ -121,7 +121,7 @@ def _now_in(file: Path) -> float:
 
     It may differ from `time.time()`: by some milliseconds, or because a server has its own clock.
     """
-    with _writing(file.parent):
+    with writing(file.parent):
         os.utime(file)
         return file.stat().st_mtime
 
@@ -130,7 +130,7 @@ def _now_in(file: Path) -> float:
 def _locks(root: Path, name: str) -> Iterator[None]:
     """Hold a shared lock on the store and an exclusive lock on the scenario."""
     with contextlib.ExitStack() as held:
-        with _writing(root):
+        with writing(root):
             shares = held.enter_context(
                 file_lock(root / _STORE_LOCK, shared=True, wait_s=_PRUNING_S)
             )
@@ -145,16 +145,11 @@ def _locks(root: Path, name: str) -> Iterator[None]:
         yield
 
 
-def _writing(folder: Path) -> contextlib.AbstractContextManager[None]:
-    """Turn an OSError in the `with` block into a StageError with a remedy."""
-    return needed(f"can't write in {folder}", "choose another folder with --output")
-
-
 def _remove_leftovers(directory: Path, store: Store) -> None:
     """Remove unfinished files of killed runs of this scenario; files of other runs stay."""
     remove_unfinished(store.root, store.owner)
     remove_abandoned(store.root / DOWNLOADS)
-    with _writing(directory):
+    with writing(directory):
         remove_leftovers(directory)
 
 

@@ -49,8 +49,8 @@ def covering_land(
     margin if that is more. Enclosed water becomes land, unless it holds one of the endpoints
     (n, 2); without endpoints it stays water.
     """
-    # The cuts and the buffer that covers them move the coast; the tolerance is reduced by the
-    # amount that the buffer's factor adds to the margin.
+    # The factor on the buffer's radius moves the coast beyond the margin: the tolerance is reduced
+    # by this distance.
     cut_m = max(0.0, tolerance_m - (_REACH - 1) * margin_m) / (1 + _REACH)
     radius_m = (cut_m + margin_m) * _REACH
     rough = simplified(_without_lakes(polygons, endpoints), _BEFORE * cut_m)
@@ -115,7 +115,8 @@ class SimplifiedAreas:
     """Areas (n,) of fewer vertices: valid, some of them empty or in several parts.
 
     `outlines` are parts of simplified rings that bound no area, because a ring crosses itself or
-    collapsed to a line; `owner` has the indices of their areas. The cut is measured from them too.
+    collapsed to a line; `owner` has the index of the area to which each belongs. The distance of a
+    cut is measured from the areas and from the outlines.
     """
 
     areas: Geometries

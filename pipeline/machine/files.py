@@ -39,6 +39,11 @@ def needed(what: str, remedy: str) -> Iterator[None]:
         raise StageError(f"{what}: {error.strerror or error}; {remedy}") from error
 
 
+def writing(folder: Path) -> contextlib.AbstractContextManager[None]:
+    """Turn an OSError in the `with` block into a StageError about a folder of results."""
+    return needed(f"can't write in {folder}", "choose another folder with --output")
+
+
 @contextlib.contextmanager
 def whole_file(path: Path, owner: str = "") -> Iterator[IO[bytes]]:
     """Provide a new file to write; if the block ends without error, it is renamed to the path.

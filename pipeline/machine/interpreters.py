@@ -24,8 +24,8 @@ _ROOT = Path(__file__).resolve().parents[2]
 _SAFE_PATH = "PYTHONSAFEPATH"
 # Time to read a killed process's last output, s: its whole session is killed, so pipes close.
 _DRAIN_S = 5.0
-# Time between two checks whether a process has to end, s.
-_PAUSE_S = 0.05
+# Time between two checks whether a process has to end, and whether a parent still runs, s.
+_PAUSE_S, _PARENT_S = 0.05, 0.5
 # Numbers of new objects, of collections, and of collections of older objects after which Python
 # collects garbage. The defaults of 700, 10 and 10 take a tenth of the time while libraries load and
 # figures are drawn, because hundreds of thousands of objects are in use.
@@ -53,6 +53,17 @@ def python_environment() -> Mapping[str, str]:
     """
     entries = [str(_ROOT), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, entries)), _SAFE_PATH: "1"}
+
+
+def end_with_parent(parent: int) -> None:
+    """End this process, from a thread, once its parent (a process id) has ended, however it did."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_PARENT_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def begun(function: Callable[[], ValueT]) -> Future[ValueT]:

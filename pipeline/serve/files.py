@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import RequestError
-from pipeline.machine.files import needed, write_whole
+from pipeline.machine.files import write_whole, writing
 
 MAX_FILE_BYTES = 500_000_000
 """Largest file that is taken; larger ones are given to `renew go` by their path."""
@@ -64,7 +64,7 @@ class GivenFiles:
     def keep(self, content: bytes, name: str) -> GivenFile:
         """Keep a file of our own making."""
         found = self._named(hashlib.sha256(content), name, len(content))
-        with _writing(self._folder):
+        with writing(self._folder):
             found.path.parent.mkdir(parents=True, exist_ok=True)
             write_whole(found.path, content.decode())
         return self._files.setdefault(found.id, found)
@@ -87,7 +87,7 @@ class GivenFiles:
             )
         unfinished = self._folder / f"{uuid.uuid4().hex}.part"
         try:
-            with _writing(self._folder):
+            with writing(self._folder):
                 found = await self._written(unfinished, name, chunks)
                 found.path.parent.mkdir(parents=True, exist_ok=True)
                 unfinished.replace(found.path)
@@ -130,8 +130,3 @@ def too_large(name: str) -> str:
         f"{name} is larger than {MAX_FILE_BYTES:,} bytes; cut it to the region, or give its path "
         "to `renew go` on the command line"
     )
-
-
-def _writing(folder: Path) -> contextlib.AbstractContextManager[None]:
-    """Turn an OSError in the `with` block into a StageError with a remedy."""
-    return needed(f"can't write in {folder}", "choose another folder with --output")

@@ -49,7 +49,13 @@ def overlay(lands: Sequence[Land]) -> Land:
     The least accurate chart sets the accuracy of the coast.
     """
     zones = [zone for land in lands for zone in land.zones if zone.kind != "uncharted"]
-    blank = reduce(shapely.intersection, (_uncharted(land) for land in lands))
+    blank = reduce(
+        shapely.intersection,
+        (
+            shapely.union_all([zone.area for zone in land.zones if zone.kind == "uncharted"])
+            for land in lands
+        ),
+    )
     uncharted = extract_polygons(blank)
     if len(uncharted):
         zones.append(Zone("uncharted", "", "no chart covers it", shapely.union_all(uncharted)))
@@ -72,11 +78,6 @@ def _depths(lands: Sequence[Land]) -> DepthCover | None:
     """Return where any chart has depths; None if no chart has any."""
     found = [land.depths for land in lands if land.depths is not None]
     return DepthCover(tuple(area for one in found for area in one.areas)) if found else None
-
-
-def _uncharted(land: Land) -> shapely.Geometry:
-    """Return the area that a chart does not cover."""
-    return shapely.union_all([zone.area for zone in land.zones if zone.kind == "uncharted"])
 
 
 # Size in bytes above which a file is identified by its name, size and time of change, not by its

@@ -50,15 +50,15 @@ class TravelGrid(NamedTuple):
     deviation: FloatArray  # (ny - 1, nx - 1): r
     wet: BoolArray  # (ny - 1, nx - 1): whether a route may touch the cell
     polar: Polar
-    # (2, ny - 1, nx - 1), s, on that clock: where speeds are chosen, from when until when a vessel
-    # that is in time may be in the cell
+    # (2, ny - 1, nx - 1), s, on that clock: the first and the last time at which a vessel that
+    # chooses its speeds may be in the cell and still arrive in time
     hours: FloatArray = np.empty((2, 0, 0))
 
 
 class Place(NamedTuple):
-    """A cell, and a point in it as a mean of its corners SW, SE, NW, NE with weights (2, 4).
+    """A cell and a point in it: the mean of the corners SW, SE, NW and NE with `weights` (2, 4).
 
-    Two means, for the two ways to cut the cell into triangles.
+    Each row of the weights is for one of the two ways to cut the cell into triangles.
     """
 
     row: int

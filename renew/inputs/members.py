@@ -16,7 +16,7 @@ from renew.inputs.current import (
     UniformCurrent,
     as_field,
 )
-from renew.inputs.varying_current import VaryingCurrent
+from renew.inputs.varying_current import VaryingCurrent, same_axes
 from renew.kernels.current_table import are_same
 
 
@@ -95,7 +95,7 @@ def mean_of(fields: Sequence[CurrentField], weights: FloatArray) -> CurrentField
     """Return the mean of fields by weights (m,) whose sum is 1: on their grid, if all have one."""
     first, clock = fields[0], fields[0].slice_times
     grids = [one for one in fields if isinstance(one, GriddedCurrent)]
-    if len(grids) == len(fields) and all(_share_axes(grids[0], one) for one in grids):
+    if len(grids) == len(fields) and all(same_axes(grids[0].nodes, one.nodes) for one in grids):
         u, v = np.moveaxis(np.einsum("m,mjik->jik", weights, [one.uv for one in grids]), -1, 0)
         return GriddedCurrent(grids[0].x, grids[0].y, u, v)
     uniform = [(one.u, one.v) for one in fields if isinstance(one, UniformCurrent)]
@@ -169,11 +169,6 @@ def _clock_faults(fields: Sequence[CurrentField], names: Sequence[str]) -> list[
     later, earlier = names[fields.index(late)], names[fields.index(early)]
     fault = f"{later} begins at {begin:g} s, and {earlier} has ended at {end:g} s"
     return [f"{fault}: members need times in common"]
-
-
-def _share_axes(one: GriddedCurrent, other: GriddedCurrent) -> bool:
-    """Whether two fields have the same nodes."""
-    return np.array_equal(one.x, other.x) and np.array_equal(one.y, other.y)
 
 
 def _are_equal(one: CurrentField, other: CurrentField) -> bool:

@@ -106,7 +106,7 @@ class VaryingCurrent(CurrentField):
     def _nodes(self) -> CurrentTable | None:
         """All slices as one table, if their tables have the same nodes; else None."""
         nodes = [one.nodes for one in self._slices if isinstance(one, TabulatedCurrent)]
-        if len(nodes) != self._times.size or not all(_same_axes(nodes[0], one) for one in nodes):
+        if len(nodes) != self._times.size or not all(same_axes(nodes[0], one) for one in nodes):
             return None
         uv = np.concatenate([one.uv for one in nodes])
         return table_of(nodes[0].x, nodes[0].y, uv, times=self._times)
@@ -200,6 +200,6 @@ def _faults(times: FloatArray) -> list[str]:
     ]
 
 
-def _same_axes(one: CurrentTable, other: CurrentTable) -> bool:
+def same_axes(one: CurrentTable, other: CurrentTable) -> bool:
     """Whether two tables have the same nodes."""
     return np.array_equal(one.x, other.x) and np.array_equal(one.y, other.y)

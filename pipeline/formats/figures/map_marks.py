@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pipeline._types import BoolArray, FloatArray, IndexArray
+from pipeline._types import BoolArray, FloatArray
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 
@@ -163,10 +163,6 @@ class SpeedScale:
 
     limits: tuple[float, ...]
 
-    def classify(self, speed: FloatArray) -> IndexArray:
-        """Return the index of each speed's class (n,); speeds above all limits are in the last."""
-        return np.minimum(np.searchsorted(self.limits, speed), len(self.limits) - 1)
-
     @property
     def labels(self) -> tuple[str, ...]:
         """Label of each class in a legend, in m/s."""
@@ -189,7 +185,7 @@ class Arrows:
 
     def outlines(self, scale: SpeedScale) -> list[shapely.Geometry]:
         """Outline the arrows of each class of speed, the weakest class first."""
-        classes = scale.classify(self.speed)
+        classes = np.minimum(np.searchsorted(scale.limits, self.speed), len(scale.limits) - 1)
         count = len(scale.limits)
         shares = _SHORTEST + (1 - _SHORTEST) * np.arange(1, count + 1) / count
         return [

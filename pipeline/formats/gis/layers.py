@@ -299,7 +299,7 @@ def _currents(result: RunResult) -> frames.GeoDataFrame:
 
 
 def _contingency(result: RunResult) -> frames.GeoDataFrame:
-    """Return points from which hard-over turns were simulated, and whether one met land."""
+    """Return points from which turns were simulated, and whether a turn from there met land."""
     ranked, to_lonlat = result.routes, result.scene.projection.to_lonlat
     turns = [result.evaluation.contingency[r.season, r.rank] for r in ranked]
     shown = [_shown(np.asarray(t.collided, dtype=bool)) for t in turns]

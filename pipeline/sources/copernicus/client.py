@@ -18,15 +18,13 @@ import logging
 import os
 import re
 import sys
-import threading
-import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, quote_plus, urlsplit
 
-from pipeline.machine.interpreters import run_python
+from pipeline.machine.interpreters import end_with_parent, run_python
 
 USERNAME = "COPERNICUSMARINE_SERVICE_USERNAME"
 PASSWORD = "COPERNICUSMARINE_SERVICE_PASSWORD"  # noqa: S105 - the variable's name
@@ -112,8 +110,6 @@ def check_login() -> int:
 
 
 NO_ANSWER = 3
-# Interval at which the process checks that its parent still runs, s.
-_PARENT_CHECK_S = 1.0
 # urllib3's log line of an answer: ... "GET /path HTTP/1.1" 403 243
 _ANSWER = re.compile(r'"GET (?P<address>\S+) HTTP/[\d.]+" (?P<status>\d{3})')
 _CHUNK = re.compile(r"(?P<store>.*\.zarr)/(?P<variable>\w+)/(?P<index>\d+(\.\d+)*)")
@@ -154,8 +150,7 @@ class AnswerLog(logging.Handler):
 def answer_request() -> int:
     """Download what standard input asks for; return the exit code."""
     request = json.load(sys.stdin)
-    parent = request["parent_pid"]
-    threading.Thread(target=exit_with_parent, args=(parent,), daemon=True).start()
+    end_with_parent(request["parent_pid"])
     log = AnswerLog()
     logger = logging.getLogger("urllib3.connectionpool")
     logger.setLevel(logging.DEBUG)
@@ -172,13 +167,6 @@ def answer_request() -> int:
         return NO_ANSWER
     json.dump(answer, sys.stdout)
     return 0
-
-
-def exit_with_parent(parent_pid: int) -> None:
-    """Exit once the parent has ended: it may have been killed, and nobody waits for the file."""
-    while os.getppid() == parent_pid:
-        time.sleep(_PARENT_CHECK_S)
-    os._exit(1)
 
 
 def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | None:

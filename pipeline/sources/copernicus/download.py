@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pipeline.errors import StageError
+from pipeline.machine.files import write_whole
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.store import file_hash
 from pipeline.scenario.catalogue import CopernicusSpec, StepKind, StepLength
@@ -355,11 +356,9 @@ class CachedDownload:
             "bytes": staged.stat().st_size,
             "sha256": file_hash(staged),
         }
-        staged_sidecar = staged.with_suffix(".json")
-        staged_sidecar.write_text(json.dumps(metadata, indent=2) + "\n", encoding="utf-8")
-        # If killed between the two moves, the file is not used: the old sidecar does not match it.
+        # If killed in between, the file is not used: the old sidecar does not match it.
         staged.replace(self.file)
-        staged_sidecar.replace(self.sidecar)
+        write_whole(self.sidecar, json.dumps(metadata, indent=2) + "\n")
         return metadata
 
     @contextlib.contextmanager

@@ -1,10 +1,10 @@
 """Split each season at the anchorage where the vessel may wait, so that the way on is chosen, too.
 
-The way to the anchorage is planned first, and keeps its season. The way on is a season of its own,
-whose departures are to be chosen from: from the arrival until the end of the wait. So each part has
-departure, arrival, hours early and late, water and files of its own. On the first part the route of
-least fuel also arrives first, since the vessel has one speed; and a vessel that leaves later never
-arrives earlier. So the two parts are the best whole, to within the steps of the departures.
+The way to the anchorage is planned first, and keeps its season. The way on is a season of its own:
+its departure is chosen between the arrival and the end of the wait. So each part has departure,
+arrival, hours early and late, water and files of its own. On the first part the route of least fuel
+also arrives first, since the vessel has one speed; and a vessel that leaves later never arrives
+earlier. So no other pair of parts needs less fuel, except by the steps between the departures.
 
 While the vessel lies at anchor there must be enough water, and it may lie in no shut area.
 """
@@ -31,7 +31,7 @@ from renew.inputs.shut_areas import Area
 # Departures from the anchorage: least time between them, and their largest number, roughly.
 _STEP_MIN, _MOST = 10, 48
 _MINUTE_S = 60.0
-# Largest length of a name that an addition may follow.
+# Number of characters to which a season's name is cut before an addition.
 _NAME = 56
 
 

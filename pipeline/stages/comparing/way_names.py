@@ -113,9 +113,10 @@ class _WayNamer:
         )
 
     def class_islands(self, rejected: frozenset[int]) -> tuple[NumberedIsland, ...]:
-        """Return the islands in class names or in `rejected` that are in no way's name.
+        """Return the islands that names of classes number, and that no name of a way has.
 
-        Class names also number water with an overpowering current, which is left out here.
+        `rejected` are the numbers in the names of rejected classes. Water with an overpowering
+        current has numbers, too, and is left out.
         """
         known = (rejected | self._spelled) & set(self._rays.island.tolist())
         numbers = known - (self._used - set(self._names))

@@ -10,7 +10,6 @@ import os
 import pickle
 import sys
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +22,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.errors import StageError, one_line
-from pipeline.machine.interpreters import run_python
+from pipeline.machine.interpreters import end_with_parent, run_python
 from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import (
     ClockWorth,
@@ -211,8 +210,6 @@ def speeds_in_time(
     return speeds(high)
 
 
-# Time between two checks of a process whether its parent still runs, s.
-_PARENT_S = 0.5
 _PLAN = "from pipeline.stages.seasons.task import plan_from_stdin; plan_from_stdin()"
 # Largest length of a process's last output in a message, in characters.
 _MAX_SHOWN = 200
@@ -313,16 +310,9 @@ def status_in_process(task: SeasonTask, stop: threading.Event | None = None) -> 
     return Status(task.season, str(failure), bool(crashed))
 
 
-def _end_with(parent: int) -> None:
-    """End this process after its parent has ended, for whatever reason."""
-    while os.getppid() == parent:
-        time.sleep(_PARENT_S)
-    os._exit(1)
-
-
 def plan_from_stdin() -> None:
     """Plan the pickled task of standard input; print its failure, and whether it crashed."""
-    threading.Thread(target=_end_with, args=(int(sys.argv[1]),), daemon=True).start()
+    end_with_parent(int(sys.argv[1]))
     given = bytes.fromhex(sys.stdin.read())
     task = pickle.loads(given)  # noqa: S301 - written by the process that started this
     answer, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answer

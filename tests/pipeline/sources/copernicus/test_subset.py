@@ -19,8 +19,8 @@ def test_a_download_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
     # Its sleep stands for anything that the client may wait for.
     download = (
         "import os, threading, time\n"
-        "from pipeline.sources.copernicus.client import exit_with_parent\n"
-        "threading.Thread(target=exit_with_parent, args=(os.getppid(),), daemon=True).start()\n"
+        "from pipeline.machine.interpreters import end_with_parent\n"
+        "end_with_parent(os.getppid())\n"
         f"open({str(pid_file)!r}, 'w').write(str(os.getpid()))\n"
         "time.sleep(60)\n"
     )
