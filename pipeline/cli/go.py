@@ -36,6 +36,7 @@ def go(
     depths: options.Depths = None,
     datum: options.Datum = "",
     tide: options.Tide = None,
+    members: options.Members = "",
     output: options.Output = Path("outputs"),
     offline: options.Offline = False,
     strict: options.Strict = False,

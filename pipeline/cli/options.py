@@ -161,6 +161,15 @@ Tide = Annotated[
         "Needs --draught, --depart and a chart with depths.",
     ),
 ]
+Members = Annotated[
+    str,
+    _water(
+        metavar="KIND",
+        help="Plan in currents that may each come true: 'files', if each file of --currents is "
+        "one, a dimension of them, such as 'realization', or 0.2m/s for the currents with random "
+        "eddies of that speed (rms).",
+    ),
+]
 Datum = Annotated[
     str,
     _water(

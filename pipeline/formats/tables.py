@@ -21,6 +21,7 @@ from pipeline.formats.passage.waypoints import (
     wrapped_longitude,
 )
 from pipeline.formats.shared.departures_and_speeds import TradeOff, trade_offs
+from pipeline.formats.shared.ensembles import ENSEMBLE_COLUMNS, ensemble_rows
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import coast_index, cumulative, steps_along_legs
 from pipeline.formats.shared.text import duration as duration_text, to_minute, write_json
@@ -35,6 +36,8 @@ _FIELDS = (
     *("trials", "collisions"),
     *("land_m", "land_lon", "land_lat", "filled_share", "uncharted_share"),
     *("least_water_m", "least_water_at", "least_water_early_m", "least_water_late_m"),
+    *("members_share", "members_mean_fuel", "members_p90_fuel", "members_cvar90_fuel"),
+    "members_regret",
 )
 _RENAMED = {"length": "length_planner_m", "speed_m_s": "speed_through_water_m_s"}
 METRICS_COLUMNS = {_RENAMED.get(field, field): field for field in _FIELDS}
@@ -194,6 +197,11 @@ def _trade_off_rows(found: TradeOff) -> Iterator[dict[str, Any]]:
             "of_chosen": fuel / found.fuel,
             "is_chosen": index == at,
         }
+
+
+def write_ensemble_csv(result: RunResult, path: Path) -> None:
+    """Write the fuel of each route in each member, of all seasons with members, as CSV."""
+    _write_csv(path, ENSEMBLE_COLUMNS, ensemble_rows(result))
 
 
 def write_scenario(result: RunResult, path: Path) -> None:

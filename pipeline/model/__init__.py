@@ -1,5 +1,6 @@
 """The frozen dataclasses that stages take and return: nothing else passes between them."""
 
+from pipeline.model.ensemble import EnsembleFigures, MemberCurrents, MemberGrid
 from pipeline.model.evaluation import (
     ClockWorth,
     Evaluation,
@@ -41,10 +42,13 @@ __all__ = [
     "Current",
     "CurrentGrid",
     "DepartureChoice",
+    "EnsembleFigures",
     "Evaluation",
     "Fetched",
     "GapShares",
     "Land",
+    "MemberCurrents",
+    "MemberGrid",
     "Note",
     "Passage",
     "PassedOver",

@@ -64,6 +64,10 @@ class RouteMetrics:
     least_water_m, least_water_at : least water under the keel that can be relied on with the tide,
         m, and when it passes there; NaN and None without a tide.
     least_water_early_m, least_water_late_m : least water of a vessel that is early or late, m.
+    members_share : share of the members of the current in which it is the season's best.
+    members_mean_fuel, members_p90_fuel, members_cvar90_fuel, members_regret : mean, P90, mean of
+        the worst tenth, and largest excess over a member's best route, of its fuel over the
+        members; NaN without members, and inf where it can't be sailed in some.
     """
 
     season: str
@@ -90,6 +94,11 @@ class RouteMetrics:
     least_water_at: datetime | None = None
     least_water_early_m: float = math.nan
     least_water_late_m: float = math.nan
+    members_share: float = math.nan
+    members_mean_fuel: float = math.nan
+    members_p90_fuel: float = math.nan
+    members_cvar90_fuel: float = math.nan
+    members_regret: float = math.nan
 
     @property
     def way(self) -> str:

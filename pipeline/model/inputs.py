@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import BoolArray, FloatArray
 from pipeline.geo.lonlat import Bounds, DepthCover, KnownCells, position_text
 from pipeline.model.depths import DepthArea, TidalWater
+from pipeline.model.ensemble import MemberGrid
 from pipeline.scenario.season import Season
 
 
@@ -176,6 +177,7 @@ class CurrentGrid:
     files : names and hashes of the files it came from.
     climatology_for : the season's own time, if a climatology stands in for that time; else "".
     passed_over : the sources that the scenario prefers to this one, in its order.
+    members : the fields of which this one is the mean, on the same nodes and at the same times.
     weak : (ny, nx), of tidal streams: where their constants explain too little of the variance of
         the currents that they were fitted to.
     """
@@ -193,6 +195,7 @@ class CurrentGrid:
     passed_over: tuple[PassedOver, ...] = ()
     times_s: FloatArray = field(default_factory=lambda: np.zeros(1))
     weak: BoolArray | None = None
+    members: tuple[MemberGrid, ...] = ()
 
     @property
     def cells(self) -> KnownCells:

@@ -19,6 +19,7 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.geo.lonlat import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
+from pipeline.model.ensemble import EnsembleFigures, MemberCurrents
 from pipeline.model.inputs import Place
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
@@ -75,7 +76,8 @@ class Scene:
     speed. There the choice replaces the speed of `vessel`.
 
     With an `anchorage`, the index of a via point, each season is planned as far as there. Seasons
-    named `onward` go on from there; each has the name of the season before it.
+    named `onward` go on from there; each has the name of the season before it. `members` has the
+    seasons whose current is the mean of several.
     """
 
     chart: renew.Chart
@@ -97,6 +99,7 @@ class Scene:
     speeds: Mapping[str, SpeedChoice] = field(default_factory=dict)
     anchorage: int | None = None
     onward: Mapping[str, str] = field(default_factory=dict)
+    members: Mapping[str, MemberCurrents] = field(default_factory=dict)
 
     def leg(self, season: str) -> "Scene":
         """Return the scene with the stops of a season: those before or after the anchorage."""
@@ -152,6 +155,23 @@ class Scene:
             **self.itinerary(season, arrive_by_s),
         )
 
+    def planned_ensemble(self, season: str, options: renew.PlanOptions) -> renew.EnsemblePlan:
+        """Plan a season whose current has members."""
+        members = self.members[season]
+        return renew.plan_ensemble(
+            self.chart,
+            members.currents,
+            self.vessel,
+            self.start,
+            self.goal,
+            weights=members.weights,
+            names=members.names,
+            choose=members.choose,
+            options=options,
+            via=self.via,
+            avoid=self.areas.get(season, ()),
+        )
+
     def place_text(self, place: FloatArray) -> str:
         """Name a place (2,), planar metres, for a message: in degrees, or metres if planar."""
         return self.place(place).text
@@ -176,7 +196,7 @@ class SeasonPlan:
     `class_names` are the names of homotopy classes in the reason. `is_shut` is True if the failure
     is that no way joins start and goal in the region; a wider region may have a way. Where speeds
     are chosen, `arrive_by_s` is the latest arrival that the planner was asked for, in seconds on
-    the planner's clock.
+    the planner's clock. `ensemble` is there if the season's current has members.
     """
 
     season: str
@@ -186,6 +206,7 @@ class SeasonPlan:
     is_shut: bool = False
     arrive_by_s: float = math.inf
     class_names: tuple[str, ...] = ()
+    ensemble: EnsembleFigures | None = None
 
     @property
     def ranked_routes(self) -> tuple[renew.Route, ...]:

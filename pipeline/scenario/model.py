@@ -236,6 +236,13 @@ class Scenario(StrictModel):
         if self.tide is not None and self.plane is not None:
             yield "has a [tide] and a [plane], which has no depths; leave one of the two out"
         with_hours = list(self._keys_with_hours())
+        yield from (
+            f"season {season.name!r} has 'members', each of which passes {key} at hours of its "
+            f"own; leave 'members' or {remedy} out"
+            for season in self.seasons
+            for key, remedy in with_hours
+            if season.members is not None
+        )
         yield from self._waiting_faults(has_hours=bool(with_hours))
         if not with_hours:
             yield from filter(None, (season.timeless_fault for season in self.seasons))
@@ -263,7 +270,7 @@ class Scenario(StrictModel):
         for season in self.seasons if waiting else ():
             given = [
                 repr(name)
-                for name in ("departures", "arrive_by", "speed")
+                for name in ("departures", "arrive_by", "speed", "members")
                 if getattr(season, name) is not None
             ]
             if given:

@@ -16,6 +16,7 @@ from pydantic import (
 )
 
 from pipeline.scenario import strict
+from pipeline.scenario.members import FILES, MembersSpec
 from pipeline.scenario.strict import StrictModel
 from pipeline.scenario.times import DepartureTimes, Interval, Period, period
 
@@ -173,6 +174,9 @@ class Season(StrictModel):
     """Range of speeds through water, in place of the vessel's own: it chooses a speed for each leg,
     for least fuel from 'departure', or the best of 'departures', to 'arrive_by'. Give a table as {
     least = 2.5, most = 6.0 } in m/s, or leave it out."""
+    members: MembersSpec | None = None
+    """Currents that may each come true, in place of one. Give a table as { along = 'files' } or {
+    spread = 0.2 }, or leave it out."""
     max_hours: strict.Positive | None = Field(
         default=None, le=MAX_HOURS, examples=[240], json_schema_extra=strict.unit("hours")
     )
@@ -188,7 +192,8 @@ class Season(StrictModel):
                 f"(season {self.name!r}) has {sum(given)} kinds of current; give one of "
                 "'currents', 'gyre' and 'uniform'"
             )
-        if faults := [*(self._changing_faults() if self.is_changing else self._steady_faults())]:
+        faults = [*(self._changing_faults() if self.is_changing else self._steady_faults())]
+        if faults := [*faults, *self._member_faults()]:
             how = "has time_method = 'changing' and " if self.is_changing else ""
             raise strict.RemediedError(f"(season {self.name!r}) {how}{'; it '.join(faults)}")
         return self
@@ -202,6 +207,22 @@ class Season(StrictModel):
         if self.valid:
             yield "has 'valid', which its departure says already; leave it out"
         yield from (*self._window_faults(), *self._speed_faults(), *self._arrival_faults())
+
+    def _member_faults(self) -> Iterator[str]:
+        """Find keys that don't go together with members."""
+        if self.members is None:
+            return
+        for name in ("departures", "arrive_by", "speed"):
+            if getattr(self, name) is not None:
+                yield f"has 'members' and {name!r}; each member has times of its own: leave one out"
+        along, others = (
+            self.members.along,
+            [source_name(one) for one in self.currents if not isinstance(one, tuple)],
+        )
+        if along and (others or not self.currents):
+            kind = "files" if along == FILES else "files with that dimension"
+            without = f", not {', '.join(others)}" if others else ""
+            yield f"has members.along = {along!r}, which needs {kind} in 'currents'{without}"
 
     def _window_faults(self) -> Iterator[str]:
         """Find faults of the departures to choose from."""

@@ -23,6 +23,7 @@ from pipeline.model.depths import NO_TIDE, DepthRule, TideRange
 from pipeline.model.inputs import CurrentSource, Issue, LandSource
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
+from pipeline.scenario.members import MembersSpec
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.scenario.season import Currents, Season, StreamConstants
@@ -100,12 +101,19 @@ def _depth_rule(chart: ChartSpec, draught_m: float | None, tide: TideRange) -> D
     return DepthRule(draught_m + chart.under_keel_clearance_m, tide)
 
 
-def current_source(named: Currents) -> CurrentSource:
-    """Return the source of currents that a catalogue entry names, or that files make together."""
+def current_source(named: Currents, members: MembersSpec | None = None) -> CurrentSource:
+    """Return the source of currents that a catalogue entry names, or that files make together.
+
+    If `members` are in the files, the source is their mean, and has them.
+    """
     if isinstance(named, StreamConstants):
         from pipeline.sources.cf.residual import TidalStreams
 
         return TidalStreams.of(named)
+    if not isinstance(named, str) and members is not None and members.along:
+        from pipeline.sources.cf.members import CfMembers
+
+        return CfMembers(named, members)
     if not isinstance(named, str):
         from pipeline.sources.cf.adapter import CfFiles
 

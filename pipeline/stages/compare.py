@@ -12,6 +12,7 @@ import shapely
 
 import renew
 from pipeline.formats.shared.departures_and_speeds import speed_notes
+from pipeline.formats.shared.ensembles import ensemble_notes
 from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.store import Artefact, Store, artefact_key
@@ -70,7 +71,7 @@ def compare(
         straits,
         chosen.choices,
     )
-    result = replace(result, choices=(*chosen.notes, *speed_notes(result)))
+    result = replace(result, choices=(*chosen.notes, *speed_notes(result), *ensemble_notes(result)))
     notes = _notes(result)
     for note in notes:
         say(note)
@@ -83,6 +84,7 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
     """Return the notes on the routes, on speeds and on unknowns."""
     return (
         *speed_notes(result),
+        *ensemble_notes(result),
         *safety_notes(result),
         *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),

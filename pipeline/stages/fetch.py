@@ -209,7 +209,7 @@ class Fetcher:
         passed_over: list[PassedOver] = []
         was_asked = False
         for named in season.currents:
-            source, name = current_source(named), source_name(named)
+            source, name = current_source(named, season.members), source_name(named)
             key = artefact_key("current", source.identity(season), self._outline, season.name)
             # A stored current needs neither account nor network.
             grid = self.store.load("current", key, CurrentGrid)

@@ -7,6 +7,8 @@ near the coast.
 
 import itertools
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import shapely
@@ -23,6 +25,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.sources.interpolation import bilinear
 from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.sources.tides.zones import stations_of
+from pipeline.stages.members import from_source, stirred
 from pipeline.stages.places import (
     area_identities,
     check_endpoints,
@@ -62,7 +65,9 @@ def projected(
 
     def make() -> Scene:
         try:
-            return project(scenario, fetched, land.value.simplified)
+            return with_members(
+                project(scenario, fetched, land.value.simplified), scenario, fetched
+            )
         except renew.PlanningError as error:
             raise RequestError(str(error)) from error
 
@@ -74,6 +79,9 @@ def scene_inputs(scenario: Scenario) -> dict[str, object]:
     """Return the scenario's values that a scene depends on, except chart, currents and speeds."""
     names = {"region", "plane", "vessel", "scale", "start", "goal", "via"}
     inputs = scenario.model_dump(mode="json", include=names)
+    members = [season.members for season in scenario.seasons]
+    if any(members):
+        inputs |= {"members": members, "seed": scenario.planner.seed}
     if not scenario.avoid and scenario.tide is None:
         return inputs
     clocks = {season.name: season.first_departure for season in scenario.seasons}
@@ -133,6 +141,23 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         tidal_depths=tidal_depths(scenario, charted, simplified, chart.extent, projection),
         speeds=speed_choices(scenario),
     )
+
+
+def with_members(scene: Scene, scenario: Scenario, fetched: Fetched) -> Scene:
+    """Return a scene with the members of each season's current, where it has any."""
+    grids = {grid.season: grid for grid in fetched.currents}
+    bounds, found = scene.chart.bounds, {}
+    planar = partial(planar_current, projection=scene.projection, bounds=bounds)
+    for season in scenario.seasons:
+        spec, current = season.members, scene.currents.get(season.name)
+        if spec is None or current is None:
+            continue
+        if spec.spread is None:
+            found[season.name] = from_source(grids[season.name], spec, planar)
+        else:
+            seed = scenario.planner.seed
+            found[season.name] = stirred(current, spec, bounds, scenario.scale, seed)
+    return replace(scene, members=found)
 
 
 def extent_polygon(region: shapely.Polygon, projection: Projection) -> shapely.Polygon:

@@ -131,6 +131,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.formats.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
     from pipeline.formats.shared.departures_and_speeds import trade_offs
+    from pipeline.formats.shared.ensembles import has_ensembles
 
     formats: dict[str, Format] = {
         "routes.gpkg": write_geopackage,
@@ -143,6 +144,8 @@ def formats_of(result: RunResult) -> dict[str, Format]:
             "departures.csv": tables.write_departures_csv,
             "departures.json": tables.write_departures_json,
         }
+    if has_ensembles(result):
+        formats["ensemble.csv"] = tables.write_ensemble_csv
     if trade_offs(result):
         formats |= {
             "trade-off.csv": tables.write_trade_off_csv,

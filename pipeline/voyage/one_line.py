@@ -57,6 +57,7 @@ def go(
     depths: Path | None = None,
     datum: str = "",
     tide: Sequence[str | Path] = (),
+    members: str = "",
     name: str = "",
     output: Path = Path("outputs"),
     offline: bool = False,
@@ -104,6 +105,8 @@ def go(
     tide
         Stations of the catalogue, and files of harmonic constants: water that is too shallow for
         some hours may be passed in the others. Needs `depart`, and depths by `charts` or `depths`.
+    members
+        "files", a dimension of the files, or a speed such as "0.2m/s", as in `renew go --members`.
     name
         Name of the scenario; by default it is made of the positions.
     explain_gap
@@ -135,6 +138,7 @@ def go(
         depths=depths,
         datum=datum,
         tide=tuple(map(str, tide)),
+        members=members,
         name=name,
     )
     scenario, notes = voyage_scenario(request)
@@ -191,6 +195,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     is_steady = not is_timed or _is_still(request) or _has_steady_months(request)
     months = faults.collect(lambda: _months(request)) if is_steady else []
     files = faults.collect(lambda: _files(request))
+    members = faults.collect(lambda: request.member_key) or {}
     faults.collect(lambda: require_currents(request.currents))
     faults.collect(lambda: _require_name(request.name))
     if faults.lines or ends is None or via is None or vessel is None or files is None:
@@ -217,6 +222,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
             for month, title in months or []
         ],
     }
+    data["seasons"] = [{**season, **members} for season in data["seasons"]]
     if via:
         data["via"] = [point.key for point in via]
     if clearance_m is not None:

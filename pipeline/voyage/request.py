@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.errors import RequestError
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.voyage.vessel_options import RANGE, VesselFigures
+from pipeline.voyage.vessel_options import RANGE, VesselFigures, speed_m_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,7 @@ class VoyageRequest:
     via: tuple[str, ...] = ()
     avoid: tuple[Path, ...] = ()
     tide: tuple[str, ...] = ()
+    members: str = ""
 
     @classmethod
     def of_options(cls, given: Mapping[str, Any]) -> "VoyageRequest":
@@ -43,7 +45,7 @@ class VoyageRequest:
         """
         speed = given.get("speed") or ""
         is_choice = RANGE in speed
-        texts = ("vessel", "depart", "until", "arrive_by", "clearance", "datum", "name")
+        texts = ("vessel", "depart", "until", "arrive_by", "clearance", "datum", "name", "members")
         lists = ("positions", "currents", "via", "avoid", "tide")
         options: dict[str, Any] = {one: given.get(one) or "" for one in texts}
         options |= {one: tuple(given.get(one) or ()) for one in lists}
@@ -58,3 +60,21 @@ class VoyageRequest:
             depths=given.get("depths"),
             **options,
         )
+
+    @property
+    def member_key(self) -> dict[str, Any]:
+        """The members of a season: its files, a dimension of them, or the speed of random eddies.
+
+        Raises RequestError for a text that is neither a name nor a speed.
+        """
+        given = self.members.strip()
+        if not given:
+            return {}
+        if given.isidentifier():
+            return {"members": {"along": given}}
+        try:
+            return {"members": {"spread": speed_m_s(given)}}
+        except ValueError as error:
+            raise RequestError(
+                f"--members = {given!r}: {error}, 'files', or a dimension such as 'realization'"
+            ) from None

@@ -10,13 +10,14 @@ from markupsafe import Markup
 from pipeline._types import FloatArray
 from pipeline.formats.figures.artists import page_svg
 from pipeline.formats.figures.choice_plots import departure_figure, trade_off_figure
+from pipeline.formats.figures.ensemble_plots import fan_figure, share_map
 from pipeline.formats.figures.map_marks import arrows
 from pipeline.formats.figures.plots import profile_figure
 from pipeline.formats.figures.season_map import season_svg
 from pipeline.formats.figures.turning import padding_figure, tightest_place
 from pipeline.formats.report.map_data import coarser, place_on_map, within
 from pipeline.formats.report.sentences import SeasonFacts
-from pipeline.formats.shared import departures_and_speeds, text
+from pipeline.formats.shared import departures_and_speeds, ensembles, text
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.geo.lonlat import position_text
 from pipeline.model import DepartureChoice, RouteMetrics, SeasonPlan
@@ -64,7 +65,10 @@ def season_section(result: RunResult, entry: SeasonPlan, number: int) -> dict[st
         },
         "picture": season_svg(result, season, identity=anchor, label=f"Map of {label}"),
         **(_plots(result, ranked[0], title, anchor) if ranked else {}),
-        "choices": [*_choices(result.departure_choice(season), found, anchor)],
+        "choices": [
+            *_choices(result.departure_choice(season), found, anchor),
+            *_members(result, season, anchor),
+        ],
         "speeds": found and (found.slowest, found.fastest),
     }
 
@@ -83,6 +87,20 @@ def _choices(
         figure = trade_off_figure(found)
         plot = page_svg(figure, identity=f"{anchor}-trade-off", label=" ".join(said))
         yield "How fast", said, plot
+
+
+def _members(
+    result: RunResult, season: str, anchor: str
+) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
+    """Yield how sure the side is: sentences with the fans of fuel, and the map of best routes."""
+    found, ranked = ensembles.ensemble_of(result, season), result.season_routes(season)
+    if found is None or not ranked:
+        return
+    said = ensembles.ensemble_text(result, season)
+    fans, drawn = fan_figure(found, ranked), share_map(result, found, ranked)
+    yield "How sure", said, page_svg(fans, identity=f"{anchor}-fans", label=said[0])
+    label = f"Map of the routes by their shares. {said[0]}"
+    yield "Best in how many members", (), page_svg(drawn, identity=f"{anchor}-shares", label=label)
 
 
 def season_facts(result: RunResult, metrics: list[RouteMetrics]) -> SeasonFacts | None:

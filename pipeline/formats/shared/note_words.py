@@ -256,6 +256,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{'no current was used' if left_out else _NO_FIGURE}: real fuel and times may "
         "differ, and no choice of a way is proven"
     ),
+    "member-left-out": "a member of the current was left out: {reason}",
     "current-without-tide": "the currents are without tide",
     "constants-old": "the harmonic constants come from currents of {begin:%Y-%m-%d} to "
     "{end:%Y-%m-%d}, {years:.0f} years from the departure: channels and banks may have moved",
@@ -305,6 +306,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{' and '.join(_island(**dict(side.values)) for side in sides)} may need little more fuel"
     ),
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
+    "how-sure": "{said}",
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
     "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; the "
     "vessel relies on the least height predicted within {lag_min:g} min, less {surge_m:g} m; the "

@@ -161,7 +161,7 @@ def _issue(
     """Return the issue of the first usable source; add why the earlier sources can't be used."""
     for named in named_currents(season, member):
         try:
-            source = current_source(named)
+            source = current_source(named, season.members)
             unavailable = source.unavailable_reason()
             if not unavailable:
                 issue = source.issue(season)

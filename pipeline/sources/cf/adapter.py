@@ -53,10 +53,12 @@ class CfFiles(CurrentSource):
     """Files that belong together, given by paths and patterns.
 
     They have the fields of time steps, or harmonic constants; `with_mean` adds the mean of these.
+    Of a further dimension, only one `index` is read: its name, and the place along it.
     """
 
     paths: tuple[str, ...]
     with_mean: bool = True
+    index: tuple[str, int] | None = None
 
     def identity(self, season: Season) -> tuple[str, ...]:
         """Return hashes of the files that contain the season's steps; "nothing" without any."""
@@ -67,7 +69,8 @@ class CfFiles(CurrentSource):
         hashes = (digest for _, digest in _file_hashes(contents, slices))
         about = f"{season.period.begin}" if season.is_changing else season.resolved_time_method
         mean = f"{self.with_mean}" if contents.constituents else ""
-        return ("cf", *hashes, season.valid, about, slices.valid, mean)
+        at = "" if self.index is None else "{} {}".format(*self.index)
+        return ("cf", *hashes, season.valid, about, slices.valid, mean + at)
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say why the files can't give the season's current; empty when they can."""
@@ -158,7 +161,7 @@ class CfFiles(CurrentSource):
     def contents(self) -> Contents:
         """Read the files' contents, again only when the files have changed."""
         files = find_files(self.paths)
-        return _read_version(files, tuple(_stamp(file) for file in files))
+        return _read_version(files, tuple(_stamp(file) for file in files), self.index)
 
 
 def _file_hashes(contents: Contents, slices: SelectedSlices) -> tuple[tuple[str, str], ...]:
@@ -171,10 +174,12 @@ def _file_hashes(contents: Contents, slices: SelectedSlices) -> tuple[tuple[str,
 
 
 @lru_cache(maxsize=4)
-def _read_version(files: tuple[Path, ...], stamps: tuple[str, ...]) -> Contents:
+def _read_version(
+    files: tuple[Path, ...], stamps: tuple[str, ...], index: tuple[str, int] | None
+) -> Contents:
     """Read the contents of files with these stamps."""
     del stamps
-    return read_contents(files)
+    return read_contents(files, index)
 
 
 def _stamp(file: Path) -> str:

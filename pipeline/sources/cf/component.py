@@ -49,10 +49,16 @@ class Component:
         return dataset.variables[self.name].isel(self.fixed)
 
 
-def read_component(file: Path, dataset: "xr.Dataset", name: str, along: str = "") -> Component:
+def read_component(
+    file: Path,
+    dataset: "xr.Dataset",
+    name: str,
+    along: str = "",
+    index: tuple[str, int] | None = None,
+) -> Component:
     """Return a component of a file; ValueError where something is wrong with it.
 
-    `along` is a dimension that takes the place of the time.
+    `along` is a dimension that takes the place of the time; `index` is the place along another one.
     """
     array = dataset[name]
     check_values(array)
@@ -74,13 +80,8 @@ def read_component(file: Path, dataset: "xr.Dataset", name: str, along: str = ""
         if role == "level":
             fixed[str(dim)], level_notes = axes.surface_level(dataset, str(dim))
             notes += level_notes
-        elif not role and array.sizes[dim] == 1:
-            fixed[str(dim)] = 0
         elif not role:
-            raise ValueError(
-                f"{name} has the dimension {dim} ({array.sizes[dim]}), which is neither time, "
-                "depth, latitude nor longitude; keep one index of it"
-            )
+            fixed[str(dim)] = _place_along(array, str(dim), index)
     time = by_role.get("time", "")
     return Component(
         file=file,
@@ -96,6 +97,18 @@ def read_component(file: Path, dataset: "xr.Dataset", name: str, along: str = ""
         lons_deg=axes.coordinate_axis(dataset, by_role["lon"], period=360.0),
         lats_deg=axes.coordinate_axis(dataset, by_role["lat"]),
         notes=tuple(notes),
+    )
+
+
+def _place_along(array: "xr.DataArray", dim: str, index: tuple[str, int] | None) -> int:
+    """Return the place along a dimension of no known role; ValueError where none is given."""
+    size = array.sizes[dim]
+    at = index[1] if index is not None and index[0] == dim else 0
+    if size == 1 or (index is not None and dim == index[0] and at < size):
+        return at
+    raise ValueError(
+        f"{array.name} has the dimension {dim} ({size}), which is neither time, depth, latitude "
+        f"nor longitude; keep one index of it, or plan in all with members = {{ along = '{dim}' }}"
     )
 
 

@@ -110,8 +110,8 @@ def find_files(paths: Sequence[str]) -> tuple[Path, ...]:
     return tuple(files)
 
 
-def read_contents(files: tuple[Path, ...]) -> Contents:
-    """Read the contents of files that belong together.
+def read_contents(files: tuple[Path, ...], index: tuple[str, int] | None = None) -> Contents:
+    """Read the contents of files that belong together; of a further dimension one index alone.
 
     Raises
     ------
@@ -130,10 +130,12 @@ def read_contents(files: tuple[Path, ...]) -> Contents:
                 faults.append(f"{file.name}: {error}")
         if faults:
             raise RequestError(faults)
-        return _contents(files, datasets)
+        return _contents(files, datasets, index)
 
 
-def _contents(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> Contents:
+def _contents(
+    files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]", index: tuple[str, int] | None
+) -> Contents:
     """Return the contents of open files; RequestError as in `read_contents`."""
     if any("u_re" in dataset.data_vars for dataset in datasets.values()):
         return _constants(files, datasets)
@@ -147,7 +149,7 @@ def _contents(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> Co
             variable = dataset.data_vars.get(name)
             if variable is not None and variable.attrs.get("standard_name", "") == standard:
                 try:
-                    components.append(read_component(file, dataset, name))
+                    components.append(read_component(file, dataset, name, index=index))
                 except ValueError as error:
                     faults.append(f"{file.name}: {error}")
     if faults:

@@ -120,7 +120,7 @@ def _of_season(
     ends = least_region(direct.start, direct.goal)
     reasons = []
     for named in season.currents:
-        source = current_source(named)
+        source = current_source(named, season.members)
         name = source_name(named)
         reason = source.uncovered_reason(ends, season)
         if not reason and source.needs_network(ends, season, folder):

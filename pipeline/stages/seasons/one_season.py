@@ -17,6 +17,7 @@ from pipeline.geo.lonlat import share_without
 from pipeline.geo.projection import densified
 from pipeline.model import (
     Current,
+    EnsembleFigures,
     Evaluation,
     RouteMetrics,
     Scene,
@@ -27,8 +28,9 @@ from pipeline.model import (
 )
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.places import is_shut_in
-from renew.errors import TooLateError
+from renew.errors import Text, TooLateError
 from renew.inputs.options import MAX_STATIONS
+from renew.planner.ensemble.statistics import STATISTICS
 from renew.turns.turn_reach import TurnReach
 from renew.watching import Step, watched
 
@@ -72,16 +74,23 @@ def plan_season(
     """
     started = time.perf_counter()
     asked, arrive_by_s = plan_options(options, min_lateness=MIN_LATENESS_S), math.inf
+    ensemble = None
     planned = partial(scene.planned, season, asked)
 
     def tell(step: Step) -> None:
         path = None if step.path is None else scene.projection.to_lonlat(step.path)
         on_step(season, replace(step, path=path))
 
+    def spelled(reason: Text) -> str:
+        return planner_text(reason, scene, season)
+
     try:
         with watched(tell):
             if season in scene.speeds:
                 plan, arrive_by_s = planning.planned_in_time(planned, scene, season)
+            elif season in scene.members:
+                found = scene.planned_ensemble(season, asked)
+                plan, ensemble = found.plan, EnsembleFigures.of(found, spelled)
             else:
                 plan = planned(arrive_by_s)
     except renew.PlanningError as error:
@@ -108,7 +117,7 @@ def plan_season(
             class_names=error.text.class_names,
         )
     seconds = time.perf_counter() - started
-    return SeasonPlan(season, plan, "", seconds, arrive_by_s=arrive_by_s)
+    return SeasonPlan(season, plan, "", seconds, arrive_by_s=arrive_by_s, ensemble=ensemble)
 
 
 def _least_padding(
@@ -137,7 +146,22 @@ def evaluate_season(scene: Scene, plan: SeasonPlan, options: PlannerOptions) -> 
         flown[plan.season, rank] = _sampled(turns)
         rows.append(evaluator.metrics(route, turns, rank))
         crossings += second_shoreline.crossings(np.asarray(route.path), plan.season, rank)
+    if plan.ensemble is not None:
+        rows = [_in_members(row, plan.ensemble) for row in rows]
     return Evaluation(tuple(rows), flown, tuple(crossings))
+
+
+def _in_members(row: RouteMetrics, found: EnsembleFigures) -> RouteMetrics:
+    """Return a route's metrics with those over the members of its current."""
+    mean, p90, cvar, regret = (found.statistic(name, row.rank) for name in STATISTICS)
+    return replace(
+        row,
+        members_share=found.share(row.rank),
+        members_mean_fuel=mean,
+        members_p90_fuel=p90,
+        members_cvar90_fuel=cvar,
+        members_regret=regret,
+    )
 
 
 def combine_seasons(parts: Iterable[Evaluation]) -> Evaluation:

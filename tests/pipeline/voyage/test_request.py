@@ -299,3 +299,30 @@ def test_any_words_make_a_scenario_or_are_refused(
     except RequestError:
         return
     assert scenario.region is None
+
+
+@pytest.mark.parametrize(
+    ("text", "members"),
+    [
+        ("files", {"along": "files"}),
+        ("realization", {"along": "realization"}),
+        ("0.2m/s", {"spread": 0.2}),
+        ("1.8km/h", {"spread": 0.5}),
+    ],
+)
+def test_members_are_files_a_dimension_or_the_speed_of_eddies(
+    text: str, members: dict[str, str | float]
+) -> None:
+    asked = replace(PALAWAN, members=text, currents=("embedded-palawan",))
+    if "along" in members:
+        with pytest.raises(RequestError, match="needs files"):
+            voyage_scenario(asked)
+        return
+    (season,) = voyage_scenario(asked)[0].seasons
+    assert season.members is not None
+    assert season.members.spread == pytest.approx(members["spread"])
+
+
+def test_a_speed_of_members_without_a_unit_is_refused() -> None:
+    with pytest.raises(RequestError, match=r"--members = '0\.2': .*a speed such as"):
+        voyage_scenario(replace(PALAWAN, members="0.2"))
