@@ -51,9 +51,9 @@ class Event:
 EventHandler = Callable[[Event], None]
 
 
-def ignore(event: Event) -> None:
-    """Ignore an event."""
-    del event
+def ignore(found: Event | RunResult) -> None:
+    """Ignore an event or a result."""
+    del found
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +156,8 @@ def run(
         Called with a season and each step of its plan, whose path is in lon/lat degrees, in the
         thread that plans it; not for seasons that other processes plan.
     on_result
-        Called with the result before it is written.
+        Called with the result before it is written; first with that in each region that is tried,
+        if the region is chosen, which may lack notes.
 
     Raises
     ------
@@ -172,10 +173,10 @@ def run(
             stages = _Stages(
                 *(held.store, on_event or ignore, compiled, offline, strict, scheduler, limit_s),
                 on_step=on_step,
+                on_result=on_result or ignore,
             )
             result = stages.result(scenario)
-        if on_result is not None:
-            on_result(result.value)
+        stages.on_result(result.value)
         fresh = stages.write(result, held.directory)
         held.record_origin()
         return Outcome(result.value, held.directory, fresh, time.perf_counter() - started)
@@ -218,6 +219,7 @@ class _Stages:
     limit_s: float | None = None
     bounds_sides: bool = True
     on_step: OnStep = ignore_step
+    on_result: Callable[[RunResult], None] = ignore
     timings: dict[str, float] = field(default_factory=dict)
 
     def result(self, asked: Scenario) -> Artefact[RunResult]:
@@ -263,7 +265,9 @@ class _Stages:
         for plan in planned.value.plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
         with self._stage("compare", scenario) as say:
-            return compare(chosen, land, planned, store, say, bounds_sides=self.bounds_sides)
+            made = compare(chosen, land, planned, store, say, bounds_sides=self.bounds_sides)
+        self.on_result(made.value)
+        return made
 
     def write(self, result: Artefact[RunResult], directory: Path) -> bool:
         """Write all files unless the folder has them already; return whether they were written."""

@@ -37,11 +37,8 @@ def serve(
         typer.Option(min=_MIN_MEMORY_GB, metavar="GB", help="Memory limit of a plan's process."),
     ] = 4.0,
     workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1, max=_MAX_WORKERS, help="Plans at a time; left out, two, or one on one core."
-        ),
-    ] = None,
+        int, typer.Option(min=1, max=_MAX_WORKERS, help="Number of plans at a time.")
+    ] = 1,
 ) -> None:
     """Serve a page on this machine where voyages are planned on a map; needs the extra `web`.
 
@@ -60,7 +57,7 @@ def serve(
             output,
             port=port,
             offline=offline,
-            limits=Limits(limit, memory, workers or 0),
+            limits=Limits(limit, memory, workers),
             on_ready=_say,
             opens=opens,
         )

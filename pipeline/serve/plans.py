@@ -107,7 +107,7 @@ class Plans:
         self, output: Path, *, offline: bool, workers: int, limit_s: float, memory_bytes: int
     ) -> None:
         self.output, self._offline, self._limit_s = output, offline, limit_s
-        self._workers = [Worker(memory_bytes) for _ in range(workers)]
+        self._pairs = [(Worker(memory_bytes), Worker(memory_bytes)) for _ in range(workers)]
         self._plans: dict[str, Plan] = {}
         self._waiting: asyncio.Queue[Plan] = asyncio.Queue()
         self._work: dict[str, asyncio.Task[None]] = {}
@@ -116,13 +116,13 @@ class Plans:
     @contextlib.asynccontextmanager
     async def at_work(self) -> AsyncIterator[None]:
         """Take plans inside the `with` block; kill all workers at its end."""
-        self._loops = [asyncio.create_task(self._serve(worker)) for worker in self._workers]
+        self._loops = [asyncio.create_task(self._serve(*pair)) for pair in self._pairs]
         try:
             yield
         finally:
             for task in (*self._loops, *self._work.values()):
                 task.cancel()
-            await asyncio.gather(*(worker.kill() for worker in self._workers))
+            await asyncio.gather(*(worker.kill() for pair in self._pairs for worker in pair))
 
     def add(self, request: PlanRequest, options: Mapping[str, Any]) -> Plan:
         """Return a new plan, or that of the same options unless it failed.
@@ -176,17 +176,29 @@ class Plans:
         for identity in ended[: max(0, len(self._plans) - _MAX_KEPT)]:
             del self._plans[identity]
 
-    async def _serve(self, worker: Worker) -> None:
-        """Plan with a worker, one plan after the other; it is started before it is needed."""
+    async def _serve(self, worker: Worker, spare: Worker) -> None:
+        """Plan with a worker, one plan after the other; the spare one takes over if it was killed.
+
+        So the plan after a cancelled one begins at once, and only one of the two holds a chart.
+        """
+        await self._started(worker)
+        starting = asyncio.create_task(self._started(spare))
         while True:
-            with contextlib.suppress(PipelineError):  # it is tried again by the next plan
-                await worker.start()
             plan = await self._waiting.get()
             if plan.state != "waiting":
                 continue
             work = self._work[plan.id] = asyncio.create_task(self._plan(worker, plan))
             await asyncio.wait([work])
             self._work.pop(plan.id, None)
+            if not worker.is_running:
+                worker, spare = spare, worker
+                await starting
+                starting = asyncio.create_task(self._started(spare))
+
+    async def _started(self, worker: Worker) -> None:
+        """Start a worker; if that fails, the plan that needs it tries again, and tells why."""
+        with contextlib.suppress(PipelineError):
+            await worker.start()
 
     async def _plan(self, worker: Worker, plan: Plan) -> None:
         """Plan with a worker; whatever happens, the plan ends."""

@@ -10,7 +10,6 @@ from pathlib import Path
 import uvicorn
 
 from pipeline.errors import RequestError
-from pipeline.machine.interpreters import cores
 from pipeline.machine.paths import folder_to_write
 from pipeline.serve.app import make_app
 from pipeline.serve.files import GivenFiles
@@ -36,12 +35,7 @@ class Limits:
 
     seconds: float = 600.0
     memory_gb: float = 4.0
-    workers: int = 0
-
-    @property
-    def processes(self) -> int:
-        """Number of workers; 0 asks for two, or one where there is one core."""
-        return self.workers or min(2, cores())
+    workers: int = 1
 
 
 def serve(
@@ -81,7 +75,7 @@ def serve(
         plans = Plans(
             output,
             offline=offline,
-            workers=limits.processes,
+            workers=limits.workers,
             limit_s=limits.seconds,
             memory_bytes=round(limits.memory_gb * _GB),
         )

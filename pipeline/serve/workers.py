@@ -29,13 +29,23 @@ class Worker:
         self._last_words = ""
         self._listening: asyncio.Task[None] | None = None
         self._plans = 0
+        self._changing = asyncio.Lock()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the process lives."""
+        return self._process is not None and self._process.returncode is None
 
     async def start(self) -> None:
         """Start the process unless it runs, and wait until it is ready."""
-        if self._process is not None and self._process.returncode is None:
-            if self._plans < _MAX_PLANS:
-                return
-            await self.kill()
+        async with self._changing:
+            if self.is_running and self._plans >= _MAX_PLANS:
+                await self.kill()
+            if not self.is_running:
+                await self._start()
+
+    async def _start(self) -> None:
+        """Start the process, and wait until it is ready."""
         command = python_command("-m", "pipeline.serve.worker", str(self._memory))
         self._process = await asyncio.create_subprocess_exec(
             *command,

@@ -238,7 +238,7 @@ function statusText(plan) {
   const ways = plan.drafts.length ? ` ${plan.drafts.length === 1 ? "One way is" : `${plan.drafts.length} ways are`} found.` : "";
   switch (plan.state) {
     case "waiting": return "Waits for its turn.";
-    case "running": return plan.sides ? "All sides are found; the files are being written." : `At work: ${STAGES[plan.stages.at(-1)] || "begins"}${plan.detail ? ` – ${plan.detail}` : ""}.${ways}`;
+    case "running": return plan.sides && plan.stages.at(-1) === "write" ? "All sides are found; the files are being written." : `At work: ${STAGES[plan.stages.at(-1)] || "begins"}${plan.detail ? ` – ${plan.detail}` : ""}.${ways}`;
     case "cancelled": return "Cancelled.";
     case "failed": return "No plan: see the faults above the button.";
     default: return `Planned in ${plan.seconds.toFixed(1)} s.`;

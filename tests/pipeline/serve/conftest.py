@@ -14,9 +14,9 @@ Open = Callable[..., Page]
 
 @pytest.fixture(scope="package")
 def server(tmp_path_factory: pytest.TempPathFactory, rehearsed: None) -> Iterator[Server]:
-    """A server with one worker, for all tests that leave it as it is."""
+    """A server for all tests that leave it as it is."""
     del rehearsed
-    with serving(tmp_path_factory.mktemp("serve") / "outputs", "--workers", "1") as server:
+    with serving(tmp_path_factory.mktemp("serve") / "outputs") as server:
         yield server
 
 
