@@ -31,7 +31,7 @@ from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, T
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 from renew.underway.cover import cover
-from renew.underway.coverage import Coverage, Diversion, EqualPoint, LastTurn, Stretch, TurnOff
+from renew.underway.coverage import Coverage, Diversion, EqualPoint, LastTurn, Stretch
 from renew.underway.replan import Replanned, replan
 from renew.voyage.fuel import fuel
 
@@ -76,7 +76,6 @@ __all__ = [
     "Tide",
     "Tightest",
     "TradeOff",
-    "TurnOff",
     "UniformCurrent",
     "UnreachableError",
     "VaryingCurrent",

@@ -71,8 +71,12 @@ class HavenBound:
             known.append(_solved(_outwards(grid), counts, voyage.goal, _BEYOND * most, most))
 
     def at(self, points: FloatArray) -> FloatArray:
-        """Return bounds (n,), s, at points (n, 2), m."""
-        return np.array([max(one.at(point) for one in self._known) for point in points])
+        """Return bounds (n,), s, at points (n, 2), m; 0 off the chart."""
+        x, y = self._known[0].grid.x, self._known[0].grid.y
+        on = ((points >= (x[0], y[0])) & (points <= (x[-1], y[-1]))).all(axis=1)
+        least = np.zeros(len(points))
+        least[on] = [max(one.at(point) for one in self._known) for point in points[on]]
+        return least
 
 
 def _outwards(grid: TravelGrid) -> TravelGrid:

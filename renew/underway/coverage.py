@@ -102,25 +102,6 @@ class EqualPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class TurnOff:
-    """The last place of a route from which another class is still worth changing to.
-
-    Attributes
-    ----------
-    homotopy : the name of the other class.
-    time, place : when a vessel on time is there, s, and where, (2,) m.
-    route : the way from there in that class.
-    fuel : fuel of the whole voyage with this turn-off (fuel units).
-    """
-
-    homotopy: str
-    time: float
-    place: FloatArray
-    route: Route
-    fuel: float
-
-
-@dataclass(frozen=True, eq=False)
 class Coverage:
     """Which places of a route have a planned way to a haven within the limits.
 
@@ -136,7 +117,6 @@ class Coverage:
     no_return : the last place from which the way back to the start is within the endurance; None
         without an endurance, or if there is none.
     equal_points : where the nearest haven changes, in order of time.
-    turn_offs : the last place to turn off into each other class that was given.
     within : limit of time, s; inf if there is none.
     within_fuel : limit of fuel of a diversion (fuel units); inf if there is none.
     endurance : fuel on board at departure (fuel units); inf if it is not given.
@@ -150,7 +130,6 @@ class Coverage:
     abort_points: tuple[LastTurn, ...] = ()
     no_return: LastTurn | None = None
     equal_points: tuple[EqualPoint, ...] = ()
-    turn_offs: tuple[TurnOff, ...] = ()
     within: float = np.inf
     within_fuel: float = np.inf
     endurance: float = np.inf

@@ -53,3 +53,13 @@ def test_in_a_current_that_changes_it_holds_for_any_departure() -> None:
             drift=scene.drift,
         )
         assert least <= fuel / RATE
+
+
+def test_off_the_chart_it_bounds_nothing() -> None:
+    chart, current, start, goal = random_scene(1, 0.7)
+    voyage = Voyage(Waters(chart, current), PAPER_VESSEL, start, goal, "projected")
+    bound = HavenBound.of(voyage, MOST, MOST)
+    xmin, ymin, xmax, ymax = chart.bounds
+    rounded = np.nextafter([xmax, ymax], np.inf)
+    places = np.array([[xmin - 1.0, start[1]], [start[0], ymin - 1.0], rounded])
+    assert bound.at(places).tolist() == [0.0, 0.0, 0.0]
