@@ -23,6 +23,7 @@ from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.coverage import require_covered
 from pipeline.stages.choosing.region import search_region
 from pipeline.stages.compare import compare
+from pipeline.stages.cover import cover, havens_in
 from pipeline.stages.fetch import fetch
 from pipeline.stages.plan import plan_seasons
 from pipeline.stages.project import projected
@@ -31,9 +32,10 @@ from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import simplify
 from pipeline.stages.write import load_libraries, write
 
-Stage = Literal["fetch", "simplify", "project", "choose", "plan", "compare", "write"]
+Stage = Literal["fetch", "simplify", "project", "choose", "plan", "compare", "cover", "write"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
-"""The stages that events report; a season is evaluated in the task that plans it."""
+"""The stages that events report; a season is evaluated in the task that plans it. Without havens
+there is nothing to cover."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,9 +227,14 @@ class _Stages:
     def result(self, asked: Scenario) -> Artefact[RunResult]:
         """Run all stages except "write", in the scenario's region or in a chosen one."""
         if asked.region is not None or asked.is_planar:
-            return self._in_region(asked, ())
-        self.on_event(Event("choose", "part", detail="the region"))
-        return search_region(asked, self.store, self._in_region, offline=self.offline)
+            made = self._in_region(asked, ())
+        else:
+            self.on_event(Event("choose", "part", detail="the region"))
+            made = search_region(asked, self.store, self._in_region, offline=self.offline)
+        if asked.havens is None:
+            return made
+        with self._stage("cover", asked) as say:
+            return cover(made, self.store, say)
 
     def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Artefact[RunResult]:
         """Run all stages except "write" in the scenario's region, with notes on its choice."""
@@ -248,6 +255,7 @@ class _Stages:
                 say(note)
         with self._stage("project", scenario):
             scene = projected(scenario, data.fetched, data.current_keys, land, store)
+            havens_in(scenario, scene.value)  # refused before planning
         with self._stage("choose", scenario) as say:
             chosen = choose(Chosen(scenario, data, scene, notes=region_notes), store, say)
         with self._stage("plan", scenario):

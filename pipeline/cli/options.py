@@ -153,6 +153,19 @@ Avoid = Annotated[
         help="GeoJSON or other vector file of areas that no route may enter; may be repeated.",
     ),
 ]
+Havens = Annotated[
+    Path | None,
+    _limits(
+        metavar="FILE",
+        help="GeoJSON or other file of points, or CSV with name, lon and lat: from where along the "
+        "route is one of them reached --within a time, or with the --endurance that is left?",
+    ),
+]
+Within = Annotated[str, _limits(help="Longest time to a haven, as 6h; needs --havens.")]
+Endurance = Annotated[
+    str,
+    _limits(help="Time under way for which there is fuel at departure, as 2d; needs --havens."),
+]
 Tide = Annotated[
     list[str] | None,
     _limits(

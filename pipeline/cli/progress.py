@@ -19,6 +19,7 @@ _DESCRIPTIONS = {
     "choose": "Choosing",
     "plan": "Planning and verifying",
     "compare": "Comparing the ways round",
+    "cover": "Looking for ways to havens",
     "write": "Writing",
 }
 
@@ -39,9 +40,8 @@ def progress(
     if quiet:
         yield ignore
         return
-    seasons = [season.name for season in scenario.seasons]
     provider = _json_lines if as_json else _bar if sys.stderr.isatty() else _text_lines
-    with provider(scenario.name, seasons) as on_event:
+    with provider(scenario) as on_event:
         for note in (*notes, *_machine_notes()):
             on_event(Event("fetch", "note", detail=note))
         yield on_event
@@ -59,10 +59,11 @@ def _machine_notes() -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def _bar(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
+def _bar(scenario: Scenario) -> Iterator[EventHandler]:
     """Show a bar with a step for each stage and each season."""
-    with progress_bar(scenario) as bar:
-        task = bar.add_task("Starting", total=len(STAGES) + len(seasons))
+    steps = len(STAGES) - (scenario.havens is None) + len(scenario.seasons)
+    with progress_bar(scenario.name) as bar:
+        task = bar.add_task("Starting", total=steps)
 
         def on_event(event: Event) -> None:
             if event.status == "begun":
@@ -80,10 +81,10 @@ def _bar(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
 
 
 @contextlib.contextmanager
-def _json_lines(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
+def _json_lines(scenario: Scenario) -> Iterator[EventHandler]:
     """Write a line of JSON for each event, and one every _HEARTBEAT_S while the run works."""
-    log = json_lines(sys.stderr).bind(scenario=scenario)
-    state = _State(seasons)
+    log = json_lines(sys.stderr).bind(scenario=scenario.name)
+    state = _State(scenario)
 
     def on_event(event: Event) -> None:
         state.update(event)
@@ -102,12 +103,12 @@ def _json_lines(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]
 
 
 @contextlib.contextmanager
-def _text_lines(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]:
+def _text_lines(scenario: Scenario) -> Iterator[EventHandler]:
     """Write a line for each stage and note, and one every _HEARTBEAT_S while the run works."""
-    state = _State(seasons)
+    state = _State(scenario)
 
     def say(text: str) -> None:
-        print(without_secrets(f"{scenario}: {text}"), file=sys.stderr, flush=True)  # noqa: T201 - to the user
+        print(without_secrets(f"{scenario.name}: {text}"), file=sys.stderr, flush=True)  # noqa: T201 - to the user
 
     def on_event(event: Event) -> None:
         state.update(event)
@@ -129,8 +130,8 @@ def _text_lines(scenario: str, seasons: Sequence[str]) -> Iterator[EventHandler]
 class _State:
     """The current stage, its start time, and the seasons that it has not finished yet."""
 
-    def __init__(self, seasons: Sequence[str]) -> None:
-        self._all = tuple(seasons)
+    def __init__(self, scenario: Scenario) -> None:
+        self._all = tuple(season.name for season in scenario.seasons)
         self._stage, self._begun = "", time.monotonic()
         self._waiting = self._all
 

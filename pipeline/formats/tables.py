@@ -63,7 +63,7 @@ _HEAD = """\
 """
 
 
-def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
     """Write rows to a new CSV file (UTF-8, a header, RFC 4180 line ends)."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, columns)
@@ -71,7 +71,7 @@ def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, A
         writer.writerows(rows)
 
 
-def _time(moment: datetime) -> str:
+def utc_text(moment: datetime) -> str:
     """Write a time as ISO 8601, UTC, to the second."""
     return f"{moment.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
 
@@ -82,8 +82,8 @@ def write_metrics(result: RunResult, path: Path) -> None:
     for metrics in (ranked.metrics for ranked in result.routes):
         passage = result.scenario.passage(metrics.season, round(metrics.duration_s)) or ()
         cells = {column: _cell(metrics, field) for column, field in METRICS_COLUMNS.items()}
-        rows.append({**cells, **dict(zip(_PASSAGE, map(_time, passage), strict=False))})
-    _write_csv(path, [*METRICS_COLUMNS, *_PASSAGE], rows)
+        rows.append({**cells, **dict(zip(_PASSAGE, map(utc_text, passage), strict=False))})
+    write_csv(path, [*METRICS_COLUMNS, *_PASSAGE], rows)
 
 
 def _cell(metrics: RouteMetrics, field: str) -> str:
@@ -92,14 +92,14 @@ def _cell(metrics: RouteMetrics, field: str) -> str:
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else ""
     if isinstance(value, datetime):
-        return _time(value)
+        return utc_text(value)
     return "" if value is None else str(value)
 
 
 def write_departures_csv(result: RunResult, path: Path) -> None:
     """Write all departures of all seasons as CSV."""
     rows = (row for choice in result.departures for row in _departure_rows(result, choice))
-    _write_csv(path, DEPARTURE_COLUMNS, rows)
+    write_csv(path, DEPARTURE_COLUMNS, rows)
 
 
 def write_departures_json(result: RunResult, path: Path) -> None:
@@ -153,7 +153,7 @@ def _departure_rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict
 
 def _moment(choice: DepartureChoice, seconds: float) -> str:
     """Write a time of the choice's clock."""
-    return _time(choice.first + timedelta(seconds=round(seconds)))
+    return utc_text(choice.first + timedelta(seconds=round(seconds)))
 
 
 def write_trade_off_csv(result: RunResult, path: Path) -> None:
@@ -163,7 +163,7 @@ def write_trade_off_csv(result: RunResult, path: Path) -> None:
         for found in trade_offs(result)
         for row in _trade_off_rows(found)
     )
-    _write_csv(path, TRADE_OFF_COLUMNS, rows)
+    write_csv(path, TRADE_OFF_COLUMNS, rows)
 
 
 def write_trade_off_json(result: RunResult, path: Path) -> None:
@@ -171,8 +171,8 @@ def write_trade_off_json(result: RunResult, path: Path) -> None:
     seasons = [
         {
             "season": found.season,
-            "departure": _time(found.departure),
-            "arrive_by": _time(found.arrive_by),
+            "departure": utc_text(found.departure),
+            "arrive_by": utc_text(found.arrive_by),
             "least_m_s": found.choice.least,
             "most_m_s": found.choice.most,
             "slowest_m_s": found.slowest,
@@ -191,7 +191,7 @@ def _trade_off_rows(found: TradeOff) -> Iterator[dict[str, Any]]:
     fuels = np.insert(found.fuels, at, found.fuel)
     for index, (duration, fuel) in enumerate(zip(durations.tolist(), fuels.tolist(), strict=True)):
         yield {
-            "arrival": _time(found.moment(duration)),
+            "arrival": utc_text(found.moment(duration)),
             "hours": duration / 3600,
             "fuel": fuel,
             "of_chosen": fuel / found.fuel,
@@ -201,7 +201,7 @@ def _trade_off_rows(found: TradeOff) -> Iterator[dict[str, Any]]:
 
 def write_ensemble_csv(result: RunResult, path: Path) -> None:
     """Write the fuel of each route in each member, of all seasons with members, as CSV."""
-    _write_csv(path, ENSEMBLE_COLUMNS, ensemble_rows(result))
+    write_csv(path, ENSEMBLE_COLUMNS, ensemble_rows(result))
 
 
 def write_scenario(result: RunResult, path: Path) -> None:

@@ -20,7 +20,7 @@ from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.region import ChartSpec, Plane, Region
+from pipeline.scenario.region import Plane, Region
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import looks_like_path, near_miss, validated
 
@@ -84,7 +84,7 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
     scenario = validated(Scenario, data, folder=folder or working_directory())
     faults = [
         *_unknown_sources(scenario),
-        *_missing_paths(scenario.chart),
+        *_missing_paths(scenario),
         *_missing_draught(scenario),
         *_misplaced_stops(scenario),
     ]
@@ -100,8 +100,9 @@ def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
 
 
-def _missing_paths(chart: ChartSpec) -> Iterator[str]:
-    """Find charts that do not exist or can't be read."""
+def _missing_paths(scenario: Scenario) -> Iterator[str]:
+    """Find charts and lists of havens that do not exist or can't be read."""
+    chart, havens = scenario.chart, scenario.havens
     for one in chart.source:
         if one.path and (reason := unreadable_reason(one.path)):
             remedy = "; give a vector file, or a folder of S-57 cells"
@@ -110,6 +111,9 @@ def _missing_paths(chart: ChartSpec) -> Iterator[str]:
     if chart.depths and (reason := unreadable_reason(chart.depths)):
         remedy = "; give a GEBCO or EMODnet grid in NetCDF" if reason == NOT_THERE else ""
         yield f"chart.depths = '{shown(chart.depths)}' {reason}{remedy}"
+    if havens is not None and (reason := unreadable_reason(havens.path)):
+        remedy = "; give a GeoJSON file with points" if reason == NOT_THERE else ""
+        yield f"havens.path = '{shown(havens.path)}' {reason}{remedy}"
 
 
 def _unknown_sources(scenario: Scenario) -> Iterator[str]:

@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.havens import HavensSpec
 from pipeline.scenario.published import Published
 from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane, Region
 from pipeline.scenario.season import Season
@@ -162,6 +163,9 @@ class Scenario(StrictModel):
     tide: TideSpec | None = None
     """The tide over charted depths: water that is too shallow for some hours is then passed in the
     others. Add a [tide] table, or leave it out."""
+    havens: HavensSpec | None = None
+    """Havens: from where along the best route one of them is reached in time. Add a [havens] table,
+    or leave it out."""
     seasons: tuple[Season, ...] = Field(min_length=1, max_length=MAX_SEASONS)
     """The currents to plan in, each by itself. Add a [[seasons]] table for each."""
     planner: PlannerOptions = PlannerOptions()
@@ -218,7 +222,7 @@ class Scenario(StrictModel):
                     f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where times "
                     "under way are not the true ones; plan at true scale, scale = 1"
                 )
-        faults += self._itinerary_faults()
+        faults += [*self._itinerary_faults(), *self._haven_faults()]
         if faults:
             raise strict.RemediedError(*faults)
         return self
@@ -258,6 +262,34 @@ class Scenario(StrictModel):
                     f"has hours in {key} at scale = {self.scale:g}, where times under way are not "
                     "the true ones; plan at true scale, scale = 1"
                 )
+
+    def _haven_faults(self) -> Iterator[str]:
+        """Find keys that do not go together with havens: ways to them know no hours."""
+        if self.havens is None:
+            return
+        others = {
+            "a [plane], where nothing lies in lon/lat": self.plane is not None,
+            "a [tide], which ways to them do not know": self.tide is not None,
+            "[[avoid]], which ways to them do not know": bool(self.avoid),
+            f"scale = {self.scale:g}, where times under way are not the true ones": self.scale != 1,
+            "'members' in a season, of which ways to them know the mean alone": any(
+                season.members is not None for season in self.seasons
+            ),
+            "an anchorage, after which less 'endurance' is left": self.anchorage is not None
+            and self.havens.endurance is not None,
+            "'speed' in a season: a way to them has the vessel's own speed": any(
+                season.speed is not None for season in self.seasons
+            ),
+        }
+        for other, is_there in others.items():
+            if is_there:
+                yield f"has [havens] and {other}; leave one of the two out"
+        turn_s = 360 / self.vessel.turn_rate_deg_s
+        if self.havens.within_s is not None and self.havens.within_s < turn_s:
+            yield (
+                f"has havens.within = {self.havens.within!r}, and one full turn takes the vessel "
+                f"{turn_s:.0f} s; give more"
+            )
 
     def _waiting_faults(self, *, has_hours: bool) -> Iterator[str]:
         """Find faults of a wait at an anchorage: it needs a clock, and one departure."""

@@ -128,6 +128,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     """Return the function that writes each file of a run, keyed by file name."""
     from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage
+    from pipeline.formats.haven_table import write_havens
     from pipeline.formats.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
     from pipeline.formats.shared.departures_and_speeds import trade_offs
@@ -146,6 +147,8 @@ def formats_of(result: RunResult) -> dict[str, Format]:
         }
     if has_ensembles(result):
         formats["ensemble.csv"] = tables.write_ensemble_csv
+    if result.coverages:
+        formats["havens.csv"] = write_havens
     if trade_offs(result):
         formats |= {
             "trade-off.csv": tables.write_trade_off_csv,

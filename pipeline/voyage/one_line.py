@@ -10,7 +10,6 @@ from pydantic import TypeAdapter, ValidationError
 
 from pipeline.errors import Faults, RequestError
 from pipeline.formats.shared.result import RunResult
-from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason
 from pipeline.run import Event, EventHandler, Outcome, ignore, run
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
@@ -18,11 +17,10 @@ from pipeline.scenario.loading import asked_currents, parse_scenario, require_cu
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import Name
-from pipeline.scenario.tide import TideSpec
 from pipeline.sources.registry import current_source
-from pipeline.sources.tides.zones import stations_of
 from pipeline.stages.choosing.coverage import are_water_swapped, least_region, require_sailable
 from pipeline.stages.seasons.one_season import OnStep, ignore_step
+from pipeline.voyage.named_files import tables_of
 from pipeline.voyage.positions import Position, read_positions, read_via, spelled, voyage_name
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.times import Departing, departing, read_months
@@ -52,6 +50,9 @@ def go(
     currents: Sequence[str | Path] = (),
     via: Sequence[str | tuple[float, float]] = (),
     avoid: Sequence[Path] = (),
+    havens: Path | None = None,
+    within: str = "",
+    endurance: str = "",
     clearance_m: float | None = None,
     charts: Path | None = None,
     depths: Path | None = None,
@@ -92,6 +93,11 @@ def go(
         Positions that the route passes in this order, each like `start`.
     avoid
         Vector files of areas that no route may enter.
+    havens
+        A file of points: from where along the best route is one of them reached in time?
+    within, endurance
+        Longest time to a haven, and time under way for which there is fuel at departure: "6h".
+        With `havens` one of the two is needed.
     clearance_m
         Minimum distance from the charted coast and its margin, true metres; by default an offing
         is chosen.
@@ -133,6 +139,9 @@ def go(
         currents=tuple(map(str, currents)),
         via=tuple(_text(place) for place in via),
         avoid=tuple(avoid),
+        havens=havens,
+        within=within,
+        endurance=endurance,
         clearance="" if clearance_m is None else f"{clearance_m!r}",
         charts=charts,
         depths=depths,
@@ -194,7 +203,7 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     is_timed = bool(request.depart or request.until or request.arrive_by)
     is_steady = not is_timed or _is_still(request) or _has_steady_months(request)
     months = faults.collect(lambda: _months(request)) if is_steady else []
-    files = faults.collect(lambda: _files(request))
+    files = faults.collect(lambda: tables_of(request))
     members = faults.collect(lambda: request.member_key) or {}
     faults.collect(lambda: require_currents(request.currents))
     faults.collect(lambda: _require_name(request.name))
@@ -256,41 +265,6 @@ def _vessel(request: VoyageRequest) -> VesselSpec:
     return vessel_spec(request.vessel, figures)
 
 
-def _files(request: VoyageRequest) -> dict[str, Any]:
-    """Return the tables of a scenario that name files: its chart and its areas to avoid."""
-    faults = Faults()
-
-    def read(option: str, path: Path, remedy: str) -> str:
-        file = faults.collect(lambda: resolved(path, option))
-        if file is not None and (reason := unreadable_reason(file)):
-            remedy = f"; {remedy}" if reason == NOT_THERE else ""
-            faults.lines.append(f"{option} = '{shown(file)}' {reason}{remedy}")
-        return str(file)
-
-    data: dict[str, Any] = {}
-    if request.avoid:
-        remedy = "give a vector file, such as GeoJSON"
-        data["avoid"] = [{"path": read("--avoid", path, remedy)} for path in request.avoid]
-    if request.charts is not None:
-        remedy = "give a vector file, or a folder of S-57 cells"
-        data["chart"] = {"source": {"path": read("--charts", request.charts, remedy)}}
-    if request.depths is not None:
-        remedy = "give a GEBCO or EMODnet grid in NetCDF"
-        data.setdefault("chart", {})["depths"] = read("--depths", request.depths, remedy)
-    if request.datum:
-        data.setdefault("chart", {})["datum"] = request.datum
-        if request.charts is None and request.depths is None:
-            faults.lines.append(
-                f"--datum = {request.datum!r} is of charted depths; add --depths or --charts"
-            )
-    if request.tide:
-        data["tide"] = {"stations": [_station(one) for one in request.tide]}
-        faults.collect(lambda: stations_of(TideSpec(**data["tide"])))
-    if faults.lines:
-        raise RequestError(faults.lines)
-    return data
-
-
 def _require_name(name: str) -> None:
     """Raise RequestError if a name can't be a scenario's."""
     try:
@@ -316,11 +290,6 @@ def _when(departing_at: Departing | None, request: VoyageRequest) -> dict[str, A
     if departing_at is None:
         return {}
     return departing_at.window if request.tide else departing_at.passage
-
-
-def _station(text: str) -> str:
-    """Return a station's name in the catalogue, or the path of its file."""
-    return text if text in catalogue.stations() else str(resolved(Path(text), "--tide"))
 
 
 def _departing(request: VoyageRequest) -> Departing | None:

@@ -34,6 +34,9 @@ class VoyageRequest:
     speeds: str = ""
     via: tuple[str, ...] = ()
     avoid: tuple[Path, ...] = ()
+    havens: Path | None = None
+    within: str = ""
+    endurance: str = ""
     tide: tuple[str, ...] = ()
     members: str = ""
 
@@ -45,7 +48,10 @@ class VoyageRequest:
         """
         speed = given.get("speed") or ""
         is_choice = RANGE in speed
-        texts = ("vessel", "depart", "until", "arrive_by", "clearance", "datum", "name", "members")
+        texts = (
+            *("vessel", "depart", "until", "arrive_by", "within", "endurance", "clearance"),
+            *("datum", "name", "members"),
+        )
         lists = ("positions", "currents", "via", "avoid", "tide")
         options: dict[str, Any] = {one: given.get(one) or "" for one in texts}
         options |= {one: tuple(given.get(one) or ()) for one in lists}
@@ -58,6 +64,7 @@ class VoyageRequest:
             speeds=speed if is_choice else "",
             charts=given.get("charts"),
             depths=given.get("depths"),
+            havens=given.get("havens"),
             **options,
         )
 

@@ -95,12 +95,16 @@ def cover(
     usable_ones, left_out = usable(havens, task, route)
     survey = _Survey(Diverter(task, route), tuple(usable_ones), limits)
     stretches = survey.stretches()
+    abort_points, equal_points = survey.abort_points(), survey.equal_points()
+    faults = [survey.diverter.fault(number) for number in range(len(usable_ones))]
+    found = list(zip(usable_ones, faults, strict=True))
+    left_out += [(haven, fault) for haven, fault in found if fault is not None]
     return Coverage(
         route=route,
-        abort_points=survey.abort_points(),
+        abort_points=abort_points,
         no_return=survey.no_return(),
-        equal_points=survey.equal_points(),
-        havens=tuple(usable_ones),
+        equal_points=equal_points,
+        havens=tuple(haven for haven, fault in found if fault is None),
         left_out=tuple(left_out),
         stretches=tuple(stretches),
         diversions=survey.diverter.found,
@@ -253,13 +257,19 @@ class _Survey:
         not_after, way = float(self.times[bad]), self._planned(number, good)
         if way is None or not self.diverter.is_within(way, limits):
             return None
+        beyond = math.inf
         while bad - good > _LAST:
-            middle = (good + bad) // 2
+            # Between two known ways the excess over the limits is nearly linear.
+            spare = -self.diverter.excess(way, limits)
+            share = 0.5 if math.isinf(beyond) else spare / (spare + beyond)
+            wide, least = bad - good, _LAST // 2
+            middle = good + min(max(round(share * wide), least), wide - least)
             further = self._planned(number, middle)
-            if further is not None and self.diverter.is_within(further, limits):
+            excess = math.inf if further is None else self.diverter.excess(further, limits)
+            if further is not None and excess <= 0:
                 good, way = middle, further
             else:
-                bad = middle
+                bad, beyond = middle, excess
         return LastTurn(way, not_after)
 
     def no_return(self) -> LastTurn | None:

@@ -109,7 +109,8 @@ class Coverage:
     ----------
     route : the route.
     havens : the havens that can be used, in the user's order.
-    left_out : havens that can't be used, with the reason.
+    left_out : havens that can't be used, and those to which no way was found from any place that
+        may be within the limits, each with the reason.
     stretches : the whole route in stretches, from departure to arrival, each in one state.
     diversions : all ways to havens that were planned, in the order of their times.
     abort_points : for each haven that is within the limits from some place, in the user's order,

@@ -15,8 +15,9 @@ from renew.underway.choice import choose
 from renew.underway.coverage import Diversion
 from renew.voyage.voyage import Voyage
 
-# Number of classes that are planned, and of departures between early and late that are timed.
-_CLASSES, _TIMED = 2, 9
+# Number of classes that are planned; departures between early and late that are timed: at least
+# this many, and one for each such share of the way's time, up to a largest number.
+_CLASSES, _TIMED, _APART, _MOST_TIMED = 2, 9, 0.01, 129
 # Factor by which the hours at the begin of a stretch are widened until they hold every vessel that
 # is in time on it, and largest number of times.
 _WIDER, _TRIES = 1.25, 12
@@ -83,6 +84,12 @@ class Diverter:
             if which == haven and isinstance(one, Diversion) and self.is_within(one, limits)
         }
 
+    def fault(self, haven: int) -> PlanningError | None:
+        """Return why no way to a haven was found; None if one was, or none was looked for."""
+        asked = [one for (which, _), one in self._found.items() if which == haven]
+        faults = [one for one in asked if isinstance(one, PlanningError)]
+        return faults[-1] if faults and len(faults) == len(asked) else None
+
     def nearest(self, haven: int, time: float, most: float) -> Diversion | None:
         """Return the way to a haven that is nearest in time to a time (s), up to `most` (s)."""
         ways = [
@@ -146,7 +153,8 @@ class Diverter:
         route = cast("Plan", choice.plan).best  # without a way, an error was raised
         if route.ends_in_soft_no_go and not is_start:
             raise InfeasibleError(
-                f"haven {haven.name} {{0}} lies in the soft no-go zone, where no turn is verified",
+                f"haven {haven.name} {{0}} lies in the soft no-go zone, where no turn is verified; "
+                "move it off",
                 haven.place,
             )
         voyage = task.planner().problem.voyage
@@ -177,7 +185,9 @@ class Diverter:
         On one path no vessel overtakes: one that leaves between two others arrives no later than
         the second.
         """
-        leaving = np.linspace(*hours, _TIMED)
+        apart = _APART * float(np.diff(voyage.leaving(hours[1]).arrivals(path)[[0, -1]])[0])
+        count = math.ceil((hours[1] - hours[0]) / apart) + 1
+        leaving = np.linspace(*hours, min(max(count, _TIMED), _MOST_TIMED))
         arrivals = [float(voyage.leaving(at).arrivals(path)[-1]) for at in leaving.tolist()]
         waited = np.array([self._waited(haven, at) for at in arrivals])
         return float((waited[1:] - leaving[:-1]).max())
@@ -212,13 +222,16 @@ class Diverter:
 
     def is_within(self, way: Diversion, limits: Limits, time: float | None = None) -> bool:
         """Whether a way keeps limits from its own place, or from that passed at a time (s)."""
+        return self.excess(way, limits, time) <= 0
+
+    def excess(self, way: Diversion, limits: Limits, time: float | None = None) -> float:
+        """Return by how much (s) a way exceeds limits from its place, or that passed at a time."""
         time = way.time if time is None else time
         longest = way.longest if time == way.time else self.longest_from(time, way)
         rate = self.task.vessel.fuel_rate
-        if longest > min(limits.within, limits.within_fuel / rate):
-            return False
         # A late vessel has burnt more: all that arrive by the latest arrival keep the endurance.
-        return rate * (time + self.off(time) + longest - self.begin) <= limits.endurance
+        left = limits.endurance / rate - (time + self.off(time) - self.begin)
+        return longest - min(limits.within, limits.within_fuel / rate, left)
 
     def limit(self, time: float, limits: Limits) -> float:
         """Return the limits as a time (s), for a vessel on time at a time (s)."""

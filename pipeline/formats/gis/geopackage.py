@@ -26,6 +26,7 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.formats.figures.map_marks import nice_step
+from pipeline.formats.gis import haven_layers
 from pipeline.formats.gis.frames import (
     FIELDS,
     GeoDataFrame,
@@ -66,18 +67,16 @@ from pipeline.formats.shared.text import write_json
 
 # Drawing order, from the top down.
 _DRAWING_ORDER = (
-    *("islands", "shore_crossings", "passage", "routes", "path_points", "contingency", "legs"),
+    *("islands", "havens", "shore_crossings", "passage", "coverage", "routes", "diversions"),
+    *("path_points", "contingency", "legs"),
     *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
     *("tidal_water", "depth_areas"),
 )
 # Layers of a season's group -> whether the leading season shows them at first.
 _SEASON_LAYERS = {
-    "passage": True,
-    "routes": True,
-    "legs": True,
-    "path_points": False,
-    "contingency": False,
-    "shore_crossings": True,
+    **dict.fromkeys(("passage", "routes", "legs"), True),
+    **dict.fromkeys(("path_points", "contingency"), False),
+    **dict.fromkeys(("shore_crossings", "havens", "coverage", "diversions"), True),
     "channels": False,
     "soft_no_go": True,
     "currents": True,
@@ -152,7 +151,7 @@ def qgz(
         title=one_line(result.scenario.title or result.scenario.name),
         crs=crs,
         lonlat=lonlat_system(),
-        layers=_project_layers(replace(view, convergence=crs.convergence)),
+        layers=_project_layers(result, replace(view, convergence=crs.convergence)),
         seasons=view.seasons,
         season_layers=_SEASON_LAYERS,
         columns=columns,
@@ -173,13 +172,15 @@ def qgz(
     return packed.getvalue()
 
 
-def _project_layers(view: View) -> list[_ProjectLayer]:
+def _project_layers(result: RunResult, view: View) -> list[_ProjectLayer]:
     """Return all layers of the project in their drawing order, the top one first.
 
     The leading season is below the others, since its best route is wider.
     """
     layers = []
     for name in _DRAWING_ORDER:
+        if name in haven_layers.FRAMES and not result.coverages:
+            continue
         if name not in _SEASON_LAYERS:
             layers.append(_ProjectLayer(_LAYERS[name], view, None))
             continue

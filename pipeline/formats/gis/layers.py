@@ -10,7 +10,7 @@ import shapely
 
 import renew
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
-from pipeline.formats.gis import frames
+from pipeline.formats.gis import frames, haven_layers
 from pipeline.formats.gis.frames import (
     ZONE_STEP_M,
     GeoDataFrame,
@@ -351,6 +351,7 @@ _FRAMES: dict[str, Callable[[RunResult], frames.GeoDataFrame]] = {
     "currents": _currents,
     "contingency": _contingency,
     "shore_crossings": _shore_crossings,
+    **haven_layers.FRAMES,
 }
 LAYERS = tuple(
     frames.Layer(name, **texts, frame=_FRAMES[name]) for name, texts in frames.LAYER_TEXTS.items()

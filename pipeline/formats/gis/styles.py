@@ -20,7 +20,7 @@ from pipeline.formats.gis.qgis import (
     one_line,
     rendered,
 )
-from pipeline.formats.shared.palette import COLOURS
+from pipeline.formats.shared.palette import COLOURS, STATES
 
 _Symbol: TypeAlias = Callable[[SeasonView], SymbolLayer]
 
@@ -272,6 +272,35 @@ def _shore_crossings(view: View) -> Style:
     return Style("marker", _best_and_others(view, lambda _: ring, lambda _: faint))
 
 
+def _havens(view: View) -> Style:
+    """Mark havens with their names; those that are not used are hollow."""
+
+    def rules(_: SeasonView) -> list[Rule]:
+        own, none = colour(COLOURS["haven"]), colour(COLOURS["halo"], 0.0)
+        return [
+            Rule("Havens", "\"reason\" = ''", [marker("triangle", own, _HALO, 3.4, 0.4)]),
+            Rule("Not used", "\"reason\" <> ''", [marker("triangle", none, own, 3.0, 0.4)]),
+        ]
+
+    return Style("marker", _by_season(view, rules), [Label('"name"', "", _INK, 9)])
+
+
+def _diversions(view: View) -> Style:
+    """Draw ways to havens thin."""
+    own = line(colour(COLOURS["haven"], 0.8), 0.3)
+    return Style("line", _by_season(view, lambda _: [Rule("Ways to havens", "", [own])]))
+
+
+def _coverage(view: View) -> Style:
+    """Mark along the best route what is uncovered or not settled; what is covered, finely."""
+    widths = {"covered": 0.4, "not settled": 0.9, "uncovered": 1.1}
+    rules = [
+        Rule(state.capitalize(), f"\"state\" = '{state}'", [line(colour(STATES[state]), width)])
+        for state, width in widths.items()
+    ]
+    return Style("line", _by_season(view, lambda _: rules))
+
+
 def _by_season(
     view: View, rules: Callable[[SeasonView], list[Rule]], *, all_on: bool = False
 ) -> list[Rule]:
@@ -310,4 +339,7 @@ _STYLES: dict[str, Callable[[View], Style]] = {
     "currents": _currents,
     "contingency": _contingency,
     "shore_crossings": _shore_crossings,
+    "havens": _havens,
+    "diversions": _diversions,
+    "coverage": _coverage,
 }

@@ -312,6 +312,12 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "vessel relies on the least height predicted within {lag_min:g} min, less {surge_m:g} m; the "
     "error of soundings is not taken off",
     # The routes.
+    "coverage": lambda covered, uncovered, not_settled: (
+        f"from {text.share(covered)} of the best route, by time, a planned way leads to a haven "
+        f"within the limits; from {text.share(uncovered)} nobody gets to one in time; "
+        f"{text.share(not_settled)} is not settled"
+    ),
+    "haven-left-out": lambda haven, place, reason: f"haven {haven!r} at {place.text} {reason}",
     "area-shut": _area_shut,
     "classes-shut-for-hours": "no route was found where the current shuts water on the way for a "
     "while: {ways:; /3/, and of # more}. At another departure the water may be open",

@@ -11,6 +11,10 @@ COLOURS = {
     "restricted": "#8e24aa",
     "traffic": "#00796b",
     "shut": "#b3261e",
+    "haven": "#1b5e20",
+    "covered": "#43a047",
+    "unsettled": "#ffb300",
+    "uncovered": "#e00070",
     "grid": "#c3d0d9",
     "ink": "#26323c",
     "frame": "#5c6b77",
@@ -25,6 +29,13 @@ COLOURS = {
 }
 """Role -> colour on a light background; each role has a colour of its own."""
 
+STATES = {
+    "covered": COLOURS["covered"],
+    "not settled": COLOURS["unsettled"],
+    "uncovered": COLOURS["uncovered"],
+}
+"""State of a stretch of a route that havens may cover -> its colour on a light background."""
+
 DARK = {
     "water": "#14222e",
     "land": "#6d5a3e",
@@ -36,6 +47,10 @@ DARK = {
     "restricted": "#d08bf0",
     "traffic": "#5fd0c0",
     "shut": "#ff9488",
+    "haven": "#9be7a0",
+    "covered": "#4caf50",
+    "unsettled": "#ffd54f",
+    "uncovered": "#ff4fa3",
     "grid": "#2c3e4c",
     "ink": "#dbe4eb",
     "frame": "#7f909d",

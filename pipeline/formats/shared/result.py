@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
 
@@ -40,6 +40,7 @@ class RunResult:
     The scenario is complete: `choices` say what was chosen for the parts that the request left
     open; they are among the notes of `fetched`, too. `straits` are the shut straits, the widest
     first. `departures` are the choices of when to leave, for the seasons that leave it open.
+    `coverages` say from where along each season's best route a haven is reached, if any are given.
     """
 
     scenario: Scenario
@@ -53,6 +54,7 @@ class RunResult:
     choices: tuple[model.Note, ...] = ()
     straits: tuple[model.ShutStrait, ...] = ()
     departures: tuple[model.DepartureChoice, ...] = ()
+    coverages: Mapping[str, renew.Coverage] = field(default_factory=dict)
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:

@@ -25,6 +25,13 @@ NAME, SEASON = "strait", "tide"
 
 def make(folder: Path, extra: str = "") -> Path:
     """Plan a voyage, and return the folder of its results; `extra` is TOML before the vessel."""
+    file = scenario_file(folder, extra)
+    asked = load_scenario(str(file))
+    return run(asked, folder / "outputs", offline=True, origin=Origin.of(file)).directory
+
+
+def scenario_file(folder: Path, extra: str = "") -> Path:
+    """Write the voyage's scenario and its chart and tide."""
     (folder / "island.geojson").write_text(shapely.to_geojson(tidal_run.ISLAND))
     tide_file(folder / "tide.nc")
     file = folder / f"{NAME}.toml"
@@ -52,8 +59,7 @@ currents = ["tide.nc"]
 classes = 2
 clearance = 100.0
 """)
-    asked = load_scenario(str(file))
-    return run(asked, folder / "outputs", offline=True, origin=Origin.of(file)).directory
+    return file
 
 
 def tide_file(path: Path, *, faster: float = 1.0, hours: int = 30) -> None:

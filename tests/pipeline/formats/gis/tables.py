@@ -35,6 +35,9 @@ LAYERS = {
     "currents": "Point",
     "contingency": "Point",
     "shore_crossings": "Point",
+    "havens": "Point",
+    "diversions": "LineString",
+    "coverage": "LineString",
 }
 
 

@@ -21,23 +21,8 @@ from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import xml_text
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named
+from tests.pipeline.formats.gis.tables import LAYERS
 
-LAYERS = {
-    *("routes", "passage", "legs", "path_points", "channels", "islands"),
-    *(
-        "coast",
-        "region",
-        "hazards",
-        "chart_areas",
-        "depth_areas",
-        "tidal_water",
-        "no_go",
-        "soft_no_go",
-        "currents",
-        "contingency",
-        "shore_crossings",
-    ),
-}
 NOT_XML = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
@@ -67,7 +52,7 @@ def leaves(renderer: Any) -> list[Any]:  # noqa: ANN401 - as above
 
 
 def test_every_layer_has_one_default_style_where_qgis_looks_for_it(package: Path) -> None:
-    assert set(styles(package)) == LAYERS
+    assert set(styles(package)) == set(LAYERS)
     places = query(
         package, "SELECT f_table_catalog, f_table_schema, f_geometry_column FROM layer_styles"
     )
@@ -75,15 +60,13 @@ def test_every_layer_has_one_default_style_where_qgis_looks_for_it(package: Path
 
 
 def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(package: Path) -> None:
-    chart = ("coast", "hazards", "chart_areas", "depth_areas", "tidal_water", "no_go")
-    areas = (*chart, "legs", "soft_no_go", "channels")
-    kinds = {"routes": "line", "region": "line", **dict.fromkeys(areas, "fill")}
+    kinds = {"LineString": "line", "Point": "marker", "MultiPolygon": "fill"}
     for layer, root in styles(package).items():
         renderer = root.find("renderer-v2")
         symbols = {s.get("name"): s.get("type") for s in renderer.iter("symbol")}
         used = [rule.get("symbol") for rule in leaves(renderer)]
         assert sorted(used) == sorted(symbols)
-        assert set(symbols.values()) == {kinds.get(layer, "marker")}
+        assert set(symbols.values()) == {kinds[LAYERS[layer]]}
         keys = [rule.get("key") for rule in renderer.iter("rule")]
         assert len(keys) == len(set(keys))
 
