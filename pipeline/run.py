@@ -17,19 +17,21 @@ from pipeline.machine.interpreters import cores, python_command, python_environm
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
 from pipeline.model import Evaluation, Fetched, Note, Say, SeasonPlan
 from pipeline.scenario.model import Scenario
+from pipeline.scenario.under_way import UnderWay
 from pipeline.session import Origin, session
 from pipeline.stages.choose import choose
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.coverage import require_covered
 from pipeline.stages.choosing.region import search_region
+from pipeline.stages.choosing.under_way import Sailed, scenario_before, season_sailed
 from pipeline.stages.compare import compare
 from pipeline.stages.cover import cover, havens_in
 from pipeline.stages.fetch import fetch
-from pipeline.stages.plan import plan_seasons
+from pipeline.stages.plan import Planned, plan_seasons
 from pipeline.stages.project import projected
 from pipeline.stages.seasons.one_season import OnStep, ignore_step
 from pipeline.stages.seasons.task import Status
-from pipeline.stages.simplify import simplify
+from pipeline.stages.simplify import SimplifiedLand, simplify
 from pipeline.stages.write import load_libraries, write
 
 Stage = Literal["fetch", "simplify", "project", "choose", "plan", "compare", "cover", "write"]
@@ -238,11 +240,30 @@ class _Stages:
 
     def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Artefact[RunResult]:
         """Run all stages except "write" in the scenario's region, with notes on its choice."""
-        store = self.store
+        chosen, land = self.chosen(scenario, region_notes)
+        with self._stage("plan", chosen.scenario):
+            planned = self.planned(chosen, land)
+        for plan in planned.value.plans:
+            self.timings[f"plan {plan.season}"] = plan.seconds
+        with self._stage("compare", chosen.scenario) as say:
+            made = compare(chosen, land, planned, self.store, say, bounds_sides=self.bounds_sides)
+        self.on_result(made.value)
+        return made
+
+    def chosen(
+        self, scenario: Scenario, region_notes: tuple[Note, ...] = ()
+    ) -> tuple[Chosen, Artefact[SimplifiedLand]]:
+        """Run the stages before "plan"."""
+        store, sailed = self.store, self._sailed(scenario.under_way)
+        scenario = scenario if sailed is None else sailed.ahead(scenario)
         with self._stage("fetch", scenario) as say:
             for note in region_notes[-1:]:
                 say(note)
-            data = fetch(scenario, store, offline=self.offline, strict=self.strict)
+            if sailed is not None and sailed.voyage.same_currents:
+                data = sailed.data(scenario)
+            else:
+                data = fetch(scenario, store, offline=self.offline, strict=self.strict)
+            data = data if sailed is None else sailed.keyed(scenario, data)
             for note in data.fetched.notes:
                 say(note)
         if store.has_made:
@@ -250,32 +271,39 @@ class _Stages:
             # and can load the libraries that planning and writing need.
             threading.Thread(target=load_libraries).start()
         with self._stage("simplify", scenario) as say:
-            land = simplify(scenario, data.land, store)
+            land = sailed.land if sailed else simplify(scenario, data.land, store)
             for note in land.value.notes:
                 say(note)
         with self._stage("project", scenario):
-            scene = projected(scenario, data.fetched, data.current_keys, land, store)
+            before = None if sailed is None else sailed.before(scenario)
+            scene = projected(scenario, data.fetched, data.current_keys, land, store, before)
             havens_in(scenario, scene.value)  # refused before planning
         with self._stage("choose", scenario) as say:
-            chosen = choose(Chosen(scenario, data, scene, notes=region_notes), store, say)
-        with self._stage("plan", scenario):
-            self.compiled()
-            planned = plan_seasons(
-                chosen,
-                land,
-                store,
-                self._say_season,
-                scheduler=self.scheduler,
-                limit_s=self.limit_s,
-                meanwhile=load_libraries,
-                on_step=self.on_step,
-            )
-        for plan in planned.value.plans:
-            self.timings[f"plan {plan.season}"] = plan.seconds
-        with self._stage("compare", scenario) as say:
-            made = compare(chosen, land, planned, store, say, bounds_sides=self.bounds_sides)
-        self.on_result(made.value)
-        return made
+            return choose(Chosen(scenario, data, scene, notes=region_notes), store, say), land
+
+    def planned(self, chosen: Chosen, land: Artefact[SimplifiedLand]) -> Artefact[Planned]:
+        """Plan all seasons, when the planner is compiled."""
+        self.compiled()
+        return plan_seasons(
+            chosen,
+            land,
+            self.store,
+            self._say_season,
+            scheduler=self.scheduler,
+            limit_s=self.limit_s,
+            meanwhile=load_libraries,
+            on_step=self.on_step,
+        )
+
+    def _sailed(self, voyage: UnderWay | None) -> Sailed | None:
+        """Return the voyage that the vessel is on, from the store or made again; None if none."""
+        if voyage is None:
+            return None
+        quiet = replace(self, on_event=ignore, on_step=ignore_step, timings={})
+        chosen, land = quiet.chosen(scenario_before(voyage))
+        own = season_sailed(voyage, chosen)
+        planned = quiet.planned(own, land)
+        return Sailed(voyage, own, land, planned.value.plans[0], planned.key)
 
     def write(self, result: Artefact[RunResult], directory: Path) -> bool:
         """Write all files unless the folder has them already; return whether they were written."""

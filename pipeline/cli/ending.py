@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
 from datetime import datetime
 from typing import NoReturn
 
@@ -195,6 +196,11 @@ def outcome_json(outcome: Outcome) -> str:
                 "fuel_bound": one.bound,
             }
             for one in outcome.evaluation.clock_worths
+        ],
+        "replanned": [
+            {"season": plan.season, **asdict(plan.replanned)}
+            for plan in outcome.plans
+            if plan.replanned is not None
         ],
         "unknown": note_texts(outcome.result.unknowns),
         "notes": note_texts(outcome.fetched.notes),

@@ -1,4 +1,4 @@
-"""The command line: `renew run|go|plot|list|show|check|clean|doctor|warm|nightly|tide|watch`.
+"""The command line: `renew run|go|replan|watch|plot|list|show|check|clean|nightly|tide` and more.
 
 Exit codes:
 
@@ -30,6 +30,7 @@ from pipeline.cli.failures import reported_errors
 from pipeline.cli.go import GoCommand, go
 from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.nightly import app as nightly_app
+from pipeline.cli.replan import ReplanCommand, replan
 from pipeline.cli.serve import serve
 from pipeline.cli.terminal import say
 from pipeline.cli.tide import app as tide_app
@@ -148,6 +149,7 @@ def run(
 app.command(cls=GoCommand)(go)
 app.command(cls=Command)(watch)
 app.command(cls=Command)(serve)
+app.command(cls=ReplanCommand)(replan)
 app.add_typer(nightly_app, name="nightly")
 app.add_typer(tide_app, name="tide")
 

@@ -77,11 +77,18 @@ Scheduler = Annotated[
     str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
 ]
 
-# --- of `renew watch` ---
+# --- of `renew watch` and `renew replan` ---
 
 Results = Annotated[
     Path,
     typer.Argument(metavar="RESULTS", help="Folder of a finished run, such as outputs/NAME."),
+]
+Departed = Annotated[
+    str,
+    typer.Option(
+        metavar="TIME",
+        help="When the vessel left, as 2026-11-22T06:00Z, if the plan has no departure.",
+    ),
 ]
 OneSeason = Annotated[str, typer.Option(help="The season that is sailed, if several were planned.")]
 

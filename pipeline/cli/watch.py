@@ -39,14 +39,7 @@ def watch(
         bool, typer.Option("--once", help="Read the file to its end only, and stop.")
     ] = False,
     season: options.OneSeason = "",
-    departed: Annotated[
-        str,
-        typer.Option(
-            metavar="TIME",
-            help="When the vessel left, as 2026-11-22T06:00Z, if the plan has no departure; "
-            "without it lateness is not watched.",
-        ),
-    ] = "",
+    departed: options.Departed = "",
     every: Annotated[
         str, typer.Option(help="Time after which the state is said again: 10min, 1h.")
     ] = "10min",
@@ -72,7 +65,7 @@ def watch(
 def _watch(results: Path, season: str, departed: str, every: str) -> "Watch":
     """Return the watch that is asked for; all faults of the options are named at once."""
     from pipeline.scenario.times import interval
-    from pipeline.underway.finished import finished_season
+    from pipeline.stages.finished import finished_season
     from pipeline.underway.watch import watch_of
     from pipeline.voyage.times import zoned_time
 

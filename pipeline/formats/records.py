@@ -31,7 +31,7 @@ from pipeline.formats.shared.result import MAX_STRAITS, RunResult
 from pipeline.formats.shared.text import json_value, os_error, write_json
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import code_commit, code_hash, file_hash
-from pipeline.model import CurrentGrid
+from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.times import Period, period
 from renew._types import FloatArray
 from renew.kernels.current_table import CurrentTable
@@ -159,13 +159,10 @@ def _inputs(result: RunResult) -> dict[str, object]:
     scenario = json.dumps(
         json_value(result.scenario.model_dump(mode="json")), sort_keys=True, ensure_ascii=True
     )
-    land = hashlib.sha256()
-    for polygon in result.fetched.land.polygons:
-        land.update(shapely.to_wkb(polygon, byte_order=1))
     return {
         "scenario": {"sha256": hashlib.sha256(scenario.encode()).hexdigest()},
         "land": {
-            "sha256": land.hexdigest(),
+            "sha256": land_hash(result.fetched.land),
             "polygons": len(result.fetched.land.polygons),
             "accuracy_m": result.fetched.land.accuracy_m,
             "has_depths": result.fetched.land.depths is not None,
@@ -178,7 +175,7 @@ def _inputs(result: RunResult) -> dict[str, object]:
         },
         "currents": {
             grid.season: {
-                "sha256": _arrays_hash(grid.lon, grid.lat, grid.times_s, grid.u, grid.v),
+                "sha256": current_hash(grid),
                 "shape": list(grid.u.shape),
                 "valid": grid.valid,
                 "files": dict(grid.files),
@@ -188,10 +185,18 @@ def _inputs(result: RunResult) -> dict[str, object]:
     }
 
 
-def _arrays_hash(*arrays: np.ndarray[Any, np.dtype[np.float64]]) -> str:
-    """Return the SHA-256 of arrays, equal on every machine."""
+def land_hash(land: Land) -> str:
+    """Return the SHA-256 of a land's polygons."""
     digest = hashlib.sha256()
-    for array in arrays:
+    for polygon in land.polygons:
+        digest.update(shapely.to_wkb(polygon, byte_order=1))
+    return digest.hexdigest()
+
+
+def current_hash(grid: CurrentGrid) -> str:
+    """Return the SHA-256 of a current's nodes, times and velocities, equal on every machine."""
+    digest = hashlib.sha256()
+    for array in (grid.lon, grid.lat, grid.times_s, grid.u, grid.v):
         digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
     return digest.hexdigest()
 

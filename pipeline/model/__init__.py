@@ -35,6 +35,7 @@ from pipeline.model.planning import (
     plan_options,
     planner_vessel,
 )
+from pipeline.model.under_way import Replanned, VoyageBefore
 
 __all__ = [
     "ClockWorth",
@@ -54,6 +55,7 @@ __all__ = [
     "PassedOver",
     "Place",
     "PlaceName",
+    "Replanned",
     "RouteKey",
     "RouteMetrics",
     "Say",
@@ -64,6 +66,7 @@ __all__ = [
     "SideBound",
     "Simplified",
     "SpeedChoice",
+    "VoyageBefore",
     "Zone",
     "of_seasons",
     "plan_options",

@@ -21,6 +21,7 @@ from pipeline.geo.lonlat import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
 from pipeline.model.ensemble import EnsembleFigures, MemberCurrents
 from pipeline.model.inputs import Place
+from pipeline.model.under_way import Replanned, VoyageBefore
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
@@ -77,7 +78,8 @@ class Scene:
 
     With an `anchorage`, the index of a via point, each season is planned as far as there. Seasons
     named `onward` go on from there; each has the name of the season before it. `members` has the
-    seasons whose current is the mean of several.
+    seasons whose current is the mean of several. With a voyage `before`, the vessel is under way on
+    it, and the single season is planned again from `start`.
     """
 
     chart: renew.Chart
@@ -100,6 +102,7 @@ class Scene:
     anchorage: int | None = None
     onward: Mapping[str, str] = field(default_factory=dict)
     members: Mapping[str, MemberCurrents] = field(default_factory=dict)
+    before: VoyageBefore | None = None
 
     def leg(self, season: str) -> "Scene":
         """Return the scene with the stops of a season: those before or after the anchorage."""
@@ -196,7 +199,8 @@ class SeasonPlan:
     `class_names` are the names of homotopy classes in the reason. `is_shut` is True if the failure
     is that no way joins start and goal in the region; a wider region may have a way. Where speeds
     are chosen, `arrive_by_s` is the latest arrival that the planner was asked for, in seconds on
-    the planner's clock. `ensemble` is there if the season's current has members.
+    the planner's clock. `ensemble` is there if the season's current has members, and `replanned` if
+    the vessel is under way.
     """
 
     season: str
@@ -207,6 +211,7 @@ class SeasonPlan:
     arrive_by_s: float = math.inf
     class_names: tuple[str, ...] = ()
     ensemble: EnsembleFigures | None = None
+    replanned: Replanned | None = None
 
     @property
     def ranked_routes(self) -> tuple[renew.Route, ...]:

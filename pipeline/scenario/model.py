@@ -20,6 +20,7 @@ from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane,
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import StrictModel
 from pipeline.scenario.tide import TideSpec
+from pipeline.scenario.under_way import UnderWay
 from pipeline.scenario.via import Via, place_of, wait_at
 
 if TYPE_CHECKING:
@@ -168,6 +169,9 @@ class Scenario(StrictModel):
     or leave it out."""
     seasons: tuple[Season, ...] = Field(min_length=1, max_length=MAX_SEASONS)
     """The currents to plan in, each by itself. Add a [[seasons]] table for each."""
+    under_way: UnderWay | None = None
+    """The earlier plan that the vessel sails: it is at 'start' at the season's departure, and the
+    rest of the voyage is planned again. Add an [under_way] table, or leave it out."""
     planner: PlannerOptions = PlannerOptions()
     """Options of the planner. Add a [planner] table, or leave it out."""
     outputs: OutputOptions = OutputOptions()
@@ -222,7 +226,11 @@ class Scenario(StrictModel):
                     f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where times "
                     "under way are not the true ones; plan at true scale, scale = 1"
                 )
-        faults += [*self._itinerary_faults(), *self._haven_faults()]
+        faults += [
+            *self._itinerary_faults(),
+            *self._haven_faults(),
+            *self._under_way_faults(),
+        ]
         if faults:
             raise strict.RemediedError(*faults)
         return self
@@ -318,6 +326,37 @@ class Scenario(StrictModel):
                     "or leave the wait out"
                 )
 
+    def _under_way_faults(self) -> Iterator[str]:
+        """Find keys that do not go together with [under_way]."""
+        voyage = self.under_way
+        if voyage is None:
+            return
+        if self.plane is not None or self.region is None:
+            yield "has [under_way], which needs the [region] of the plan's results; add it"
+        if self.scale != 1:
+            yield (
+                f"has [under_way] at scale = {self.scale:g}, where times under way are not the "
+                "true ones; plan at true scale, scale = 1"
+            )
+        if any(map(wait_at, self.via)):
+            yield "has [under_way] and a wait at an anchorage; plan from here without [under_way]"
+        if len(self.seasons) != 1:
+            yield f"has [under_way] and {len(self.seasons)} seasons; give the one that is sailed"
+            return
+        (season,) = self.seasons
+        if season.speed or season.members or season.leaves_departure_open:
+            yield (
+                f"season {season.name!r} has members of its current, or leaves speeds or times "
+                "open, which [under_way] does not know; plan from here without [under_way]"
+            )
+        if season.departure is None:
+            yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
+        elif season.departure < voyage.departed:
+            yield (
+                f"season {season.name!r} has departure = {season.departure.isoformat()}, before "
+                f"under_way.departed = {voyage.departed.isoformat()}; give a later time"
+            )
+
     def _keys_with_hours(self) -> Iterator[tuple[str, str]]:
         """Yield the keys that depend on the date, and what to leave out to be rid of it."""
         if any(area.has_hours for area in self.avoid):
@@ -340,7 +379,8 @@ class Scenario(StrictModel):
     def stops(self) -> dict[str, strict.Point]:
         """Start, via points and goal as given, by their keys."""
         via = {f"via[{at}]": place_of(one) for at, one in enumerate(self.via)}
-        return {"start": self.start, **via, "goal": self.goal}
+        start = "start" if self.under_way is None else "start (--at)"
+        return {start: self.start, **via, "goal": self.goal}
 
     @property
     def anchorage(self) -> tuple[int, timedelta] | None:

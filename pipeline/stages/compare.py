@@ -14,6 +14,7 @@ import renew
 from pipeline.formats.shared.departures_and_speeds import speed_notes
 from pipeline.formats.shared.ensembles import ensemble_notes
 from pipeline.formats.shared.result import RunResult, addressed
+from pipeline.formats.shared.under_way import replanned_notes
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan
@@ -71,7 +72,8 @@ def compare(
         straits,
         chosen.choices,
     )
-    result = replace(result, choices=(*chosen.notes, *speed_notes(result), *ensemble_notes(result)))
+    said = (*speed_notes(result), *replanned_notes(result), *ensemble_notes(result))
+    result = replace(result, choices=(*chosen.notes, *said))
     notes = _notes(result)
     for note in notes:
         say(note)
@@ -85,6 +87,7 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
     return (
         *speed_notes(result),
         *ensemble_notes(result),
+        *replanned_notes(result),
         *safety_notes(result),
         *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),

@@ -58,6 +58,10 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
         xy = np.asarray(given, dtype=float) if scenario.is_planar else projection.to_plane(given)
         here = shapely.Point(xy)
         inside = set(np.flatnonzero(shapely.covers(water, here)).tolist())
+        if not inside and given == scenario.start and scenario.under_way is not None:
+            # In the margin around land the plan begins in the nearest water.
+            near = shapely.covers(chart.open_water, here)
+            inside = {int(shapely.distance(water, here).argmin())} if near else inside
         if inside:
             bodies.append(inside)
         else:

@@ -96,6 +96,8 @@ def plan_seasons(
         reasons = _reasons(plans)
         if crashed:
             raise StageError("; ".join(reasons))
+        if chosen.scenario.under_way is not None:  # at sea it is an answer, not a wrong request
+            raise StageError(f"no way from here: {'; '.join(reasons)}")
         names = [name for plan in plans for name in plan.class_names]
         reasons += class_names_text(names, chosen.scene.value)
         raise (NoWayError if any(plan.is_shut for plan in plans) else RequestError)(reasons)

@@ -19,7 +19,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
 from pipeline.machine.store import Artefact, Store
-from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, planner_vessel
+from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, VoyageBefore, planner_vessel
 from pipeline.model.planning import speed_choices
 from pipeline.scenario.model import Scenario
 from pipeline.sources.interpolation import bilinear
@@ -54,8 +54,11 @@ def projected(
     current_keys: Mapping[str, str],
     land: Artefact[SimplifiedLand],
     store: Store,
+    before: VoyageBefore | None = None,
 ) -> Artefact[Scene]:
     """Build the planner's input, or load it from the store; `current_keys` is keyed by season.
+
+    With a voyage `before`, the keys depend on it, too.
 
     Raises
     ------
@@ -65,9 +68,8 @@ def projected(
 
     def make() -> Scene:
         try:
-            return with_members(
-                project(scenario, fetched, land.value.simplified), scenario, fetched
-            )
+            made = project(scenario, fetched, land.value.simplified)
+            return replace(with_members(made, scenario, fetched), before=before)
         except renew.PlanningError as error:
             raise RequestError(str(error)) from error
 

@@ -12,9 +12,9 @@ from typing import Any, Literal
 
 from pipeline.errors import RequestError
 from pipeline.machine.paths import shown
+from pipeline.stages.finished import FinishedSeason
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
 from pipeline.stages.write import MANIFEST
-from pipeline.underway.finished import FinishedSeason
 from pipeline.underway.reports import Fix, Unread
 from pipeline.underway.track import Place, Track
 
@@ -143,13 +143,7 @@ def watch_of(finished: FinishedSeason, departed: datetime | None, every_s: float
     RequestError
         The season has a departure, and another one is given; or its files are damaged.
     """
-    planned = finished.departure
-    if planned is not None and departed is not None:
-        raise RequestError(
-            f"--departed: the plan is for the departure at {_written(planned.timestamp())}; leave "
-            "the option out, or plan again from where the vessel is"
-        )
-    departure = planned or departed
+    departure = finished.departed(departed)
     try:
         waypoints = finished.waypoints
         return Watch(

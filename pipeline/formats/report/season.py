@@ -19,8 +19,9 @@ from pipeline.formats.report.map_data import coarser, place_on_map, within
 from pipeline.formats.report.sentences import SeasonFacts
 from pipeline.formats.shared import departures_and_speeds, ensembles, text
 from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.shared.under_way import replanned_text
 from pipeline.geo.lonlat import position_text
-from pipeline.model import DepartureChoice, RouteMetrics, SeasonPlan
+from pipeline.model import RouteMetrics, SeasonPlan
 from renew import Rejected
 
 # Longer side of the picture, in its units, and size of the smallest details, as a share of that
@@ -66,7 +67,7 @@ def season_section(result: RunResult, entry: SeasonPlan, number: int) -> dict[st
         "picture": season_svg(result, season, identity=anchor, label=f"Map of {label}"),
         **(_plots(result, ranked[0], title, anchor) if ranked else {}),
         "choices": [
-            *_choices(result.departure_choice(season), found, anchor),
+            *_choices(result, entry, found, anchor),
             *_members(result, season, anchor),
         ],
         "speeds": found and (found.slowest, found.fastest),
@@ -74,9 +75,15 @@ def season_section(result: RunResult, entry: SeasonPlan, number: int) -> dict[st
 
 
 def _choices(
-    choice: DepartureChoice | None, found: departures_and_speeds.TradeOff | None, anchor: str
+    result: RunResult,
+    entry: SeasonPlan,
+    found: departures_and_speeds.TradeOff | None,
+    anchor: str,
 ) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
-    """Yield when to leave and how fast to go: a title, sentences, and a plot."""
+    """Yield what is kept under way, when to leave and how fast to go: title, sentences, plot."""
+    if entry.replanned is not None:
+        yield "Planned again under way", replanned_text(entry.replanned), Markup()
+    choice = result.departure_choice(entry.season)
     if choice is not None:
         said = departures_and_speeds.departure_text(choice)
         figure = departure_figure(choice)

@@ -16,6 +16,7 @@ import renew
 from pipeline.formats.shared import text
 from pipeline.formats.shared.departures_and_speeds import departure_text, trade_off_text
 from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.under_way import replanned_text
 from pipeline.model import Note, Place
 from renew.errors import Strait
 
@@ -307,6 +308,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
     "how-sure": "{said}",
+    "replanned": lambda found: " ".join(replanned_text(found)).removesuffix("."),
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
     "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; the "
     "vessel relies on the least height predicted within {lag_min:g} min, less {surge_m:g} m; the "

@@ -28,6 +28,7 @@ from pipeline.model import (
 )
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.places import is_shut_in
+from pipeline.stages.seasons.under_way import replanned
 from renew.errors import Text, TooLateError
 from renew.inputs.options import MAX_STATIONS
 from renew.planner.ensemble.statistics import STATISTICS
@@ -74,7 +75,7 @@ def plan_season(
     """
     started = time.perf_counter()
     asked, arrive_by_s = plan_options(options, min_lateness=MIN_LATENESS_S), math.inf
-    ensemble = None
+    ensemble = again = None
     planned = partial(scene.planned, season, asked)
 
     def tell(step: Step) -> None:
@@ -86,7 +87,9 @@ def plan_season(
 
     try:
         with watched(tell):
-            if season in scene.speeds:
+            if scene.before is not None:
+                plan, again = replanned(scene, scene.before, season, asked)
+            elif season in scene.speeds:
                 plan, arrive_by_s = planning.planned_in_time(planned, scene, season)
             elif season in scene.members:
                 found = scene.planned_ensemble(season, asked)
@@ -117,7 +120,15 @@ def plan_season(
             class_names=error.text.class_names,
         )
     seconds = time.perf_counter() - started
-    return SeasonPlan(season, plan, "", seconds, arrive_by_s=arrive_by_s, ensemble=ensemble)
+    return SeasonPlan(
+        season,
+        plan,
+        "",
+        seconds,
+        arrive_by_s=arrive_by_s,
+        ensemble=ensemble,
+        replanned=again,
+    )
 
 
 def _least_padding(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pipeline.underway.finished import finished_season
+from pipeline.stages.finished import finished_season
 from pipeline.underway.reports import Fix, LineCutter, reports
 from pipeline.underway.track import Track
 from pipeline.underway.watch import Watch, watch_of

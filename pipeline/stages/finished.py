@@ -9,22 +9,36 @@ from typing import Any
 from pipeline.errors import RequestError
 from pipeline.formats.records import SCHEMA_VERSION
 from pipeline.machine.paths import expanded, shown, unreadable_reason
-from pipeline.stages.write import MANIFEST
+from pipeline.stages.write import MANIFEST, season_stem
 
 
 @dataclass(frozen=True)
 class FinishedSeason:
-    """A season that was planned: `scenario` and `season` are the tables that were run."""
+    """A season that was planned: `scenario` and `season` are the tables that were run.
+
+    `hashes` are the SHA-256 of its land and its current.
+    """
 
     folder: Path
     scenario: dict[str, Any]
     season: dict[str, Any]
+    hashes: dict[str, str]
 
     @property
     def departure(self) -> datetime | None:
         """The departure that was planned, if there is one."""
         text = self.season["departure"]
         return None if text is None else datetime.fromisoformat(text)
+
+    def departed(self, given: datetime | None) -> datetime | None:
+        """Return when the vessel left: as planned, or as given; RequestError if both are there."""
+        planned = self.departure
+        if planned is not None and given is not None and planned != given:
+            raise RequestError(
+                f"--departed: the plan is for the departure at {planned:%Y-%m-%dT%H:%M:%SZ}; leave "
+                "the option out, or plan from where the vessel is"
+            )
+        return planned or given
 
     @property
     def depends_on_time(self) -> bool:
@@ -36,9 +50,26 @@ class FinishedSeason:
     @property
     def waypoints(self) -> list[dict[str, Any]]:
         """The waypoints of the best route, in order, as features of GeoJSON."""
-        name = f"{self.scenario['name']}-{self.season['name']}.geojson"
-        features = _read(self.folder / name)["features"]
-        best = {"feature": "waypoint", "rank": 1}
+        return self._best("waypoint")
+
+    @property
+    def fuel(self) -> float:
+        """The fuel of the best route, in the planner's units; RequestError if it isn't there."""
+        try:
+            return float(self._best("route")[0]["properties"]["fuel"])
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise _damaged(self._features, error) from None
+
+    @property
+    def _features(self) -> Path:
+        """The file of the routes."""
+        stem = season_stem(self.scenario["name"], self.season["name"])
+        return self.folder / f"{stem}.geojson"
+
+    def _best(self, kind: str) -> list[dict[str, Any]]:
+        """Return the features of a kind that belong to the best route."""
+        best = {"feature": kind, "rank": 1}
+        features = _read(self._features)["features"]
         return [one for one in features if best.items() <= one["properties"].items()]
 
 
@@ -66,6 +97,9 @@ def finished_season(results: Path, season: str) -> FinishedSeason:
                 f"RESULTS: {shown(folder)} is of a plane, where a vessel has no longitude and "
                 "latitude; give the results of a chart"
             )
+        inputs = manifest["inputs"]
+        lands, currents = inputs["land"]["sha256"], inputs["currents"]
+        hashes = {name: {"land": lands, "current": currents[name]["sha256"]} for name in planned}
     except (KeyError, TypeError) as error:
         raise _damaged(folder / MANIFEST, error) from None
     if not season and len(planned) == 1:
@@ -74,7 +108,7 @@ def finished_season(results: Path, season: str) -> FinishedSeason:
         known = ", ".join(planned)
         said = f"{season!r} was not planned" if season else "several seasons were planned"
         raise RequestError(f"--season: {said} in {shown(folder)}; give one of {known}")
-    return FinishedSeason(folder, scenario, tables[season])
+    return FinishedSeason(folder, scenario, tables[season], hashes[season])
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -1,0 +1,198 @@
+"""The voyage that a vessel is on, made again from the results of its plan.
+
+The scenario beside those results is run once more, as far as its plan; the store has all of it,
+unless it was pruned. Land and current must be those of the results, by their hashes.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import shapely
+
+import renew
+from pipeline.errors import RequestError
+from pipeline.formats.records import current_hash, land_hash
+from pipeline.geo.projection import Projection
+from pipeline.machine.paths import shown
+from pipeline.machine.store import Artefact, artefact_key
+from pipeline.model import SeasonPlan, VoyageBefore
+from pipeline.model.planning import true_duration_s
+from pipeline.scenario.loading import load_scenario
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.under_way import UnderWay
+from pipeline.stages.choosing.chosen import Chosen
+from pipeline.stages.fetch import FetchedData
+from pipeline.stages.finished import finished_season
+from pipeline.stages.simplify import SimplifiedLand
+from renew.underway.way_ahead import abeam
+
+# Distance from the plan beyond which a position is taken for a mistake, m.
+_FURTHEST_M = 50_000.0
+# Length of the step by which a true heading is turned into one of the plane, m.
+_STEP_M = 100.0
+_GEOD = pyproj.Geod(ellps="WGS84")
+
+
+def scenario_before(voyage: UnderWay) -> Scenario:
+    """Return the scenario whose plan the vessel sails, as it lies beside the results."""
+    folder = finished_season(Path(voyage.results), voyage.season).folder
+    return load_scenario(str(folder / "scenario.toml"))
+
+
+def season_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
+    """Return the season that is sailed alone, out of all that its scenario has.
+
+    Raises
+    ------
+    RequestError
+        It can't be planned again, or its data are others now than those of the results.
+    """
+    where, name = f"RESULTS: {shown(voyage.results)}", voyage.season
+    own = tuple(one for one in chosen.scenario.seasons if one.name == name)
+    key = chosen.data.current_keys.get(name)
+    if not own or key is None or name in chosen.scene.value.onward:
+        why = chosen.data.failures.get(name, "its scenario has no such season of its own")
+        raise RequestError(f"{where} can't be made again: season {name!r}: {why}")
+    departure = own[0].departure
+    if departure is not None and departure != voyage.departed:
+        raise RequestError(
+            f"under_way.departed = {voyage.departed.isoformat()} is not the departure of the "
+            f"plan, {departure.isoformat()}; give that one"
+        )
+    fetched = chosen.data.fetched
+    grids = tuple(one for one in fetched.currents if one.season == name)
+    now = {"land": land_hash(fetched.land), "current": current_hash(grids[0])}
+    then = finished_season(Path(voyage.results), name).hashes
+    if changed := [kind for kind in now if now[kind] != then[kind]]:
+        raise RequestError(
+            f"{where} was planned with another {' and '.join(changed)} than its scenario finds "
+            "now: give that plan's files their old content again, or plan from here by renew go"
+        )
+    notes = tuple(one for one in fetched.notes if not one.seasons or name in one.seasons)
+    alone = replace(fetched, currents=grids, notes=notes)
+    return replace(
+        chosen,
+        scenario=chosen.scenario.model_copy(update={"seasons": own}),
+        data=replace(chosen.data, fetched=alone, current_keys={name: key}, failures={}),
+    )
+
+
+# Share by which the fuel of the plan made again may differ from that of the results.
+_SAME_FUEL = 1e-6
+
+
+@dataclass(frozen=True)
+class Sailed:
+    """The season that the vessel sails, its land and plan, and a key that stands for the plan."""
+
+    voyage: UnderWay
+    chosen: Chosen
+    land: Artefact[SimplifiedLand]
+    plan: SeasonPlan
+    key: str
+
+    def __post_init__(self) -> None:
+        """Refuse another plan than that of the results; RequestError."""
+        finished = finished_season(Path(self.voyage.results), self.voyage.season)
+        if not math.isclose(self.route.fuel, finished.fuel, rel_tol=_SAME_FUEL):
+            raise RequestError(
+                f"RESULTS: {shown(finished.folder)} has a plan of {finished.fuel:.6g} of fuel, and "
+                f"made again from its scenario it needs {self.route.fuel:.6g}: it was made by "
+                "another version of RENEW, or changed since; run the scenario again"
+            )
+
+    @property
+    def route(self) -> renew.Route:
+        """The route that is sailed."""
+        return self.plan.ranked_routes[0]
+
+    def ahead(self, asked: Scenario) -> Scenario:
+        """Return the scenario asked for, with the via points that are still ahead.
+
+        Raises
+        ------
+        RequestError
+            The vessel is too far off the plan.
+        """
+        scene, line = self.chosen.scene.value, shapely.LineString(self.route.path)
+        here = scene.projection.to_plane(asked.start)
+        place = abeam(self.route.path, self.route.times, here)
+        off_m = scene.projection.geodesic_length_m([here, place.point])
+        if off_m > _FURTHEST_M:
+            raise RequestError(
+                f"start (--at) = {list(asked.start)} lies {off_m / 1000:.0f} km off the plan, and "
+                f"at most {_FURTHEST_M / 1000:.0f} km are planned again; give the vessel's "
+                "position, or plan from there by renew go"
+            )
+        places = np.array(self.chosen.scene.value.via).reshape(-1, 2)
+        along = shapely.line_locate_point(line, shapely.points(places), normalized=True)
+        passed = {
+            one
+            for one, at in zip(self.chosen.scenario.via, np.atleast_1d(along), strict=True)
+            if at <= place.along
+        }
+        via = tuple(one for one in asked.via if one not in passed)
+        return asked.model_copy(update={"via": via})
+
+    def data(self, asked: Scenario) -> FetchedData:
+        """Return the data of the plan for the season asked for, whose clock begins later."""
+        (season,), data = asked.seasons, self.chosen.data
+        (grid,), shift_s = data.fetched.currents, self._passed_s(asked)
+        times_s = grid.times_s - shift_s if grid.changes else grid.times_s
+        key = artefact_key("under way", data.current_keys[self.voyage.season], shift_s)
+        return replace(
+            data,
+            fetched=replace(
+                data.fetched, currents=(replace(grid, season=season.name, times_s=times_s),)
+            ),
+            current_keys={season.name: key},
+        )
+
+    def keyed(self, asked: Scenario, data: FetchedData) -> FetchedData:
+        """Return the data asked for, under keys that depend on the plan as well."""
+        voyage = self.voyage.model_dump(mode="json", exclude={"results"})
+        keys = {
+            name: artefact_key("under way", key, self.key, voyage, self._passed_s(asked))
+            for name, key in data.current_keys.items()
+        }
+        return replace(data, current_keys=keys)
+
+    def before(self, asked: Scenario) -> VoyageBefore:
+        """Return the plan on the clock of the scenario asked for."""
+        scene, route = self.chosen.scene.value, self.route
+        current, planar_s = scene.currents[self.voyage.season], self._passed_s(asked)
+        if current.is_steady:  # its times are those of the plane
+            planar_s *= route.duration / true_duration_s(route, scene, self.voyage.season)
+        elif isinstance(current, renew.VaryingCurrent):
+            current = renew.VaryingCurrent(current.slice_times - planar_s, current.slices)
+        trajectory = route.trajectory - [planar_s, 0.0, 0.0, 0.0]
+        route = replace(route, times=route.times - planar_s, trajectory=trajectory)
+        return VoyageBefore(
+            plan=renew.Plan((route,), ()),
+            current=None if self.voyage.same_currents else current,
+            start=scene.start,
+            via=scene.via,
+            heading_rad=_planar_heading(asked, self.voyage.heading_deg, scene.projection),
+            switch_above=self.voyage.switch_above,
+        )
+
+    def _passed_s(self, asked: Scenario) -> float:
+        """Return the time since the vessel left, s."""
+        departure = asked.seasons[0].departure
+        if departure is None:
+            raise ValueError("a scenario under way has a departure")
+        return (departure - self.voyage.departed).total_seconds()
+
+
+def _planar_heading(
+    asked: Scenario, heading_deg: float | None, projection: Projection
+) -> float | None:
+    """Return a true heading at the start as one in the plane, rad anticlockwise from x."""
+    if heading_deg is None:
+        return None
+    ahead = _GEOD.fwd(*asked.start, heading_deg, _STEP_M)[:2]
+    step = projection.to_plane(ahead) - projection.to_plane(asked.start)
+    return math.atan2(step[1], step[0])

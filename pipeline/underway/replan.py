@@ -1,0 +1,146 @@
+"""Plan the voyage of a finished run again from where the vessel is, as a run of its own."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import Faults, RequestError
+from pipeline.formats.shared.text import exact_moment_text
+from pipeline.machine.paths import expanded
+from pipeline.scenario.catalogue import read_toml
+from pipeline.scenario.loading import parse_scenario, with_currents
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.times import departure_name, named_departure
+from pipeline.stages.finished import FinishedSeason, finished_season
+from pipeline.voyage.positions import Position, read_position
+
+# Longest beginning of a name to which a time is added, in characters; and what was added before.
+_NAME = 45
+_ADDED = re.compile(r"-at-\d{4}-\d{2}-\d{2}t\d{4}z$")
+# Keys of a season that leave its times open, or say what it was called by its departure.
+_OPEN = ("departures", "to_within", "arrive_by", "title")
+
+
+@dataclass(frozen=True)
+class UnderWayRequest:
+    """Where the vessel is, when, on which true heading (degrees), and what has changed.
+
+    `departed` is when it left, if the plan does not say so. Without `currents` those of the plan
+    hold. `name` is that of the new results.
+    """
+
+    results: Path
+    at: str
+    time: datetime
+    heading_deg: float | None = None
+    currents: Sequence[str] = ()
+    season: str = ""
+    departed: datetime | None = None
+    name: str = ""
+
+
+def under_way_scenario(request: UnderWayRequest) -> tuple[Scenario, tuple[str, ...]]:
+    """Return the scenario of the voyage ahead, with notes on how the request was understood.
+
+    Raises
+    ------
+    RequestError
+        The results are damaged or of a plane, or the request does not go with them; one line for
+        each fault.
+    """
+    faults = Faults()
+    place = faults.collect(lambda: _position(request.at))
+    finished = faults.collect(lambda: finished_season(request.results, request.season))
+    heading = request.heading_deg
+    if heading is not None and not 0 <= heading <= 360:
+        faults.lines.append(
+            f"--heading {heading:g} is no true heading; give degrees from 0 to 360, clockwise from "
+            "north"
+        )
+    left = None
+    if finished is not None:
+        left = faults.collect(lambda: _departed(finished, request))
+    if faults.lines or place is None or finished is None or left is None:
+        raise RequestError(faults.lines)
+    file = expanded(finished.folder / "scenario.toml", "RESULTS")
+    data = _table(read_toml(file), finished, request, place, left)
+    notes = (place.note,) if place.note else ()
+    if request.currents:
+        data, left_out = with_currents(data, request.currents)
+        notes = (*notes, *left_out)
+    return parse_scenario(data, file.parent), notes
+
+
+def _position(text: str) -> Position:
+    """Read where the vessel is."""
+    try:
+        return read_position(text)
+    except ValueError as error:
+        raise RequestError(f"--at {error}") from None
+
+
+def _departed(finished: FinishedSeason, request: UnderWayRequest) -> datetime:
+    """Return when the vessel left: as planned, or as given where the plan has no departure."""
+    left = finished.departed(request.departed)
+    if left is None:
+        raise RequestError(
+            "--departed is missing: the plan has no departure; give when the vessel left, as "
+            "2026-11-22T06:00Z"
+        )
+    if request.time < left:
+        raise RequestError(
+            f"--time {exact_moment_text(request.time)} is before the departure, "
+            f"{exact_moment_text(left)}; give the time of the position"
+        )
+    return left
+
+
+def _table(
+    data: dict[str, Any],
+    finished: FinishedSeason,
+    request: UnderWayRequest,
+    place: Position,
+    left: datetime,
+) -> dict[str, Any]:
+    """Return the scenario's table for the rest of the voyage."""
+    names = [one["name"] for one in finished.scenario["seasons"]]
+    try:
+        season = data["seasons"][names.index(finished.season["name"])]
+    except (KeyError, IndexError):
+        raise RequestError(
+            f"--season {finished.season['name']!r} goes on from an anchorage: plan from here by "
+            "renew go"
+        ) from None
+    if "speed" in season:
+        raise RequestError(
+            f"--season {finished.season['name']!r} chose its speeds, which can't be chosen again "
+            "under way: plan from here by renew go --speed"
+        )
+    named = named_departure(finished.season["name"]) is not None
+    again = {key: one for key, one in season.items() if key not in _OPEN}
+    again |= {
+        "name": departure_name(request.time) if named else finished.season["name"],
+        "departure": request.time,
+    }
+    under_way = {
+        "results": str(finished.folder.absolute()),
+        "season": finished.season["name"],
+        "departed": left,
+        "same_currents": not request.currents,
+    }
+    if request.heading_deg is not None:
+        under_way["heading_deg"] = float(request.heading_deg)
+    first = _ADDED.sub("", data["name"])
+    start = data["start"]
+    title = data.get("title") or first
+    return {key: one for key, one in data.items() if key != "published"} | {
+        "name": request.name or f"{first[:_NAME].rstrip('-_')}-at-{departure_name(request.time)}",
+        "title": f"{title.partition(', planned again ')[0]}, planned again "
+        f"{exact_moment_text(request.time)}",
+        "start": [place.lon + 360.0 * round((start[0] - place.lon) / 360), place.lat],
+        "seasons": [again],
+        "under_way": under_way,
+    }

@@ -1,0 +1,212 @@
+"""A voyage planned again under way, from its results: the fuel, the files, refusals."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import renew
+from pipeline.cli.main import app
+from pipeline.model import Replanned
+from pipeline.run import Outcome, planned_scenario, run
+from pipeline.scenario.loading import load_scenario
+from pipeline.underway.replan import UnderWayRequest, under_way_scenario
+from tests.pipeline.tidal_run import DEPARTURE
+from tests.pipeline.underway import sailing
+
+# A place near the plan's, half an hour after the departure, and the time.
+AT, TIME = "119.0290,9.5224", "2026-11-22T06:50Z"
+
+
+@pytest.fixture(scope="module")
+def voyage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of a voyage in a tide, which these tests write beside, and a newer forecast."""
+    folder = tmp_path_factory.mktemp("voyage")
+    sailing.tide_file(folder / "newer.nc", faster=1.3)
+    return sailing.make(folder)
+
+
+@pytest.fixture(scope="module")
+def best(voyage: Path) -> renew.Route:
+    """The route that is sailed, as it was planned."""
+    scenario = load_scenario(str(voyage / "scenario.toml"))
+    with planned_scenario(scenario, voyage.parent, offline=True) as result:
+        return result.routes[0].route
+
+
+def under_way(voyage: Path, **changes: str | float | datetime | tuple[str, ...]) -> Outcome:
+    """Plan again from AT at TIME, or as asked."""
+    asked: dict[str, Any] = {"at": AT, "time": datetime.fromisoformat(TIME), **changes}
+    scenario, _ = under_way_scenario(UnderWayRequest(voyage, **asked))
+    return run(scenario, voyage.parent, offline=True)
+
+
+def answer(outcome: Outcome) -> Replanned:
+    (plan,) = outcome.plans
+    assert plan.replanned is not None
+    return plan.replanned
+
+
+def place_of(voyage: Path, best: renew.Route, at: int) -> dict[str, Any]:
+    """Where and when the vessel passes a point of its path, to the microsecond."""
+    scenario = load_scenario(str(voyage / "scenario.toml"))
+    with planned_scenario(scenario, voyage.parent, offline=True) as result:
+        lon, lat = result.scene.projection.to_lonlat(best.path[at]).tolist()
+    passed = timedelta(seconds=float(best.times[at]))
+    return {"at": f"{lon!r},{lat!r}", "time": DEPARTURE + passed}
+
+
+def asked_on_terminal(voyage: Path, *args: str) -> tuple[int, str, str]:
+    done = CliRunner().invoke(app, ["replan", str(voyage), "--quiet", *args])
+    return done.exit_code, done.stdout, done.stderr
+
+
+def test_on_its_plan_the_vessel_sails_on_as_planned(voyage: Path, best: renew.Route) -> None:
+    at = len(best.path) // 3
+    outcome = under_way(voyage, **place_of(voyage, best, at), name="on-plan")
+    found, (ahead, *_) = answer(outcome), outcome.result.routes
+    share = (best.times[-1] - best.times[at]) / (best.times[-1] - best.times[0])
+    assert found.answer == "kept"
+    assert ahead.route.fuel == pytest.approx(best.fuel * share, rel=1e-6)
+    assert np.allclose(ahead.route.path[1:], best.path[at + 1 :], atol=1e-6)
+    assert ahead.metrics.collisions == 0
+    assert found.off_m < 0.1
+    assert abs(found.late_s) < 0.1
+    assert not found.has_new_current
+
+
+def test_a_full_result_lies_beside_the_old(voyage: Path) -> None:
+    outcome = under_way(voyage)
+    assert outcome.directory == voyage.parent / "strait-at-2026-11-22t0650z"
+    earlier = {path.name for path in voyage.iterdir()}
+    assert {path.name for path in outcome.directory.iterdir()} == {
+        one.replace("strait-tide", "strait-at-2026-11-22t0650z-tide") for one in earlier
+    }
+    assert (
+        "Kept: stay on the way that was planned" in (outcome.directory / "report.html").read_text()
+    )
+    again = run(
+        load_scenario(str(outcome.directory / "scenario.toml")), voyage.parent, offline=True
+    )
+    assert not again.fresh
+
+
+def test_what_changed_the_fuel_adds_up(voyage: Path, best: renew.Route) -> None:
+    found = answer(under_way(voyage, currents=(str(voyage.parent.parent / "newer.nc"),), name="b"))
+    assert found.has_new_current
+    assert found.by_forecast > 0
+    assert found.planned_fuel == pytest.approx(best.fuel)
+    ahead = found.planned_fuel + found.by_drift + found.by_forecast - found.saved
+    assert found.burnt + found.fuel == pytest.approx(ahead, rel=1e-9)
+
+
+def test_the_route_begins_on_the_vessels_heading(voyage: Path) -> None:
+    outcome = under_way(voyage, heading_deg=270.0, name="westward")
+    route, scene = outcome.result.routes[0].route, outcome.result.scene
+    through = np.array([math.cos(route.trajectory[0, 3]), math.sin(route.trajectory[0, 3])])
+    east, north = scene.projection.rotate_to_lonlat(outcome.scenario.start, through)
+    assert math.degrees(math.atan2(east, north)) % 360 == pytest.approx(270.0, abs=0.01)
+
+
+def test_a_plan_made_under_way_is_planned_again(voyage: Path) -> None:
+    first = under_way(voyage, currents=(str(voyage.parent.parent / "newer.nc"),), name="once")
+    second = under_way(
+        first.directory, at="119.0500,9.5198", time=datetime.fromisoformat("2026-11-22T07:20Z")
+    )
+    found = answer(second)
+    assert second.directory.name == "once-at-2026-11-22t0720z"
+    assert found.planned_fuel == pytest.approx(first.result.routes[0].metrics.fuel)
+    # The current is that of the first time, on a clock that begins later.
+    was, now = (one.result.scene.currents["tide"] for one in (first, second))
+    assert isinstance(was, renew.VaryingCurrent)
+    assert isinstance(now, renew.VaryingCurrent)
+    assert np.array_equal(was.slice_times - 1800.0, now.slice_times)
+    bounds = first.result.scene.chart.bounds
+    assert np.array_equal(was.table(bounds).uv, now.table(bounds).uv)
+
+
+def test_a_vessel_far_on_the_other_side_switches(voyage: Path) -> None:
+    code, said, _ = asked_on_terminal(voyage, "--at", "119.035,9.545", "--time", TIME, "--json")
+    ((found,), (first, *_)) = (json.loads(said)[key] for key in ("replanned", "routes"))
+    assert code == 0
+    assert found["answer"] == "switched"
+    assert found["fuel"] < 0.98 * found["kept_fuel"]
+    assert first["way"].startswith("north")
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (
+            ["--at", "119.05,9.53"],
+            ["start (--at) = [119.05, 9.53] lies on land", "nearest water"],
+        ),
+        (["--at", "118.5,9.53"], ["start (--at) = [118.5, 9.53] lies 55 km outside the region"]),
+        (["--at", "nan,9.53"], ["--at 'nan,9.53' is not a position"]),
+        (["--heading", "400"], ["--heading 400", "from 0 to 360"]),
+        (["--heading", "nan"], ["--heading nan", "from 0 to 360"]),
+        (["--time", "2026-11-22T06:10Z"], ["06:10 UTC is before the departure", "06:20 UTC"]),
+        (["--time", "2026-11-22T06:50"], ["has no zone"]),
+        (["--time", "2026-11-23T09:30Z"], ["no way from here", "give currents that reach further"]),
+        (["--time", "2026-12-23T09:30Z"], ["tide.nc", "is not before its last step"]),
+        (["--departed", "2026-11-22T06:00Z"], ["--departed", "2026-11-22T06:20:00Z"]),
+        (["--currents", "none.nc"], ["'none.nc' does not exist"]),
+        (["--season", "winter"], ["--season: 'winter' was not planned", "tide"]),
+    ],
+)
+def test_a_wrong_request_is_refused_whole(voyage: Path, args: list[str], said: list[str]) -> None:
+    given = dict(zip(args[::2], args[1::2], strict=True))
+    before = set(voyage.parent.iterdir())
+    asked = {"--at": AT, "--time": TIME, "--name": "wrong"} | given
+    code, _, faults = asked_on_terminal(voyage, *(word for pair in asked.items() for word in pair))
+    assert code == (1 if "no way" in said[0] else 2)
+    assert all(one in faults for one in said), faults
+    assert len(faults.splitlines()) == 1
+    assert set(voyage.parent.iterdir()) == before
+
+
+def _cut(folder: Path) -> None:
+    file = folder / "outputs" / "strait" / "strait-tide.geojson"
+    file.write_bytes(file.read_bytes()[:-200])
+
+
+def _other_current(folder: Path) -> None:
+    sailing.tide_file(folder / "tide.nc", faster=1.1)
+
+
+def _other_plan(folder: Path) -> None:
+    file = folder / "outputs" / "strait" / "scenario.toml"
+    file.write_text(file.read_text().replace("clearance = 100.0", "clearance = 120.0"))
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (_cut, "is damaged"),
+        (_other_current, "was planned with another current"),
+        (_other_plan, "made again from its scenario it needs"),
+    ],
+)
+def test_results_that_are_not_what_they_were_are_refused(
+    voyage: Path, tmp_path: Path, damage: Callable[[Path], None], said: str
+) -> None:
+    folder = tmp_path / "copy"
+    shutil.copytree(voyage.parent.parent, folder, symlinks=True)
+    scenario = folder / "outputs" / "strait" / "scenario.toml"
+    scenario.write_text(scenario.read_text().replace(str(voyage.parent.parent), str(folder)))
+    damage(folder)
+    results = folder / "outputs" / "strait"
+    before = set(results.parent.iterdir())
+    code, _, faults = asked_on_terminal(results, "--at", AT, "--time", TIME)
+    assert code == 2
+    assert said in faults
+    assert set(results.parent.iterdir()) == before
