@@ -28,6 +28,7 @@ from pipeline.machine.store import Artefact, Store
 from pipeline.model import Land, Note, Place, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
+from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.stages.places import unsimplified
 
 # Longer edges are divided before projection, m. An edge that is straight in degrees is curved in
@@ -263,25 +264,13 @@ def _planar_land(
     """Project and repair the land, and clip it to the window."""
     # Repair before long edges are divided, because dividing alone would drop half of a figure of
     # eight, and again afterwards.
-    degrees = _repaired(np.array(polygons, dtype=object))
-    planar = shapely.get_parts(_repaired(plane.geometry_to_plane(degrees, _MAX_EDGE_M)))
+    degrees, _ = repaired(np.array(polygons, dtype=object))
+    planar = shapely.get_parts(repaired(plane.geometry_to_plane(degrees, _MAX_EDGE_M))[0])
     shapely.prepare(window)
     planar = planar[shapely.intersects(window, planar)]
     crosses = ~shapely.covers(window, planar)
     planar[crosses] = shapely.intersection(planar[crosses], window)
-    parts = shapely.get_parts(planar)
-    kind = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
-    return np.asarray(parts[kind & ~shapely.is_empty(parts)])
-
-
-def _repaired(polygons: Geometries) -> Geometries:
-    """Make invalid polygons valid; one may become a multipolygon."""
-    invalid = ~shapely.is_valid(polygons)
-    repaired = polygons.copy()
-    repaired[invalid] = shapely.make_valid(
-        polygons[invalid], method="structure", keep_collapsed=False
-    )
-    return repaired
+    return extract_polygons(planar)
 
 
 def _count_vertices(polygons: Geometries) -> int:

@@ -155,7 +155,8 @@ class PriceSearch:
 
     def _planner_at(self, price: float) -> ClassPlanner:
         """Return the planner for a price of time (fuel units a second)."""
-        problem = self.planner.problem.at_price(price)
+        problem = self.planner.problem
+        problem = problem.with_voyage(problem.voyage.at_price(price))
         return self.planner.for_problem(problem) if problem.voyage.has_price else self.planner
 
     def curve(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:

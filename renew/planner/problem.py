@@ -98,18 +98,6 @@ class Problem:
         """Return the problem at another departure (s)."""
         return replace(self.with_voyage(self.voyage.leaving(departure)), base=self)
 
-    def at_price(self, price: float) -> "Problem":
-        """Return the problem at another price of time (fuel units a second)."""
-        return self.with_voyage(self.voyage.at_price(price))
-
-    def at_speed(self, speed: float) -> "Problem":
-        """Return the problem at a constant speed (m/s), in the vessel's own water."""
-        return self.with_voyage(self.voyage.at_speed(speed))
-
-    def scheduled(self, path: FloatArray, times: FloatArray) -> "Problem":
-        """Return the problem for passage of the points of a path (n, 2) at times (n,), s."""
-        return self.with_voyage(self.voyage.scheduled(path, times))
-
     def with_voyage(self, voyage: Voyage) -> "Problem":
         """Return the problem of another voyage in the same water."""
         return replace(self, voyage=voyage, first=self.first or self, base=None)

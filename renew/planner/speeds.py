@@ -223,7 +223,8 @@ class ClockSearch(PriceSearch):
     def first_paths(self, fastest: ClassPath) -> tuple[ClassSearch, dict[Word, ClassPath]]:
         """Return the first classes' paths at one speed, and the search that found them."""
         problem = self.planner.problem
-        planner = self.planner.for_problem(problem.at_speed(self._one_speed(fastest)))
+        voyage = problem.voyage.at_speed(self._one_speed(fastest))
+        planner = self.planner.for_problem(problem.with_voyage(voyage))
         return self.search_with(planner, problem.word(fastest.path), self.with_speeds(fastest))
 
     def _one_speed(self, fastest: ClassPath) -> float:

@@ -119,11 +119,12 @@ class _Expansion:
 
     def _scenario(self) -> Scenario | None:
         """Load the scenario; files of its currents may not exist yet."""
-        asked = self._spec.scenario
+        asked, about = self._spec.scenario, ""
         try:
             is_named = asked in catalogue.names("scenarios")
             path = catalogue.scenario_path(asked if is_named else self._named_or_path(asked))
             data = catalogue.read_toml(path)
+            about = f"{asked!r}: "  # faults of the file are named by its path
             if self._spec.departures is not None:
                 data = _with_times(data)
             scenario = parse_scenario(data, path.parent)
@@ -131,7 +132,7 @@ class _Expansion:
             return self._with_own_currents(scenario)
         except RequestError as error:
             for fault in error.faults:
-                self._fault("scenario", f"{asked!r}: {fault}" if asked not in fault else fault)
+                self._fault("scenario", f"{about}{fault}")
             return None
 
     def _named_or_path(self, asked: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline._types import FloatArray, Geometries
+from pipeline._types import FloatArray
 from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.geo.lonlat import share_without
 from pipeline.geo.projection import densified
@@ -27,6 +27,7 @@ from pipeline.model import (
     planning,
 )
 from pipeline.scenario.model import PlannerOptions
+from pipeline.sources.land.shapes import extract_polygons
 from pipeline.stages.places import is_shut_in
 from pipeline.stages.seasons.under_way import replanned
 from renew.errors import Text, TooLateError
@@ -316,7 +317,7 @@ def land_within_reach(
     near = land[shapely.intersects(zone, land)]
     crosses = ~shapely.covers(zone, near)
     near[crosses] = shapely.intersection(near[crosses], zone)
-    return renew.Chart(scene.chart.extent, _polygons(near))
+    return renew.Chart(scene.chart.extent, list(extract_polygons(near)))
 
 
 def _sampled(turns: renew.Contingency) -> renew.Contingency:
@@ -325,15 +326,6 @@ def _sampled(turns: renew.Contingency) -> renew.Contingency:
     kept = others[np.linspace(0, others.size - 1, min(_MAX_POINTS, others.size)).astype(int)]
     chosen = np.sort(np.concatenate([np.flatnonzero(turns.collided), kept]))
     return replace(turns, points=turns.points[chosen], collided=turns.collided[chosen])
-
-
-def _polygons(geometries: Geometries) -> list[shapely.Polygon]:
-    """Return the non-empty polygons among geometries and their parts."""
-    return [
-        part
-        for part in shapely.get_parts(shapely.get_parts(geometries))
-        if isinstance(part, shapely.Polygon) and not part.is_empty
-    ]
 
 
 # Minimum length of a crossing, true metres: a shorter one only grazes the shore.

@@ -41,7 +41,7 @@ def faults(result: Result) -> list[str]:
         ),
         (
             f'scenario = "{"x" * 5000}"',
-            "night.toml, line 3: cases[0].scenario: 'xxx",
+            "night.toml, line 3: cases[0].scenario: scenario: /",
         ),
         (
             'scenario = "single-gyre"\nvessels = ["usv-9m"]',
