@@ -14,7 +14,7 @@ SCENARIOS := $(basename $(notdir $(wildcard catalog/scenarios/*.toml)))
 PYTHON ?= python3.11 python3.12 python3.13 python3
 PROBE := import ensurepip, os, sys, venv; (3, 11) <= sys.version_info < (3, 14) or sys.exit(1); print(os.path.realpath(sys.executable))
 
-.PHONY: help setup test lint types pytest compiled format test-slow test-new-examples test-no-compiler test-no-triangle bench pictures figures reference docs notebooks lock wheel clean nightly experiments experiments-quick $(SCENARIOS)
+.PHONY: help setup test lint types pytest compiled format test-slow test-new-examples test-no-compiler test-no-triangle bench pictures figures reference docs notebooks lock qgis-plugin wheel clean nightly experiments experiments-quick $(SCENARIOS)
 
 help:  ## this list
 	@printf '  make %-18s %s\n' $(foreach name,$(SCENARIOS),$(name) 'plan this scenario: outputs/$(name)/')
@@ -125,6 +125,11 @@ docs: $(READY)  ## the site, strict: build/site/index.html
 
 notebooks: $(READY)  ## execute docs/notebooks/*.md into docs/tutorials/*.ipynb
 	$(BIN)/python -m tests.notebooks
+
+# A folder in a zip, as "Install from ZIP" of QGIS's plugin manager takes it.
+qgis-plugin: $(READY)  ## build dist/renew_routes.zip, the plugin for QGIS
+	mkdir -p dist
+	cd qgis && ../$(BIN)/python -m zipfile -c ../dist/renew_routes.zip renew_routes
 
 wheel: $(READY)  ## build dist/*.whl
 	$(BIN)/python -m hatchling build -t wheel

@@ -139,8 +139,9 @@ def test_the_wheel_holds_every_module_and_the_catalogue(root: Path, tmp_path: Pa
     }
     data = {
         f"pipeline/{path.relative_to(root).as_posix()}"
-        for path in (root / "catalog").rglob("*")
-        if path.is_file()
+        for folder in ("catalog", "qgis")
+        for path in (root / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
     }
     assert held == code | data
 

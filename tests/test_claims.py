@@ -31,7 +31,7 @@ from tests.test_docs import DOCUMENTS, FENCE, SHELL, SPAN
 # A figure that needs a source: with a decimal point or a thousands separator, or a percentage.
 FIGURE = re.compile(r"(?<![\w.:/-])\d+(?:[.,]\d+)+(?:e-\d+)?|(?<![\w.])\d+(?= %)")
 OPTION = re.compile(r"--[a-z][a-z-]+")
-RENEW = re.compile(r"(?:^|[\s`/])renew ((?:nightly |tide )?[a-z]+)\b([^\n#;|]*)")
+RENEW = re.compile(r"(?:^|[\s`/])renew ((?:nightly |tide |qgis )?[a-z]+)\b([^\n#;|]*)")
 DESIGN, NIGHT = "docs/explanation/design.md", "docs/how-to/nightly.md"
 CLAIMS = "docs/explanation/claims.md"
 PAGES = (*DOCUMENTS, "outputs/README.md")
@@ -156,7 +156,9 @@ def test_commands_and_options_that_are_named_exist(document: str) -> None:
             if f"renew {name}" not in commands:
                 name = name.split()[0]  # noqa: PLW2901  # of a command's argument
             command = commands.get(f"renew {name}")
-            assert command is not None or name in {"nightly", "tide"}, f"no command: renew {name}"
+            assert command is not None or name in {"nightly", "tide", "qgis"}, (
+                f"no command: renew {name}"
+            )
             if command is not None:
                 unknown = (
                     set(OPTION.findall(rest)) - set(command_reference.options(command)) - every

@@ -32,11 +32,16 @@ def _ran(folder: Path, *command: str | Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    _ran(ROOT, sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder)
+    return next(folder.glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Path:
     """An environment that holds the wheel, and of this one the dependencies alone."""
     folder = tmp_path_factory.mktemp("installed")
-    _ran(ROOT, sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder)
-    (wheel,) = folder.glob("*.whl")
     environment = folder / "environment"
     _ran(folder, sys.executable, "-m", "venv", environment)
     python = environment / "bin" / "python"
@@ -60,3 +65,32 @@ def test_a_wheel_plans_from_a_folder_outside_the_clone(installed: Path, tmp_path
     with (tmp_path / "results" / "single-gyre" / "metrics.csv").open(encoding="utf-8") as file:
         best = next(csv.DictReader(file))
     assert float(best["fuel"]) == pytest.approx(recorded("gyre")["fuel"], rel=1e-4)
+
+
+@pytest.mark.slow
+def test_uv_installs_the_wheel_as_a_tool_that_plans_in_an_empty_folder(
+    wheel: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the dependencies that uv finds; an extra is named behind the wheel."""
+    monkeypatch.setenv("UV_TOOL_DIR", str(tmp_path / "tools"))
+    monkeypatch.setenv("UV_TOOL_BIN_DIR", str(tmp_path / "programs"))
+    uv = Path(sys.executable).with_name("uv")
+    asked = (f"{wheel}[grib]", "--python", sys.executable, "--quiet", "--no-config")
+    done = subprocess.run(
+        [uv, "tool", "install", *asked], capture_output=True, text=True, check=False
+    )
+    if "error sending request" in done.stderr:
+        pytest.skip("the package index can't be reached")
+    assert done.returncode == 0, done.stderr
+    empty, renew = tmp_path / "empty", tmp_path / "programs" / "renew"
+    empty.mkdir()
+    assert _ran(empty, renew, "--version").startswith("renew 0.")
+    voyage = ("119.90,10.00", "120.24,9.96", "--vessel", "usv-7m", "--month", "2024-01")
+    water = ("--currents", "embedded-palawan", "--output", "results", "--name", "crossing")
+    _ran(empty, renew, "go", *voyage, *water)
+    assert [path.name for path in empty.iterdir()] == ["results"]
+    results = empty / "results" / "crossing"
+    with (results / "metrics.csv").open(encoding="utf-8") as file:
+        best = next(csv.DictReader(file))
+    assert 35_000 < float(best["length_m"]) < 45_000
+    assert (results / "report.html").stat().st_size > 100_000

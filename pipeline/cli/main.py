@@ -30,6 +30,7 @@ from pipeline.cli.failures import reported_errors
 from pipeline.cli.go import GoCommand, go
 from pipeline.cli.log_lines import still_at_work
 from pipeline.cli.nightly import app as nightly_app
+from pipeline.cli.qgis import app as qgis_app
 from pipeline.cli.replan import ReplanCommand, replan
 from pipeline.cli.serve import serve
 from pipeline.cli.terminal import say
@@ -152,6 +153,7 @@ app.command(cls=Command)(serve)
 app.command(cls=ReplanCommand)(replan)
 app.add_typer(nightly_app, name="nightly")
 app.add_typer(tide_app, name="tide")
+app.add_typer(qgis_app, name="qgis")
 
 
 @app.command(cls=ScenarioCommand)

@@ -1,0 +1,123 @@
+"""The plugin in QGIS itself, without a window: its tools plan, show layers, refuse and cancel."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import pyproj
+import pytest
+import shapely
+
+from tests.bench.record import recorded
+
+pytestmark = pytest.mark.slow
+
+RENEW = Path(sys.executable).with_name("renew")
+# Debian's own `qgis_process` gives its program an option that this does not know.
+QGIS = shutil.which("qgis_process.bin") or shutil.which("qgis_process")
+# Calls `renew run` as an algorithm does, and cancels after a while.
+_CANCEL = """
+import sys, threading, time
+sys.path[:0] = ["/usr/share/qgis/python/plugins", sys.argv[1]]
+from qgis.core import QgsApplication, QgsProcessingException, QgsProcessingFeedback
+application = QgsApplication([], False)
+application.initQgis()
+from renew_routes import program
+feedback = QgsProcessingFeedback()
+threading.Timer(float(sys.argv[3]), feedback.cancel).start()
+begun = time.monotonic()
+try:
+    program.run(["run", "palawan-usv", "--offline", "--output", sys.argv[2]], feedback)
+except QgsProcessingException as error:
+    print(error, time.monotonic() - begun, flush=True)
+import os
+os._exit(0)  # QGIS's own end is not ours to test
+"""
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Install the plugin into a profile of its own; give the variables of QGIS's process."""
+    if QGIS is None:
+        pytest.skip("QGIS is not installed (Debian: qgis)")
+    folder = tmp_path_factory.mktemp("home")
+    variables = {
+        **{name: text for name, text in os.environ.items() if name != "PYTHONPATH"},
+        "QT_QPA_PLATFORM": "offscreen",
+        "XDG_RUNTIME_DIR": str(folder),
+        "QGIS_CUSTOM_CONFIG_PATH": str(folder),
+    }
+    subprocess.run([RENEW, "qgis", "install"], env=variables, check=True, capture_output=True)
+    enable = [QGIS, "plugins", "enable", "renew_routes"]
+    subprocess.run(enable, env=variables, check=True, capture_output=True)
+    return variables
+
+
+def planned(home: dict[str, str], algorithm: str, **values: object) -> dict[str, Any]:
+    """Run an algorithm; return its results, or its error under "error"."""
+    given = [f"{name}={value}" for name, value in values.items()]
+    command = [str(QGIS), "--json", "run", f"renew:{algorithm}", "--", *given]
+    done = subprocess.run(command, env=home, capture_output=True, text=True, check=False)
+    if done.returncode:
+        return {"error": done.stderr}
+    results: dict[str, Any] = json.loads(done.stdout)["results"]
+    return results
+
+
+def test_a_scenario_is_planned_as_on_the_command_line(home: dict[str, str], tmp_path: Path) -> None:
+    found = planned(home, "scenario", SCENARIO="single-gyre", OUTPUT=tmp_path)
+    assert found["FUEL"] == pytest.approx(recorded("gyre")["fuel"], rel=1e-4)
+    assert Path(found["REPORT"]).is_file()
+    assert len(geopandas.read_file(found["GEOPACKAGE"], layer="routes"))
+
+
+def test_points_and_layers_in_another_crs_are_a_voyage(
+    home: dict[str, str], tmp_path: Path
+) -> None:
+    """From points of a web map, around an area that lies on the straight way."""
+    shut = shapely.box(120.02, 9.95, 120.06, 10.0)
+    layer = geopandas.GeoDataFrame(geometry=[shut], crs=4326).to_crs(32651)
+    layer.to_file(tmp_path / "shut.gpkg")
+    to_web = pyproj.Transformer.from_crs(4326, 3857, always_xy=True)
+    ends = {"START": (119.95, 9.98), "GOAL": (120.15, 9.97)}
+    points = {
+        name: "{},{} [EPSG:3857]".format(*to_web.transform(*place)) for name, place in ends.items()
+    }
+    water = {"CURRENTS": "still", "SHUT": tmp_path / "shut.gpkg"}
+    found = planned(home, "route", **points, **water, OUTPUT=tmp_path / "results")
+    assert "error" not in found, found
+    line = geopandas.read_file(found["GEOPACKAGE"], layer="routes").geometry.iloc[0]
+    line = shapely.line_merge(line)
+    for place, end in zip(ends.values(), (line.coords[0], line.coords[-1]), strict=True):
+        assert end[:2] == pytest.approx(place, abs=1e-4)
+    assert not line.intersects(shut.buffer(-1e-4))
+
+
+def test_what_the_program_refuses_is_the_algorithms_error(
+    home: dict[str, str], tmp_path: Path
+) -> None:
+    found = planned(home, "scenario", SCENARIO="no-such-thing", OUTPUT=tmp_path)
+    assert "no-such-thing" in found["error"]
+    voyage = {"START": "119.95,9.98", "GOAL": "120.15,9.97", "CURRENTS": "still"}
+    times = {"DEPART": "2026-07-02T06:00:00", "UNTIL": "2026-07-01T06:00:00"}
+    found = planned(home, "leave", **voyage, **times, OUTPUT=tmp_path)
+    assert "--until" in found["error"]
+
+
+def test_a_cancelled_plan_ends(home: dict[str, str], tmp_path: Path) -> None:
+    plugins = Path(home["QGIS_CUSTOM_CONFIG_PATH"]) / "profiles" / "default" / "python" / "plugins"
+    command = ["/usr/bin/python3", "-c", _CANCEL, str(plugins), str(tmp_path / "out"), "3"]
+    done = subprocess.run(command, env=home, capture_output=True, text=True, check=False)
+    assert "Cancelled" in done.stdout, done.stderr
+    assert 3.0 <= float(done.stdout.split()[-1]) < 30.0
+    time.sleep(1.0)
+    listed = subprocess.run(["/bin/ps", "-eo", "args"], capture_output=True, text=True, check=True)
+    assert str(tmp_path / "out") not in listed.stdout
