@@ -16,7 +16,6 @@ from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.geo.lonlat import share_without
 from pipeline.geo.projection import densified
 from pipeline.model import (
-    Current,
     EnsembleFigures,
     Evaluation,
     RouteMetrics,
@@ -154,7 +153,7 @@ def evaluate_season(scene: Scene, plan: SeasonPlan, options: PlannerOptions) -> 
     second_shoreline = SecondShoreline(scene)
     rows, flown, crossings = [], {}, list[ShoreCrossing]()
     for rank, route in enumerate(routes, start=1):
-        turns = evaluator.turns(route)
+        turns = evaluator.turns(route, in_members=rank == 1)
         flown[plan.season, rank] = _sampled(turns)
         rows.append(evaluator.metrics(route, turns, rank))
         crossings += second_shoreline.crossings(np.asarray(route.path), plan.season, rank)
@@ -195,10 +194,13 @@ class _RouteEvaluator:
         self, scene: Scene, season: str, routes: Sequence[renew.Route], options: PlannerOptions
     ) -> None:
         self._scene, self._season, self._current = scene, season, scene.currents[season]
+        members = scene.members.get(season)
+        self._members = members.currents if members else ()
         self._options = options
         self._land = np.array(scene.land, dtype=object)
         self._tree = shapely.STRtree(self._land)
-        self._near_land = land_within_reach(scene, self._current, scene.vessel_in(season), routes)
+        every = (self._current, *self._members)
+        self._near_land = land_within_reach(scene, every, scene.vessel_in(season), routes)
 
     def metrics(self, route: renew.Route, turns: renew.Contingency, rank: int) -> RouteMetrics:
         """Return all measurements of one route."""
@@ -237,15 +239,31 @@ class _RouteEvaluator:
             least_water_late_m=least.late + kept_m,
         )
 
-    def turns(self, route: renew.Route) -> renew.Contingency:
-        """Simulate the hard-over turns of a route against the original land within their reach."""
+    def turns(self, route: renew.Route, *, in_members: bool) -> renew.Contingency:
+        """Simulate the hard-over turns of a route against the original land within their reach.
+
+        They are those in the season's current, and on request in each of its members as well.
+        """
+        first, *others = (
+            self._turns(route, one)
+            for one in (self._current, *(self._members if in_members else ()))
+        )
+        return replace(
+            first,
+            trials=first.trials + sum(one.trials for one in others),
+            collisions=first.collisions + sum(one.collisions for one in others),
+            collided=np.any([first.collided, *(one.collided for one in others)], axis=0),
+        )
+
+    def _turns(self, route: renew.Route, current: renew.CurrentField) -> renew.Contingency:
+        """Simulate the hard-over turns of a route in a current."""
         vessel = self._scene.vessel_in(self._season)
         # Long routes have wider spacing, for at most MAX_STATIONS points, despite rounding.
         least = max(_MIN_SPACING, 1.000001 * route.length / MAX_STATIONS)
         return renew.contingency(
             route,
             self._near_land,
-            self._current,
+            current,
             vessel,
             spacing=max(least, _SPACING_RADII * vessel.turning_radius),
             seed=self._options.seed,
@@ -304,10 +322,14 @@ class _RouteEvaluator:
 
 
 def land_within_reach(
-    scene: Scene, current: Current, vessel: renew.Vessel, routes: Sequence[renew.Route]
+    scene: Scene,
+    currents: Sequence[renew.CurrentField],
+    vessel: renew.Vessel,
+    routes: Sequence[renew.Route],
 ) -> renew.Chart:
     """Return a chart of only the original land that a turn from any route can reach."""
-    reach = TurnReach.of(current.table(scene.chart.bounds), vessel).furthest.max()
+    tables = [one.table(scene.chart.bounds) for one in currents]
+    reach = max(TurnReach.of(one, vessel).furthest.max() for one in tables)
     paths = [shapely.LineString(route.path) for route in routes]
     zone = shapely.union_all(
         shapely.buffer(paths, _BUFFER_RESERVE * float(reach), quad_segs=_QUADRANT_SEGMENTS)

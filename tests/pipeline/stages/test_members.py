@@ -96,6 +96,12 @@ def test_a_run_writes_what_each_route_needs_in_each_member(result: RunResult, fo
         assert float(row["members_cvar90_fuel"]) == pytest.approx(max(own))
         assert float(row["members_share"]) == pytest.approx(best.count("True") / 8)
     assert sum(float(row["members_share"]) for row in metrics) == pytest.approx(1)
+    # The best route's turns are simulated in the mean and in each member.
+    turns = [
+        int(row["trials"]) / result.routes[int(row["rank"]) - 1].metrics.length_m for row in metrics
+    ]
+    assert turns[0] == pytest.approx(9 * turns[1], rel=0.05)
+    assert all(row["collisions"] == "0" for row in metrics)
 
 
 def test_the_report_says_how_sure_the_side_is(result: RunResult) -> None:

@@ -189,7 +189,7 @@ def test_all_land_that_a_turn_can_reach_is_included_and_no_more(
     begin, end = west.path[:2]
     along = (end - begin) / np.linalg.norm(end - begin)
     rock = shapely.Point(begin - (reaches * reach + 1.0) * along).buffer(1.0)
-    chart = land_within_reach(replace(scene, land=(rock,)), current, scene.vessel, (west,))
+    chart = land_within_reach(replace(scene, land=(rock,)), [current], scene.vessel, (west,))
     assert bool(chart.no_go) == is_included
 
 
