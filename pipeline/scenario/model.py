@@ -226,11 +226,8 @@ class Scenario(StrictModel):
                     f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where times "
                     "under way are not the true ones; plan at true scale, scale = 1"
                 )
-        faults += [
-            *self._itinerary_faults(),
-            *self._haven_faults(),
-            *self._under_way_faults(),
-        ]
+        faults += [*self._itinerary_faults(), *self._haven_faults()]
+        faults += self._under_way_faults()
         if faults:
             raise strict.RemediedError(*faults)
         return self
@@ -328,34 +325,9 @@ class Scenario(StrictModel):
 
     def _under_way_faults(self) -> Iterator[str]:
         """Find keys that do not go together with [under_way]."""
-        voyage = self.under_way
-        if voyage is None:
-            return
-        if self.plane is not None or self.region is None:
-            yield "has [under_way], which needs the [region] of the plan's results; add it"
-        if self.scale != 1:
-            yield (
-                f"has [under_way] at scale = {self.scale:g}, where times under way are not the "
-                "true ones; plan at true scale, scale = 1"
-            )
-        if any(map(wait_at, self.via)):
-            yield "has [under_way] and a wait at an anchorage; plan from here without [under_way]"
-        if len(self.seasons) != 1:
-            yield f"has [under_way] and {len(self.seasons)} seasons; give the one that is sailed"
-            return
-        (season,) = self.seasons
-        if season.speed or season.members or season.leaves_departure_open:
-            yield (
-                f"season {season.name!r} has members of its current, or leaves speeds or times "
-                "open, which [under_way] does not know; plan from here without [under_way]"
-            )
-        if season.departure is None:
-            yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
-        elif season.departure < voyage.departed:
-            yield (
-                f"season {season.name!r} has departure = {season.departure.isoformat()}, before "
-                f"under_way.departed = {voyage.departed.isoformat()}; give a later time"
-            )
+        if self.under_way is not None:
+            waits = any(map(wait_at, self.via))
+            yield from self.under_way.faults(self.seasons, self.region, self.scale, waits=waits)
 
     def _keys_with_hours(self) -> Iterator[tuple[str, str]]:
         """Yield the keys that depend on the date, and what to leave out to be rid of it."""
