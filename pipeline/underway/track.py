@@ -22,6 +22,8 @@ _ECCENTRICITY = math.sqrt(_GEOD.es)
 # Longest piece of a leg, m: along it the scale hardly changes, so times are linear in the
 # projection; and a geodesic at 85 degrees is within 90 m of it, at 75 degrees within 30 m.
 _PIECE_M = 10_000.0
+RECEIVER_M = 10.0
+"""The error of a receiver, m."""
 # Mercator's northing is finite up to here, degrees.
 _MOST_LAT = 89.9
 
@@ -99,12 +101,12 @@ class Track:
             most_m_s=max(float(one["speed_over_ground_m_s"]) for one in about[:-1]),
         )
 
-    def nearest(self, lon: float, lat: float, passed_s: float | None) -> Place:
+    def nearest(self, lon: float, lat: float, expected_s: float | None) -> Place:
         """Return the place nearest to a position in degrees.
 
         A track may pass a position several times. Of the passages within whose limits it lies, that
-        one is taken at which the vessel is due nearest to `passed_s` after departure, or if that is
-        None the nearest one.
+        one is taken at which the vessel is due nearest to `expected_s` after departure; or if that
+        is None the nearest one, and of those as near as a receiver can tell the first.
         """
         east = self.middle_deg + (lon - self.middle_deg + 180) % 360 - 180
         at = _mercator(np.array([[east, lat]]))[0]
@@ -119,7 +121,7 @@ class Track:
         starboard = (across <= 0).astype(np.int64)
         limit = self.limit_m[starboard, np.arange(len(off))]
         due = self.due_s + share * self.lasts_s
-        late = off if passed_s is None else np.abs(due - passed_s)
+        late = np.maximum(off, RECEIVER_M) if expected_s is None else np.abs(due - expected_s)
         best = _passage(off, off <= limit, late)
         goal = self.begin[-1] + self.step[-1]
         return Place(

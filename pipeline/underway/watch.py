@@ -16,7 +16,7 @@ from pipeline.stages.finished import FinishedSeason
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
 from pipeline.stages.write import MANIFEST
 from pipeline.underway.reports import Fix, Unread
-from pipeline.underway.track import Place, Track
+from pipeline.underway.track import RECEIVER_M, Place, Track
 
 State = Literal["off_plan", "late"]
 
@@ -24,8 +24,6 @@ State = Literal["off_plan", "late"]
 # planned speed over ground, or this speed if that is higher, m/s: it may be carried or towed. It is
 # silent for at most this time, s. Other positions are strays, unless the next one agrees.
 _STRAY_M, _FASTER, _FAST_M_S, _SILENT_S = 200.0, 3.0, 25.0, 30 * 86_400.0
-# The error of a receiver, m: cross-track limits that are less are not watched more closely.
-_RECEIVER_M = 10.0
 # Distance from the goal at which the voyage is over, m.
 _ARRIVED_M = 100.0
 # Least time from an event to the one that takes it back, s.
@@ -54,6 +52,7 @@ class Watch:
     every_s: float = 600.0
     counts: Counter[str] = field(default_factory=Counter)
     _last: Fix | None = None
+    _due_s: float | None = None
     _stray: Fix | None = None
     _said: frozenset[State] | None = None
     _said_at: float = 0.0
@@ -67,11 +66,12 @@ class Watch:
         if self._last is not None and report.time == self._last.time:
             self.counts["repeated"] += 1  # by another talker, say
             return
-        if not (self._follows(self._last, report) or self._agrees(report)):
+        follows = self._follows(self._last, report)
+        if not (follows or self._agrees(report)):
             self.counts["stray"] += 1
             self._stray = report
             return
-        self._last, self._stray = report, None
+        before, self._last, self._stray = self._last, report, None
         self.counts["position"] += 1
         if self._has_arrived:
             return
@@ -79,7 +79,14 @@ class Watch:
         if passed is not None and passed < 0:
             self.counts["early"] += 1
             return
-        yield from self._events(report, self.track.nearest(report.lon, report.lat, passed), passed)
+        # A vessel that is late stays on the leg where it was, though another one that is due now
+        # leads through the same water.
+        expected = passed
+        if follows and before is not None and self._due_s is not None:
+            expected = self._due_s + report.time - before.time
+        place = self.track.nearest(report.lon, report.lat, expected)
+        self._due_s = place.due_s
+        yield from self._events(report, place, passed)
 
     def _agrees(self, fix: Fix) -> bool:
         """Whether a position agrees with the stray one just before it."""
@@ -102,7 +109,7 @@ class Watch:
         late_s = 0.0 if passed is None else passed - place.due_s
         may_be_late_s = max(self.lateness * place.due_s, MIN_LATENESS_S)
         states: set[State] = set()
-        if abs(place.off_m) > max(place.limit_m, _RECEIVER_M):
+        if abs(place.off_m) > max(place.limit_m, RECEIVER_M):
             states.add("off_plan")
         if abs(late_s) > may_be_late_s:
             states.add("late")

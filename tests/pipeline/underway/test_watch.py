@@ -149,3 +149,21 @@ def test_a_round_trip_is_not_over_where_it_begins() -> None:
     watch = Watch(Track.of(features(ends)), ("A", "B", "C", "A"), 0.0, 0.05, depends_on_time=True)
     (first,) = watch.take(Fix(60.0, 119.0005, 9.0))
     assert (first["leg"], first["arrived"]) == ("A to B", False)
+    # Nor if nothing is known of its departure: it lies there, and may not have left yet.
+    watch = Watch(Track.of(features(ends)), ("A", "B", "C", "A"), None, 0.05, depends_on_time=True)
+    (first,) = watch.take(Fix(60.0, 119.0, 9.00001))
+    assert (first["leg"], first["arrived"]) == ("A to B", False)
+
+
+def test_a_vessel_that_waits_stays_on_the_way_out() -> None:
+    """Out and back through the same water: a vessel that waited does not count as coming back."""
+    ends = [(119.0, 9.0), (119.5, 9.0), (119.0, 9.0)]
+    track = Track.of(features(ends))
+    watch = Watch(track, ("A", "B", "A"), 0.0, 0.05, depends_on_time=True, every_s=600.0)
+    out_s = 0.4 * track.due_s[track.leg == 1][0]
+    sailing = [(at, 119.0 + 0.2 * at / out_s) for at in np.linspace(0.0, out_s, 60)]
+    waiting = [(out_s + at, 119.2) for at in np.arange(60.0, 3 * out_s, 60.0)]
+    found = [one for at, lon in sailing + waiting for one in watch.take(Fix(at, lon, 9.0))]
+    assert {one["leg"] for one in found} == {"A to B"}
+    assert found[-1]["late_min"] == pytest.approx(3 * out_s / 60, rel=0.05)
+    assert {"late", "replan"} <= {one["event"] for one in found}
