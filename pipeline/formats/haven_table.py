@@ -4,13 +4,19 @@ import math
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
-from pipeline.formats.passage.waypoints import time_after, wrapped_longitude
-from pipeline.formats.shared.haven_rows import HavenRow, haven_rows
+from pipeline.formats.figures.artists import drawable
+from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, time_after, wrapped_longitude
+from pipeline.formats.shared.haven_rows import LAST_TURNS, HavenRow, haven_rows
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.tables import utc_text, write_csv
+from pipeline.formats.shared.text import duration, fuel, percent, to_minute
+from pipeline.formats.tables import position, utc_text, write_csv
+from renew.underway.coverage import State
 
+STATES: tuple[State, ...] = get_args(State)
+# Maximum length of a haven's name in the printed table, in characters.
+_MAX_NAME = 20
 COLUMNS = (
     *("season", "kind", "begin", "end", "begin_s", "end_s", "haven", "way", "turn_off"),
     *("turn_off_s", "lon", "lat", "haven_lon", "haven_lat", "bearing_deg", "length_m", "hours"),
@@ -61,6 +67,69 @@ def _cells(season: str, row: HavenRow, departure: datetime | None) -> dict[str, 
             "fuel": way.fuel,
         }
     return dict(_finite(cells))
+
+
+PRINTED_HEADINGS = (
+    *("State", "From", "Until, or\ntoo late after", "Haven", "Turn off", "Latitude", "Longitude"),
+    *("Bearing\n° true", "Length\nNM", "Time to\nhaven", "At most,\nin all", "Fuel"),
+)
+"""Headings of the printed table; the fuel is in the planner's units."""
+
+
+def printed_rows(result: RunResult, season: str) -> list[tuple[str, ...]]:
+    """Return the rows of a season for the passage plan, under `PRINTED_HEADINGS`."""
+    departure = result.spec_of(season).departure
+    return [_printed(row, departure) for row in haven_rows(result, season)]
+
+
+def moment_cell(seconds: float, departure: datetime | None) -> str:
+    """Write a time as UTC, to the minute, or since departure if none is given."""
+    if departure is None:
+        return f"+ {duration(seconds)}"
+    return f"{to_minute(time_after(departure, seconds)):%Y-%m-%d %H:%M}"
+
+
+def _printed(row: HavenRow, departure: datetime | None) -> tuple[str, ...]:
+    """Return a row as text; the last place to turn has no begin."""
+    way = row.way
+    begin = "" if row.kind in LAST_TURNS else moment_cell(row.begin_s, departure)
+    end = "" if row.kind == "equal point" else moment_cell(row.end_s, departure)
+    if way is None:
+        return row.kind, begin, end, *[""] * (len(PRINTED_HEADINGS) - 3)
+    lon, lat = way.place.tolist()
+    return (
+        row.kind,
+        begin,
+        end,
+        drawable(way.haven, _MAX_NAME),
+        moment_cell(way.turn_off_s, departure),
+        position(lat, "NS", 2),
+        position(lon, "EW", 3),
+        f"{round(way.bearing_deg) % 360:03d}",
+        f"{way.length_m / NAUTICAL_MILE_M:.1f}",
+        duration(way.duration_s),
+        duration(row.longest_s),
+        fuel(way.fuel),
+    )
+
+
+def haven_facts(result: RunResult, season: str) -> list[str]:
+    """Return what a reader needs to know beside the table: limits, shares, how to use it."""
+    coverage, limits = result.coverages[season], result.scenario.havens
+    asked = [f"within {limits.within}"] if limits and limits.within else []
+    if limits and limits.endurance:
+        asked.append(f"with fuel for {limits.endurance} at departure")
+    shares = ", ".join(f"{percent(coverage.share(state))} {state}" for state in STATES)
+    left_out = ", ".join(haven.name for haven, _ in coverage.left_out)
+    return [
+        f"Ways to havens {' and '.join(asked)}, by time under way: {shares}.",
+        (
+            "Covered: early, on time or late, carry on to the place named, turn off there, and be "
+            "at the haven in time. Uncovered: by a bound, nobody on time gets to a haven of the "
+            "list in time. Not settled: neither is shown."
+        ),
+        f"No way was found to {left_out}." if left_out else "",
+    ]
 
 
 def _place(prefix: str, place: list[float]) -> dict[str, float]:

@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -13,6 +14,7 @@ from matplotlib.lines import Line2D
 
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.season_map import DETAIL_PT, visible
+from pipeline.formats.haven_table import PRINTED_HEADINGS, haven_facts, printed_rows
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
@@ -34,7 +36,9 @@ from pipeline.formats.shared.text import (
     speed_range,
     to_minute,
 )
-from pipeline.formats.tables import Row, distance_text, has_speeds, headings, rows, tightest_text
+from pipeline.formats.tables import distance_text, has_speeds, headings, rows, tightest_text
+
+_RowT = TypeVar("_RowT", bound=Sequence[str])
 
 # A4, landscape, in points; margins, and the height of a line of text.
 _WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0
@@ -47,6 +51,7 @@ _SMALL, _PLAIN, _LARGE = 7.0, 8.0, 15.0
 # Widths of the table's columns, points; columns without a heading are left out. Height of headings.
 _COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 56, 64, 46, 56, 138)
 _HEADINGS_PT = 28.0
+_HAVEN_COLUMNS = (80, 76, 80, 100, 76, 62, 68, 40, 40, 52, 52, 44)
 # Size of the map on a season's first page, points; its margin as a share of the route's extent.
 _MAP_PT, _MAP_MARGIN = (250.0, 160.0), 0.06
 # Characters of a line across the page, and beside the map; space above the notes, points.
@@ -65,6 +70,9 @@ def write_passage_plan(result: RunResult, path: Path) -> None:
         for index, entry in enumerate(result.plans):
             if result.season_routes(entry.season):
                 for page in _season_pages(result, entry.season, season_colour(index)):
+                    pages.savefig(page)
+            if entry.season in result.coverages:
+                for page in _haven_pages(result, entry.season):
                     pages.savefig(page)
 
 
@@ -91,15 +99,31 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
         if number == 1:
             _paragraphs(page, facts, top)
             _put_map(page, points, result, colour, top + 6)
-        end = _put_table(page, headings(points), part, below if number == 1 else top)
+        end = _put_table(page, headings(points), _COLUMNS, part, below if number == 1 else top)
         if number == len(pages):
             _paragraphs(page, notes, end - _NOTES_GAP_PT, size=_SMALL)
         yield page
 
 
+def _haven_pages(result: RunResult, season: str) -> Iterator[Figure]:
+    """Yield the pages of a season's ways to havens: what is covered, and when to turn off where."""
+    points = season_waypoints(result, season)[0]
+    facts = _wrapped(haven_facts(result, season), _WIDE)
+    top = _HEIGHT - _MARGIN - 30
+    below = top - _height(facts) - _NOTES_GAP_PT
+    pages = list(_paged(printed_rows(result, season), below, top, 0.0))
+    for number, part in enumerate(pages, start=1):
+        page = _page(result, points, f"ways to havens, page {number} of {len(pages)}")
+        if number == 1:
+            _paragraphs(page, facts, top)
+        level = below if number == 1 else top
+        _put_table(page, PRINTED_HEADINGS, _HAVEN_COLUMNS, part, level)
+        yield page
+
+
 def _paged(
-    table: Sequence[Row], first_top: float, top: float, notes_pt: float
-) -> Iterator[Sequence[Row]]:
+    table: Sequence[_RowT], first_top: float, top: float, notes_pt: float
+) -> Iterator[Sequence[_RowT]]:
     """Yield the rows of each page, whose tables begin at `first_top` and then at `top`, points.
 
     The last page keeps room for the notes.
@@ -200,11 +224,17 @@ def _times_text(points: Waypoints, result: RunResult) -> str:
     return " ".join(texts)
 
 
-def _put_table(page: Figure, headings: Row, part: Sequence[Row], top: float) -> float:
-    """Write rows of the table below `top`, points, under headings; returns the lower end."""
+def _put_table(
+    page: Figure,
+    headings: Sequence[str],
+    columns: Sequence[int],
+    part: Sequence[Sequence[str]],
+    top: float,
+) -> float:
+    """Write rows below `top`, points, under headings, in columns' widths; return the lower end."""
     used = [index for index, text in enumerate(headings) if text]
-    widths = np.array(_COLUMNS)[used]
-    widths += (sum(_COLUMNS) - widths.sum()) // len(used)
+    widths = np.array(columns)[used]
+    widths += (sum(columns) - widths.sum()) // len(used)
     lefts = _MARGIN + np.cumsum(widths) - widths
     for left, index in zip(lefts, used, strict=True):
         _write(page, headings[index], left, top, _SMALL, bold=True)

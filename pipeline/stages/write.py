@@ -162,6 +162,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
         for season in result.scenario.seasons:
             if result.season_routes(season.name):
                 formats |= _season_formats(result.scenario, season)
+                formats |= _haven_formats(result, season.name)
     return formats
 
 
@@ -201,6 +202,29 @@ def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
         f"{stem}.kml": of_season(routes.write_kml, **timed),
         f"{stem}.plan": of_season(routes.write_plan),
         f"{stem}.waypoints": of_season(routes.write_mission),
+    }
+
+
+def _haven_formats(result: RunResult, season: str) -> dict[str, Format]:
+    """Return the files of a season's ways to havens; none without havens, or without a way."""
+    from pipeline.formats.passage import haven_routes
+
+    coverage = result.coverages.get(season)
+    if coverage is None or not coverage.diversions:
+        return {}
+    stem = f"{season_stem(result.scenario.name, season)}-haven"
+    version = result.scenario.outputs.rtz_version
+
+    def rtz(number: int) -> Format:
+        return lambda result, path: haven_routes.write_haven_rtz(
+            result, season, path, number=number, version=version
+        )
+
+    count = len(coverage.diversions)
+    digits = len(str(count))
+    return {
+        f"{stem}s.gpx": lambda result, path: haven_routes.write_haven_gpx(result, season, path),
+        **{f"{stem}-{number:0{digits}d}.rtz": rtz(number) for number in range(1, count + 1)},
     }
 
 

@@ -25,7 +25,8 @@ from pipeline.formats.figures.artists import (
 )
 from pipeline.formats.figures.chart_map import draw_map, map_figure
 from pipeline.formats.figures.map_marks import arrows, speed_scale
-from pipeline.formats.shared.palette import COLOURS, season_colour
+from pipeline.formats.shared.haven_rows import haven_rows, stretch_line
+from pipeline.formats.shared.palette import COLOURS, STATES, season_colour
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import distance, fuel
 
@@ -95,6 +96,24 @@ def haloed(
     """Return a route as a line on a wider halo."""
     halo, width = widths_pt
     return [stroke(path, COLOURS["halo"], halo, 6), stroke(path, colour, width, zorder)]
+
+
+def haven_layers(result: RunResult, season: str) -> list[Artist]:
+    """Return ways to havens, what they cover of the best route, and the havens; empty if none."""
+    coverage = result.coverages.get(season)
+    if coverage is None:
+        return []
+    own, halo = COLOURS["haven"], COLOURS["halo"]
+    rows = [row for row in haven_rows(result, season) if row.kind in STATES]
+    lines = [(stretch_line(result, season, row).coords, STATES[row.kind]) for row in rows]
+    return [
+        *(stroke(way.route.path, own, 0.8, 5.5) for way in coverage.diversions),
+        *(stroke(line, state, 1.4, 7.2) for line, state in lines),
+        *(
+            Line2D(*haven.place[:, None], marker="o", color=halo, mec=own, mew=1.5, zorder=7.7)
+            for haven in coverage.havens
+        ),
+    ]
 
 
 def zone_layers(result: RunResult) -> list[Artist]:
@@ -217,6 +236,7 @@ def draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> N
     """Draw currents, zones, land, routes (if it has any) and frame on a map of `map_figure`."""
     routes = result.season_routes(season)
     layers = [*_area_layers(axes, result, season), *route_layers(routes)]
+    layers += haven_layers(result, season)
     draw_island_labels(axes, result)
     axes.plot(
         *result.scene.projection.to_plane(result.crossings(season, 1)).T,

@@ -18,7 +18,7 @@ Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_S
 format of QGroundControl's developer guide, version 1; MAVLink's file formats, "QGC WPL 110".
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -77,10 +77,21 @@ def write_gpx(
     A `rte` holds a route's few waypoints, with its rank as number; the `trk` is the best route's
     path as planned. With a departure, which needs a time zone, all points have times.
     """
+    found = season_waypoints(result, season) if every else both_sides(result, season)
+    tracks = [_track(found[0].ranked, result, departure)]
+    path.write_bytes(gpx_document(result, found, departure, tracks))
+
+
+def gpx_document(
+    result: RunResult,
+    found: Sequence[Waypoints],
+    departure: datetime | None,
+    tracks: list[gpxpy.gpx.GPXTrack],
+) -> bytes:
+    """Return the file of some routes of a season, at least one, and tracks."""
     gpx = gpxpy.gpx.GPX()
     gpx.creator = "RENEW"
-    gpx.name = xml_text(document_title(result, season))
-    found = season_waypoints(result, season) if every else both_sides(result, season)
+    gpx.name = xml_text(document_title(result, found[0].ranked.season))
     known = limits_text(result, found[0].ranked.metrics)
     gpx.description = xml_text(
         " ".join(part for part in (result.scenario.description, known, attribution(result)) if part)
@@ -92,8 +103,8 @@ def write_gpx(
     gpx.time = result.created
     gpx.nsmap = {"opencpn": _OPENCPN}
     gpx.routes = [_route(points, result, departure) for points in found]
-    gpx.tracks = [_track(found[0].ranked, result, departure)]
-    path.write_bytes(gpx.to_xml(version="1.1").encode())
+    gpx.tracks = tracks
+    return bytes(gpx.to_xml(version="1.1").encode())
 
 
 def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> gpxpy.gpx.GPXRoute:

@@ -79,6 +79,13 @@ def write_rtz(
     if version not in VERSIONS:
         raise ValueError(f"RTZ version {version!r} is not one of {', '.join(VERSIONS)}")
     points = season_waypoints(result, season)[0]
+    path.write_text(rtz_text(result, points, path.stem, version, departure), encoding="utf-8")
+
+
+def rtz_text(
+    result: RunResult, points: Waypoints, name: str, version: str, departure: datetime | None
+) -> str:
+    """Return the file of a route under a name; see `write_rtz`."""
     unknown = note_texts(route_unknowns(result, points.ranked.metrics))
     content = (
         xml_environment("pipeline.formats.passage")
@@ -87,10 +94,10 @@ def write_rtz(
             version=version,
             form=VERSIONS[version],
             info={
-                "routeName": _shortened(path.stem),
+                "routeName": _shortened(name),
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
-                **({"vesselName": name} if (name := vessel_name(result)) else {}),
+                **({"vesselName": vessel} if (vessel := vessel_name(result)) else {}),
                 "optimizationMethod": _shortened("; ".join((_METHOD, *unknown))),
             },
             waypoints=list(_waypoints(points)),
@@ -99,7 +106,7 @@ def write_rtz(
             namespace=PROVENANCE,
         )
     )
-    path.write_text(content.lstrip(), encoding="utf-8")
+    return content.lstrip()
 
 
 def _waypoints(points: Waypoints) -> Iterator[tuple[_Attributes, _Attributes, _Attributes]]:

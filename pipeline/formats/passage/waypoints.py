@@ -304,7 +304,7 @@ def route_name(ranked: RankedRoute, result: RunResult) -> str:
     # After the season's own name the word "season" says nothing.
     place = " ".join(word for word in words if word.lower() != "season")
     rank = f"{ranked.rank:0{digits}d}"
-    parts = (capitalised(place), ranked.season, rank, ranked.metrics.main_side)
+    parts = (capitalised(place), ranked.season, rank, ranked.label or ranked.metrics.main_side)
     return " ".join(part for part in parts if part)
 
 

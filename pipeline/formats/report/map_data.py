@@ -17,6 +17,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray, Geometries, IntArray
 from pipeline.formats.figures.map_marks import graticule, on_water
+from pipeline.formats.report.haven_lines import haven_lines
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import route_profile
 from pipeline.formats.shared.text import zone_text
@@ -294,6 +295,7 @@ def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
         {
             "title": result.season_title(entry.season),
             "current": _current(result, entry.season, lattice),
+            "havens": haven_lines(result, entry.season, lattice.line),
             "routes": [
                 {
                     **_route(result, ranked, lattice),

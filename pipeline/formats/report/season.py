@@ -15,6 +15,7 @@ from pipeline.formats.figures.map_marks import arrows
 from pipeline.formats.figures.plots import profile_figure
 from pipeline.formats.figures.season_map import season_svg
 from pipeline.formats.figures.turning import padding_figure, tightest_place
+from pipeline.formats.report.haven_section import haven_section
 from pipeline.formats.report.map_data import coarser, place_on_map, within
 from pipeline.formats.report.sentences import SeasonFacts
 from pipeline.formats.shared import departures_and_speeds, ensembles, text
@@ -66,6 +67,7 @@ def season_section(result: RunResult, entry: SeasonPlan, number: int) -> dict[st
         },
         "picture": season_svg(result, season, identity=anchor, label=f"Map of {label}"),
         **(_plots(result, ranked[0], title, anchor) if ranked else {}),
+        "havens": haven_section(result, season),
         "choices": [
             *_choices(result, entry, found, anchor),
             *_members(result, season, anchor),

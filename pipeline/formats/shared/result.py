@@ -25,12 +25,13 @@ MAX_STRAITS = 10
 
 @dataclass(frozen=True)
 class RankedRoute:
-    """A route with its metrics; `rank` 1 is the season's best."""
+    """A route with its metrics; `rank` 1 is the season's best. A way to a haven has a `label`."""
 
     season: str
     rank: int
     route: renew.Route
     metrics: model.RouteMetrics
+    label: str = ""
 
 
 @dataclass(frozen=True)

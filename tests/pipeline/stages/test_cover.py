@@ -9,11 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import geopandas
+import gpxpy
+import numpy as np
 import pytest
 import shapely
+from lxml import etree
 
 from pipeline.errors import RequestError
-from pipeline.formats.haven_table import COLUMNS
+from pipeline.formats.haven_table import COLUMNS, printed_rows
+from pipeline.formats.report.page import gather
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
@@ -22,6 +26,7 @@ from pipeline.sources.haven_file import read_havens
 from pipeline.voyage.named_files import tables_of
 from pipeline.voyage.request import VoyageRequest
 from tests.pipeline import tidal_run
+from tests.pipeline.formats.gis.tables import layer
 from tests.pipeline.underway import sailing
 
 WITHIN_S = 1500.0
@@ -103,6 +108,60 @@ def test_havens_on_land_and_off_the_chart_are_named(
     assert any("'Island'" in one and "lies on land" in one for one in said)
     assert any("'Far'" in one and "outside the region" in one for one in said)
     assert any("of the best route, by time, a planned way leads to a haven" in one for one in said)
+
+
+def ways(outcome: Outcome) -> dict[int, dict[str, str]]:
+    """Return a row for each way, by its number."""
+    return {int(row["way"]): row for row in rows(outcome) if row["way"]}
+
+
+def test_plotters_get_each_way_from_its_turn_off_to_its_haven(
+    covered: tuple[Outcome, Scenario, Path],
+) -> None:
+    folder, known = covered[0].directory, ways(covered[0])
+    found = gpxpy.parse((folder / "strait-calm-havens.gpx").read_text()).routes
+    assert [route.number for route in found] == sorted(known)
+    digits = len(str(len(known)))
+    for number, route in enumerate(found, start=1):
+        row = known[number]
+        file = folder / f"strait-calm-haven-{number:0{digits}d}.rtz"
+        positions = etree.parse(str(file)).iterfind(".//{*}position")
+        rtz = [(float(one.get("lon")), float(one.get("lat"))) for one in positions]
+        gpx = [(one.longitude, one.latitude) for one in route.points]
+        assert np.array(rtz) == pytest.approx(np.array(gpx), abs=1e-7)
+        ends = [(row["lon"], row["lat"]), (row["haven_lon"], row["haven_lat"])]
+        assert np.array([gpx[0], gpx[-1]]) == pytest.approx(np.array(ends, dtype=float), abs=1e-6)
+        assert row["haven"] in str(route.name)
+
+
+def test_the_layers_are_the_route_in_stretches_the_ways_and_the_havens(
+    covered: tuple[Outcome, Scenario, Path],
+) -> None:
+    package = covered[0].directory / "routes.gpkg"
+    coverage, diversions, havens, routes = (
+        layer(package, name) for name in ("coverage", "diversions", "havens", "routes")
+    )
+    kinds = [row["kind"] for row in rows(covered[0])]
+    assert list(coverage.state) == kinds[: len(coverage)]
+    best = routes[routes["rank"] == 1].geometry.item()
+    assert coverage.geometry.length.sum() == pytest.approx(best.length, rel=1e-3)
+    assert coverage.geometry.union_all().hausdorff_distance(best) < 1e-3
+    assert sorted(diversions.diversion) == sorted(ways(covered[0]))
+    assert set(havens.name) == {"West", "East"}
+
+
+def test_a_page_of_the_passage_plan_and_a_section_of_the_report_say_when_to_turn_off(
+    covered: tuple[Outcome, Scenario, Path],
+) -> None:
+    (season,) = gather(covered[0].result)["seasons"]
+    assert len(season["havens"]["rows"]) == len(rows(covered[0]))
+    printed = printed_rows(covered[0].result, "calm")
+    assert [row[0] for row in printed] == [row["kind"] for row in rows(covered[0])]
+    (last,) = [row for row in rows(covered[0]) if row["kind"] == "abort point"][:1]
+    page = next(row for row in printed if row[0] == "abort point")
+    assert page[3] == last["haven"]
+    assert page[4] == last["turn_off"][:16].replace("T", " ") or last["turn_off"][17:19] >= "30"
+    assert "Ways to havens" in (covered[0].directory / "report.html").read_text()
 
 
 def test_a_second_run_looks_for_no_way(covered: tuple[Outcome, Scenario, Path]) -> None:

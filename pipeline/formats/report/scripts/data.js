@@ -91,6 +91,11 @@ function readData() {
         corner: readLine(season.current.corner, stepM)[0],
         spacing: season.current.spacing * stepM,
       },
+      havens: season.havens && {
+        places: season.havens.places.map(({ name, place }) => ({ name, place: readLine(place, stepM)[0] })),
+        ways: lines(season.havens.ways),
+        stretches: season.havens.stretches.map(({ state, places }) => ({ state, places: readLine(places, stepM) })),
+      },
       routes: season.routes.map((route) => readRoute(route, stepM)),
     })),
   };

@@ -21,6 +21,8 @@ const LABEL_GAP = 16;
 const ROUTE_SELECTED = { weight: 4, opacity: 1, dashArray: null };
 const ROUTE_UNSELECTED = { weight: 1.6, opacity: 0.6, dashArray: null };
 const ROUTE_OTHER_SEASON = { weight: 2.2, opacity: 0.85, dashArray: "6 6" };
+// State of a stretch of the best route -> the role of its colour.
+const STATE_ROLES = { covered: "covered", "not settled": "unsettled", uncovered: "uncovered" };
 // The style sheet has this many colours for seasons, `--map-season0` on.
 const SEASON_COLOURS = 6;
 
@@ -119,7 +121,7 @@ class RouteMap {
     const style = getComputedStyle(document.documentElement);
     const seasons = Array.from({ length: SEASON_COLOURS }, (_, i) => `season${i}`);
     const speeds = this.data.speedLimits.map((_, i) => `speed${i}`);
-    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", ...seasons, ...speeds];
+    const roles = ["water", "grid", "frame", "land", "coast", "nogo", "shoal", "hazard", "soft", "halo", "ink", "hit", "restricted", "traffic", "shut", "haven", ...Object.values(STATE_ROLES), ...seasons, ...speeds];
     this.colours = new Map(roles.map((role) => [role, style.getPropertyValue(`--map-${role}`).trim()]));
   }
 
@@ -213,6 +215,7 @@ class RouteMap {
       }),
     );
     this.soft = this.area([], "soft", {});
+    this.havens = L.layerGroup();
     this.turns = L.layerGroup();
     this.shores = L.layerGroup().addTo(this.map);
     this.closest = L.layerGroup();
@@ -286,6 +289,9 @@ class RouteMap {
     this.showRoutes(choice);
     this.soft.setLatLngs(route ? route.soft : []);
     this.toggle(this.soft, choice.layers.soft && Boolean(route));
+    this.havens.clearLayers();
+    this.toggle(this.havens, Boolean(choice.layers.havens));
+    if (season.havens && choice.selected === 0) this.showHavens(season.havens);
     this.toggle(this.turns, choice.layers.turns);
     this.turns.clearLayers();
     this.shores.clearLayers();
@@ -336,6 +342,16 @@ class RouteMap {
     this.toggle(this.closest, true);
   }
 
+  /** Havens, the ways to them, and along the best route what is covered. */
+  showHavens({ places, ways, stretches }) {
+    for (const way of ways) this.line(way, "routes", { weight: 1.5, opacity: 0.9, dashArray: "5 4", role: "haven" }).addTo(this.havens);
+    for (const { state, places: along } of stretches) this.line(along, "routes", { weight: 3, opacity: 1, role: STATE_ROLES[state] }).addTo(this.havens);
+    for (const { name, place } of places) {
+      this.dot(place, { radius: 6, weight: 2, fillOpacity: 1, role: "haven" }).addTo(this.havens);
+      this.label(place, name, "end-label", this.labelSide(place)).addTo(this.havens);
+    }
+  }
+
   /** Follow the page's change between light and dark. */
   changeScheme() {
     this.readColours();
@@ -363,6 +379,9 @@ class RouteMap {
     this.turns.eachLayer((dot) => {
       const { hit } = dot.options;
       dot.setStyle({ fillColor: colour(hit ? "hit" : "halo"), color: colour(hit ? "halo" : "ink") });
+    });
+    this.havens.eachLayer((layer) => {
+      if (layer.options.role) layer.setStyle({ color: colour(layer.options.role), fillColor: colour("halo") });
     });
     this.shores.eachLayer((dot) => dot.setStyle({ color: colour("shut") }));
     this.spot.eachLayer((layer) => {

@@ -1,0 +1,33 @@
+"""What the page's map shows of havens: the places, the ways to them, and what is covered."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from pipeline._types import FloatArray
+from pipeline.formats.shared.haven_rows import LAST_TURNS, haven_rows, stretch_line
+from pipeline.formats.shared.result import RunResult
+
+
+def haven_lines(
+    result: RunResult, season: str, line: Callable[[FloatArray], list[int]]
+) -> dict[str, Any] | None:
+    """Return what the map shows of a season's havens, encoded by `line`; None without havens."""
+    coverage = result.coverages.get(season)
+    if coverage is None:
+        return None
+    return {
+        "places": [
+            {"name": haven.name, "place": line(haven.place[None, :])} for haven in coverage.havens
+        ],
+        "ways": [line(np.asarray(one.route.path)) for one in coverage.diversions],
+        "stretches": [
+            {
+                "state": row.kind,
+                "places": line(np.asarray(stretch_line(result, season, row).coords)),
+            }
+            for row in haven_rows(result, season)
+            if row.kind not in LAST_TURNS
+        ],
+    }

@@ -1,0 +1,40 @@
+"""What the page says of havens: how much of a route is covered, and a table of the ways to take."""
+
+from datetime import datetime
+from typing import Any
+
+from pipeline.formats.haven_table import haven_facts, moment_cell
+from pipeline.formats.report.map_data import place_on_map
+from pipeline.formats.shared.haven_rows import LAST_TURNS, HavenRow, haven_rows
+from pipeline.formats.shared.result import RunResult
+from pipeline.formats.shared.text import duration
+
+
+def haven_section(result: RunResult, season: str) -> dict[str, Any] | None:
+    """Return the sentences and rows of a season's havens; None without havens."""
+    coverage = result.coverages.get(season)
+    if coverage is None:
+        return None
+    departure = result.spec_of(season).departure
+    return {
+        "sentences": [one for one in haven_facts(result, season) if one],
+        "rows": [_row(result, row, departure) for row in haven_rows(result, season)],
+    }
+
+
+def _row(result: RunResult, row: HavenRow, departure: datetime | None) -> dict[str, Any]:
+    """Return a row of the table as text; `place` is where the vessel turns off, for a button."""
+    way = row.way
+    place = None if way is None else result.scene.projection.to_plane(way.place)
+    is_last = row.kind in LAST_TURNS
+    return {
+        "kind": row.kind,
+        "begin": "" if is_last else moment_cell(row.begin_s, departure),
+        "end": "" if row.kind == "equal point" else moment_cell(row.end_s, departure),
+        "way": way,
+        "turn_off": moment_cell(way.turn_off_s, departure) if way else "",
+        "place": "" if place is None else place_on_map(result, place),
+        "bearing": f"{round(way.bearing_deg) % 360:03d}°" if way else "",
+        "takes": duration(way.duration_s) if way else "",
+        "longest": duration(row.longest_s) if way else "",
+    }
