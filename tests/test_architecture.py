@@ -21,8 +21,6 @@ NEEDED_UNIMPORTED = {
     "numcodecs": "older ones run code that a Zarr store holds",
     "click": "named only for the pin of copernicusmarine",
     "eccodeslib": "what eccodes is built on, which only some of its wheels say",
-    "geopandas": "how a reader opens routes.gpkg; the tests do",
-    "xarray": "what copernicusmarine hands over; our floor for its version",
 }
 # Imported along with the library that depends on it and uses its types.
 COMES_WITH = {

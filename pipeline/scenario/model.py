@@ -200,34 +200,12 @@ class Scenario(StrictModel):
                 f"has a plane of {self.plane.width_m * self.scale / 1000:,.0f} true km at scale = "
                 f"{self.scale:g}; {MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
             )
-        for season in self.seasons:
-            if self.plane is None and not season.currents:
-                faults.append(
-                    f"season {season.name!r} gives its current as numbers, which need a [plane]; "
-                    "name sources in 'currents'"
-                )
-            if self.plane is not None and season.currents:
-                faults.append(
-                    f"season {season.name!r} names sources, which a [plane] does not have; give "
-                    "its current as 'gyre' or 'uniform'"
-                )
-            if self.plane is not None and season.gyre and self.plane.extent[:2] != (0, 0):
-                faults.append(
-                    f"season {season.name!r} is a gyre, but the plane's extent begins at "
-                    f"{list(self.plane.extent[:2])}; begin it at [0, 0]"
-                )
-            if season.is_changing and self.scale != 1:
-                faults.append(
-                    f"season {season.name!r} has changing currents at scale = {self.scale:g}: a "
-                    "turn by hard rudder would last hours of tide; plan at true scale, scale = 1"
-                )
-            if season.speed is not None and not season.is_changing and self.scale != 1:
-                faults.append(
-                    f"season {season.name!r} has 'speed' at scale = {self.scale:g}, where times "
-                    "under way are not the true ones; plan at true scale, scale = 1"
-                )
-        faults += [*self._itinerary_faults(), *self._haven_faults()]
-        faults += self._under_way_faults()
+        faults += [
+            f"season {season.name!r} {fault}"
+            for season in self.seasons
+            for fault in season.faults_in(self.plane, self.scale)
+        ]
+        faults += (*self._itinerary_faults(), *self._haven_faults(), *self._under_way_faults())
         if faults:
             raise strict.RemediedError(*faults)
         return self

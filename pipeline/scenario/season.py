@@ -17,6 +17,7 @@ from pydantic import (
 
 from pipeline.scenario import strict
 from pipeline.scenario.members import FILES, MembersSpec
+from pipeline.scenario.region import Plane
 from pipeline.scenario.strict import StrictModel
 from pipeline.scenario.times import DepartureTimes, Interval, Period, period
 
@@ -197,6 +198,31 @@ class Season(StrictModel):
             how = "has time_method = 'changing' and " if self.is_changing else ""
             raise strict.RemediedError(f"(season {self.name!r}) {how}{'; it '.join(faults)}")
         return self
+
+    def faults_in(self, plane: Plane | None, scale: float) -> Iterator[str]:
+        """Find keys that do not go together with the scenario's plane, if any, or its scale."""
+        if plane is None and not self.currents:
+            yield ("gives its current as numbers, which need a [plane]; name sources in 'currents'")
+        if plane is not None and self.currents:
+            yield (
+                "names sources, which a [plane] does not have; give its current as 'gyre' or "
+                "'uniform'"
+            )
+        if plane is not None and self.gyre and plane.extent[:2] != (0, 0):
+            yield (
+                f"is a gyre, but the plane's extent begins at {list(plane.extent[:2])}; begin it "
+                "at [0, 0]"
+            )
+        if self.is_changing and scale != 1:
+            yield (
+                f"has changing currents at scale = {scale:g}: a turn by hard rudder would last "
+                "hours of tide; plan at true scale, scale = 1"
+            )
+        if self.speed is not None and not self.is_changing and scale != 1:
+            yield (
+                f"has 'speed' at scale = {scale:g}, where times under way are not the true ones; "
+                "plan at true scale, scale = 1"
+            )
 
     def _changing_faults(self) -> Iterator[str]:
         """Find keys that changing currents lack, or can't have."""

@@ -16,8 +16,8 @@ from renew.inputs.current import (
     UniformCurrent,
     as_field,
 )
-from renew.inputs.varying_current import VaryingCurrent, same_axes
-from renew.kernels.current_table import are_same
+from renew.inputs.varying_current import VaryingCurrent
+from renew.kernels.current_table import are_same, same_axes
 
 
 class Members(NamedTuple):

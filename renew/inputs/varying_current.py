@@ -22,7 +22,7 @@ from renew.inputs.current import (
     checked_velocity,
 )
 from renew.inputs.tabulation import tabulated_in_time
-from renew.kernels.current_table import CurrentTable, table_of
+from renew.kernels.current_table import CurrentTable, same_axes, table_of
 
 VaryingFunction: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 """Velocity (..., 2) m/s at points (..., 2) m and times (...) s."""
@@ -198,8 +198,3 @@ def _faults(times: FloatArray) -> list[str]:
         f"times[{k + 1}] = {times[k + 1]:g} s does not come after times[{k}] = {times[k]:g} s"
         for k in np.flatnonzero(np.diff(times) <= 0).tolist()
     ]
-
-
-def same_axes(one: CurrentTable, other: CurrentTable) -> bool:
-    """Whether two tables have the same nodes."""
-    return np.array_equal(one.x, other.x) and np.array_equal(one.y, other.y)

@@ -115,6 +115,11 @@ def largest_speed(uv: FloatArray) -> float:
     return math.sqrt(square)
 
 
+def same_axes(one: CurrentTable, other: CurrentTable) -> bool:
+    """Whether two tables have the same nodes."""
+    return np.array_equal(one.x, other.x) and np.array_equal(one.y, other.y)
+
+
 @kernel
 def weakest_and_strongest(table: CurrentTable) -> tuple[FloatArray, FloatArray]:
     """Return the least and the largest speed (m/s) of all slices at each node (ny, nx)."""

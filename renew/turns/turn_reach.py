@@ -25,7 +25,7 @@ from renew._compiled import kernel
 from renew._types import FloatArray, IntArray
 from renew.inputs.current import CurrentStatistics
 from renew.inputs.vessel import Vessel
-from renew.kernels.current_table import CurrentTable, weakest_and_strongest
+from renew.kernels.current_table import CurrentTable, same_axes, weakest_and_strongest
 
 HEADING_SPREAD = math.radians(20)
 """Δφ: how far a route's heading may be off the line between the passing edges' midpoints (rad).
@@ -114,12 +114,12 @@ def turn_reach(
     return reach.reshape(shape)
 
 
-def normals_away(edges: FloatArray, from_points: FloatArray) -> FloatArray:
-    """Return unit normals (e, 2) of edges (e, 2, 2), each pointing away from a point."""
+def normals_away(edges: FloatArray, points: FloatArray) -> FloatArray:
+    """Return unit normals (e, 2) of edges (e, 2, 2), each pointing away from one of the points."""
     along = edges[:, 1] - edges[:, 0]
-    normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    normal = np.column_stack([-along[:, 1], along[:, 0]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    away = ((edges[:, 0] - from_points) * normal).sum(-1)
+    away = ((edges[:, 0] - points) * normal).sum(-1)
     return np.where(away[:, None] < 0, -normal, normal)
 
 
@@ -213,13 +213,9 @@ class TurnSampler:
         """Return an angle (rad), and the draws at least so far off course to port and starboard."""
         share = min(_SHARE_ASIDE, max(_LEAST_ASIDE, _TIMES_ASIDE * _SAFETY * risk))
         angle = HEADING_SPREAD * (1 - 2 * share)
+        weight, least = self._weight / self.count, _SAFETY * risk
         port, starboard = (
-            DrawnAside(
-                self._speed[is_off],
-                self._turn[is_off],
-                self._weight[is_off] / self.count,
-                _SAFETY * risk,
-            )
+            DrawnAside(self._speed[is_off], self._turn[is_off], weight[is_off], least)
             for is_off in (self._heading >= angle, self._heading <= -angle)
         )
         return angle, port, starboard
@@ -237,15 +233,12 @@ class TurnSampler:
         turns = self._turns(CurrentStatistics(*(of[rows] for of in statistics)), course[rows])
         first, last = np.searchsorted(row, (rows.start, rows.stop))
         own, towards = row[first:last] - rows.start, normals[first:last]
+        v, omega, beyond = vessel.speed, vessel.turn_rate, _SAFETY * risk
         if self._is_stretched:
             weight = self._weight / self.count
-            return np.asarray(
-                _weighted_quantile(
-                    own, towards, turns, vessel.speed, vessel.turn_rate, weight, _SAFETY * risk
-                )
-            )
-        exceeding = math.floor((self.count - 1) * _SAFETY * risk)
-        return np.asarray(_quantile(own, towards, turns, vessel.speed, vessel.turn_rate, exceeding))
+            return np.asarray(_weighted_quantile(own, towards, turns, v, omega, weight, beyond))
+        exceeding = math.floor((self.count - 1) * beyond)
+        return np.asarray(_quantile(own, towards, turns, v, omega, exceeding))
 
     def _turns(self, statistics: CurrentStatistics, course: FloatArray) -> TurnStarts:
         """Return turns (t, draws) in draws of currents (t,), with headings about courses (t,)."""
@@ -392,15 +385,11 @@ class TurnReach:
     @classmethod
     def of_all(cls, tables: Sequence[CurrentTable], vessel: Vessel) -> "TurnReach":
         """Return bounds for turns in any of several currents."""
-        first, *rest = (cls.of(table, vessel) for table in tables)
-        alike = [one.has_nodes_of(first) for one in rest]
-        same = [one.furthest for one, is_alike in zip(rest, alike, strict=True) if is_alike]
-        others = tuple(one for one, is_alike in zip(rest, alike, strict=True) if not is_alike)
-        return cls(first.x, first.y, np.max([first.furthest, *same], axis=0), others)
-
-    def has_nodes_of(self, other: "TurnReach") -> bool:
-        """Whether both are at the same nodes."""
-        return np.array_equal(self.x, other.x) and np.array_equal(self.y, other.y)
+        alike = [same_axes(table, tables[0]) for table in tables]
+        each = list(zip(alike, (cls.of(table, vessel) for table in tables), strict=True))
+        furthest = np.max([one.furthest for is_alike, one in each if is_alike], axis=0)
+        others = tuple(one for is_alike, one in each if not is_alike)
+        return cls(tables[0].x, tables[0].y, furthest, others)
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Return the bound (n,) in metres for turns that begin at points (n, 2)."""

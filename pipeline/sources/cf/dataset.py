@@ -34,6 +34,9 @@ from pipeline.sources.cf import grib
 if TYPE_CHECKING:
     import xarray as xr
 
+# Number of bytes at the beginning of a file in which the first message of GRIB begins: a bulletin's
+# header may come before it.
+_HEADER_BYTES = 100
 # First bytes of a NetCDF 4 file.
 _HDF5 = b"\x89HDF"
 # Files that make a folder a Zarr store.
@@ -46,6 +49,15 @@ _MAX_CHUNK_BYTES = 512 << 20
 _NUMBERS, _TEXT = "iuf", "SUO"
 # Length to which a message of a library is cut, characters.
 _MAX_REASON = 200
+
+
+def is_grib(path: Path) -> bool:
+    """Whether a file says that it is GRIB."""
+    try:
+        with path.open("rb") as file:
+            return b"GRIB" in file.read(_HEADER_BYTES)
+    except OSError:
+        return False
 
 
 def is_zarr(path: Path) -> bool:
@@ -84,7 +96,7 @@ def open_dataset(path: Path) -> "xr.Dataset":
     """
     import xarray as xr
 
-    if grib.is_grib(path):
+    if is_grib(path):
         grib.require_library()
         with reading():
             contents = grib.read_contents(path)
@@ -132,7 +144,7 @@ def _store(path: Path) -> Any:  # noqa: ANN401 - xarray does not say what a stor
 
 def groups_of(path: Path) -> tuple[str, ...]:
     """Return the names of a NetCDF file's groups, whose variables are not read."""
-    if is_zarr(path) or grib.is_grib(path):
+    if is_zarr(path) or is_grib(path):
         return ()
     import netCDF4
 
@@ -269,7 +281,7 @@ def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
     versions = {
         file: (file, file.stat().st_size, file.stat().st_mtime_ns)
         for file in files
-        if is_hdf5(file) or grib.is_grib(file)
+        if is_hdf5(file) or is_grib(file)
     }
     unknown = tuple(file for file, version in versions.items() if version not in _found)
     fatal = dict(_fatal(unknown))
@@ -293,7 +305,7 @@ def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
         if result.exit_code is not None and Signals(-result.exit_code).name != "SIGXCPU":
             end = f"ends by {Signals(-result.exit_code).name}"
         last = files[begun[-1]]
-        library = "ecCodes" if grib.is_grib(last) else "the HDF5 library"
+        library = "ecCodes" if is_grib(last) else "the HDF5 library"
         found.append((last, f"it is damaged: {library} {end} on it; fetch it again"))
         files = files[begun[-1] + 1 :]
     return tuple(found)
@@ -301,7 +313,7 @@ def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
 
 def _run(files: tuple[Path, ...]) -> ProcessResult:
     """Open files in a process."""
-    values_s = sum(file.stat().st_size for file in files if grib.is_grib(file)) / _BYTES_S
+    values_s = sum(file.stat().st_size for file in files if is_grib(file)) / _BYTES_S
     cpu_s = _START_CPU_S + _FILE_CPU_S * len(files) + values_s
     return run_python(
         ["-m", __name__],
@@ -321,7 +333,7 @@ def main() -> None:
 
     for index, file in enumerate(map(Path, files)):
         print(index, file=sys.stderr, flush=True)  # noqa: T201 - this is how it answers
-        if grib.is_grib(file):
+        if is_grib(file):
             try:
                 grib.require_library()
                 with reading():

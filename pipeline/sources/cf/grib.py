@@ -45,9 +45,6 @@ _DEPTHS_M |= dict.fromkeys(("depthBelowSea", "depthBelowSeaLayer"), 1.0)
 _DEPTH = {"standard_name": "depth", "units": "m", "positive": "down"}
 # Numbers of a missing centre, which the library has names for.
 _NO_CENTRES = (255, 65535)
-# Number of bytes at the beginning of a file in which the first message begins: a bulletin's header
-# may come before it.
-_HEADER_BYTES = 100
 # Largest number of nodes of a field: 512 MB.
 _MAX_NODES = 64 << 20
 # Difference between the step of an axis and the one stated, as a share: edition 1 rounds to
@@ -116,15 +113,6 @@ class Contents:
     fields: tuple[Field, ...]
     others: tuple[str, ...]
     centre: str
-
-
-def is_grib(path: Path) -> bool:
-    """Whether a file says that it is GRIB."""
-    try:
-        with path.open("rb") as file:
-            return b"GRIB" in file.read(_HEADER_BYTES)
-    except OSError:
-        return False
 
 
 def require_library() -> None:
@@ -216,8 +204,8 @@ def _field(handle: int, component: str, offset: int, part: int) -> Field:
 
     eccodes.codes_set(handle, "stepUnits", "m")
     day, clock = (_get(handle, key, int) for key in ("dataDate", "dataTime"))
-    reference = datetime.strptime(f"{day}{clock:04}", "%Y%m%d%H%M").replace(tzinfo=UTC)
     begin, end = (60 * _get(handle, key, int) for key in ("startStep", "endStep"))
+    reference = datetime.strptime(f"{day}{clock:04}", "%Y%m%d%H%M").replace(tzinfo=UTC)
     since = int(reference.timestamp())
     return Field(
         component=component,
@@ -365,8 +353,7 @@ def _one_grid(fields: Sequence[Field]) -> Grid:
         )
     axes = (("longitude", grid.lons), ("latitude", grid.lats))
     for (name, (first, last, count)), stated in zip(axes, grid.steps_deg, strict=True):
-        step = abs(last - first) / max(count - 1, 1)
-        if stated and abs(step - stated) > _STEP_SHARE * stated:
+        if abs(abs(last - first) / max(count - 1, 1) - stated) > _STEP_SHARE * stated > 0:
             raise ValueError(
                 f"its {name}s contradict each other: {count} from {first:g} to {last:g}, and a "
                 f"step of {stated:g}; fetch it again"
@@ -407,8 +394,7 @@ def _lazy(path: Path, fields: Sequence[Field]) -> Any:  # noqa: ANN401 - a type 
         def read(self, key: tuple[Any, ...]) -> FloatArray:
             """Read whole fields, and cut the rest of the key out of them."""
             chosen = np.arange(len(fields))[key[0]]
-            some = np.atleast_1d(chosen)
-            found = np.stack([_values(path, fields[i])[None][key[1:]] for i in some])
+            found = np.stack([_values(path, fields[i])[None][key[1:]] for i in np.ravel(chosen)])
             return found if np.ndim(chosen) else found[0]
 
     return indexing.LazilyIndexedArray(Values())
