@@ -22,7 +22,7 @@ from pipeline.session import Origin, session
 from pipeline.stages.choose import choose
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.coverage import require_covered
-from pipeline.stages.choosing.region import search_region
+from pipeline.stages.choosing.region import chosen_region, search_region
 from pipeline.stages.choosing.under_way import Sailed, scenario_before, season_sailed
 from pipeline.stages.compare import compare
 from pipeline.stages.cover import cover, havens_in
@@ -157,11 +157,9 @@ def run(
     on_event
         Called with the events of every stage and season.
     on_step
-        Called with a season and each step of its plan, whose path is in lon/lat degrees, in the
-        thread that plans it; not for seasons that other processes plan.
+        Called with a season and each step of its plan, path in degrees, in the thread that plans.
     on_result
-        Called with the result before it is written; first with that in each region that is tried,
-        if the region is chosen, which may lack notes.
+        Called with the result before it is written, and first with that in each region tried.
 
     Raises
     ------
@@ -174,16 +172,21 @@ def run(
     started = time.perf_counter()
     with session(scenario.name, output, origin) as held:
         with first_compilation() as compiled:
-            stages = _Stages(
-                *(held.store, on_event or ignore, compiled, offline, strict, scheduler, limit_s),
-                on_step=on_step,
-                on_result=on_result or ignore,
-            )
+            asked = (offline, strict, scheduler, limit_s, on_step, on_result or ignore)
+            stages = _Stages(held.store, on_event or ignore, compiled, *asked)
             result = stages.result(scenario)
         stages.on_result(result.value)
         fresh = stages.write(result, held.directory)
         held.record_origin()
         return Outcome(result.value, held.directory, fresh, time.perf_counter() - started)
+
+
+def prepare(scenario: Scenario, output: Path, *, offline: bool = False) -> None:
+    """Do what a run does before it plans, for a scenario without a region; the store keeps it."""
+    with session(scenario.name, output) as held:
+        region = chosen_region(scenario, held.store, offline=offline)
+        stages = _Stages(held.store, ignore, lambda: None, offline)
+        stages.chosen(region.complete(scenario), region.notes)
 
 
 @contextlib.contextmanager
@@ -221,9 +224,9 @@ class _Stages:
     strict: bool = False
     scheduler: str | None = None
     limit_s: float | None = None
-    bounds_sides: bool = True
     on_step: OnStep = ignore_step
     on_result: Callable[[RunResult], None] = ignore
+    bounds_sides: bool = True
     timings: dict[str, float] = field(default_factory=dict)
 
     def result(self, asked: Scenario) -> Artefact[RunResult]:

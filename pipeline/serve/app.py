@@ -138,6 +138,14 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
         options = await asyncio.to_thread(request.options, files)
         return told(plans, plans.add(request, options))
 
+    @app.post("/api/prepare", status_code=204)
+    async def prepare(request: PlanRequest) -> None:
+        """Make land and currents of a voyage ready, if nothing else is at work: it may be planned.
+
+        Nothing is planned, and nothing is told of it.
+        """
+        plans.prepare(await asyncio.to_thread(request.options, files))
+
     @app.get("/api/plan")
     async def every() -> list[dict[str, Any]]:
         """All plans, the latest first, without their routes."""

@@ -21,6 +21,8 @@ _MAX_WAITING, _MAX_KEPT = 8, 50
 # Largest number of notes that are kept of a plan, and of draft routes.
 _MAX_NOTES, _MAX_DRAFTS = 50, 40
 _LIVE = {"waiting", "running"}
+# Name of the work that prepares a voyage, beside the ids of plans.
+_PREPARING = "preparing"
 
 
 class BusyError(StageError):
@@ -109,7 +111,9 @@ class Plans:
         self.output, self._offline, self._limit_s = output, offline, limit_s
         self._pairs = [(Worker(memory_bytes), Worker(memory_bytes)) for _ in range(workers)]
         self._plans: dict[str, Plan] = {}
-        self._waiting: asyncio.Queue[Plan] = asyncio.Queue()
+        # None asks for the voyage in `_ahead` to be prepared.
+        self._waiting: asyncio.Queue[Plan | None] = asyncio.Queue()
+        self._ahead: Mapping[str, Any] | None = None
         self._work: dict[str, asyncio.Task[None]] = {}
         self._loops: list[asyncio.Task[None]] = []
 
@@ -144,10 +148,24 @@ class Plans:
                 f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one"
             )
         plan = Plan(request, options)
+        if self._ahead is not None and self._ahead["positions"] != options["positions"]:
+            self._stop_preparing()
         self._plans[plan.id] = plan
         self._waiting.put_nowait(plan)
         self._forget()
         return plan
+
+    def prepare(self, options: Mapping[str, Any]) -> None:
+        """Make a voyage's land and currents ready, unless a worker has something else to do."""
+        if self._ahead is None and not any(one.state in _LIVE for one in self._plans.values()):
+            self._ahead = options
+            self._waiting.put_nowait(None)
+
+    def _stop_preparing(self) -> None:
+        """Stop to prepare a voyage that is not the one that is planned."""
+        self._ahead = None
+        if (task := self._work.pop(_PREPARING, None)) is not None:
+            task.cancel()
 
     def get(self, identity: str) -> Plan | None:
         """Return a plan by its id; None if it is not known."""
@@ -185,11 +203,13 @@ class Plans:
         starting = asyncio.create_task(self._started(spare))
         while True:
             plan = await self._waiting.get()
-            if plan.state != "waiting":
+            if self._ahead is None if plan is None else plan.state != "waiting":
                 continue
-            work = self._work[plan.id] = asyncio.create_task(self._plan(worker, plan))
+            job = self._prepare(worker) if plan is None else self._plan(worker, plan)
+            name = _PREPARING if plan is None else plan.id
+            work = self._work[name] = asyncio.create_task(job)
             await asyncio.wait([work])
-            self._work.pop(plan.id, None)
+            self._work.pop(name, None)
             if not worker.is_running:
                 worker, spare = spare, worker
                 await starting
@@ -204,9 +224,8 @@ class Plans:
         """Plan with a worker; whatever happens, the plan ends."""
         plan.state, plan.begun = "running", time.monotonic()
         plan.version += 1
-        asked = {"options": plan.options, "output": str(self.output), "offline": self._offline}
         try:
-            async for event in worker.plan(asked, self._limit_s):
+            async for event in worker.plan(self._asked(plan.options), self._limit_s):
                 plan.take(event)
         except PipelineError as error:
             plan.fail(str(error).splitlines())
@@ -216,3 +235,21 @@ class Plans:
         finally:
             if plan.state in _LIVE:
                 plan.fail(["the plan ended unexpectedly; ask for it again"])
+
+    async def _prepare(self, worker: Worker) -> None:
+        """Prepare a voyage with a worker."""
+        assert self._ahead is not None  # noqa: S101 - asked for
+        try:
+            async for _ in worker.plan(self._asked(self._ahead, prepares=True), self._limit_s):
+                pass
+        except PipelineError:
+            pass  # the plan tells it
+        except asyncio.CancelledError:
+            await worker.kill()
+            raise
+        self._ahead = None
+
+    def _asked(self, options: Mapping[str, Any], *, prepares: bool = False) -> dict[str, Any]:
+        """Return what a worker is asked."""
+        where = {"output": str(self.output), "offline": self._offline}
+        return {"options": options, "prepares": prepares, **where}

@@ -18,10 +18,10 @@ _MAX_VIA, _MAX_MONTHS, _MAX_FILES, _MAX_AREAS, _MAX_CORNERS = 20, 12, 32, 50, 5_
 # Options that the command line takes as they are, in its order; the page's key is the same.
 _TEXTS = (
     *("vessel", "speed", "length", "turning_circle", "draught"),
-    *("depart", "until", "arrive_by", "clearance", "datum"),
+    *("depart", "until", "arrive_by", "clearance", "datum", "members", "within", "endurance"),
 )
 _LISTS = ("month", "currents", "via", "avoid", "tide")
-_PATHS = ("charts", "depths")
+_PATHS = ("charts", "depths", "havens")
 
 _Text = Annotated[str, Field(max_length=200)]
 # A name of the catalogue, or what the server called a file that it was given.
@@ -58,6 +58,9 @@ class PlanRequest(BaseModel):
     avoid: tuple[_Source, ...] = Field(
         default=(), max_length=_MAX_FILES, description="Given files of shut areas."
     )
+    havens: _Source | None = Field(default=None, description="A given file of havens.")
+    within: _Text = ""
+    endurance: _Text = ""
     clearance: _Text = ""
     charts: _Source | None = Field(default=None, description="A given file of land.")
     depths: _Source | None = Field(default=None, description="A given file of depths.")
@@ -65,6 +68,7 @@ class PlanRequest(BaseModel):
     tide: tuple[_Source, ...] = Field(
         default=(), max_length=_MAX_FILES, description="Stations of the catalogue, or given files."
     )
+    members: _Text = ""
     explain_gap: bool = False
 
     def options(self, files: GivenFiles) -> dict[str, Any]:

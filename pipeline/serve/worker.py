@@ -5,6 +5,9 @@ It opens the files that the page was given, so it has a limit of memory, and the
 when a plan takes too long or is cancelled. It ends with the server, whose end closes its input.
 """
 
+import contextlib
+import ctypes
+import gc
 import json
 import os
 import queue
@@ -20,14 +23,17 @@ from pipeline.errors import PipelineError, one_line
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import json_value
 from pipeline.machine.interpreters import seldom_collecting
-from pipeline.run import Event
+from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
 from pipeline.serve.request import with_paths
 from pipeline.serve.sides import drawn, sides
 from pipeline.sources.copernicus.client import without_secrets
+from pipeline.stages.choosing.coverage import require_sailable
 from pipeline.stages.write import load_libraries
 from pipeline.voyage.one_line import run_voyage, voyage_scenario
 from pipeline.voyage.request import VoyageRequest
+from renew._compiled import is_cold
+from renew.warming import rehearse_half
 from renew.watching import Step
 
 Tell = Callable[[Mapping[str, Any]], None]
@@ -59,8 +65,13 @@ def main() -> None:
     with seldom_collecting():
         load_libraries()
         tell({"event": "ready"})
+        if asked.empty() and not is_cold():
+            for half in range(2):  # so that the first plan need not load the machine code
+                rehearse_half(half)
         while True:
-            _plan(json.loads(asked.get()), tell)
+            request = json.loads(asked.get())
+            (_prepare if request["prepares"] else _plan)(request, tell)
+            _give_back_memory()
 
 
 def _listen(asked: "queue.SimpleQueue[str]") -> None:
@@ -98,6 +109,22 @@ def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
         files = sorted(one.name for one in outcome.directory.iterdir() if one.is_file())
         directory, failures = str(outcome.directory), outcome.failures
         tell({"event": "done", "directory": directory, "files": files, "failures": failures})
+
+
+def _prepare(asked: Mapping[str, Any], tell: Tell) -> None:
+    """Make ready what a voyage needs before it is planned; what fails is told by its plan."""
+    with contextlib.suppress(Exception):
+        scenario, _ = _scenario(asked["options"])
+        require_sailable(scenario)
+        prepare(scenario, Path(asked["output"]), offline=asked["offline"])
+    tell({"event": "prepared"})
+
+
+def _give_back_memory() -> None:
+    """Give the memory of a plan that has ended back to the system, as far as it can be."""
+    gc.collect()
+    with contextlib.suppress(OSError, AttributeError):  # another C library than GNU's
+        ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
 def _scenario(options: Mapping[str, Any]) -> tuple[Scenario, tuple[str, ...]]:

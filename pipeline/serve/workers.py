@@ -63,6 +63,8 @@ class Worker:
     async def plan(self, asked: Mapping[str, Any], limit_s: float) -> AsyncIterator[dict[str, Any]]:
         """Plan a voyage; yield its events, "done" or "failed" last.
 
+        If `asked` only prepares, the last is "prepared".
+
         Raises
         ------
         StageError
@@ -80,7 +82,7 @@ class Worker:
                 while True:
                     event = await self._event()
                     yield event
-                    if event["event"] in {"done", "failed"}:
+                    if event["event"] in {"done", "failed", "prepared"}:
                         return
         except TimeoutError:
             await self.kill()

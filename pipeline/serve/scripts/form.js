@@ -3,8 +3,10 @@
 import { ask, send } from "./api.js";
 import { button, find, make } from "./elements.js";
 
-const TEXTS = ["vessel", "speed", "length", "turning_circle", "draught", "depart", "until", "arrive_by", "clearance", "datum"];
-const UPLOADS = { given: "currents", charts: "charts", depths: "depths" };
+const TEXTS = ["vessel", "speed", "length", "turning_circle", "draught", "depart", "until", "arrive_by", "clearance", "datum", "members", "within", "endurance"];
+const UPLOADS = { given: "currents", charts: "charts", depths: "depths", havens: "havens" };
+// Kinds of which a plan takes one file.
+const SINGLE = ["charts", "depths", "havens"];
 const STILL = "still";
 
 export class Form {
@@ -12,7 +14,7 @@ export class Form {
   constructor(heard) {
     this.heard = heard;
     this.areas = [];
-    this.files = { currents: [], charts: [], depths: [] };
+    this.files = { currents: [], charts: [], depths: [], havens: [] };
     this.places = new Map();
     this.listen();
   }
@@ -147,7 +149,7 @@ export class Form {
   async upload(kind, files) {
     for (const file of files) {
       const entry = { name: file.name, id: "", size: file.size };
-      if (kind !== "currents") this.files[kind].length = 0;
+      if (SINGLE.includes(kind)) this.files[kind].length = 0;
       this.files[kind].push(entry);
       this.showFiles();
       try {
@@ -165,7 +167,7 @@ export class Form {
       make("span", { dir: "auto" }, `${kind === "currents" ? "" : `${kind}: `}${entry.name}${entry.size ? `, ${(entry.size / 1e6).toFixed(1)} MB` : ""}${entry.id ? "" : " (being sent)"}`),
       button("Remove", () => { this.files[kind].splice(i, 1); this.showFiles(); }, { "aria-label": `Remove ${entry.name}` })));
     find("#files").replaceChildren(...rows("currents"));
-    find("#charted").replaceChildren(...rows("charts"), ...rows("depths"));
+    find("#charted").replaceChildren(...rows("charts"), ...rows("depths"), ...rows("havens"));
     find("#source").disabled = this.files.currents.length > 0;
   }
 
@@ -179,8 +181,15 @@ export class Form {
     request.month = value("month").split(/[\s,]+/).filter(Boolean);
     request.currents = ids("currents").length ? ids("currents") : [value("source")].filter(Boolean);
     request.tide = [value("tide")].filter(Boolean);
-    for (const kind of ["charts", "depths"]) if (ids(kind).length) [request[kind]] = ids(kind);
+    for (const kind of SINGLE) if (ids(kind).length) [request[kind]] = ids(kind);
     return request;
+  }
+
+  /** Whether a request may be planned, as far as can be seen here. */
+  isComplete(request) {
+    const isVessel = request.vessel || (request.speed && request.length && request.turning_circle);
+    const isTime = request.month.length || request.depart || request.currents[0] === STILL;
+    return Boolean(this.places.has("Start") && this.places.has("Goal") && isVessel && isTime);
   }
 
   /** Fill the form with an earlier request. */
@@ -194,8 +203,7 @@ export class Form {
     find("#source").value = request.currents.find((one) => known.has(one)) || "";
     const named = (id) => ({ name: `file ${id}`, id, size: 0 });
     this.files.currents = request.currents.filter((one) => !known.has(one)).map(named);
-    this.files.charts = request.charts ? [named(request.charts)] : [];
-    this.files.depths = request.depths ? [named(request.depths)] : [];
+    for (const kind of SINGLE) this.files[kind] = request[kind] ? [named(request[kind])] : [];
     this.areas = request.areas;
     this.showFiles();
     this.showAreas();

@@ -8,7 +8,7 @@ import { comparison, lines, planRow, sideCards } from "./sides.js";
 import { units } from "./text.js";
 
 // Stages of a plan in the reader's words, in their order.
-const STAGES = { fetch: "land and current", simplify: "coast", project: "chart", choose: "room to keep", plan: "classes and padding", compare: "sides", write: "files" };
+const STAGES = { fetch: "land and current", simplify: "coast", project: "chart", choose: "room to keep", plan: "classes and padding", compare: "sides", cover: "havens", write: "files" };
 const LIVE = new Set(["waiting", "running"]);
 const LOOK_MS = 150;
 
@@ -35,6 +35,7 @@ class Desk {
 
   listen() {
     find("#ask").addEventListener("submit", (event) => { event.preventDefault(); this.start(); });
+    find("#ask").addEventListener("change", () => this.prepare());
     find("#cancel").addEventListener("click", () => this.cancel());
     find("#draw").addEventListener("click", () => this.draw(!this.chart.corners));
     find("#close-area").addEventListener("click", () => this.draw(false));
@@ -48,7 +49,17 @@ class Desk {
     const pins = this.form.pins();
     this.chart.showPins(pins);
     this.chart.showAreas(this.form.areas);
+    this.prepare();
     if (pins.length > 1) this.chart.reveal(pins.map(([, , lat, lon]) => [lat, lon]));
+  }
+
+  /** Have land and currents made ready while the reader looks at the form. */
+  prepare() {
+    const request = this.form.read();
+    if (!this.form.isComplete(request) || LIVE.has(this.plan?.state)) return;
+    const body = JSON.stringify(request);
+    if (body !== this.prepared) ask("/api/prepare", "POST", body).catch(() => {});
+    this.prepared = body;
   }
 
   async key(letter, text) {

@@ -173,6 +173,7 @@ def test_the_name_of_a_file_has_no_path(server: Server, name: str, tmp_path: Pat
         {"charts": "0123456789abcdef"},
         {"depths": "file:///etc/passwd"},
         {"avoid": ["/etc/passwd"]},
+        {"havens": "/etc/passwd"},
         {"tide": ["boston", "./station.json"]},
         {"output": "elsewhere"},
         {"name": "../escape"},

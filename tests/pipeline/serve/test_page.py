@@ -58,7 +58,7 @@ def test_a_voyage_is_planned_shown_downloaded_and_there_again_after_a_reload(
     fold_out(page, "Shut areas")
     page.fill("#corners", ";".join(f"{lon},{lat}" for lon, lat in AREA))
     page.click("#add-area")
-    fold_out(page, "Chart, depths and tide")
+    fold_out(page, "Chart, depths, tide and havens")
     page.set_input_files("#charts", chart)
     expect(page.locator("#charted")).to_contain_text("island.geojson, 0.0 MB")
     expect(page.locator("#charted")).not_to_contain_text("being sent")
@@ -198,7 +198,7 @@ def test_axe_finds_nothing_serious(
 ) -> None:
     page = open_page(planned["id"], width=width, color_scheme=scheme)
     expect(page.locator(".side").first).to_be_visible()
-    for title in ("Shut areas", "Chart, depths and tide", "Notes"):
+    for title in ("Shut areas", "Chart, depths, tide and havens", "Notes"):
         fold_out(page, title)
     assert axe_faults(page) == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -7,6 +7,7 @@ import os
 import shlex
 import signal
 import subprocess
+import time
 import zipfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -227,6 +228,21 @@ def test_a_thousand_plans_at_once_are_refused_but_for_a_few(server: Server) -> N
     for identity in taken:
         server.ask("DELETE", f"/api/plan/{identity}")
     assert {server.state(one)["state"] for one in taken} == {"cancelled"}
+
+
+def test_a_voyage_is_prepared_and_another_one_need_not_wait_for_it(tmp_path: Path) -> None:
+    with serving(tmp_path / "outputs") as server:
+        voyage = {**server.island(), "speed": "9kn"}
+        assert server.ask("POST", "/api/prepare", voyage).status == 204
+        wait_until(lambda: [*(server.output / ".artefacts").glob("project/*")])
+        assert server.ask("GET", "/api/plan").json == []
+        assert server.ask("POST", "/api/prepare", {**voyage, "vessel": "none"}).status == 422
+        before = workers(server)
+        assert server.ask("POST", "/api/prepare", LONG).status == 204
+        time.sleep(0.5)
+        assert "nowhere" in answered(server)
+        wait_until(lambda: len(before - workers(server)) == 1, 10)  # the spare one took over
+        assert server.ended(server.begin(voyage))["state"] == "done"
 
 
 def test_a_plan_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
