@@ -12,11 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import geopandas
+import numpy as np
+import pandas as pd
 import pyproj
 import pytest
 import shapely
 
+from pipeline.sources.current_field import Field
 from tests.bench.record import recorded
+from tests.pipeline.sources.cf.grib_files import write_grib
+from tests.pipeline.synthetic_currents import dataset, sea
 
 pytestmark = pytest.mark.slow
 
@@ -40,6 +45,30 @@ except QgsProcessingException as error:
     print(error, time.monotonic() - begun, flush=True)
 import os
 os._exit(0)  # QGIS's own end is not ours to test
+"""
+# Runs an algorithm as QGIS's window does, and lists the layer tree from the top down.
+_SHOW = """
+import json, os, sys
+sys.path[:0] = ["/usr/share/qgis/python/plugins", sys.argv[1]]
+from qgis.core import QgsApplication, QgsProcessingContext, QgsProcessingFeedback, QgsProject
+application = QgsApplication([], True)
+application.initQgis()
+from processing.core.Processing import Processing
+Processing.initialize()
+from processing.gui.Postprocessing import handleAlgorithmResults
+from renew_routes.provider import Provider
+provider, registry = Provider(), QgsApplication.processingRegistry()
+registry.addProvider(provider)
+project, context, feedback = QgsProject.instance(), QgsProcessingContext(), QgsProcessingFeedback()
+context.setProject(project)
+algorithm = registry.createAlgorithmById("renew:scenario")
+algorithm.run({"SCENARIO": "single-gyre", "OUTPUT": sys.argv[2]}, context, feedback)
+handleAlgorithmResults(algorithm, context, feedback)
+for _ in range(20):
+    application.processEvents()
+tree = [node.layer() for node in project.layerTreeRoot().findLayers()]
+print(json.dumps([[layer.name(), layer.renderer().type()] for layer in tree]), flush=True)
+os._exit(0)
 """
 
 
@@ -101,6 +130,29 @@ def test_points_and_layers_in_another_crs_are_a_voyage(
     assert not line.intersects(shut.buffer(-1e-4))
 
 
+def test_the_best_departure_is_chosen_around_land_of_the_users_own(
+    home: dict[str, str], tmp_path: Path
+) -> None:
+    """In a GRIB file of currents that change, as a sailor has it."""
+    axes = np.arange(117.0, 123.1, 0.25), np.arange(7.0, 13.1, 0.25)
+    still = sea(*axes)
+    hours = [Field(*axes, share * still.u, share * still.v) for share in np.linspace(1.0, -1.0, 12)]
+    times = pd.date_range("2026-07-01T05:00", periods=12, freq="h")
+    currents = write_grib(tmp_path / "hours.grb", dataset(*hours, times=times))
+    land = shapely.box(120.04, 9.93, 120.06, 10.0)
+    geopandas.GeoDataFrame(geometry=[land], crs=4326).to_crs(32651).to_file(tmp_path / "land.gpkg")
+    voyage = {"START": "119.95,9.98", "GOAL": "120.15,9.97", "LAND": tmp_path / "land.gpkg"}
+    window = {"DEPART": "2026-07-01T06:00:00", "UNTIL": "2026-07-01T08:00:00"}
+    found = planned(home, "leave", **voyage, **window, CURRENTS=currents, OUTPUT=tmp_path / "out")
+    assert "error" not in found, found
+    assert "2026-07-01T06:00" <= found["DEPARTURE"] <= "2026-07-01T08:00:59"
+    lines = geopandas.read_file(found["GEOPACKAGE"], layer="routes").geometry
+    assert not lines.intersects(land.buffer(-1e-5)).any()
+    departures = pd.read_csv(Path(found["OUTPUT"]) / "departures.csv")
+    assert len(departures) > 1
+    assert departures.fuel.min() == pytest.approx(found["FUEL"], rel=1e-3)
+
+
 def test_what_the_program_refuses_is_the_algorithms_error(
     home: dict[str, str], tmp_path: Path
 ) -> None:
@@ -112,12 +164,26 @@ def test_what_the_program_refuses_is_the_algorithms_error(
     assert "--until" in found["error"]
 
 
-def test_a_cancelled_plan_ends(home: dict[str, str], tmp_path: Path) -> None:
+def scripted(home: dict[str, str], script: str, *arguments: str) -> str:
+    """Run a script with QGIS's Python, which has the plugin; return what it prints."""
     plugins = Path(home["QGIS_CUSTOM_CONFIG_PATH"]) / "profiles" / "default" / "python" / "plugins"
-    command = ["/usr/bin/python3", "-c", _CANCEL, str(plugins), str(tmp_path / "out"), "3"]
+    command = ["/usr/bin/python3", "-c", script, str(plugins), *arguments]
     done = subprocess.run(command, env=home, capture_output=True, text=True, check=False)
-    assert "Cancelled" in done.stdout, done.stderr
-    assert 3.0 <= float(done.stdout.split()[-1]) < 30.0
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_layers_have_their_styles_titles_and_order(home: dict[str, str], tmp_path: Path) -> None:
+    tree = json.loads(scripted(home, _SHOW, str(tmp_path / "out")).splitlines()[-1])
+    shown = ["Waypoints", "Routes", "Currents", "Land", "Soft no-go zones"]
+    assert [name for name, _ in tree] == [name for name in shown if [name, "RuleRenderer"] in tree]
+    assert {"Routes", "Currents"} <= {name for name, _ in tree}
+
+
+def test_a_cancelled_plan_ends(home: dict[str, str], tmp_path: Path) -> None:
+    said = scripted(home, _CANCEL, str(tmp_path / "out"), "3")
+    assert "Cancelled" in said
+    assert 3.0 <= float(said.split()[-1]) < 30.0
     time.sleep(1.0)
     listed = subprocess.run(["/bin/ps", "-eo", "args"], capture_output=True, text=True, check=True)
     assert str(tmp_path / "out") not in listed.stdout

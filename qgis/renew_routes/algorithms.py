@@ -3,7 +3,9 @@
 import csv
 import shlex
 import sqlite3
+from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import processing
 from qgis.core import (
@@ -12,6 +14,7 @@ from qgis.core import (
     QgsProcessingAlgorithm,
     QgsProcessingContext,
     QgsProcessingException,
+    QgsProcessingLayerPostProcessorInterface,
     QgsProcessingOutputFile,
     QgsProcessingOutputNumber,
     QgsProcessingOutputString,
@@ -24,12 +27,49 @@ from qgis.core import (
     QgsProcessingParameterString,
     QgsProcessingUtils,
 )
+from qgis.PyQt.QtCore import QTimer
 
 from .program import run
 
 _DEGREES = "EPSG:4326"
+# Property of a layer: its package, and its rank among those shown.
+_RANK = "renew/rank"
 # Layers of routes.gpkg that are shown, from the lowest up.
 _SHOWN = ("soft_no_go", "coast", "currents", "routes", "passage")
+
+
+class _Styled(QgsProcessingLayerPostProcessorInterface):
+    """Gives a layer its style in the GeoPackage, which Processing replaces, its title and place."""
+
+    # QGIS holds no reference to these objects.
+    kept: ClassVar[list["_Styled"]] = []
+
+    def __init__(self, package, title, rank):
+        """Keep what the layer is to have; `rank` counts from the lowest layer up."""
+        super().__init__()
+        self.package, self.title, self.rank = package, title, rank
+        self.kept.append(self)
+
+    def postProcessLayer(self, layer, context, feedback):
+        """Style a layer; QGIS calls it before the layer is in the tree."""
+        del feedback
+        layer.loadDefaultStyle()
+        layer.setName(self.title)
+        layer.setCustomProperty(_RANK, [self.package, self.rank])
+        QTimer.singleShot(0, partial(_order, context.project(), self.package))
+
+
+def _order(project, package):
+    """Move the layers of a package to the top of the layer tree, in the order of their ranks."""
+    ranked = []
+    for node in project.layerTreeRoot().findLayers():
+        found = node.layer().customProperty(_RANK) if node.layer() else None
+        if found and found[0] == package:
+            ranked.append((int(found[1]), node))
+    for _, node in sorted(ranked, key=lambda one: one[0]):
+        parent = node.parent()
+        parent.insertChildNode(0, node.clone())
+        parent.removeChildNode(node)
 
 
 class _Algorithm(QgsProcessingAlgorithm):
@@ -107,6 +147,8 @@ class _Algorithm(QgsProcessingAlgorithm):
         for name in _SHOWN:
             if name in titles:
                 details = QgsProcessingContext.LayerDetails(titles[name], context.project())
+                styled = _Styled(str(package), titles[name], _SHOWN.index(name))
+                details.setPostProcessor(styled)
                 context.addLayerToLoadOnCompletion(f"{package}|layername={name}", details)
 
     def areas(self, parameters, name, context, feedback):
