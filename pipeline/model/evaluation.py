@@ -67,7 +67,7 @@ class RouteMetrics:
     members_share : share of the members of the current in which it is the season's best.
     members_mean_fuel, members_p90_fuel, members_cvar90_fuel, members_regret : mean, P90, mean of
         the worst tenth, and largest excess over a member's best route, of its fuel over the
-        members; NaN without members, and inf where it can't be sailed in some.
+        members; NaN without members, and where it can't be sailed in too many of them.
     """
 
     season: str

@@ -164,7 +164,8 @@ def evaluate_season(scene: Scene, plan: SeasonPlan, options: PlannerOptions) -> 
 
 def _in_members(row: RouteMetrics, found: EnsembleFigures) -> RouteMetrics:
     """Return a route's metrics with those over the members of its current."""
-    mean, p90, cvar, regret = (found.statistic(name, row.rank) for name in STATISTICS)
+    known = (found.statistic(name, row.rank) for name in STATISTICS)
+    mean, p90, cvar, regret = (one if math.isfinite(one) else math.nan for one in known)
     return replace(
         row,
         members_share=found.share(row.rank),

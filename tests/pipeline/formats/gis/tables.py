@@ -46,6 +46,7 @@ ROUTE_COLUMNS = {
     *("clearance_m", "duration_s", "optimality_gap", "gap_at_clearance"),
     *("trials", "collisions"),
     *("filled_share", "uncharted_share", "least_water_m", "least_water_at"),
+    *("members_share", "members_mean_fuel"),
 }
 
 

@@ -181,7 +181,7 @@ def test_all_missing_and_unreadable_files_are_reported(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(RequestError) as caught:
         find_files([str(tmp_path / "absent.nc"), str(tmp_path / "*.grib")])
-    assert "absent.nc does not exist; give a NetCDF file" in caught.value.faults[0]
+    assert "absent.nc does not exist; give a NetCDF, GRIB or Zarr file" in caught.value.faults[0]
     assert "no file matches the pattern" in caught.value.faults[1]
     names = ("cut.nc", "text.nc", "empty.nc", "folder")
     with pytest.raises(RequestError) as caught:
