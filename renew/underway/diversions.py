@@ -70,9 +70,11 @@ class Diverter:
         return np.vstack([ends[0], inside, ends[1]])
 
     def off(self, time: float) -> float:
-        """Return by how much (s) a vessel may be early or late; 0 in a steady current."""
-        if self.task.current.is_steady:
-            return 0.0
+        """Return by how much (s) a vessel may be early or late for its ways; 0 if steady."""
+        return 0.0 if self.task.current.is_steady else self.late(time)
+
+    def late(self, time: float) -> float:
+        """Return by how much (s) a vessel may be early or late where it should be at a time (s)."""
         request = self.task.request
         return float(max(request.lateness * (time - self.begin), request.min_lateness))
 
@@ -160,7 +162,10 @@ class Diverter:
         voyage = task.planner().problem.voyage
         rate = self.task.vessel.fuel_rate
         if off == 0.0:
-            longest = duration = self._waited(haven, time + route.duration) - time
+            late, took = self.late(time), route.duration
+            duration = self._waited(haven, time + took) - time
+            leaving = (max(time - late, self.begin), time, time + late)
+            longest = max(self._waited(haven, at + took) - at for at in leaving)
         else:
             duration = self._waited(haven, float(voyage.leaving(time).arrivals(route.path)[-1]))
             duration -= time
@@ -230,7 +235,7 @@ class Diverter:
         longest = way.longest if time == way.time else self.longest_from(time, way)
         rate = self.task.vessel.fuel_rate
         # A late vessel has burnt more: all that arrive by the latest arrival keep the endurance.
-        left = limits.endurance / rate - (time + self.off(time) - self.begin)
+        left = limits.endurance / rate - (time + self.late(time) - self.begin)
         return longest - min(limits.within, limits.within_fuel / rate, left)
 
     def limit(self, time: float, limits: Limits) -> float:

@@ -70,6 +70,23 @@ def test_what_is_claimed_along_a_route_in_a_gyre(gyre: Any, within: float) -> No
     assert found.at((last.not_after + route.trajectory[-1, 0]) / 2).state == "uncovered"
 
 
+def test_who_is_late_keeps_the_endurance_and_finds_the_haven_open(gyre: Any) -> None:  # noqa: ANN401
+    route, chart, current = gyre
+    begin, end, late = route.trajectory[0, 0], route.trajectory[-1, 0], 0.1
+    endurance, closes = 1.2 * route.fuel, begin + 0.6 * (end - begin)
+    shut = haven("north-west", 15, 85, closes=closes)
+    found = renew.cover(
+        route, chart, current, PAPER_VESSEL, [shut, SOUTH_EAST],
+        within=60.0, endurance=endurance, lateness=late,
+    )  # fmt: skip
+    covered = [one.diversion for one in found.stretches if one.diversion is not None]
+    assert "north-west" in {way.haven.name for way in covered}
+    for way in covered:
+        arrives = way.time + late * (way.time - begin) + way.route.duration
+        assert PAPER_VESSEL.fuel_rate * (arrives - begin) <= endurance + 1e-6
+        assert arrives <= way.haven.closes + 1e-6
+
+
 def test_the_endurance_gives_a_point_of_no_return(gyre: Any) -> None:  # noqa: ANN401
     route, chart, current = gyre
     found = renew.cover(
