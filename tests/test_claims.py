@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 import renew
 from experiments.environments.model import Case, EnvironmentSpec
-from pipeline.nightly.request.config import CaseSpec, DepartureSpec, NightSpec
+from pipeline.nightly.request.config import CaseSpec, DepartureSpec, NightSpec, VoyageSpec
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.tides.fit import CONSTITUENTS
 from pipeline.sources.tides.station import OwnConstant, OwnStation
@@ -42,13 +42,14 @@ OTHER_MODELS: tuple[type[BaseModel], ...] = (
     VesselSpec,
     NightSpec,
     CaseSpec,
+    VoyageSpec,
     DepartureSpec,
     EnvironmentSpec,
     Case,
     OwnStation,
     OwnConstant,
 )
-OTHER_TABLES = ("cases",)
+OTHER_TABLES = ("cases", "voyages")
 # Names of files that a run or a night writes.
 RESULT_FILE = re.compile(
     r"[a-z][\w-]*\.(?:html|gpkg|csv|json|pdf|nc|rtz|gpx|kml|parquet|geojson|toml)"
@@ -189,7 +190,7 @@ def _writers() -> str:
 
 def test_keys_of_a_night_are_on_their_page() -> None:
     page = (ROOT / NIGHT).read_text("utf-8")
-    for model in (NightSpec, CaseSpec):
+    for model in (NightSpec, CaseSpec, VoyageSpec):
         missing = [name for name in model.model_fields if not re.search(rf"\b{name}\b", page)]
         assert missing == []
 

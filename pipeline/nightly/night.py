@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import RequestError, StageError
@@ -23,6 +24,7 @@ from pipeline.nightly.request.cases import Cases, request_hash
 from pipeline.nightly.request.config import NightConfig
 from pipeline.nightly.request.expansion import expand, pairs_on_land
 from pipeline.nightly.request.newest_currents import Newest, base_of, newest_currents
+from pipeline.nightly.voyages import VOYAGES_FILE, SailedVoyage, planned_again, write_voyages
 
 if TYPE_CHECKING:
     from pipeline.nightly.planning.planning import Planning
@@ -281,14 +283,18 @@ class _Night:
 
         partial = planning.partial
         if results.faults_of(partial.folder):
-            publishing = Publishing(planning, partial.folder, self._look_back, self._revises)
             with self._stage("publish"):
+                voyages = self._voyages(partial.folder)
+                warnings = tuple(one.sentence for one in voyages if one.outcome != outcome.SAME)
+                publishing = Publishing(
+                    planning, partial.folder, self._look_back, self._revises, warnings
+                )
                 published = publishing.write()
             with self._stage("check"):
                 publishing.check()
             results.write_record(
                 partial.folder,
-                RESULTS,
+                (*RESULTS, *([VOYAGES_FILE] if voyages else ())),
                 {
                     "cycle": self.newest.cycle,
                     "revises": self._revises or None,
@@ -303,13 +309,24 @@ class _Night:
                     "seconds_by_stage": {k: round(s, 3) for k, s in self.seconds.items()},
                 },
                 published.by_outcome,
-                self._look_back.notes,
+                (*warnings, *self._look_back.notes),
             )
         partial.clear()
         self.cycles.publish(self.newest.cycle)
         self.cycles.prune(self.config.spec.keep)
         self._prune_store(planning.store)
         return self._outcome_of(self.newest.cycle, "", fresh=True)
+
+    def _voyages(self, folder: Path) -> list[SailedVoyage]:
+        """Plan the voyages again that are under way, and write their table."""
+        found = list[SailedVoyage]()
+        for spec in self.config.spec.voyages if self.only is None else ():
+            self._check_time()
+            found.append(planned_again(self.config, spec))
+            self._note(found[-1].sentence)
+        if found:
+            write_voyages(found, folder / VOYAGES_FILE)
+        return found
 
     def _prune_store(self, store: Store) -> None:
         """Prune the store if it is too large, except everything that this night used."""

@@ -33,7 +33,7 @@ class UnderWayRequest:
     """
 
     results: Path
-    at: str
+    at: str | Position
     time: datetime
     heading_deg: float | None = None
     currents: Sequence[str] = ()
@@ -74,10 +74,10 @@ def under_way_scenario(request: UnderWayRequest) -> tuple[Scenario, tuple[str, .
     return parse_scenario(data, file.parent), notes
 
 
-def _position(text: str) -> Position:
+def _position(text: str | Position) -> Position:
     """Read where the vessel is."""
     try:
-        return read_position(text)
+        return text if isinstance(text, Position) else read_position(text)
     except ValueError as error:
         raise RequestError(f"--at {error}") from None
 

@@ -11,16 +11,20 @@ what is hard here, lines that are glued, cut or not text at all, it leaves to it
 """
 
 import json
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache, reduce
 from operator import xor
+from pathlib import Path
 from typing import Literal
 
 # Longer lines are no positions: NMEA 0183 allows 82 characters, a report of gpsd needs about 500.
 _MAX_LINE = 4096
+# Length of a file's end in which its last position is looked for, bytes: some hours of a receiver.
+_TAIL = 1_000_000
 _SENTENCE = re.compile(rb"(..RMC,([^*]*))\*([0-9A-Fa-f]{2})")
 _FIELDS = re.compile(
     rb"(\d\d)(\d\d)(\d\d(?:\.\d*)?),A,(\d\d)(\d\d(?:\.\d*)?),([NS]),(\d{3})(\d\d(?:\.\d*)?),([EW]),"
@@ -66,6 +70,25 @@ class LineCutter:
     def last(self) -> list[bytes]:
         """Return what the stream ends with after its last line end, if there is anything."""
         return [self._rest] if self._rest else []
+
+
+def last_fix(file: Path) -> Fix | None:
+    """Return the last position in a file that grows; None if none is near its end.
+
+    Raises
+    ------
+    OSError
+        The file can't be read.
+    """
+    with file.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(max(0, size - _TAIL))
+        cutter = LineCutter()
+        lines = [*cutter.lines(stream.read(_TAIL)), *cutter.last()]
+    # The first line may have been cut.
+    whole = lines[1:] if size > _TAIL else lines
+    fixes = [one for line in whole for one in reports(line) if isinstance(one, Fix)]
+    return fixes[-1] if fixes else None
 
 
 def reports(line: bytes) -> Iterator[Fix | Unread]:

@@ -118,13 +118,15 @@ class Published:
 class Publishing:
     """Writes and checks the files of a cycle in its unfinished folder.
 
-    `revises` is the reason why these currents are planned again, or "".
+    `revises` is the reason why these currents are planned again, or "". `voyages` are sentences on
+    vessels under way that somebody should look at.
     """
 
     planning: Planning
     folder: Path
     look_back: results.LookBack
     revises: str = ""
+    voyages: tuple[str, ...] = ()
 
     def write(self) -> Published:
         """Write all files, and return the numbers of cases.
@@ -154,7 +156,7 @@ class Publishing:
                     self.folder / PAGE_FILE,
                     newest.cycle,
                     newest.time,
-                    (*([self.revises] if self.revises else ()), *self.look_back.notes),
+                    (*filter(None, [self.revises]), *self.voyages, *self.look_back.notes),
                     self._chart,
                     self._earlier,
                 )

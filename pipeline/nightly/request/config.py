@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field
 
 from pipeline.errors import Fault, RequestError
 from pipeline.machine.paths import expanded, folder_to_write, shown, unreadable_reason
@@ -142,6 +142,25 @@ class CaseSpec(StrictModel):
     of the catalogue, or of files."""
 
 
+class VoyageSpec(StrictModel):
+    """One [[voyages]] table: a vessel under way, whose voyage is planned again every night."""
+
+    results: str
+    """Folder of the results with the plan that the vessel sails. Give the path of the folder of a
+    finished run."""
+    positions: str
+    """File of its positions, as `renew watch` reads them: NMEA 0183 (RMC) or JSON lines; the last
+    one counts. Give a path."""
+    currents: Annotated[_MEMBERS, Field(min_length=1)]
+    """Tonight's currents, as for `renew replan --currents`. Give names of the catalogue, files or a
+    pattern, as 'tonight/*.nc'."""
+    season: str = ""
+    """Season of those results that the vessel sails, if several were planned. Give its name."""
+    departed: AwareDatetime | None = None
+    """When the vessel left, if the plan has no departure. Give a time with its zone, as
+    2026-07-01T06:00:00Z."""
+
+
 class NightSpec(StrictModel):
     """The keys of a night's file."""
 
@@ -167,6 +186,8 @@ class NightSpec(StrictModel):
     memory_gb: Annotated[Number, Field(ge=0.5)] = 2.0
     """Memory limit of a local worker, GB; a worker that exceeds it is ended. Give GB, 0.5 or more.
     """
+    voyages: tuple[VoyageSpec, ...] = ()
+    """Vessels under way. Add a [[voyages]] table for each, or leave it out."""
     cases: tuple[CaseSpec, ...] = Field(min_length=1)
     """What to plan. Add a [[cases]] table for each scenario."""
 
@@ -179,6 +200,10 @@ class NightConfig:
     path: Path
     lines: TomlLines
     output: Path
+
+    def here(self, path: str) -> str:
+        """Return a path that begins in this file's folder."""
+        return path if path.startswith(("~", "/")) else str(self.path.parent / path)
 
     def located(self, key: str, text: str) -> Fault:
         """Return a fault of a key, with file and line before it."""

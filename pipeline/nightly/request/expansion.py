@@ -11,6 +11,7 @@ from typing import Any
 import shapely
 
 from pipeline.errors import Fault, RequestError
+from pipeline.machine.paths import unreadable_reason
 from pipeline.nightly.request.cases import Block, Cases, Member, Pair, doubled, read_pairs
 from pipeline.nightly.request.config import CaseSpec, Departure, NightConfig
 from pipeline.scenario import catalogue
@@ -60,6 +61,10 @@ def expand(config: NightConfig, *, only: str | None = None, yes: bool = False) -
         )
         for one, other in doubled(blocks)
     ]
+    for number, voyage in enumerate(config.spec.voyages):
+        for key, given in (("results", voyage.results), ("positions", voyage.positions)):
+            if reason := unreadable_reason(config.here(given)):
+                faults.append(config.located(f"voyages[{number}].{key}", f" = {given!r} {reason}"))
     if faults:
         raise RequestError(faults)
     cases = Cases(tuple(blocks))
@@ -115,7 +120,7 @@ class _Expansion:
 
     def _here(self, path: str) -> str:
         """Return a path relative to the file's own folder."""
-        return path if path.startswith(("~", "/")) else str(self._config.path.parent / path)
+        return self._config.here(path)
 
     def _scenario(self) -> Scenario | None:
         """Load the scenario; files of its currents may not exist yet."""
