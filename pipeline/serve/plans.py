@@ -20,6 +20,8 @@ State = Literal["waiting", "running", "done", "failed", "cancelled"]
 _MAX_WAITING, _MAX_KEPT = 8, 50
 # Largest number of notes that are kept of a plan, and of draft routes.
 _MAX_NOTES, _MAX_DRAFTS = 50, 40
+# Memory, bytes, above which a worker that has planned is replaced by the spare one.
+_MAX_IDLE_BYTES = 700_000_000
 _LIVE = {"waiting", "running"}
 # Name of the work that prepares a voyage, beside the ids of plans.
 _PREPARING = "preparing"
@@ -210,6 +212,8 @@ class Plans:
             work = self._work[name] = asyncio.create_task(job)
             await asyncio.wait([work])
             self._work.pop(name, None)
+            if worker.memory_bytes > _MAX_IDLE_BYTES:
+                await worker.kill()
             if not worker.is_running:
                 worker, spare = spare, worker
                 await starting

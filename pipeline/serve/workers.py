@@ -7,6 +7,7 @@ import os
 import signal
 from asyncio.subprocess import PIPE, Process
 from collections.abc import AsyncIterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from pipeline.errors import StageError
@@ -35,6 +36,15 @@ class Worker:
     def is_running(self) -> bool:
         """Whether the process lives."""
         return self._process is not None and self._process.returncode is None
+
+    @property
+    def memory_bytes(self) -> int:
+        """Resident memory of the process; 0 where the system does not tell it."""
+        try:
+            pages = Path(f"/proc/{self._process.pid if self._process else 0}/statm").read_text()
+        except OSError:
+            return 0
+        return int(pages.split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
     async def start(self) -> None:
         """Start the process unless it runs, and wait until it is ready."""

@@ -172,7 +172,7 @@ class Desk {
     find("#steps").hidden = !isLive;
     find("#steps").replaceChildren(...Object.entries(STAGES).map(([stage, text]) => {
       const at = plan.stages.indexOf(stage);
-      return make("li", { className: at < 0 ? "" : at === plan.stages.length - 1 ? "now" : "done" }, text);
+      return make("li", { className: at < 0 ? "" : at === plan.stages.length - 1 ? "at-work" : "done" }, text);
     }));
     find("#sides").replaceChildren(...(plan.sides ? sideCards(plan.sides) : []));
     const warnings = plan.sides ? plan.sides.warnings : [];
