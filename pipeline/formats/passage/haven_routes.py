@@ -24,7 +24,7 @@ _CACHE = "_haven_waypoints"
 
 def haven_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
     """Return waypoints of a season's ways to havens, in their order; computed once."""
-    cached: dict[str, tuple[Waypoints, ...]] = vars(result).setdefault(_CACHE, {})
+    cached: dict[str, tuple[Waypoints, ...]] = result.kept.setdefault(_CACHE, {})
     if season not in cached:
         ways = haven_ways(result, season).values()
         unite_soft_no_go([way.route for way in ways])

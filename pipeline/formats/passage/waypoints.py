@@ -112,10 +112,9 @@ def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
 
     Computed once for each result and cached with it, since every exchange format needs them.
     """
-    attributes = vars(result)
-    if _CACHE not in attributes:
-        attributes[_CACHE] = (Obstacles(result.scene), {})
-    obstacles, cached = attributes[_CACHE]
+    if _CACHE not in result.kept:
+        result.kept[_CACHE] = (Obstacles(result.scene), {})
+    obstacles, cached = result.kept[_CACHE]
     if season not in cached:
         routes = result.season_routes(season)
         unite_soft_no_go([ranked.route for ranked in routes])

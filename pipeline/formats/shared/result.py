@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import shapely
@@ -42,6 +43,7 @@ class RunResult:
     open; they are among the notes of `fetched`, too. `straits` are the shut straits, the widest
     first. `departures` are the choices of when to leave, for the seasons that leave it open.
     `coverages` say from where along each season's best route a haven is reached, if any are given.
+    `kept` is what several output files need and is computed once, such as waypoints.
     """
 
     scenario: Scenario
@@ -56,6 +58,7 @@ class RunResult:
     straits: tuple[model.ShutStrait, ...] = ()
     departures: tuple[model.DepartureChoice, ...] = ()
     coverages: Mapping[str, renew.Coverage] = field(default_factory=dict)
+    kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:
