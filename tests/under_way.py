@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import shapely
@@ -21,6 +22,8 @@ from renew._types import FloatArray
 from tests.moving_waters import Drifting
 from tests.strategies import PAPER_VESSEL, SIZE, random_islands
 
+Flow: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
+"""The current, (..., 2) m/s, at points (..., 2) m and times (...) s."""
 HORIZON_S = 600.0
 """How long currents are known, s."""
 RENEWED_S = 30.0
@@ -28,12 +31,56 @@ RENEWED_S = 30.0
 
 # Strongest true current and strongest error of a forecast, m/s; lead at which the error is full.
 _TRUE, _ERROR, _FULL_LEAD_S = 0.45, 0.3, 200.0
-# Steps of the clock, and of a path, and the distance at which the goal is reached: s, m, m.
-_STEP_S, _ALONG_M, _ARRIVED_M = 0.25, 0.5, 1.5
-# How far ahead the vessel looks along its path, and how far its place on it is looked for, m.
-_SIGHT_M, _WINDOW_M = 5.0, 25.0
 # Time (s) between two slices of a current, and its nodes along either axis.
 _SLICE_S, _NODES = 20.0, 41
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Scales of a voyage in s and m.
+
+    Steps of the clock and of a path; how far ahead the vessel looks along its path, how far its
+    place on it is looked for, and the distance at which the goal is reached; time between two
+    forecasts, and how long the voyage may take.
+    """
+
+    step_s: float = 0.25
+    along_m: float = 0.5
+    sight_m: float = 5.0
+    window_m: float = 25.0
+    arrived_m: float = 1.5
+    renewed_s: float = RENEWED_S
+    horizon_s: float = HORIZON_S
+
+
+class Sea(Protocol):
+    """A chart, a vessel, the true current as function and as field, and its forecasts."""
+
+    @property
+    def chart(self) -> renew.Chart:
+        """The chart."""
+
+    @property
+    def craft(self) -> renew.Vessel:
+        """The vessel."""
+
+    @property
+    def pace(self) -> Pace:
+        """The scales of the voyage."""
+
+    @property
+    def eddies(self) -> Flow:
+        """The true current at points (..., 2) and times (...), as it is sailed."""
+
+    @property
+    def truth(self) -> renew.CurrentField:
+        """The true current, on a grid as forecasts are."""
+
+    def forecast(self, issued: float) -> renew.CurrentField:
+        """Return the forecast issued at a time (s)."""
+
+    def plan(self, current: renew.CurrentField) -> renew.Plan:
+        """Plan the voyage at time 0."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +90,8 @@ class Waters:
     seed: int
     chart: renew.Chart
     eddies: Drifting
+    craft: renew.Vessel = PAPER_VESSEL
+    pace: Pace = Pace()
 
     @classmethod
     def of(cls, seed: int) -> Waters:
@@ -70,13 +119,14 @@ class Waters:
         ends = (np.full(2, 0.05 * SIZE), np.full(2, 0.95 * SIZE))
         return renew.plan(self.chart, current, PAPER_VESSEL, *ends, classes=4, drift="crab")
 
-    def strands(self, track: FloatArray) -> bool:
-        """Whether a track (n, 2) touches land or leaves the chart."""
-        line = shapely.LineString(track)
-        return bool(line.intersects(self.chart.hard_no_go)) or not self.chart.extent.covers(line)
+
+def _strands(chart: renew.Chart, track: FloatArray) -> bool:
+    """Whether a track (n, 2) touches land or leaves the chart."""
+    line = shapely.LineString(track)
+    return bool(line.intersects(chart.hard_no_go)) or not chart.extent.covers(line)
 
 
-def _gridded(field: Callable[[FloatArray, FloatArray], FloatArray]) -> renew.VaryingCurrent:
+def _gridded(field: Flow) -> renew.VaryingCurrent:
     """Return a current as forecasts come: nodes of a grid, at times."""
     times = np.arange(0.0, HORIZON_S + 1, _SLICE_S)
     axis = np.linspace(0.0, SIZE, _NODES)
@@ -91,6 +141,7 @@ def _gridded(field: Callable[[FloatArray, FloatArray], FloatArray]) -> renew.Var
 class Vessel:
     """Where the vessel is (2,), m, when, s, and on which heading, rad; with its track so far."""
 
+    sea: Sea
     at: FloatArray
     time: float
     heading: float
@@ -98,41 +149,43 @@ class Vessel:
     has_arrived: bool = False
 
     @classmethod
-    def at_start(cls, route: renew.Route) -> Vessel:
+    def at_start(cls, sea: Sea, route: renew.Route) -> Vessel:
         """Return the vessel where a route begins, on its first heading."""
         time, x, y, heading = route.trajectory[0]
         at = np.array([x, y])
-        return cls(at, float(time), float(heading), [at])
+        return cls(sea, at, float(time), float(heading), [at])
 
-    def sail(self, path: FloatArray, truth: Drifting, until: float) -> None:
+    def sail(self, path: FloatArray, until: float) -> None:
         """Follow a path (n, 2) in the true current until a time (s) or the goal."""
-        line = shapely.segmentize(shapely.LineString(path), _ALONG_M)
+        pace = self.sea.pace
+        line = shapely.segmentize(shapely.LineString(path), pace.along_m)
         points = shapely.get_coordinates(line)
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         place = 0
         while self.time < until and not self.has_arrived:
-            window = slice(place, int(np.searchsorted(along, along[place] + _WINDOW_M)) + 1)
+            window = slice(place, int(np.searchsorted(along, along[place] + pace.window_m)) + 1)
             place += int(np.linalg.norm(points[window] - self.at, axis=1).argmin())
-            ahead = int(np.searchsorted(along, along[place] + _SIGHT_M))
-            self._steer(points[min(ahead, len(points) - 1)], truth)
+            ahead = int(np.searchsorted(along, along[place] + pace.sight_m))
+            self._steer(points[min(ahead, len(points) - 1)])
             self.track.append(self.at)
-            self.has_arrived = bool(np.linalg.norm(self.at - path[-1]) < _ARRIVED_M)
+            self.has_arrived = bool(np.linalg.norm(self.at - path[-1]) < pace.arrived_m)
 
-    def _steer(self, towards: FloatArray, truth: Drifting) -> None:
+    def _steer(self, towards: FloatArray) -> None:
         """Turn towards a point (2,), and move for one step of the clock."""
+        truth, craft, step_s = self.sea.eddies, self.sea.craft, self.sea.pace.step_s
         course = (towards - self.at) / max(float(np.linalg.norm(towards - self.at)), 1e-9)
         current = truth(self.at, np.asarray(self.time))
         across = float(course[0] * current[1] - course[1] * current[0])
-        drift = math.asin(max(-1.0, min(1.0, across / PAPER_VESSEL.speed)))
+        drift = math.asin(max(-1.0, min(1.0, across / craft.speed)))
         wanted = math.atan2(course[1], course[0]) - drift
-        most = PAPER_VESSEL.turn_rate * _STEP_S
+        most = craft.turn_rate * step_s
         lacking = (wanted - self.heading + math.pi) % (2 * math.pi) - math.pi
         turn = max(-most, min(most, lacking))
         middle = self.heading + turn / 2
-        through = PAPER_VESSEL.speed * np.array([math.cos(middle), math.sin(middle)])
-        half = self.at + _STEP_S / 2 * (through + current)
-        moved = through + truth(half, np.asarray(self.time + _STEP_S / 2))
-        self.at, self.time = self.at + _STEP_S * moved, self.time + _STEP_S
+        through = craft.speed * np.array([math.cos(middle), math.sin(middle)])
+        half = self.at + step_s / 2 * (through + current)
+        moved = through + truth(half, np.asarray(self.time + step_s / 2))
+        self.at, self.time = self.at + step_s * moved, self.time + step_s
         self.heading = (self.heading + turn) % (2 * math.pi)
 
 
@@ -146,32 +199,33 @@ class Outcome:
     without_way: int = 0
 
 
-def sailed(waters: Waters, plan: renew.Plan) -> Outcome:
+def sailed(sea: Sea, plan: renew.Plan) -> Outcome:
     """Sail a plan's best path as it is, without planning again."""
-    vessel = Vessel.at_start(plan.best)
-    vessel.sail(plan.best.path, waters.eddies, HORIZON_S)
-    return _outcome(waters, vessel)
+    vessel = Vessel.at_start(sea, plan.best)
+    vessel.sail(plan.best.path, sea.pace.horizon_s)
+    return _outcome(vessel)
 
 
-def replanned(waters: Waters, plan: renew.Plan) -> Outcome:
+def replanned(sea: Sea, plan: renew.Plan) -> Outcome:
     """Sail a plan, and plan again in each new forecast."""
-    vessel = Vessel.at_start(plan.best)
+    vessel = Vessel.at_start(sea, plan.best)
     switches = without_way = 0
-    issued = RENEWED_S
-    vessel.sail(plan.best.path, waters.eddies, issued)
-    while not vessel.has_arrived and issued < HORIZON_S - RENEWED_S:
+    issued = sea.pace.renewed_s
+    vessel.sail(plan.best.path, issued)
+    while not vessel.has_arrived and issued < sea.pace.horizon_s - sea.pace.renewed_s:
         answer = renew.replan(
-            plan, vessel.at, vessel.time, heading=vessel.heading, current=waters.forecast(issued)
+            plan, vessel.at, vessel.time, heading=vessel.heading, current=sea.forecast(issued)
         )
         switches += answer.answer == "switched"
         without_way += answer.answer == "no way"
         plan = answer.plan or plan
-        issued += RENEWED_S
-        vessel.sail(plan.best.path, waters.eddies, issued)
-    return _outcome(waters, vessel, switches, without_way)
+        issued += sea.pace.renewed_s
+        vessel.sail(plan.best.path, issued)
+    return _outcome(vessel, switches, without_way)
 
 
-def _outcome(waters: Waters, vessel: Vessel, switches: int = 0, without_way: int = 0) -> Outcome:
+def _outcome(vessel: Vessel, switches: int = 0, without_way: int = 0) -> Outcome:
     """Return what a voyage came to."""
     arrival = vessel.time if vessel.has_arrived else math.inf
-    return Outcome(arrival, waters.strands(np.array(vessel.track)), switches, without_way)
+    strands = _strands(vessel.sea.chart, np.array(vessel.track))
+    return Outcome(arrival, strands, switches, without_way)
