@@ -196,7 +196,7 @@ def test_the_project_opens_as_a_finished_map(
     assert found["errors"] == []
     assert found["messages"] == []
     assert sorted(found["groups"]) == sorted(found["themes"]) == ["Summer", "Winter (December)"]
-    assert len(found["layers"]) == 22
+    assert len(found["layers"]) == 26
     assert all(layer["valid"] for layer in found["layers"].values())
     counts = [v["count"] for k, v in found["layers"].items() if k.startswith("routes")]
     assert sorted(counts) == sorted(len(result.season_routes(s)) for s in ("summer", "winter"))
@@ -223,6 +223,7 @@ def test_plain_layers_are_styled_named_and_drawn(
         assert not set(layer["columns"]) & set(layer["aliases"])
         assert sum(layer["by_rules"]) == layer["count"]
         assert layer["count"] > 0 or name in {
+            "shore_crossings",  # nor a second shoreline
             "hazards",
             "chart_areas",
             "depth_areas",
