@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from pipeline.machine.paths import expanded
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.loading import parse_scenario, with_currents
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.times import departure_name, named_departure
+from pipeline.scenario.times import departure_name, interval, named_departure
 from pipeline.stages.finished import FinishedSeason, finished_season
 from pipeline.voyage.positions import Position, read_position
 
@@ -133,6 +133,9 @@ def _table(
     }
     if request.heading_deg is not None:
         under_way["heading_deg"] = float(request.heading_deg)
+    if "endurance" in data.get("havens", {}):
+        rest = _endurance_left(data["havens"]["endurance"], left, request.time)
+        data = {**data, "havens": {**data["havens"], "endurance": rest}}
     first = _ADDED.sub("", data["name"])
     start = data["start"]
     title = data.get("title") or first
@@ -144,3 +147,14 @@ def _table(
         "seasons": [again],
         "under_way": under_way,
     }
+
+
+def _endurance_left(endurance: str, left: datetime, now: datetime) -> str:
+    """Return what is left of an endurance that counts from the departure, in whole minutes."""
+    minutes = (interval(endurance) - (now - left)) // timedelta(minutes=1)
+    if minutes < 1:
+        raise RequestError(
+            f"--time {exact_moment_text(now)} is beyond havens.endurance = {endurance!r} from the "
+            f"departure, {exact_moment_text(left)}; check both"
+        )
+    return f"{minutes}min"

@@ -6,6 +6,7 @@ import json
 import math
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 
 import renew
 from pipeline.cli.main import app
+from pipeline.errors import RequestError
 from pipeline.model import Replanned
 from pipeline.run import Outcome, planned_scenario, run
 from pipeline.scenario.loading import load_scenario
@@ -132,6 +134,20 @@ def test_a_plan_made_under_way_is_planned_again(voyage: Path) -> None:
     assert np.array_equal(was.slice_times - 1800.0, now.slice_times)
     bounds = first.result.scene.chart.bounds
     assert np.array_equal(was.table(bounds).uv, now.table(bounds).uv)
+
+
+def test_endurance_counts_from_the_first_departure(voyage: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "strait"
+    shutil.copytree(voyage, folder)
+    (folder / "havens.csv").write_text("name,lon,lat\nNorth,119.05,9.55\n")
+    with (folder / "scenario.toml").open("a") as file:
+        file.write('\n[havens]\npath = "havens.csv"\nendurance = "2h"\n')
+    asked = UnderWayRequest(folder, AT, datetime.fromisoformat(TIME))
+    scenario, _ = under_way_scenario(asked)
+    assert scenario.havens is not None
+    assert scenario.havens.endurance == "90min"
+    with pytest.raises(RequestError, match=r"08:30 UTC is beyond havens.endurance = '2h'"):
+        under_way_scenario(replace(asked, time=datetime.fromisoformat("2026-11-22T08:30Z")))
 
 
 def test_a_vessel_far_on_the_other_side_switches(voyage: Path) -> None:
