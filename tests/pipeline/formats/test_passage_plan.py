@@ -207,7 +207,7 @@ def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) ->
     )
     cached = {"summer": (long,), "winter": season_waypoints(result, "winter")}
     other = replace(result)
-    vars(other)["_exchange_waypoints"] = (None, cached)
+    other.kept["_exchange_waypoints"] = (None, cached)
     write_passage_plan(other, tmp_path / "a.pdf")
     pages = texts(tmp_path / "a.pdf")
     assert len(pages) == 4

@@ -187,4 +187,4 @@ def test_all_missing_and_unreadable_files_are_reported(tmp_path: Path) -> None:
     with pytest.raises(RequestError) as caught:
         read_contents(tuple(tmp_path / name for name in names))
     assert [fault.split(":")[0] for fault in caught.value.faults] == list(names)
-    assert all("cdo -f nc copy" in fault for fault in caught.value.faults[1:])
+    assert all("convert it to NetCDF" in fault for fault in caught.value.faults[1:])
