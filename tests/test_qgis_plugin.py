@@ -130,6 +130,27 @@ def test_points_and_layers_in_another_crs_are_a_voyage(
     assert not line.intersects(shut.buffer(-1e-4))
 
 
+def test_ways_to_havens_of_a_layer_are_planned(home: dict[str, str], tmp_path: Path) -> None:
+    havens = geopandas.GeoDataFrame(
+        {"name": ["north"]}, geometry=geopandas.points_from_xy([120.04], [9.98]), crs=4326
+    )
+    havens.to_crs(32651).to_file(tmp_path / "havens.gpkg")
+    found = planned(
+        home,
+        "route",
+        START="119.95,9.98",
+        GOAL="120.15,9.97",
+        CURRENTS="still",
+        HAVENS=tmp_path / "havens.gpkg",
+        WITHIN="3h",
+        OUTPUT=tmp_path / "results",
+    )
+    assert "error" not in found, found
+    known = geopandas.read_file(found["GEOPACKAGE"], layer="havens")
+    assert known["name"].tolist() == ["north"]
+    assert len(geopandas.read_file(found["GEOPACKAGE"], layer="diversions"))
+
+
 def test_the_best_departure_is_chosen_around_land_of_the_users_own(
     home: dict[str, str], tmp_path: Path
 ) -> None:

@@ -35,7 +35,15 @@ _DEGREES = "EPSG:4326"
 # Property of a layer: its package, and its rank among those shown.
 _RANK = "renew/rank"
 # Layers of routes.gpkg that are shown, from the lowest up.
-_SHOWN = ("soft_no_go", "coast", "currents", "routes", "passage")
+_SHOWN = (
+    *("soft_no_go", "coast", "currents", "diversions", "coverage", "routes", "passage"),
+    "havens",
+)
+# Names and titles of the layers of a GeoPackage that have features.
+_FILLED = (
+    "SELECT table_name, identifier FROM gpkg_contents JOIN gpkg_ogr_contents USING (table_name) "
+    "WHERE feature_count > 0"
+)
 
 
 class _Styled(QgsProcessingLayerPostProcessorInterface):
@@ -142,8 +150,7 @@ class _Algorithm(QgsProcessingAlgorithm):
         if context.project() is None:
             return
         with sqlite3.connect(f"{package.as_uri()}?mode=ro", uri=True) as base:
-            rows = base.execute("SELECT table_name, identifier FROM gpkg_contents").fetchall()
-        titles = dict(rows)
+            titles = dict(base.execute(_FILLED).fetchall())
         for name in _SHOWN:
             if name in titles:
                 details = QgsProcessingContext.LayerDetails(titles[name], context.project())
@@ -151,11 +158,11 @@ class _Algorithm(QgsProcessingAlgorithm):
                 details.setPostProcessor(styled)
                 context.addLayerToLoadOnCompletion(f"{package}|layername={name}", details)
 
-    def areas(self, parameters, name, context, feedback):
-        """Write the areas of a layer to a file in degrees; return its path, "" without a layer."""
+    def in_degrees(self, parameters, name, context, feedback):
+        """Write a layer to a file in degrees; return its path, "" without a layer."""
         if not parameters.get(name):
             return ""
-        file = QgsProcessingUtils.generateTempFilename("areas.gpkg")
+        file = QgsProcessingUtils.generateTempFilename(f"{name.lower()}.gpkg")
         done = processing.run(
             "native:reprojectlayer",
             {"INPUT": parameters[name], "TARGET_CRS": _DEGREES, "OUTPUT": file},
@@ -170,8 +177,8 @@ class _Voyage(_Algorithm):
     """A voyage between two points, by `renew go`."""
 
     def inputs(self):
-        """Points, vessel, time, currents, land, shut areas, depths."""
-        polygons = [QgsProcessing.TypeVectorPolygon]
+        """Points, vessel, time, currents, land, shut areas, depths, havens."""
+        polygons, points = [QgsProcessing.TypeVectorPolygon], [QgsProcessing.TypeVectorPoint]
         return [
             QgsProcessingParameterPoint("START", "Start"),
             QgsProcessingParameterPoint("GOAL", "Goal"),
@@ -190,6 +197,10 @@ class _Voyage(_Algorithm):
             QgsProcessingParameterFeatureSource("SHUT", "Shut areas", polygons, optional=True),
             QgsProcessingParameterFile("DEPTHS", "Grid of depths", optional=True),
             QgsProcessingParameterString("DRAUGHT", "Draught, such as 1.2m", optional=True),
+            QgsProcessingParameterFeatureSource(
+                "HAVENS", "Havens, by their column `name`", points, optional=True
+            ),
+            QgsProcessingParameterString("WITHIN", "A haven within, such as 6h", optional=True),
         ]
 
     def times(self):
@@ -208,11 +219,11 @@ class _Voyage(_Algorithm):
             point = self.parameterAsPoint(parameters, name, context, degrees)
             command.append(f"{point.x():.7f},{point.y():.7f}")
         command += self.options(parameters, context)
-        for option in ("vessel", "currents", "depths", "draught"):
+        for option in ("vessel", "currents", "depths", "draught", "within"):
             text = self.parameterAsString(parameters, option.upper(), context).strip()
             command += [f"--{option}", text] if text else []
-        for option, name in (("charts", "LAND"), ("avoid", "SHUT")):
-            path = self.areas(parameters, name, context, feedback)
+        for option, name in (("charts", "LAND"), ("avoid", "SHUT"), ("havens", "HAVENS")):
+            path = self.in_degrees(parameters, name, context, feedback)
             command += [f"--{option}", path] if path else []
         return command
 
