@@ -34,7 +34,7 @@ def make_app(keys: Keys, plans: Plans, files: GivenFiles) -> FastAPI:
         async with plans.at_work():
             yield
 
-    # FastAPI's own pages of documentation load scripts from elsewhere.
+    # FastAPI's own pages of documentation load scripts from elsewhere: `/api` is ours.
     app = FastAPI(
         title="RENEW",
         description="Plan voyages on this machine. Send the token of the server's first address "
@@ -46,10 +46,11 @@ def make_app(keys: Keys, plans: Plans, files: GivenFiles) -> FastAPI:
     )
     app.add_middleware(Guard, keys=keys)
     _add_errors(app)
-    _add_page(app)
+    _add_names(app)
     _add_plans(app, plans, files)
     _add_results(app, plans)
     _add_given(app, files)
+    _add_pages(app)
     return app
 
 
@@ -82,15 +83,19 @@ _STATUS: dict[type[PipelineError], int] = {
 }
 
 
-def _add_page(app: FastAPI) -> None:
-    """Serve the page, its scripts and styles, the catalogue and the land."""
+def _add_pages(app: FastAPI) -> None:
+    """Serve the page, its scripts and styles, and the description of all that was added before."""
 
     def answer(content: bytes, kind: str) -> Callable[[], Response]:
         return lambda: Response(content, media_type=kind)
 
-    for path, content in page_files().items():
+    for path, content in page_files(app.openapi()).items():
         kind = _TYPES[path.rpartition(".")[2] if "." in path else "html"]
         app.add_api_route(path, answer(content, kind), include_in_schema=False)
+
+
+def _add_names(app: FastAPI) -> None:
+    """Serve the catalogue, positions and the land."""
 
     @app.get("/api/catalogue")
     def names() -> dict[str, Any]:

@@ -1,7 +1,9 @@
 """The page's files: its own scripts and styles, and the report's map, text and colours."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
@@ -20,8 +22,8 @@ REPORT_POLICY = (
 """What a report may do: run its own script, in an origin of its own."""
 
 
-def page_files() -> dict[str, bytes]:
-    """Return the content of each path of the page."""
+def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return the content of each path of the page, and of that of an interface in OpenAPI."""
     packages = ("pipeline.serve", "pipeline.formats.report")
     templates = Environment(
         loader=ChoiceLoader([PackageLoader(one) for one in packages]),
@@ -46,6 +48,7 @@ def page_files() -> dict[str, bytes]:
     }
     files = {
         "/": templates.get_template("plan.html.jinja").render(),
+        "/api": templates.get_template("api.html.jinja").render(api=interface),
         "/static/style.css": style,
         "/static/leaflet.js": assets.leaflet(),
         "/static/text.js": _as_module(assets.own_script("text")),

@@ -14,7 +14,7 @@ from pipeline.serve.guard import MAX_BODY_BYTES
 from tests.pipeline.serve.client import VOYAGE, Server
 
 PATHS = (
-    *("/", "/static/page.js", "/api/plan", "/api/catalogue", "/api/openapi.json"),
+    *("/", "/static/page.js", "/api/plan", "/api/catalogue", "/api", "/api/openapi.json"),
     *("/api/land/0/0/0", "/api/position?text=1,1", f"/api/plan/{'0' * 32}"),
 )
 
@@ -35,6 +35,15 @@ def test_without_the_token_nothing_is_answered(server: Server, path: str) -> Non
     for wrong in ("renew=1", f"renew-{server.port}={server.token}", "renew-1=; =", "\x01"):
         assert server.send("GET", path, headers={"Cookie": wrong}).status in {400, 401}
     assert server.ask("GET", path).status in {200, 404}
+
+
+def test_a_page_describes_the_whole_interface(server: Server) -> None:
+    page = server.ask("GET", "/api").content.decode()
+    for path, methods in server.ask("GET", "/api/openapi.json").json["paths"].items():
+        for method in methods:
+            assert f"{method.upper()} {path}<" in page
+    assert "<code>start</code>: string, required" in page
+    assert "<script" not in page
 
 
 def test_without_the_token_nothing_is_planned_taken_or_cancelled(server: Server) -> None:
