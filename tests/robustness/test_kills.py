@@ -104,4 +104,4 @@ def test_a_hundred_killed_runs_continue(tmp_path: Path) -> None:
         fraction = (turn + rng.random()) / rounds
         met[kill_and_continue(bench, stage, fraction, _SIGNALS[turn % len(_SIGNALS)])] += 1
     print(f"{KILLS} kills: {dict(met)}")  # noqa: T201
-    assert set(met) == set(STAGES)
+    assert set(met) >= set(STAGES)  # some meet the stages between them, too
