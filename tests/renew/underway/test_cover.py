@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
@@ -27,8 +27,11 @@ def haven(name: str, x: float, y: float, **hours: float) -> renew.Haven:
 NORTH_WEST, SOUTH_EAST = haven("north-west", 15, 85), haven("south-east", 85, 15)
 
 
+Scene: TypeAlias = tuple[renew.Route, renew.Chart, renew.CurrentField]
+
+
 @pytest.fixture(scope="module")
-def gyre() -> tuple[renew.Route, renew.Chart, renew.CurrentField]:
+def gyre() -> Scene:
     chart, current = single_gyre()
     return renew.plan(chart, current, PAPER_VESSEL, START, GOAL).best, chart, current
 
@@ -40,7 +43,7 @@ def on_track(route: renew.Route, time: float) -> FloatArray:
 
 
 @pytest.mark.parametrize("within", [20.0, 40.0])
-def test_what_is_claimed_along_a_route_in_a_gyre(gyre: Any, within: float) -> None:  # noqa: ANN401
+def test_what_is_claimed_along_a_route_in_a_gyre(gyre: Scene, within: float) -> None:
     route, chart, current = gyre
     found = renew.cover(
         route, chart, current, PAPER_VESSEL, [NORTH_WEST, SOUTH_EAST], within=within
@@ -70,7 +73,7 @@ def test_what_is_claimed_along_a_route_in_a_gyre(gyre: Any, within: float) -> No
     assert found.at((last.not_after + route.trajectory[-1, 0]) / 2).state == "uncovered"
 
 
-def test_who_is_late_keeps_the_endurance_and_finds_the_haven_open(gyre: Any) -> None:  # noqa: ANN401
+def test_who_is_late_keeps_the_endurance_and_finds_the_haven_open(gyre: Scene) -> None:
     route, chart, current = gyre
     begin, end, late = route.trajectory[0, 0], route.trajectory[-1, 0], 0.1
     endurance, closes = 1.2 * route.fuel, begin + 0.6 * (end - begin)
@@ -87,7 +90,7 @@ def test_who_is_late_keeps_the_endurance_and_finds_the_haven_open(gyre: Any) -> 
         assert arrives <= way.haven.closes + 1e-6
 
 
-def test_the_endurance_gives_a_point_of_no_return(gyre: Any) -> None:  # noqa: ANN401
+def test_the_endurance_gives_a_point_of_no_return(gyre: Scene) -> None:
     route, chart, current = gyre
     found = renew.cover(
         route, chart, current, PAPER_VESSEL, [NORTH_WEST], endurance=1.5 * route.fuel
@@ -167,7 +170,7 @@ def test_the_way_to_a_haven_waits_until_it_opens() -> None:
     ],
 )
 def test_limits_that_no_route_can_keep_are_refused(
-    gyre: Any,  # noqa: ANN401
+    gyre: Scene,
     given: dict[str, Any],
     part: str,
 ) -> None:
@@ -176,7 +179,7 @@ def test_limits_that_no_route_can_keep_are_refused(
         renew.cover(route, chart, current, PAPER_VESSEL, [NORTH_WEST], **given)
 
 
-def test_havens_that_cannot_be_used_are_left_out_by_name(gyre: Any) -> None:  # noqa: ANN401
+def test_havens_that_cannot_be_used_are_left_out_by_name(gyre: Scene) -> None:
     route, chart, current = gyre
     land = shapely.union_all(np.array(chart.no_go)).representative_point()
     on_land = haven("quay", land.x, land.y) if chart.no_go else None
