@@ -2,9 +2,9 @@
 
 import contextlib
 import subprocess
-import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -24,7 +24,7 @@ from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.coverage import require_covered
 from pipeline.stages.choosing.region import chosen_region, search_region
 from pipeline.stages.choosing.under_way import Sailed, scenario_before, season_sailed
-from pipeline.stages.compare import compare
+from pipeline.stages.compare import bounds_of_sides, compare
 from pipeline.stages.cover import cover, havens_in
 from pipeline.stages.fetch import fetch
 from pipeline.stages.plan import Planned, plan_seasons
@@ -159,7 +159,7 @@ def run(
     on_step
         Called with a season and each step of its plan, path in degrees, in the thread that plans.
     on_result
-        Called with the result before it is written, and first with that in each region tried.
+        Called with the result in each region tried, and at the end with the bounds on other sides.
 
     Raises
     ------
@@ -170,22 +170,24 @@ def run(
     """
     require_covered(scenario)
     started = time.perf_counter()
-    with session(scenario.name, output, origin) as held:
+    with session(scenario.name, output, origin) as held, ThreadPoolExecutor(1) as beside:
         with first_compilation() as compiled:
             asked = (offline, strict, scheduler, limit_s, on_step, on_result or ignore)
-            stages = _Stages(held.store, on_event or ignore, compiled, *asked)
+            stages = _Stages(held.store, beside, on_event or ignore, compiled, *asked)
             result = stages.result(scenario)
-        stages.on_result(result.value)
+        bounds = beside.submit(bounds_of_sides, result, held.store)
+        result = replace(result, value=replace(result.value, side_bounds=bounds.result))
         fresh = stages.write(result, held.directory)
+        stages.on_result(result.value)
         held.record_origin()
         return Outcome(result.value, held.directory, fresh, time.perf_counter() - started)
 
 
 def prepare(scenario: Scenario, output: Path, *, offline: bool = False) -> None:
     """Do what a run does before it plans, for a scenario without a region; the store keeps it."""
-    with session(scenario.name, output) as held:
+    with session(scenario.name, output) as held, ThreadPoolExecutor(1) as beside:
         region = chosen_region(scenario, held.store, offline=offline)
-        stages = _Stages(held.store, ignore, lambda: None, offline)
+        stages = _Stages(held.store, beside, ignore, lambda: None, offline)
         stages.chosen(region.complete(scenario), region.notes)
 
 
@@ -200,15 +202,15 @@ def planned_scenario(
 ) -> Iterator[RunResult]:
     """Yield a scenario's result, from an earlier run or planned now, without writing its files.
 
-    It lacks the bounds on ways on other sides, which only the report shows.
+    It lacks the bounds on ways on other sides, which only reports show.
 
     Parameters and errors are as in `run`. Artefacts are saved in the store. During the `with` block
     no other run replaces the scenario's folder.
     """
     require_covered(scenario)
-    with session(scenario.name, output, origin) as held:
+    with session(scenario.name, output, origin) as held, ThreadPoolExecutor(1) as beside:
         with first_compilation() as compiled:
-            stages = _Stages(held.store, on_event or ignore, compiled, offline, bounds_sides=False)
+            stages = _Stages(held.store, beside, on_event or ignore, compiled, offline)
             result = stages.result(scenario)
         yield result.value
 
@@ -218,6 +220,7 @@ class _Stages:
     """The stages of a run (see `run`); each loads its artefact if the store has it."""
 
     store: Store
+    beside: Executor  # a thread for what only files need
     on_event: EventHandler
     compiled: Callable[[], None]  # waits for the compilation of the planner
     offline: bool = False
@@ -226,7 +229,6 @@ class _Stages:
     limit_s: float | None = None
     on_step: OnStep = ignore_step
     on_result: Callable[[RunResult], None] = ignore
-    bounds_sides: bool = True
     timings: dict[str, float] = field(default_factory=dict)
 
     def result(self, asked: Scenario) -> Artefact[RunResult]:
@@ -249,7 +251,7 @@ class _Stages:
         for plan in planned.value.plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
         with self._stage("compare", chosen.scenario) as say:
-            made = compare(chosen, land, planned, self.store, say, bounds_sides=self.bounds_sides)
+            made = compare(chosen, land, planned, self.store, say)
         self.on_result(made.value)
         return made
 
@@ -272,7 +274,7 @@ class _Stages:
         if store.has_made:
             # Something new was made, so the run will plan and write. Until "plan" a core is idle,
             # and can load the libraries that planning and writing need.
-            threading.Thread(target=load_libraries).start()
+            self.beside.submit(load_libraries)
         with self._stage("simplify", scenario) as say:
             land = sailed.land if sailed else simplify(scenario, data.land, store)
             for note in land.value.notes:
@@ -294,7 +296,7 @@ class _Stages:
             self._say_season,
             scheduler=self.scheduler,
             limit_s=self.limit_s,
-            meanwhile=load_libraries,
+            meanwhile=lambda: self.beside.submit(load_libraries),
             on_step=self.on_step,
         )
 

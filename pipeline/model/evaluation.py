@@ -246,7 +246,7 @@ class Evaluation:
     stored. `shore_crossings` are of all routes. `islands` are the islands in the names of ways, the
     main island first; `class_islands` are other islands in the names of homotopy classes.
     `gap_shares` are of seasons for which they were asked, `clock_worths` of seasons whose currents
-    change, `side_bounds` of seasons whose routes differ in their side.
+    change.
     """
 
     routes: tuple[RouteMetrics, ...]
@@ -256,7 +256,6 @@ class Evaluation:
     gap_shares: tuple[GapShares, ...] = ()
     clock_worths: tuple[ClockWorth, ...] = ()
     class_islands: tuple[NumberedIsland, ...] = ()
-    side_bounds: tuple[SideBound, ...] = ()
 
     def clock_worth_of(self, season: str) -> ClockWorth | None:
         """Return the worth of the clock in a season, if its current changes."""
@@ -265,7 +264,3 @@ class Evaluation:
     def gap_shares_of(self, season: str) -> GapShares | None:
         """Return the parts of a season's gap, if they were asked for."""
         return next((shares for shares in self.gap_shares if shares.season == season), None)
-
-    def side_bound_of(self, season: str) -> SideBound | None:
-        """Return the bound on the other sides of a season, if its routes differ in their side."""
-        return next((bound for bound in self.side_bounds if bound.season == season), None)

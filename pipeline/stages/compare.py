@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -17,10 +16,10 @@ from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.formats.shared.under_way import replanned_notes
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan
+from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan, SideBound
 from pipeline.sources.cf.streams import WEAK_SHARE
 from pipeline.stages.choose import narrows_notes
-from pipeline.stages.choosing.chosen import Chosen
+from pipeline.stages.choosing.chosen import Chosen, in_thread
 from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.places import shut_notes
@@ -35,37 +34,23 @@ def compare(
     planned: Artefact[Planned],
     store: Store,
     say: Say,
-    *,
-    bounds_sides: bool = True,
 ) -> Artefact[RunResult]:
-    """Name each route's way, bound the fuel of other ways, and find the straits that are shut.
+    """Name each route's way, and find the straits that are shut.
 
-    Returns the result with its notes on choices, data, land and routes. The bounds take longest,
-    and only reports show them: leave them out by `bounds_sides`.
+    Returns the result with its notes on choices, data, land and routes.
     """
     options, scene = chosen.scenario.planner, chosen.scene.value
     plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
     named = with_way_names(planned.value.evaluation, scene, plans, chosen.data.fetched.land.places)
-    # One core finds the shut straits while the others compute bounds for the other sides.
-    with ThreadPoolExecutor(max_workers=1) as pool:
-        found = pool.submit(
-            store.artefact,
-            "straits",
-            tuple,
-            inputs,
-            lambda: shut_straits(scene, land.value.simplified, plans, options),
-        )
-        key = (*inputs, options.drift)
-        bounds = partial(side_bounds, scene, plans, named, options)
-        sides = store.artefact("sides", tuple, key, bounds).value if bounds_sides else ()
-        straits = found.result().value
+    found = partial(shut_straits, scene, land.value.simplified, plans, options)
+    straits = in_thread(partial(store.artefact, "straits", tuple, inputs, found)).value
     result = RunResult(
         chosen.scenario,
         chosen.data.fetched,
         land.value.simplified,
         scene,
         plans,
-        replace(named, side_bounds=sides),
+        named,
         {},
         datetime.now(UTC),
         chosen.notes,
@@ -80,6 +65,13 @@ def compare(
     every = (*chosen.notes, *chosen.data.fetched.notes, *land.value.notes, *notes)
     fetched = replace(chosen.data.fetched, notes=addressed(every, result.scenario))
     return Artefact(artefact_key("compare", *inputs), replace(result, fetched=fetched))
+
+
+def bounds_of_sides(result: Artefact[RunResult], store: Store) -> tuple[SideBound, ...]:
+    """Bound the fuel of ways on the other sides; this takes long, and only reports show it."""
+    run, options = result.value, result.value.scenario.planner
+    bounds = partial(side_bounds, run.scene, run.plans, run.evaluation, options)
+    return store.artefact("sides", tuple, (result.key, options.drift), bounds).value
 
 
 def _notes(result: RunResult) -> tuple[Note, ...]:

@@ -43,7 +43,7 @@ def plan_seasons(
     *,
     scheduler: str | None = None,
     limit_s: float | None = None,
-    meanwhile: Callable[[], None] = lambda: None,
+    meanwhile: Callable[[], object] = lambda: None,
     on_step: OnStep = ignore_step,
 ) -> Artefact[Planned]:
     """Plan each season and evaluate its routes; a season that fails does not stop the others.
@@ -59,7 +59,7 @@ def plan_seasons(
     scheduler, limit_s
         Where the tasks run, see `run_tasks`, and the time limit of each, s.
     meanwhile
-        Called in a separate thread during planning, unless the store has all results.
+        Called before planning, unless the store has all results; it starts work for other threads.
     on_step
         Called with the steps of the seasons that are planned in threads of this process.
 
@@ -79,7 +79,7 @@ def plan_seasons(
         on_season(status)
 
     if waiting:
-        threading.Thread(target=meanwhile).start()
+        meanwhile()
     run_tasks(waiting, scheduler, report, on_step)
     for task in waiting:
         result = None if task.season in crashed else task.result()

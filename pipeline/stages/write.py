@@ -137,7 +137,6 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     formats: dict[str, Format] = {
         "routes.gpkg": write_geopackage,
         "metrics.csv": tables.write_metrics,
-        "report.html": write_report,
         "scenario.toml": tables.write_scenario,
     }
     if result.departures:
@@ -163,7 +162,8 @@ def formats_of(result: RunResult) -> dict[str, Format]:
             if result.season_routes(season.name):
                 formats |= _season_formats(result.scenario, season)
                 formats |= _haven_formats(result, season.name)
-    return formats
+    # Last, because it waits for the bounds on other sides.
+    return {**formats, "report.html": write_report}
 
 
 def _current_formats(result: RunResult, grid: CurrentGrid) -> dict[str, Format]:

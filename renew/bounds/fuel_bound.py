@@ -3,27 +3,31 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from threading import Lock
 
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.voyage.voyage import Voyage
 
 # Number of cells of the finest grid if a gap is asked for: four times the standard number.
 _FINE_CELLS = 512_000
+_NAMES = ("value", "at_clearance")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class FuelBound:
     """The fuel that every route of a voyage needs at least, whatever its class.
 
-    It is computed from the voyage when first asked for, unless a number is given. `kept` is the
-    bound on routes that keep the plan's clearance, or a function that gives their voyage. If
-    `enough` (fuel units) is finite, the grid may be refined further, until the bound is above it.
+    It is computed from the voyage when first asked for, unless a number is given; each bound is
+    computed once, also where two threads ask. `kept` is the bound on routes that keep the plan's
+    clearance, or a function that gives their voyage. If `enough` (fuel units) is finite, the grid
+    may be refined further, until the bound is above it.
     """
 
     source: Voyage | float
     kept: Callable[[], Voyage] | float
     enough: float = math.inf
     _known: dict[str, float] = field(default_factory=dict, init=False)
+    _locks: dict[str, Lock] = field(default_factory=lambda: {n: Lock() for n in _NAMES}, init=False)
 
     @property
     def value(self) -> float:
@@ -44,8 +48,9 @@ class FuelBound:
         A `cached_property` has one lock for all instances before Python 3.12: threads that plan
         several voyages would wait for each other's bounds.
         """
-        if name not in self._known:
-            self._known[name] = bound()
+        with self._locks[name]:
+            if name not in self._known:
+                self._known[name] = bound()
         return self._known[name]
 
     def _value(self) -> float:
@@ -54,7 +59,7 @@ class FuelBound:
     def _at_clearance(self) -> float:
         if not callable(self.kept):
             return self.kept
-        if self.value > self.enough:
+        if self.enough < math.inf and self.value > self.enough:
             return self.value
         voyage = self.kept()
         return self.value if voyage is self.source else self._bound(voyage)

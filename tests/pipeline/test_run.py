@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -35,7 +36,10 @@ def single_gyre(**planner: object) -> Scenario:
 def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run single-gyre once, and return the folder of its results."""
     output = tmp_path_factory.mktemp("first") / "outputs"
+    threads = threading.enumerate()
     outcome = run(single_gyre(classes=4), output)
+    # Bounds and libraries are worked at in other threads, which end with the run.
+    assert threading.enumerate() == threads
     assert outcome.exit_code == 0
     assert outcome.fresh
     return output

@@ -123,7 +123,7 @@ def season_facts(result: RunResult, metrics: list[RouteMetrics]) -> SeasonFacts 
         float(speeds.mean()) if len(speeds) else 0.0,
         evaluation.gap_shares_of(season),
         evaluation.clock_worth_of(season),
-        evaluation.side_bound_of(season),
+        result.side_bound_of(season),
         result.lacks_current(season),
     )
 

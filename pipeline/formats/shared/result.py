@@ -1,7 +1,7 @@
 """The finished run, as all formats read it, and what is not known about it."""
 
 import contextlib
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
@@ -43,6 +43,8 @@ class RunResult:
     open; they are among the notes of `fetched`, too. `straits` are the shut straits, the widest
     first. `departures` are the choices of when to leave, for the seasons that leave it open.
     `coverages` say from where along each season's best route a haven is reached, if any are given.
+    `side_bounds` waits for the bounds of seasons whose routes differ in their side, which are still
+    being computed while files that don't show them are written.
     `kept` is what several output files need and is computed once, such as waypoints.
     """
 
@@ -58,6 +60,7 @@ class RunResult:
     straits: tuple[model.ShutStrait, ...] = ()
     departures: tuple[model.DepartureChoice, ...] = ()
     coverages: Mapping[str, renew.Coverage] = field(default_factory=dict)
+    side_bounds: Callable[[], tuple[model.SideBound, ...]] = tuple
     kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
@@ -104,6 +107,10 @@ class RunResult:
     def departure_choice(self, season: str) -> model.DepartureChoice | None:
         """Return when to leave in a season, and alternatives; None if the departure was given."""
         return next((one for one in self.departures if one.season == season), None)
+
+    def side_bound_of(self, season: str) -> model.SideBound | None:
+        """Return the bound on the other sides of a season, if its routes differ in their side."""
+        return next((bound for bound in self.side_bounds() if bound.season == season), None)
 
     def spec_of(self, season: str) -> Season:
         """Return a season as the scenario describes it."""

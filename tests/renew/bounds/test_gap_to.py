@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 
 import renew
+from renew.bounds.fuel_bound import FuelBound
+from renew.voyage.voyage import Voyage
 from tests.strategies import PAPER_VESSEL, random_scene
 
 
@@ -32,3 +37,20 @@ def test_a_gap_below_the_standard_one_takes_a_finer_grid() -> None:
 def test_a_gap_out_of_range_is_refused(gap_to: float) -> None:
     with pytest.raises(renew.ParameterError, match=r"gap_to = .* 0 or more, below 1"):
         renew.PlanOptions(gap_to=gap_to)
+
+
+def test_threads_that_ask_together_compute_each_bound_once() -> None:
+    source, asked = planned(0.0).best.fuel_bound.source, list[Voyage]()
+    assert isinstance(source, Voyage)
+
+    def kept() -> Voyage:
+        asked.append(source)
+        time.sleep(0.05)  # s; the other thread asks meanwhile
+        return source
+
+    bound = FuelBound(source, kept)
+    with ThreadPoolExecutor(4) as pool:
+        names = ("at_clearance", "value") * 2
+        found = set(pool.map(lambda name: getattr(bound, name), names))
+    assert found == {FuelBound(source, kept).value}
+    assert len(asked) == 1
