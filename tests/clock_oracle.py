@@ -9,16 +9,16 @@ earlier (FIFO) the label that is settled is the earliest arrival along edges. As
 
 from __future__ import annotations
 
-import heapq
 import itertools
 import math
 from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
+from scipy.sparse import csr_array
 
 import renew
-from renew._types import BoolArray, FloatArray
+from renew._types import BoolArray, FloatArray, IntArray
 from tests.oracles import _transversals, _Water, grid_graph
 
 # Number of pieces of an edge, and of a leg between transversals or along a path.
@@ -57,31 +57,40 @@ def earliest_arrival(
     arrival = np.full(len(points), np.inf)
     came_from = np.full(len(points), -1)
     arrival[first] = departure
-    queue, settled = [(departure, first)], np.zeros(len(points), dtype=bool)
-    while queue:
-        now, node = heapq.heappop(queue)
-        if settled[node]:
-            continue
-        settled[node] = True
-        if node == last:
-            break
-        heads = graph.indices[graph.indptr[node] : graph.indptr[node + 1]]
-        heads = heads[~settled[heads]]
-        begin = np.full(len(heads), now)
-        tails = np.broadcast_to(points[node], (len(heads), 2))
-        found = sailed(tails, points[heads], begin, current, vessel, drift, _EDGE_PIECES)
-        found[is_shut(tails, points[heads], begin, found)] = np.inf
-        better = found < arrival[heads]
+    settled = np.zeros(len(points), dtype=bool)
+    settled[last] = True  # nothing goes on from there
+    # No edge of the grid takes less than its time in still water at twice the speed: nodes that are
+    # reached within that time of each other can't improve each other, and are settled at once.
+    inner = graph[:first, :first].data
+    together = float(inner.min()) / 2 if inner.size else math.inf
+    while (now := np.where(settled, np.inf, arrival).min()) < arrival[last]:
+        nodes = (
+            np.flatnonzero(~settled & (arrival <= now + together)) if settled[first] else [first]
+        )
+        settled[nodes] = True
+        tails, heads = _edges(graph, np.asarray(nodes))
+        usable = ~settled[heads] | (heads == last)
+        tails, heads = tails[usable], heads[usable]
+        legs = points[tails], points[heads], arrival[tails]
+        found = sailed(*legs, current, vessel, drift, _EDGE_PIECES)
+        found[is_shut(*legs, found)] = np.inf
+        better = np.flatnonzero(found < arrival[heads])
+        better = better[np.argsort(-found[better])]  # of those to one node the best is put last
         arrival[heads[better]] = found[better]
-        came_from[heads[better]] = node
-        for time, head in zip(found[better].tolist(), heads[better].tolist(), strict=True):
-            heapq.heappush(queue, (time, head))
+        came_from[heads[better]] = tails[better]
     if not math.isfinite(arrival[last]):
         return math.inf, np.empty((0, 2))
     row = [last]
     while row[-1] != first:
         row.append(int(came_from[row[-1]]))
     return float(vessel.fuel_rate * (arrival[last] - departure)), points[row[::-1]]
+
+
+def _edges(graph: csr_array, nodes: IntArray) -> tuple[IntArray, IntArray]:
+    """First and last nodes (m,) of the edges from nodes (n,)."""
+    counts = np.diff(graph.indptr)[nodes]
+    before = np.repeat(graph.indptr[nodes] - (np.cumsum(counts) - counts), counts)
+    return np.repeat(nodes, counts), graph.indices[before + np.arange(counts.sum())]
 
 
 def tighten(

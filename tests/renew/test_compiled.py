@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +28,43 @@ stats = outer.doubled.stats
 print(result, sum(stats.cache_misses.values()), _compiled.cache_is_temporary())
 print(_compiled.cache_folder())
 print(_compiled.processor(), len(_compiled.save_failures()), len(_compiled.load_failures()))
+"""
+
+# Imports take longer than all else that the script does. So one process imports all that Numba
+# needs to compile, reads requests, and forks for each: a process with these variables and no
+# others, in which no code of RENEW has run and Numba has compiled nothing.
+FORKS = """
+import contextlib, importlib, json, os, platform, resource, subprocess, sys, tempfile, traceback
+import numba
+compiled = "import numba, sys; numba.njit(lambda x: x)(1.0); print(*sys.modules)"
+for name in subprocess.check_output([sys.executable, "-c", compiled], text=True).split():
+    with contextlib.suppress(ImportError):
+        importlib.import_module(name)
+for line in sys.stdin:
+    folder, variables, script = json.loads(line)
+    reader, writer = os.pipe()
+    if child := os.fork():
+        os.close(writer)
+        with open(reader) as said:
+            text = said.read()
+        print(json.dumps([os.waitpid(child, 0)[1], text]), flush=True)
+        continue
+    os.dup2(writer, 1)
+    os.dup2(writer, 2)
+    code = 1
+    try:
+        os.chdir(folder)
+        os.environ.clear()
+        os.environ.update(variables)
+        sys.dont_write_bytecode = "PYTHONDONTWRITEBYTECODE" in variables
+        numba.config.reload_config()
+        exec(script, {"os": os, "resource": resource})
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        os._exit(code)
 """
 
 
@@ -55,7 +94,9 @@ def package(tmp_path: Path) -> Path:
 def _made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Machine code of the two kernels, and Python's."""
     package = install(tmp_path_factory.mktemp("made"))
-    assert run(package).compiled == 1
+    fresh = [sys.executable, "-c", SCRIPT]
+    done = subprocess.run(fresh, cwd=package.parent, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("6.0 1 False")
     return package / "__pycache__"
 
 
@@ -84,18 +125,9 @@ class Ran(NamedTuple):
     unread: int
 
 
-def run(package: Path, *prefix: str, **variables: str) -> Ran:
-    """Run the script in a new process, behind a prefix such as `setpriv`."""
-    passed_on = {"PATH", "LD_LIBRARY_PATH"}
-    done = subprocess.run(
-        [*prefix, sys.executable, "-c", SCRIPT],
-        env={key: value for key, value in os.environ.items() if key in passed_on} | variables,
-        cwd=package.parent,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    figures, folder, more = done.stdout.splitlines()
+def run(package: Path, before: str = "", **variables: str) -> Ran:
+    """Run the script in a new process, after a statement that changes the process itself."""
+    figures, folder, more = printed(package, f"{before}\n{SCRIPT}", **variables).splitlines()
     result, compiled, temporary = figures.split()
     processor, *failures = more.split()
     return Ran(
@@ -105,6 +137,41 @@ def run(package: Path, *prefix: str, **variables: str) -> Ran:
         Path(folder),
         processor,
         *map(int, failures),
+    )
+
+
+def printed(package: Path, script: str, **variables: str) -> str:
+    """What a script prints in a new process in the package's folder."""
+    server = forks()
+    assert server.stdin is not None
+    assert server.stdout is not None
+    passed_on = {"PATH", "LD_LIBRARY_PATH"}
+    kept = {key: value for key, value in os.environ.items() if key in passed_on}
+    server.stdin.write(json.dumps([str(package.parent), kept | variables, script]) + "\n")
+    server.stdin.flush()
+    code, text = json.loads(server.stdout.readline())
+    assert code == 0, text
+    return str(text)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forks_end() -> Iterator[None]:
+    """End the process that forks."""
+    yield
+    if forks.cache_info().currsize:
+        with forks():
+            forks.cache_clear()
+
+
+@cache
+def forks() -> subprocess.Popen[str]:
+    """Start a process that has imported Numba, and forks for each request."""
+    return subprocess.Popen(
+        [sys.executable, "-c", FORKS],
+        cwd="/",
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
 
 
@@ -119,14 +186,7 @@ def test_only_kernels_that_python_calls_have_machine_code(compiled: Path) -> Non
     folder = code_folder(compiled)
     assert {path.name.split(".")[0] for path in folder.iterdir()} == {"outer"}
     call_both = "from renew import inner, outer; print(outer.doubled(1.0), inner.factor())"
-    done = subprocess.run(
-        [sys.executable, "-c", call_both],
-        cwd=compiled.parent,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout == "2.0 2.0\n"
+    assert printed(compiled, call_both) == "2.0 2.0\n"
     assert {path.name.split(".")[0] for path in folder.iterdir()} == {"inner", "outer"}
 
 
@@ -180,9 +240,13 @@ def test_shipped_code_needs_neither_its_path_nor_its_times(package: Path, tmp_pa
     assert run(elsewhere, NUMBA_CACHE_DIR=str(shipped))[:2] == (6.0, 0)
 
 
-@pytest.mark.skipif(shutil.which("prlimit") is None, reason="needs prlimit of util-linux")
+def limit_files(size_bytes: int) -> str:
+    """Statement that lets a process write no longer files."""
+    return f"resource.setrlimit(resource.RLIMIT_FSIZE, ({size_bytes}, {size_bytes}))"
+
+
 def test_code_that_cannot_be_saved_is_counted(package: Path) -> None:
-    full = run(package, "prlimit", "--fsize=16", PYTHONDONTWRITEBYTECODE="1")
+    full = run(package, limit_files(16), PYTHONDONTWRITEBYTECODE="1")
     assert (full.result, full.compiled, full.unsaved) == (6.0, 1, 1)
     again = run(package)
     assert (again.compiled, again.unsaved) == (1, 0)
@@ -204,11 +268,8 @@ def test_without_a_lasting_folder_it_is_written_to_a_private_temporary_one(
     assert run(package, **places).folder != folder
 
 
-NOBODY = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--inh-caps=-all")
-needs_nobody = pytest.mark.skipif(
-    os.geteuid() != 0 or shutil.which("setpriv") is None,
-    reason="only root can run as another user, by setpriv of util-linux",
-)
+NOBODY = "os.setgroups([]), os.setgid(65534), os.setuid(65534)"
+needs_nobody = pytest.mark.skipif(os.geteuid() != 0, reason="only root can run as another user")
 
 
 @pytest.fixture
@@ -225,27 +286,26 @@ def home(package: Path, tmp_path: Path) -> Path:
 
 @needs_nobody
 def test_another_user_loads_what_root_has_compiled(package: Path, home: Path) -> None:
-    first = run(package, *NOBODY, HOME=str(home))
+    first = run(package, NOBODY, HOME=str(home))
     assert first[:3] == (6.0, 1, False)
     assert first.folder.is_relative_to(home / ".cache")
-    assert run(package, *NOBODY, HOME=str(home)).compiled == 0
+    assert run(package, NOBODY, HOME=str(home)).compiled == 0
     # What root has compiled is loaded, although this user can't write there.
     shutil.rmtree(home / ".cache")
     assert run(package).folder.is_relative_to(package)
-    assert run(package, *NOBODY, HOME=str(home)).compiled == 0
+    assert run(package, NOBODY, HOME=str(home)).compiled == 0
     # A home folder that can't be written, such as that of a service.
-    assert run(package, *NOBODY, HOME="/nonexistent", TMPDIR=str(home))[:3] == (6.0, 0, True)
+    assert run(package, NOBODY, HOME="/nonexistent", TMPDIR=str(home))[:3] == (6.0, 0, True)
 
 
 @needs_nobody
 def test_what_root_compiles_under_umask_077_can_be_read_as_the_package_can(
     package: Path, home: Path
 ) -> None:
-    private = ("sh", "-c", 'umask 077; exec "$@"', "sh")
-    folder = run(package, *private).folder
+    folder = run(package, "os.umask(0o077)").folder
     assert {oct(path.stat().st_mode & 0o777) for path in (folder, folder.parent)} == {"0o755"}
     assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o644}
-    assert run(package, *NOBODY, HOME=str(home), PYTHONDONTWRITEBYTECODE="1").compiled == 0
+    assert run(package, NOBODY, HOME=str(home), PYTHONDONTWRITEBYTECODE="1").compiled == 0
 
 
 OTHER_UNREADABLE = ("folder", "pycache", "asked", "home")
@@ -265,7 +325,7 @@ def test_a_cache_that_cannot_be_read_is_no_cache(package: Path, home: Path, what
         private = {"files": list(folder.iterdir()), "pycache": [folder.parent]}.get(what, [folder])
     for path in private:
         path.chmod(0o000)
-    again = run(package, *NOBODY, HOME=str(home), TMPDIR=str(home), **asked)
+    again = run(package, NOBODY, HOME=str(home), TMPDIR=str(home), **asked)
     assert (again.result, again.compiled) == (6.0, 0 if what == "home" else 1)
     assert again.unread
 
@@ -323,10 +383,9 @@ def test_a_damaged_cache_counts_as_missing_and_is_made_again(
     assert run(compiled).compiled == int(lasts)
 
 
-@pytest.mark.skipif(shutil.which("prlimit") is None, reason="needs prlimit of util-linux")
 def test_without_any_folder_to_write_to_it_runs_all_the_same(package: Path) -> None:
     shutil.rmtree(package / "__pycache__", ignore_errors=True)
     (package / "__pycache__").touch()
-    found = run(package, "prlimit", "--fsize=0", HOME=os.devnull)
+    found = run(package, limit_files(0), HOME=os.devnull)
     assert (found.result, found.compiled, found.temporary) == (6.0, 1, True)
     assert found.unsaved
