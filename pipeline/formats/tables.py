@@ -21,7 +21,13 @@ from pipeline.formats.passage.waypoints import (
     wrapped_longitude,
 )
 from pipeline.formats.shared.departures_and_speeds import TradeOff, trade_offs
-from pipeline.formats.shared.ensembles import ENSEMBLE_COLUMNS, ensemble_rows
+from pipeline.formats.shared.ensembles import (
+    ENSEMBLE_COLUMNS,
+    ENSEMBLE_FIGURES,
+    ensemble_figures,
+    ensemble_of,
+    ensemble_rows,
+)
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.route_profile import coast_index, cumulative, steps_along_legs
 from pipeline.formats.shared.text import duration as duration_text, to_minute, write_json
@@ -82,8 +88,13 @@ def write_metrics(result: RunResult, path: Path) -> None:
     for metrics in (ranked.metrics for ranked in result.routes):
         passage = result.scenario.passage(metrics.season, round(metrics.duration_s)) or ()
         cells = {column: _cell(metrics, field) for column, field in METRICS_COLUMNS.items()}
-        rows.append({**cells, **dict(zip(_PASSAGE, map(utc_text, passage), strict=False))})
-    write_csv(path, [*METRICS_COLUMNS, *_PASSAGE], rows)
+        cells |= dict(zip(_PASSAGE, map(utc_text, passage), strict=False))
+        found = ensemble_of(result, metrics.season)
+        if found is not None and metrics.rank == 1:
+            routes = [one.metrics for one in result.season_routes(metrics.season)]
+            cells |= ensemble_figures(found, routes)
+        rows.append(cells)
+    write_csv(path, [*METRICS_COLUMNS, *ENSEMBLE_FIGURES, *_PASSAGE], rows)
 
 
 def _cell(metrics: RouteMetrics, field: str) -> str:

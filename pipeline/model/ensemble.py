@@ -8,7 +8,7 @@ import numpy as np
 import renew
 from pipeline._types import FloatArray
 from renew.errors import Text
-from renew.planner.ensemble.statistics import Statistic, statistic
+from renew.planner.ensemble.statistics import FEWEST, Statistic, statistic
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,6 +85,11 @@ class EnsembleFigures:
     def is_sure(self) -> bool:
         """Whether all other routes are surely dearer."""
         return self.close == (1,)
+
+    @property
+    def has_quantiles(self) -> bool:
+        """Whether there are members enough for P90 and CVaR."""
+        return len(self.names) >= FEWEST
 
     def share(self, rank: int) -> float:
         """Share of the members, by weight, in which a route is the best."""

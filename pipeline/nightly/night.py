@@ -18,6 +18,7 @@ from pipeline.machine.store import MAX_STORE_BYTES, Store, prune, remove_unfinis
 from pipeline.nightly import outcome
 from pipeline.nightly.cycle import results
 from pipeline.nightly.cycle.folders import LATEST, Cycles, night_lock, writing
+from pipeline.nightly.cycle.forecasts import Forecasts
 from pipeline.nightly.cycle.part_files import Partial, gaps
 from pipeline.nightly.outcome import NightEvent, NightEventHandler, NightOutcome, NightStage
 from pipeline.nightly.request.cases import Cases, request_hash
@@ -235,6 +236,7 @@ class _Night:
                 self.newest.stale_reason(partial.started, self.config.spec.stale_hours),
             ),
             earlier,
+            Forecasts(self.config.output),
             self._progress,
             self._check_time,
         )
@@ -249,6 +251,7 @@ class _Night:
         total = len(self.cases)
         if not gaps(planning.partial.parts(), 0, total):
             return
+        planning.forecasts.keep(self.cases, self.newest, prune=self.only is None)
         with night_workers(
             self.scheduler,
             workers=self.config.spec.workers,

@@ -68,6 +68,8 @@ def load_scenario(
             for note in notes:
                 on_note(note)
     scenario = faults.collect(lambda: parse_scenario(data, path.parent))
+    if scenario is not None:
+        faults.lines += _kept_members(scenario)
     if scenario is None or faults.lines:
         raise RequestError(faults.lines)
     return scenario
@@ -114,6 +116,16 @@ def _missing_paths(scenario: Scenario) -> Iterator[str]:
     if havens is not None and (reason := unreadable_reason(havens.path)):
         remedy = "; give a GeoJSON file with points" if reason == NOT_THERE else ""
         yield f"havens.path = '{shown(havens.path)}' {reason}{remedy}"
+
+
+def _kept_members(scenario: Scenario) -> Iterator[str]:
+    """Find members that are the forecasts of a night, which other commands don't have."""
+    for at, season in enumerate(scenario.seasons):
+        if season.members is not None and season.members.are_kept:
+            yield (
+                f"seasons[{at}].members (season {season.name!r}) has neither 'along' nor 'spread', "
+                "and only renew nightly keeps forecasts; give one of the two"
+            )
 
 
 def _unknown_sources(scenario: Scenario) -> Iterator[str]:

@@ -7,8 +7,8 @@ from pydantic import Field, model_validator
 from pipeline.scenario import strict
 from pipeline.scenario.strict import StrictModel
 
-FILES = "files"
-"""The word for members that are files of their own."""
+FILES, CYCLES = "files", "cycles"
+"""Words for members that are files of their own, or the forecasts in folders of their own."""
 
 
 class MembersSpec(StrictModel):
@@ -18,9 +18,10 @@ class MembersSpec(StrictModel):
     """
 
     along: str = Field(default="", examples=["member"])
-    """Where the members are: 'files', if each file of the season's source is one, or the name of a
-    dimension of its files. Give 'files' or a name such as 'realization', or leave it out for
-    'spread'."""
+    """Where the members are: 'files', if each file of the season's source is one; 'cycles', if the
+    files of each folder are one forecast, the newest in the folder whose name is the last; or the
+    name of a dimension of its files. Give 'files', 'cycles' or a name such as 'realization', or
+    leave it out for 'spread', and in a night for the forecasts that it has kept."""
     spread: strict.Positive | None = Field(
         default=None, le=10, examples=[0.2], json_schema_extra=strict.unit("m/s")
     )
@@ -29,7 +30,8 @@ class MembersSpec(StrictModel):
     eddy_km: strict.Positive = Field(default=80.0, le=1e4, json_schema_extra=strict.unit("km"))
     """Wave length of the eddies of 'spread', about, true km. Give km, such as 80."""
     count: strict.Integer = Field(default=20, ge=2, le=200)
-    """Number of members with 'spread'. Give a whole number from 2 to 200."""
+    """Number of members with 'spread'; of forecasts that a night keeps, the most. Give a whole
+    number from 2 to 200."""
     weights: tuple[strict.NonNegative, ...] = Field(default=(), examples=[[2.0, 1.0, 1.0]])
     """How likely each member is, in their order; by default all are equally likely. Give numbers,
     0 or more, or leave it out."""
@@ -40,9 +42,14 @@ class MembersSpec(StrictModel):
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        if bool(self.along) == (self.spread is not None):
-            both = "both 'along' and 'spread'" if self.along else "neither 'along' nor 'spread'"
-            raise ValueError(f"has {both}; give one of the two")
-        if self.weights and self.spread is not None:
-            raise ValueError("has 'weights' for random members; leave them out, or give 'along'")
+        if self.along and self.spread is not None:
+            raise ValueError("has both 'along' and 'spread'; give one of the two")
+        if self.weights and not self.along:
+            which = "forecasts that a night keeps" if self.are_kept else "random members"
+            raise ValueError(f"has 'weights' for {which}; leave them out, or give 'along'")
         return self
+
+    @property
+    def are_kept(self) -> bool:
+        """Whether the members are the forecasts that a night keeps."""
+        return not self.along and self.spread is None

@@ -16,7 +16,7 @@ from pydantic import (
 )
 
 from pipeline.scenario import strict
-from pipeline.scenario.members import FILES, MembersSpec
+from pipeline.scenario.members import CYCLES, FILES, MembersSpec
 from pipeline.scenario.region import Plane
 from pipeline.scenario.strict import StrictModel
 from pipeline.scenario.times import DepartureTimes, Interval, Period, period
@@ -177,7 +177,7 @@ class Season(StrictModel):
     least = 2.5, most = 6.0 } in m/s, or leave it out."""
     members: MembersSpec | None = None
     """Currents that may each come true, in place of one. Give a table as { along = 'files' } or {
-    spread = 0.2 }, or leave it out."""
+    spread = 0.2 }, in a night {} for the forecasts that it has kept, or leave it out."""
     max_hours: strict.Positive | None = Field(
         default=None, le=MAX_HOURS, examples=[240], json_schema_extra=strict.unit("hours")
     )
@@ -241,14 +241,14 @@ class Season(StrictModel):
         for name in ("departures", "arrive_by", "speed"):
             if getattr(self, name) is not None:
                 yield f"has 'members' and {name!r}; each member has times of its own: leave one out"
-        along, others = (
-            self.members.along,
-            [source_name(one) for one in self.currents if not isinstance(one, tuple)],
-        )
-        if along and (others or not self.currents):
-            kind = "files" if along == FILES else "files with that dimension"
+        along = self.members.along
+        others = [source_name(one) for one in self.currents if not isinstance(one, tuple)]
+        if self.members.spread is None and (others or not self.currents):
+            is_named = along in {"", FILES, CYCLES}
+            kind = "files" if is_named else "files with that dimension"
+            given = f"members.along = {along!r}" if along else "'members' of earlier forecasts"
             without = f", not {', '.join(others)}" if others else ""
-            yield f"has members.along = {along!r}, which needs {kind} in 'currents'{without}"
+            yield f"has {given}, which needs {kind} in 'currents'{without}"
 
     def _window_faults(self) -> Iterator[str]:
         """Find faults of the departures to choose from."""

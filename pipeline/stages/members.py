@@ -85,8 +85,10 @@ def _plus(base: renew.CurrentField, x: FloatArray, y: FloatArray, eddies: FloatA
     return renew.GriddedCurrent(x, y, u, v)
 
 
-def from_source(grid: CurrentGrid, spec: MembersSpec, planar: Planar) -> MemberCurrents:
-    """Return the members that a source has; `planar` brings a current into the plane."""
+def from_source(grid: CurrentGrid, spec: MembersSpec, planar: Planar) -> MemberCurrents | None:
+    """Return the members that a source has, or None; `planar` brings a current into the plane."""
+    if not grid.members:
+        return None
     fields = [planar(replace(grid, u=one.u, v=one.v, members=())) for one in grid.members]
     weights = np.array([one.weight for one in grid.members])
     names = tuple(one.name for one in grid.members)

@@ -19,9 +19,19 @@ from pipeline.errors import RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
 from pipeline.machine.store import Artefact, Store
-from pipeline.model import CurrentGrid, Fetched, Scene, Simplified, VoyageBefore, planner_vessel
+from pipeline.model import (
+    Current,
+    CurrentGrid,
+    Fetched,
+    MemberCurrents,
+    Scene,
+    Simplified,
+    VoyageBefore,
+    planner_vessel,
+)
 from pipeline.model.planning import speed_choices
 from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
 from pipeline.sources.interpolation import bilinear
 from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.sources.tides.zones import stations_of
@@ -148,18 +158,28 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
 def with_members(scene: Scene, scenario: Scenario, fetched: Fetched) -> Scene:
     """Return a scene with the members of each season's current, where it has any."""
     grids = {grid.season: grid for grid in fetched.currents}
-    bounds, found = scene.chart.bounds, {}
+    found = {
+        season.name: members_of(scene, scenario, season, current, grids.get(season.name))
+        for season in scenario.seasons
+        if (current := scene.currents.get(season.name)) is not None
+    }
+    return replace(scene, members={name: one for name, one in found.items() if one is not None})
+
+
+def members_of(
+    scene: Scene, scenario: Scenario, season: Season, current: Current, grid: CurrentGrid | None
+) -> MemberCurrents | None:
+    """Return the members of a season's planar current in a scene, or None where it has none.
+
+    `grid` is the current as its source has it; a plane has none.
+    """
+    spec, bounds = season.members, scene.chart.bounds
+    if spec is None:
+        return None
+    if spec.spread is not None:
+        return stirred(current, spec, bounds, scenario.scale, scenario.planner.seed)
     planar = partial(planar_current, projection=scene.projection, bounds=bounds)
-    for season in scenario.seasons:
-        spec, current = season.members, scene.currents.get(season.name)
-        if spec is None or current is None:
-            continue
-        if spec.spread is None:
-            found[season.name] = from_source(grids[season.name], spec, planar)
-        else:
-            seed = scenario.planner.seed
-            found[season.name] = stirred(current, spec, bounds, scenario.scale, seed)
-    return replace(scene, members=found)
+    return None if grid is None else from_source(grid, spec, planar)
 
 
 def extent_polygon(region: shapely.Polygon, projection: Projection) -> shapely.Polygon:

@@ -57,7 +57,7 @@ def fan_figure(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Figur
         axes.text(
             0.005,
             row + 0.34,
-            f"{drawable(one.metrics.way or way_text(one), _MAX_WAY)}: best in {share}",
+            f"{drawable(one.metrics.way or way_text(one.metrics), _MAX_WAY)}: best in {share}",
             transform=axes.get_yaxis_transform(),
             fontsize=TEXT_PT,
             color=COLOURS["ink"],

@@ -1,12 +1,12 @@
 """How sure a season's side is, for readers: sentences, and a row for each route and member."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pipeline.formats.shared import text
 from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.model import EnsembleFigures, Note
+from pipeline.model import EnsembleFigures, Note, RouteMetrics
 
 # Saving that is not worth a sentence, as a share of the mean fuel.
 _NOTHING = 5e-4
@@ -33,9 +33,39 @@ def has_ensembles(result: RunResult) -> bool:
     return any(plan.ensemble is not None for plan in result.plans)
 
 
-def way_text(one: RankedRoute) -> str:
+ENSEMBLE_FIGURES = ("members_count", "members_flips", "members_waiting_saves", "members_gap")
+"""How sure a season's first route is: how many members there are, in how many of them another side
+is the best, what is saved on average if the member is known before (the planner's fuel), and the
+share by which any single route may have a smaller mean, at most."""
+
+
+def way_text(one: RouteMetrics) -> str:
     """Name a route by its side, or by its rank where no island distinguishes it."""
-    return one.metrics.main_passage or f"route {one.rank}"
+    return one.main_passage or f"route {one.rank}"
+
+
+def side_shares(found: EnsembleFigures, routes: Iterable[RouteMetrics]) -> str:
+    """Say in what share of the members each side is the best, the likeliest first."""
+    shares: dict[str, float] = {}
+    for one in routes:
+        shares[way_text(one)] = shares.get(way_text(one), 0.0) + found.share(one.rank)
+    by_share = sorted(shares.items(), key=lambda side: -side[1])
+    return "; ".join(f"{side} in {text.percent(share, 0)}" for side, share in by_share if share)
+
+
+def ensemble_figures(found: EnsembleFigures, routes: Sequence[RouteMetrics]) -> dict[str, Any]:
+    """Return the figures of a season's routes, by rank; None where one is not finite."""
+    sides = {one.rank: way_text(one) for one in routes}
+    flips = sum(sides.get(rank, sides[1]) != sides[1] for rank in found.best_in)
+    figures = (found.waiting_saves, found.gap("mean"))
+    known = (one if math.isfinite(one) else None for one in figures)
+    return dict(zip(ENSEMBLE_FIGURES, (len(found.names), flips, *known), strict=True))
+
+
+def flips_text(figures: Mapping[str, Any]) -> str:
+    """Say in how many members another side is the best."""
+    flips, count = figures["members_flips"], figures["members_count"]
+    return f"the side flips in {flips or 'none'} of {count} members"
 
 
 def ensemble_text(result: RunResult, season: str) -> tuple[str, ...]:
@@ -57,19 +87,17 @@ def ensemble_notes(result: RunResult) -> tuple[Note, ...]:
 
 def _sentences(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[str]:
     """Yield what the members say of a season's routes."""
-    shares: dict[str, float] = {}
-    for one in routes:
-        shares[way_text(one)] = shares.get(way_text(one), 0.0) + found.share(one.rank)
-    by_share = sorted(shares.items(), key=lambda side: -side[1])
-    listed = "; ".join(f"{side} in {text.percent(share, 0)}" for side, share in by_share if share)
-    best = way_text(routes[0])
-    close = dict.fromkeys(way_text(one) for one in routes if one.rank in found.close)
+    metrics = [one.metrics for one in routes]
+    best = way_text(metrics[0])
+    close = dict.fromkeys(way_text(one) for one in metrics if one.rank in found.close)
     others = [side for side in close if side != best]
     verdict = f"Surely {best}, by {_CHOSEN_BY[found.choose]}"
     if others:
         verdict = f"Too close to call between {best} and {' and '.join(others)}"
-    count = len(found.names)
-    yield f"{verdict}: of {count} members, each of which may come true, the best is {listed}."
+    yield (
+        f"{verdict}: {flips_text(ensemble_figures(found, metrics))}, each of which may come true. "
+        f"The best is {side_shares(found, metrics)}."
+    )
     mean = found.statistic("mean", 1)
     if not math.isfinite(mean):
         yield "The route taken can't be sailed in every member."
@@ -80,22 +108,22 @@ def _sentences(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Itera
         if regret > _NOTHING * mean:
             share = text.percent(regret / mean)
             most = f" Where it is most wrong, another route needs {share} of that less."
-        yield (
-            f"The route taken needs {text.fuel(mean)} on average, and at most "
-            f"{text.percent(p90 / mean - 1)} more in nine members of ten; the worst tenth needs "
-            f"{text.percent(cvar / mean - 1)} more.{most}"
-        )
+        worst = ""
+        if found.has_quantiles:
+            worst = (
+                f", and at most {text.percent(p90 / mean - 1)} more in nine members of ten; the "
+                f"worst tenth needs {text.percent(cvar / mean - 1)} more"
+            )
+        yield f"The route taken needs {text.fuel(mean)} on average{worst}.{most}"
         if found.waiting_saves > _NOTHING * mean:
             worth = text.percent(found.waiting_saves / mean)
             yield (
                 f"To know the member before the side is chosen would save {worth} on average: "
                 "waiting for a better forecast is worth no more than that to this choice."
             )
-        saves = [1 - 1 / (1 + found.gap(name)) for name in ("mean", "cvar90")]
-        yield (
-            f"Any other single route saves at most {text.at_most_percent(saves[0])} of that, and "
-            f"at most {text.at_most_percent(saves[1])} in the worst tenth."
-        )
+        saves = [text.at_most_percent(1 - 1 / (1 + found.gap(name))) for name in ("mean", "cvar90")]
+        worst = f", and at most {saves[1]} in the worst tenth" * found.has_quantiles
+        yield f"Any other single route saves at most {saves[0]} of that{worst}."
     yield from _shut(found, routes)
 
 
@@ -107,7 +135,7 @@ def _shut(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[s
             named = ", ".join(member for member, _ in members[:_MAX_NAMED])
             more = f" and {len(members) - _MAX_NAMED} more" * (len(members) > _MAX_NAMED)
             yield (
-                f"{text.capitalised(way_text(one))} can't be sailed in {named}{more}: "
+                f"{text.capitalised(way_text(one.metrics))} can't be sailed in {named}{more}: "
                 f"{members[0][1]}."
             )
 

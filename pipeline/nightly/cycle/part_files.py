@@ -37,6 +37,8 @@ _ROUTE = [
     *_fields(_TEXT, "side island class"),
     *_fields(_NUMBER, "fuel fuel_per_distance length_m duration_s clearance_m optimality_gap"),
     *_fields(_COUNT, "trials collisions"),
+    *_fields(_NUMBER, "members_share members_mean_fuel members_p90_fuel members_cvar90_fuel"),
+    ("members_regret", _NUMBER),
     ("arrival", _TIME),
     ("geometry", pa.binary()),
 ]
@@ -49,7 +51,9 @@ _CASE = [
     ("earlier_arrival", _TIME),
     ("keep_fuel", _NUMBER),
     ("keep_arrival", _TIME),
-    *_fields(_NUMBER, "saving_percent apart_m"),
+    *_fields(_NUMBER, "saving_percent apart_m members_waiting_saves members_gap"),
+    *_fields(_COUNT, "members_count members_flips"),
+    *_fields(_TEXT, "members_sides members_left_out"),
 ]
 CASE_SCHEMA = pa.schema([*_SHARED, *_CASE, *_ROUTE])
 """Columns of `cases.parquet`: a case, its best route, and what changed."""

@@ -13,7 +13,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
-from pipeline.model import Current, CurrentGrid, Fetched, Scene
+from pipeline.model import Current, CurrentGrid, Fetched, MemberCurrents, Scene
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
@@ -23,7 +23,7 @@ from pipeline.stages.choose import with_offing
 from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
 from pipeline.stages.places import plane_scene
-from pipeline.stages.project import planar_current, project
+from pipeline.stages.project import members_of, planar_current, project
 from pipeline.stages.simplify import simplify
 
 STAGE = "night-chart"
@@ -92,13 +92,16 @@ class NightChart:
 class NightCurrent:
     """A current in the planner's plane.
 
-    `stand_in` is "" or says which current replaces the first choice, and why.
+    `stand_in` is "" or says which current replaces the first choice, and why. `members` are there
+    if it is the mean of several, and `left_out` says which of them can't be used, and why.
     """
 
     current: Current
     valid: str
     source: str
     stand_in: str
+    members: MemberCurrents | None = None
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,17 +216,23 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
     if chart.scenario.is_planar:
         alone = chart.scenario.model_copy(update={"seasons": (season,)})
         current = plane_scene(alone).currents[season.name]
-        return NightCurrent(current, season.title or season.name, "numbers", "")
+        members = members_of(chart.scene, chart.scenario, season, current, None)
+        return NightCurrent(current, season.title or season.name, "numbers", "", members)
     with land_freed_at_end():
         found = _chart_fetcher(task.chart_path, task.store_root).current(season)
     if found.grid is None:
         reasons = "; ".join(passed.reason for passed in found.passed_over)
         raise StageError(f"no source of currents could be used: {reasons}")
+    grid, scene = found.grid, chart.scene
+    current = planar_current(grid, scene.projection, scene.chart.bounds)
+    left_out = tuple(one for one in grid.notes if one.kind == "member-left-out")
     return NightCurrent(
-        planar_current(found.grid, chart.scene.projection, chart.scene.chart.bounds),
-        found.grid.valid,
-        found.grid.credit.name,
-        _stand_in(found.grid),
+        current,
+        grid.valid,
+        grid.credit.name,
+        _stand_in(grid),
+        members_of(scene, chart.scenario, season, current, grid),
+        tuple(note_texts(left_out)),
     )
 
 

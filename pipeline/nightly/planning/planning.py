@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.errors import PipelineError
 from pipeline.machine.store import Store, artefact_key, read_checked
+from pipeline.nightly.cycle.forecasts import Forecasts
 from pipeline.nightly.cycle.part_files import Partial, gaps, part_path, write_part
 from pipeline.nightly.cycle.results import EarlierRoutes
 from pipeline.nightly.outcome import ComeAgainError
@@ -19,6 +20,7 @@ from pipeline.nightly.planning.chart import STAGE, ChartTask, CurrentTask, chart
 from pipeline.nightly.planning.work import BatchWork
 from pipeline.nightly.request.cases import Case, Cases
 from pipeline.nightly.request.newest_currents import Newest, named_currents
+from pipeline.scenario.members import CYCLES
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Currents, Season
 from pipeline.scenario.strict import Point
@@ -96,6 +98,7 @@ class Planning:
     partial: Partial
     rules: worker.Rules
     earlier: EarlierRoutes | None
+    forecasts: Forecasts
     on_progress: Callable[[int, int], None]
     check: Callable[[], None]
     failures: dict[Path, str] = field(default_factory=dict)
@@ -194,6 +197,11 @@ class Planning:
         update: dict[str, object] = {}
         if case.member is not None or self.newest.ahead:
             update["currents"] = self._usable_currents(case)
+        members = case.season.members
+        if members is not None and members.are_kept:
+            kept = self.forecasts.members(case.season, self._usable_currents(case))
+            along = members.model_copy(update={"along": CYCLES})
+            update |= {"currents": kept, "members": along} if kept else {"members": None}
         leaves = self.leaves(case)
         if case.departure is not None and leaves is not None and not case.block.scenario.is_planar:
             update["departure"] = leaves

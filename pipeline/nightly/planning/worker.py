@@ -19,6 +19,7 @@ import shapely
 
 import renew
 from pipeline.errors import one_line
+from pipeline.formats.shared.ensembles import ensemble_figures, flips_text, side_shares
 from pipeline.machine.files import needed
 from pipeline.machine.store import read_checked
 from pipeline.model import RouteMetrics, Scene, SeasonPlan
@@ -45,6 +46,11 @@ _SAME_END = 1e-6
 # If yesterday's route is cheaper by more than this percentage, that is reported; the planner's
 # tolerance is smaller.
 _CHEAPER_PERCENT = 0.1
+# Figures of a route that may not be there.
+_MAY_LACK = (
+    *("clearance_m", "optimality_gap", "members_share", "members_mean_fuel", "members_p90_fuel"),
+    *("members_cvar90_fuel", "members_regret"),
+)
 # Largest spacing of points from which two lines' distance is measured, as a share of a leg.
 _DENSIFY = 0.01
 
@@ -168,6 +174,9 @@ def plan_case(
     ]
     best = routes[0]
     row = _row_of(case, 0) | {key: best[key] for key in best if key not in {"rank", "index"}}
+    if planned.ensemble is not None:
+        row |= ensemble_figures(planned.ensemble, figures)
+        row["members_sides"] = side_shares(planned.ensemble, figures)
     row |= _described(current) | {
         "status": PLANNED,
         "reason": "",
@@ -217,7 +226,12 @@ def _row_of(case: CaseTask, rank: int) -> Row:
 
 def _described(current: NightCurrent) -> Row:
     """Return the columns that describe the current."""
-    return {"currents": current.valid, "source": current.source, "stand_in": current.stand_in}
+    return {
+        "currents": current.valid,
+        "source": current.source,
+        "stand_in": current.stand_in,
+        "members_left_out": "; ".join(current.left_out) or None,
+    }
 
 
 def _route_row(case: CaseTask, scene: Scene, route: Route, figure: RouteMetrics) -> Row:
@@ -231,13 +245,17 @@ def _route_row(case: CaseTask, scene: Scene, route: Route, figure: RouteMetrics)
         "fuel_per_distance": figure.fuel_per_distance,
         "length_m": figure.length_m,
         "duration_s": figure.duration_s,
-        "clearance_m": figure.clearance_m if math.isfinite(figure.clearance_m) else None,
-        "optimality_gap": figure.optimality_gap if math.isfinite(figure.optimality_gap) else None,
         "trials": figure.trials,
         "collisions": figure.collisions,
+        **{name: _known(getattr(figure, name)) for name in _MAY_LACK},
         "arrival": _arrival(case.leaves, figure.duration_s),
         "geometry": shapely.to_wkb(shapely.LineString(lonlat)),
     }
+
+
+def _known(figure: float) -> float | None:
+    """Return a figure, or None if it is not finite."""
+    return figure if math.isfinite(figure) else None
 
 
 def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
@@ -252,6 +270,7 @@ def _scene(case: CaseTask, chart: NightChart, current: NightCurrent) -> Scene:
         chart.scene.goal if case.goal is None else _placed(chart, case.goal),
     )
     season, departures = case.names[1], dict[str, datetime]()
+    members = current.members
     if case.leaves is not None and not current.current.is_steady:
         departures[season] = case.leaves
     return replace(
@@ -260,6 +279,7 @@ def _scene(case: CaseTask, chart: NightChart, current: NightCurrent) -> Scene:
         goal=goal,
         currents={season: current.current},
         departures=departures,
+        members={} if members is None else {season: members},
     )
 
 
@@ -330,7 +350,8 @@ def judged(
         if name in rejected - sailed or row.get("keep_fuel") is None:
             act.append(f"yesterday's class {name} can't be sailed any more")
         if earlier.island == row["island"] and earlier.side != row["side"]:
-            look.append(f"{earlier.side} yesterday, {row['side']} now")
+            sure = f"; {flips_text(row)}" if "members_flips" in row else ""
+            look.append(f"{earlier.side} yesterday, {row['side']} now{sure}")
         saving = row.get("saving_percent")
         if saving is not None and saving < -_CHEAPER_PERCENT:
             # Tonight's best route has the least fuel of all routes that are safe tonight.

@@ -9,6 +9,7 @@ from pathlib import Path
 import shapely
 
 from pipeline.formats.shared import text
+from pipeline.formats.shared.ensembles import flips_text
 from pipeline.formats.shared.palette import style_colours
 from pipeline.nightly.cycle.part_files import Row
 from pipeline.nightly.cycle.results import EarlierRoute
@@ -23,7 +24,9 @@ _MAX_ROWS, _MAX_LINES = 200, 40
 _COLUMNS = (
     "index", "case", "scenario", "season", "vessel", "outcome", "why", "status", "reason", "side",
     "class", "earlier_class", "fuel", "keep_fuel", "saving_percent", "arrival", "earlier_arrival",
-    "apart_m", "earlier_cycle", "source", "currents", "geometry",
+    "apart_m", "earlier_cycle", "source", "currents", "geometry", "members_count", "members_flips",
+    "members_sides", "members_mean_fuel", "members_p90_fuel", "members_cvar90_fuel",
+    "members_regret", "members_waiting_saves", "members_gap", "members_left_out",
 )
 # fmt: on
 
@@ -83,13 +86,15 @@ def write_page(
     counts: Counter[str] = Counter(dict.fromkeys(OUTCOMES, 0))
     maps: dict[tuple[str, str], ChartMap] = {}
     rows: dict[str, list[Row]] = {ACT: [], LOOK: [], SAME: []}
-    earlier_cycle = ""
+    earlier_cycle, in_members = "", list[Row]()
     for row in rows_of(cases_path, _COLUMNS):
         outcome = row["outcome"]
         counts[outcome] += 1
         earlier_cycle = row["earlier_cycle"] or earlier_cycle
         if len(rows[outcome]) < _MAX_ROWS:
             rows[outcome].append({key: row[key] for key in row if key != "geometry"})
+        if row["members_count"] and len(in_members) < _MAX_ROWS:
+            in_members.append(_over_members(row))
         key = row["scenario"], row["vessel"]
         if key not in maps:
             maps[key] = _map(row, chart_of(row["index"]))
@@ -112,10 +117,35 @@ def write_page(
         counts=counts,
         rows=shown,
         hidden=counts[ACT] + counts[LOOK] - len(shown),
+        in_members=in_members,
         maps=maps.values(),
         **style_colours(),
     )
     path.write_text(page, "utf-8")
+
+
+def _over_members(row: Row) -> Row:
+    """Return how sure a case's side is, for the page; figures are shares of the mean fuel."""
+    mean = row["members_mean_fuel"]
+
+    def share(name: str, base: float = 0.0) -> str:
+        value = row[f"members_{name}"]
+        return "–" if value is None or not mean else text.percent(value / mean - base)
+
+    return {
+        "case": row["case"],
+        "said": flips_text(row).removeprefix("the side flips in ").removesuffix(" members"),
+        "sides": row["members_sides"],
+        "mean": mean,
+        "shares": {
+            "P90, above the mean": share("p90_fuel", 1.0),
+            "CVaR, above the mean": share("cvar90_fuel", 1.0),
+            "Regret, at most": share("regret"),
+            "Waiting saves": share("waiting_saves"),
+            "Gap": "–" if row["members_gap"] is None else text.percent(row["members_gap"]),
+        },
+        "left_out": row["members_left_out"],
+    }
 
 
 def _map(row: Row, chart: NightChart | None) -> ChartMap:

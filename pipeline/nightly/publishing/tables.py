@@ -50,6 +50,8 @@ CHANGES_FILE = "changes.csv"
 COLUMNS = (
     "case", "outcome", "why", "earlier_cycle", "earlier_side", "side", "earlier_class", "class",
     "earlier_arrival", "keep_arrival", "arrival", "keep_fuel", "fuel", "saving_percent", "apart_m",
+    "members_count", "members_flips", "members_sides", "members_mean_fuel", "members_p90_fuel",
+    "members_cvar90_fuel", "members_regret", "members_waiting_saves", "members_gap",
     "status", "reason",
 )
 # fmt: on

@@ -1,4 +1,4 @@
-"""Members of a forecast in the user's own files: files of their own, or along a dimension."""
+"""Members of a forecast in the user's own files: files, folders, or along a dimension."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,11 +12,12 @@ from pipeline.errors import RequestError
 from pipeline.geo.lonlat import Bounds
 from pipeline.model import CurrentGrid, Land, MemberGrid, Note
 from pipeline.model.inputs import CurrentSource, Issue
-from pipeline.scenario.members import FILES, MembersSpec
+from pipeline.scenario.members import CYCLES, FILES, MembersSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.contents import find_files
 from pipeline.sources.cf.dataset import open_dataset
+from renew.planner.ensemble.statistics import FEWEST, QUANTILES
 
 # Least number of members, and the most that are read.
 _LEAST, _MOST = 2, 200
@@ -61,7 +62,7 @@ class CfMembers(CurrentSource):
         """Read each member, checked like any current, and take their mean.
 
         A member that is refused, or on other nodes or at other times than the first one that can be
-        used, is left out by name.
+        used, is left out by name. Of forecasts, the newest must be usable, and is enough.
         """
         found: list[tuple[str, CurrentGrid, float]] = []
         out: list[str] = []
@@ -70,22 +71,31 @@ class CfMembers(CurrentSource):
             try:
                 grid = source.current(region, season, land, folder)
             except RequestError as error:
+                if self._are_cycles and not found:
+                    raise
                 out.append(f"{name}: {'; '.join(str(error).splitlines())}")
                 continue
             if found and (differs := _difference(grid, found[0][1])):
                 out.append(f"{name} has {differs} than {found[0][0]}")
                 continue
             found.append((name, grid, weight))
-        if len(found) < _LEAST:
-            few = f"{len(found)} of {len(members)} members can be used, and an ensemble has two"
-            raise RequestError("; ".join([*out, f"{few}; give more, or leave 'members' out"]))
+        left = [Note.of("member-left-out", reason=reason) for reason in out]
+        choose = self.spec.choose
+        needed, whose = (1 if self._are_cycles else _LEAST), "an ensemble has"
+        if choose in QUANTILES:
+            needed, whose = FEWEST, f"members.choose = {choose!r} needs"
+        if len(found) < needed:
+            few = f"{len(found)} of {len(members)} members can be used, and {whose} {needed}"
+            remedy = "or choose by the mean" if choose in QUANTILES else "or leave 'members' out"
+            raise RequestError("; ".join([*out, f"{few}; give more, {remedy}"]))
+        if len(found) == 1:
+            return replace(found[0][1], notes=(*found[0][1].notes, *left))
         weights = np.array([weight for *_, weight in found])
         if (weights > 0).sum() < _LEAST:
             raise RequestError("members.weights leave less than two members; raise them")
         weights /= weights.sum()
         first = found[0][1]
         notes = dict.fromkeys(note for _, grid, _ in found for note in grid.notes)
-        left = [Note.of("member-left-out", reason=reason) for reason in out]
         return replace(
             first,
             u=_mean([grid.u for _, grid, _ in found], weights),
@@ -107,15 +117,33 @@ class CfMembers(CurrentSource):
                 names = [file.name for file in files]
             found = [(name, CfFiles((str(file),))) for name, file in zip(names, files, strict=True)]
             what = f"{len(found)} file{'s' * (len(found) != 1)}"
+        elif self._are_cycles:
+            folders = sorted({file.parent for file in files}, key=lambda one: one.name)[::-1]
+            if len({one.name for one in folders}) < len(folders):
+                raise RequestError(
+                    "members.along = 'cycles' needs folders of different names, one a forecast: "
+                    f"{', '.join(one.name for one in folders)}"
+                )
+            found = [
+                (folder.name, CfFiles(tuple(str(one) for one in files if one.parent == folder)))
+                for folder in folders
+            ]
+            what = f"{len(found)} folder{'s' * (len(found) != 1)}"
         else:
             along = self.spec.along
             size = _size_along(files, along)
             each = [(f"{along} {at}", (along, at)) for at in range(size)]
             found = [(name, CfFiles(self.paths, index=index)) for name, index in each]
             what = f"{size} along {along}"
-        if not _LEAST <= len(found) <= _MOST:
-            raise RequestError(f"members: {what}; there must be {_LEAST} to {_MOST}")
+        least = 1 if self._are_cycles else _LEAST
+        if not least <= len(found) <= _MOST:
+            raise RequestError(f"members: {what}; there must be {least} to {_MOST}")
         return found
+
+    @property
+    def _are_cycles(self) -> bool:
+        """Whether the members are forecasts in folders, the newest first."""
+        return self.spec.along == CYCLES
 
     def _weights(self, count: int) -> Sequence[float]:
         """Return a weight for each member; RequestError for another number of weights."""

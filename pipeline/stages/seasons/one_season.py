@@ -166,6 +166,8 @@ def _in_members(row: RouteMetrics, found: EnsembleFigures) -> RouteMetrics:
     """Return a route's metrics with those over the members of its current."""
     known = (found.statistic(name, row.rank) for name in STATISTICS)
     mean, p90, cvar, regret = (one if math.isfinite(one) else math.nan for one in known)
+    if not found.has_quantiles:
+        p90 = cvar = math.nan
     return replace(
         row,
         members_share=found.share(row.rank),

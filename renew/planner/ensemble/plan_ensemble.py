@@ -24,6 +24,7 @@ from renew.inputs.vessel import Vessel
 from renew.planner.ensemble.bound import EnsembleBound
 from renew.planner.ensemble.results import EnsemblePlan, ShutInMember
 from renew.planner.ensemble.statistics import (
+    FEWEST,
     QUANTILES,
     STATISTICS,
     Statistic,
@@ -37,9 +38,6 @@ from renew.voyage.voyage import Voyage
 
 _Place: TypeAlias = FloatArray | tuple[float, float]
 """A point (2,), m."""
-
-# Least number of members for a quantile.
-_FEWEST = 5
 
 
 def plan_ensemble(
@@ -124,9 +122,9 @@ def _check(members: Members, choose: Statistic, sure: object, avoid: Sequence[Sh
     """Refuse what an ensemble can't be planned with."""
     if choose not in STATISTICS:
         raise ParameterError(f"choose = {shown(choose)} is not one of {', '.join(STATISTICS)}")
-    if choose in QUANTILES and len(members.fields) < _FEWEST:
+    if choose in QUANTILES and len(members.fields) < FEWEST:
         raise ParameterError(
-            f"choose = {choose!r} needs {_FEWEST} members or more, and there are "
+            f"choose = {choose!r} needs {FEWEST} members or more, and there are "
             f"{len(members.fields)}; give more, or choose by the mean"
         )
     if not (is_finite(sure) and 0 < sure < 1):

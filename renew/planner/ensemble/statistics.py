@@ -18,6 +18,8 @@ Statistic: TypeAlias = Literal["mean", "p90", "cvar90", "regret"]
 STATISTICS: tuple[Statistic, ...] = get_args(Statistic)
 QUANTILES = ("p90", "cvar90")
 """Statistics of the worst members: of few members they say little."""
+FEWEST = 5
+"""Least number of members for these."""
 
 TAIL = 0.1
 """Share of the members, by weight, that P90 leaves out and that CVaR is the mean of."""

@@ -95,6 +95,13 @@ def test_a_run_writes_what_each_route_needs_in_each_member(result: RunResult, fo
         assert float(row["members_mean_fuel"]) == pytest.approx(np.mean(own))
         assert float(row["members_cvar90_fuel"]) == pytest.approx(max(own))
         assert float(row["members_share"]) == pytest.approx(best.count("True") / 8)
+    first, sides = metrics[0], [one.metrics.main_passage for one in result.routes]
+    best_in = [sides[int(one["rank"]) - 1] for one in rows if one["is_best"] == "True"]
+    assert first["members_count"] == "8"
+    assert int(first["members_flips"]) == sum(side != sides[0] for side in best_in)
+    assert float(first["members_gap"]) == found.gap("mean")
+    assert float(first["members_waiting_saves"]) == found.waiting_saves >= 0
+    assert metrics[1]["members_gap"] == ""
     assert sum(float(row["members_share"]) for row in metrics) == pytest.approx(1)
     # The best route's turns are simulated in the mean and in each member.
     turns = [
@@ -116,7 +123,8 @@ def test_the_report_says_how_sure_the_side_is(result: RunResult) -> None:
 @pytest.mark.parametrize(
     ("members", "season", "says"),
     [
-        ({}, {}, "has neither 'along' nor 'spread'; give one of the two"),
+        ({}, {}, "has 'members' of earlier forecasts, which needs files in 'currents'"),
+        ({"weights": [1.0, 2.0]}, {}, "has 'weights' for forecasts that a night keeps"),
         ({"spread": 0.1, "along": "files"}, {}, "has both 'along' and 'spread'"),
         ({"spread": 0.1, "weights": [1.0, 2.0]}, {}, "has 'weights' for random members"),
         ({"along": "member"}, {}, "has members.along = 'member', which needs files with that"),
