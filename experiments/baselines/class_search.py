@@ -53,18 +53,21 @@ def best_of_classes(graph: Graph, rays: Rays, classes: int) -> list[FloatArray]:
     """The shortest path (n, 2) of each of the first `classes` classes, the shortest first."""
     count = len(graph.nodes)
     matrix = csr_array((graph.cost, (graph.edges[:, 1], graph.edges[:, 0])), shape=(count, count))
-    to_go = dijkstra(matrix, indices=list(graph.goals), min_only=True)
-    leaving = _leaving(graph, rays, to_go)
+    distances = dijkstra(matrix, indices=list(graph.goals), min_only=True)
+    leaving, to_go = _leaving(graph, rays, distances), distances.tolist()
     goals = set(graph.goals)
     found: dict[Word, FloatArray] = {}
-    reached: defaultdict[int, set[Word]] = defaultdict(set)
+    # Least estimate at each node by word, -inf once it is settled; and the number of those settled.
+    least: defaultdict[int, dict[Word, float]] = defaultdict(dict)
+    settled, limit = [0] * count, _WORDS * classes
     labels: list[tuple[int, int, int]] = [(0, -1, -1)]  # node, edge, label before
-    queue: list[Label] = [(float(to_go[0]), 0, 0, ())] if math.isfinite(to_go[0]) else []
+    queue: list[Label] = [(to_go[0], 0, 0, ())] if math.isfinite(to_go[0]) else []
     while queue and len(found) < classes:
         total, node, label, word = heapq.heappop(queue)
-        if word in reached[node] or len(reached[node]) >= _WORDS * classes:
+        if total > least[node].get(word, math.inf) or settled[node] >= limit:
             continue
-        reached[node].add(word)
+        least[node][word] = -math.inf
+        settled[node] += 1
         if node in goals:
             path = _path(graph, labels, label)
             if word not in found and shapely.LineString(path).is_simple:
@@ -72,12 +75,14 @@ def best_of_classes(graph: Graph, rays: Rays, classes: int) -> list[FloatArray]:
             continue
         so_far = total - to_go[node]
         for edge, head, cost, letters in leaving[node]:
-            further = _joined(word, letters) if letters else word
-            if further in reached[head]:
+            if settled[head] >= limit:
                 continue
-            labels.append((head, edge, label))
+            further = _joined(word, letters) if letters else word
             estimate = so_far + cost + to_go[head]
-            heapq.heappush(queue, (estimate, head, len(labels) - 1, further))
+            if estimate < least[head].get(further, math.inf):
+                least[head][further] = estimate
+                labels.append((head, edge, label))
+                heapq.heappush(queue, (estimate, head, len(labels) - 1, further))
     return list(found.values())
 
 
