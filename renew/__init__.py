@@ -12,6 +12,7 @@ from renew.errors import (
     ParameterError,
     PlanningError,
     StartInNoGoError,
+    UncoveredError,
     UnreachableError,
     ViaInNoGoError,
 )
@@ -32,6 +33,7 @@ from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 from renew.underway.cover import cover
 from renew.underway.coverage import Coverage, Diversion, EqualPoint, LastTurn, Stretch
+from renew.underway.only_covered import only_covered
 from renew.underway.replan import Replanned, replan
 from renew.voyage.fuel import fuel
 
@@ -76,6 +78,7 @@ __all__ = [
     "Tide",
     "Tightest",
     "TradeOff",
+    "UncoveredError",
     "UniformCurrent",
     "UnreachableError",
     "VaryingCurrent",
@@ -84,6 +87,7 @@ __all__ = [
     "contingency",
     "cover",
     "fuel",
+    "only_covered",
     "plan",
     "plan_departures",
     "plan_ensemble",

@@ -52,6 +52,21 @@ class Length:
 
 
 @dataclass(frozen=True, slots=True)
+class Duration:
+    """A time that something takes, s, that a message names."""
+
+    seconds: float
+
+    def __str__(self) -> str:
+        """Spell it, rounded up: to the minute from a quarter of an hour on, else to 0.1 s."""
+        if self.seconds < 900:
+            return f"{math.ceil(10 * self.seconds - 1e-3) / 10:g} s"
+        hours, minutes = divmod(math.ceil(self.seconds / 60 - 1e-3), 60)
+        parts = [f"{hours} h"] * (hours > 0) + [f"{minutes} min"] * (minutes > 0)
+        return " ".join(parts)
+
+
+@dataclass(frozen=True, slots=True)
 class ClassName:
     """The name of a homotopy class that a message names, shortened for a sentence."""
 
@@ -64,6 +79,8 @@ class ClassName:
 
 LengthSpelling: TypeAlias = Callable[[Length], str]
 """Spells a length for a message: in planar metres, or in true metres if the scale is known."""
+DurationSpelling: TypeAlias = Callable[[Duration], str]
+"""Spells a duration for a message: as the planner takes it, or a true one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,11 +90,11 @@ class Text:
     Attributes
     ----------
     template : for `str.format`, {0} being the first value; used unchanged if there are no values.
-    values : places (2,), m; moments; lengths; names of classes; texts inside the text.
+    values : places (2,), m; moments; lengths; durations; names of classes; texts inside the text.
     """
 
     template: str
-    values: "tuple[FloatArray | Moment | Length | ClassName | Text, ...]" = ()
+    values: "tuple[Value, ...]" = ()
 
     def __str__(self) -> str:
         """Return the message with places and lengths in metres and moments in seconds."""
@@ -88,17 +105,20 @@ class Text:
         place: PlaceSpelling = in_metres,
         moment: MomentSpelling = in_seconds,
         length: LengthSpelling = str,
+        duration: DurationSpelling = str,
     ) -> str:
-        """Return the message with its places, moments and lengths spelled by functions."""
+        """Return the message with its places, moments, lengths and durations spelled."""
         words = []
         for value in self.values:
             match value:
                 case Text():
-                    words.append(value.spelled(place, moment, length))
+                    words.append(value.spelled(place, moment, length, duration))
                 case Moment():
                     words.append(moment(value))
                 case Length():
                     words.append(length(value))
+                case Duration():
+                    words.append(duration(value))
                 case ClassName():
                     words.append(value.name)
                 case _:
@@ -131,7 +151,11 @@ class Text:
         return cls(separator.join(f"{{{at}}}" for at in range(len(texts))), tuple(texts))
 
 
-def _values_in(text: Text) -> Iterator[FloatArray | Moment | Length | ClassName]:
+Value: TypeAlias = FloatArray | Moment | Length | Duration | ClassName | Text
+"""What a text keeps as a value."""
+
+
+def _values_in(text: Text) -> Iterator[FloatArray | Moment | Length | Duration | ClassName]:
     """Yield the values of a text, and of the texts inside it."""
     for value in text.values:
         if isinstance(value, Text):
@@ -161,9 +185,7 @@ class PlanningError(Exception):
         places and lengths in planar metres and moments in seconds.
     """
 
-    def __init__(
-        self, message: str | Text, *values: FloatArray | Moment | Length | ClassName | Text
-    ) -> None:
+    def __init__(self, message: str | Text, *values: Value) -> None:
         self.text = message if isinstance(message, Text) else Text(message, values)
         super().__init__(str(self.text))
 
@@ -254,6 +276,10 @@ class UnreachableError(PlanningError):
 
     straits: tuple[Strait, ...] = ()
     causes: tuple[PlanningError, ...] = ()
+
+
+class UncoveredError(UnreachableError):
+    """No route from all of whose places a haven is reached within limits was found."""
 
 
 class InfeasibleError(PlanningError):

@@ -33,6 +33,7 @@ def go(
     havens: options.Havens = None,
     within: options.Within = "",
     endurance: options.Endurance = "",
+    require: options.Require = False,
     clearance: options.Clearance = "",
     name: options.Name = "",
     charts: options.Charts = None,

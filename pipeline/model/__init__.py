@@ -28,6 +28,7 @@ from pipeline.model.inputs import (
 from pipeline.model.planning import (
     Current,
     DepartureChoice,
+    HavenLimits,
     Scene,
     SeasonPlan,
     Simplified,
@@ -47,6 +48,7 @@ __all__ = [
     "Evaluation",
     "Fetched",
     "GapShares",
+    "HavenLimits",
     "Land",
     "MemberCurrents",
     "MemberGrid",

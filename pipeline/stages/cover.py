@@ -19,8 +19,7 @@ from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.formats.shared.text import hours, planner_text, season_text
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import Note, Place, Say, Scene, plan_options
-from pipeline.model.planning import largest_stretch
+from pipeline.model import HavenLimits, Note, Place, Say, Scene, plan_options
 from pipeline.scenario.model import Scenario
 from pipeline.sources.haven_file import HavenPoint, read_havens
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
@@ -83,6 +82,7 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
     if spec is None:
         return result
     havens, notes = havens_in(run.scenario, scene)
+    limited = limits_of(run.scenario, havens)
     best = {one.season: one for one in run.routes if one.rank == 1}
     faults = [
         f"havens.endurance = {spec.endurance!r} is below the {hours(one.metrics.duration_s)} that "
@@ -93,11 +93,11 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
     if faults:
         raise RequestError(faults)
     places = [(haven.name, *haven.place.tolist()) for haven in havens]
-    limits = spec.model_dump(mode="json", exclude={"path"})
+    limits = spec.model_dump(mode="json", exclude={"path", "require"})
 
     def covered(season: str) -> renew.Coverage:
         key = artefact_key("cover", result.key, season, places, limits)
-        make = partial(_covered, run, season, havens)
+        make = partial(_covered, run, season, limited)
         return store.load_or_make("cover", key, renew.Coverage, make)
 
     with ThreadPoolExecutor(min(len(best), cores())) as pool:
@@ -111,23 +111,26 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
     return Artefact(key, replace(found, fetched=fetched))
 
 
-def _covered(run: RunResult, season: str, havens: Sequence[renew.Haven]) -> renew.Coverage:
+def limits_of(scenario: Scenario, havens: Sequence[renew.Haven]) -> HavenLimits:
+    """Return a scenario's limits on the way to havens; none if it has no havens."""
+    spec = scenario.havens
+    if spec is None:
+        return HavenLimits((), None, None)
+    return HavenLimits(tuple(havens), spec.within_s, spec.endurance_s, spec.require)
+
+
+def _covered(run: RunResult, season: str, limited: HavenLimits) -> renew.Coverage:
     """Return the coverage of a season's best route, with the ways that it needs."""
-    spec, scene = run.scenario.havens, run.scene.leg(season)
-    vessel, stretch = scene.vessel_in(season), largest_stretch(scene, season)
-    limits = [
-        None if seconds is None else seconds / stretch
-        for seconds in ((spec.within_s, spec.endurance_s) if spec else ())
-    ]
-    within, endurance = limits
+    scene = run.scene.leg(season)
+    within, endurance = limited.in_plane(scene, season)
     coverage = renew.cover(
         next(one.route for one in run.season_routes(season)),
         scene.chart,
         scene.currents[season],
-        vessel,
-        havens,
+        scene.vessel_in(season),
+        limited.havens,
         within=within,
-        endurance=None if endurance is None else vessel.fuel_rate * endurance,
+        endurance=endurance,
         options=plan_options(run.scenario.planner, min_lateness=MIN_LATENESS_S),
     )
     return replace(coverage, diversions=tuple(_needed(coverage)))

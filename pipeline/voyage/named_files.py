@@ -59,17 +59,19 @@ def _chart(request: VoyageRequest, read: Callable[[str, Path, str], str]) -> dic
     return chart | ({"datum": request.datum} if request.datum else {})
 
 
-def _havens(request: VoyageRequest) -> dict[str, str]:
+def _havens(request: VoyageRequest) -> dict[str, Any]:
     """Return the table of havens, if any; refuse a list without a limit, or a limit without one."""
     limits = {"within": request.within, "endurance": request.endurance}
-    given = {key: one for key, one in limits.items() if one}
+    limits_given = [key for key, one in limits.items() if one]
+    given = {key: one for key, one in {**limits, "require": request.require}.items() if one}
     if request.havens is None and not given:
         return {}
     if request.havens is None:
+        words = "limit the way" if len(given) > 1 else "limits the way"
         raise RequestError(
-            f"{', '.join(f'--{key}' for key in given)} limits the way to a haven; add --havens FILE"
+            f"{', '.join(f'--{key}' for key in given)} {words} to a haven; add --havens FILE"
         )
-    if not given:
+    if not limits_given:
         raise RequestError("--havens needs a limit; add --within 6h or --endurance 2d, or both")
     return {"path": str(resolved(request.havens, "--havens")), **given}
 

@@ -13,6 +13,7 @@ grid before bounds it, too: so min(φ, `most`) is a bound on the finer grid, too
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 
 from renew._types import BoolArray, FloatArray
 from renew.bounds.fuel_lower_bound import Rise, drop_cells, u_range
@@ -75,8 +76,32 @@ class HavenBound:
         x, y = self._known[0].grid.x, self._known[0].grid.y
         on = ((points >= (x[0], y[0])) & (points <= (x[-1], y[-1]))).all(axis=1)
         least = np.zeros(len(points))
-        least[on] = [max(one.at(point) for one in self._known) for point in points[on]]
+        least[on] = [self._at(point) for point in points[on]]
         return least
+
+    def _at(self, point: FloatArray) -> float:
+        """Return the bound (s) at a point (2,): of the finest grid, up to where that is close."""
+        first, finest = self._known[0], self._known[-1]
+        least = first.at(point)
+        return max(least, finest.at(point)) if least < finest.most else least
+
+    def water_within(self, time: float) -> shapely.Geometry:
+        """Return water (m) that holds all places from which the haven may be reached in a time (s).
+
+        `time` is at most the time up to which the bounds are close.
+        """
+        finest = self._known[-1]
+        # The cells of a row that follow each other are one box.
+        inside = np.pad(_below(finest, time), ((0, 0), (1, 1)))
+        change = np.diff(inside.astype(np.int8), axis=1)
+        (row, begin), (_, end) = np.nonzero(change > 0), np.nonzero(change < 0)
+        x, y = finest.grid.x, finest.grid.y
+        return shapely.union_all(shapely.box(x[begin], y[row], x[end], y[row + 1]))
+
+    @property
+    def cell(self) -> float:
+        """Width (m) of a cell of the finest grid."""
+        return float(np.diff(self._known[-1].grid.x).max())
 
 
 def _outwards(grid: TravelGrid) -> TravelGrid:

@@ -88,19 +88,25 @@ def source(grid: TravelGrid, start: FloatArray) -> tuple[FloatArray, BoolArray]:
 
 def locate(grid: TravelGrid, point: FloatArray) -> Place:
     """Cell that holds a point, one with water if there is any, and the point's place in it."""
-    columns, rows = (
-        np.unique(
-            np.clip([np.searchsorted(axis, at, side) - 1 for side in _SIDES], 0, len(axis) - 2)
-        ).tolist()
-        for axis, at in ((grid.x, point[0]), (grid.y, point[1]))
-    )
+    columns, rows = _beside(grid.x, point[0]), _beside(grid.y, point[1])
     row, column = max(itertools.product(rows, columns), key=lambda cell: bool(grid.wet[cell]))
-    s = float(np.clip((point[0] - grid.x[column]) / (grid.x[column + 1] - grid.x[column]), 0, 1))
-    t = float(np.clip((point[1] - grid.y[row]) / (grid.y[row + 1] - grid.y[row]), 0, 1))
+    s, t = _share(grid.x, column, point[0]), _share(grid.y, row, point[1])
     rising = [1 - max(s, t), max(s - t, 0.0), max(t - s, 0.0), min(s, t)]
     lower, upper = max(1 - s - t, 0.0), max(s + t - 1, 0.0)
     falling = [lower, s - upper, t - upper, upper]
     return Place(row, column, np.array([rising, falling]))
+
+
+def _beside(axis: FloatArray, at: float) -> list[int]:
+    """Return the intervals of an axis that hold a place: two where it is on their border."""
+    found = (int(axis.searchsorted(at, side)) - 1 for side in _SIDES)
+    return sorted({min(max(one, 0), len(axis) - 2) for one in found})
+
+
+def _share(axis: FloatArray, interval: int, at: float) -> float:
+    """Return how far along an interval of an axis a place lies, 0 to 1."""
+    low, high = axis[interval], axis[interval + 1]
+    return min(max(float((at - low) / (high - low)), 0.0), 1.0)
 
 
 @small_kernel

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import shapely
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
@@ -29,12 +30,16 @@ class Problem:
 
     Parts that depend on neither departure nor speeds are taken from the `first` problem, so that
     classes keep their names. Roadmaps are taken from `base`, a problem at another departure.
+    Water `closed` is left out as overpowered water is; classes keep the names that they have in the
+    `whole` problem without it.
     """
 
     voyage: Voyage
     options: PlanOptions
     first: "Problem | None" = None
     base: "Problem | None" = None
+    closed: BaseGeometry | None = None
+    whole: "Problem | None" = None
 
     @cached_property
     def overpowered_water(self) -> BaseGeometry:
@@ -42,11 +47,20 @@ class Problem:
         return self.first.overpowered_water if self.first else overpowered_water(self.voyage)
 
     @cached_property
+    def closed_water(self) -> BaseGeometry:
+        """Water without triangles: overpowered, or closed."""
+        if self.closed is None:
+            return self.overpowered_water
+        return shapely.union(
+            self.overpowered_water, self.closed, grid_size=self.voyage.chart.precision
+        )
+
+    @cached_property
     def triangulation(self) -> Triangulation:
-        """Triangles of the water that is not overpowered."""
+        """Triangles of the water that is neither overpowered nor closed."""
         if self.first:
             return self.first.triangulation
-        chart, closed = self.voyage.chart, self.overpowered_water
+        chart, closed = self.voyage.chart, self.closed_water
         return triangulation_of(chart) if closed.is_empty else triangulate(chart, closed=closed)
 
     @cached_property
@@ -54,6 +68,8 @@ class Problem:
         """Rays that define the classes."""
         if self.first:
             return self.first.rays
+        if self.whole:
+            return replace(self.whole.rays, omits_islands=True)
         rays, options = self.all_rays, self.options
         if options.distinct_by != "auto":
             return rays.only(rays.size >= options.distinct_by)
@@ -68,7 +84,7 @@ class Problem:
         """Rays of all islands."""
         if self.first:
             return self.first.all_rays
-        return Rays.of(self.voyage.chart, self.overpowered_water)
+        return Rays.of(self.voyage.chart, self.closed_water)
 
     @cached_property
     def reach(self) -> TurnReach:

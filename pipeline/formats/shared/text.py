@@ -15,8 +15,9 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from pipeline.model import GapShares, RouteMetrics, Scene, Zone
+from pipeline.model.planning import largest_stretch
 from pipeline.scenario.times import named_departure
-from renew.errors import Moment, Text, in_seconds
+from renew.errors import Duration, Moment, Text, in_seconds
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -249,7 +250,13 @@ def planner_text(text: Text, scene: Scene, season: str, stretch: float = 1.0) ->
     """Write a message of the planner with positions, dates and true lengths for readers."""
     moments = moments_of(scene.departures.get(season), stretch)
     scale = scene.projection.scale
-    words = text.spelled(scene.place_text, moments, lambda one: distance(scale * one.metres))
+
+    def lasting(one: Duration) -> str:
+        return str(Duration(one.seconds * largest_stretch(scene, season)))
+
+    words = text.spelled(
+        scene.place_text, moments, lambda one: distance(scale * one.metres), lasting
+    )
     return " ".join(words.split())
 
 

@@ -18,6 +18,7 @@ from pipeline.geo.projection import densified
 from pipeline.model import (
     EnsembleFigures,
     Evaluation,
+    HavenLimits,
     RouteMetrics,
     Scene,
     SeasonPlan,
@@ -67,9 +68,15 @@ _BUFFER_RESERVE = 1.1
 
 
 def plan_season(
-    scene: Scene, season: str, options: PlannerOptions, on_step: OnStep = ignore_step
+    scene: Scene,
+    season: str,
+    options: PlannerOptions,
+    on_step: OnStep = ignore_step,
+    required: HavenLimits | None = None,
 ) -> SeasonPlan:
     """Plan one season; if that is impossible, the result's `failure` has the reason.
+
+    If limits on the way to a haven are `required`, its routes keep them.
 
     `on_step` is called with the season and each step of its plan, whose path is in lon/lat degrees.
     """
@@ -96,6 +103,8 @@ def plan_season(
                 plan, ensemble = found.plan, EnsembleFigures.of(found, spelled)
             else:
                 plan = planned(arrive_by_s)
+                if required is not None:
+                    plan = required.only_covered(plan, scene, season)
     except renew.PlanningError as error:
         stretch = planning.largest_stretch(scene, season) if season in scene.speeds else 1.0
         failure = planner_text(error.text, scene, season, stretch)
@@ -106,10 +115,13 @@ def plan_season(
                 f"; {season_text(season)}: its currents end too early: give currents that reach "
                 "further, raise its max_hours if they do, or depart earlier"
             )
-        if not all(are_late):
+        is_uncovered = isinstance(error, renew.UncoveredError)
+        if not all(are_late) and not is_uncovered:
             failure += "; these are keys of [planner]; renew go has the option --clearance"
-        is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
-            scene, error.straits, _least_padding(error, scene, season, asked)
+        is_shut = (
+            isinstance(error, renew.UnreachableError)
+            and not is_uncovered
+            and not is_shut_in(scene, error.straits, _least_padding(error, scene, season, asked))
         )
         return SeasonPlan(
             season,
