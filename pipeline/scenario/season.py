@@ -194,7 +194,7 @@ class Season(StrictModel):
                 "'currents', 'gyre' and 'uniform'"
             )
         faults = [*(self._changing_faults() if self.is_changing else self._steady_faults())]
-        if faults := [*faults, *self._member_faults()]:
+        if faults := [*faults, *self.member_faults()]:
             how = "has time_method = 'changing' and " if self.is_changing else ""
             raise strict.RemediedError(f"(season {self.name!r}) {how}{'; it '.join(faults)}")
         return self
@@ -234,7 +234,7 @@ class Season(StrictModel):
             yield "has 'valid', which its departure says already; leave it out"
         yield from (*self._window_faults(), *self._speed_faults(), *self._arrival_faults())
 
-    def _member_faults(self) -> Iterator[str]:
+    def member_faults(self) -> Iterator[str]:
         """Find keys that don't go together with members."""
         if self.members is None:
             return

@@ -59,7 +59,10 @@ COLUMNS = (
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = "routes"
 _TEXT = ("case", "scenario", "season", "pair", "departure", "vessel", "member", "side", "class")
-_FIGURES = ("fuel", "fuel_per_distance", "length_m", "duration_s", "clearance_m", "optimality_gap")
+_FIGURES = (
+    *("fuel", "fuel_per_distance", "length_m", "duration_s", "clearance_m", "optimality_gap"),
+    *("members_share", "members_mean_fuel"),
+)
 _CHUNK = 4096
 # Date of the layer if the currents have none.
 _NO_DATE = "1970-01-01T00:00:00.000Z"

@@ -161,6 +161,9 @@ class _Expansion:
         seasons = tuple(
             season.model_copy(update={"currents": named}) for season in scenario.seasons
         )
+        faults = [(one.name, fault) for one in seasons for fault in one.member_faults()]
+        if faults:
+            raise RequestError([f"season {name!r} {fault}" for name, fault in faults])
         return scenario.model_copy(update={"seasons": seasons})
 
     def _vessels(self) -> tuple[VesselSpec | None, ...]:

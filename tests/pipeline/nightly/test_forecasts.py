@@ -196,3 +196,10 @@ def test_only_a_night_keeps_forecasts(tmp_path: Path) -> None:
     kept_night(tmp_path)
     with pytest.raises(RequestError, match=r"seasons\[0\]\.members \(season 'now'\) has neither"):
         load_scenario(str(tmp_path / "region.toml"))
+
+
+def test_forecasts_are_kept_of_files_alone(tmp_path: Path) -> None:
+    config = kept_night(tmp_path)
+    config.path.write_text(config.path.read_text() + 'currents = ["copernicus-forecast-daily"]\n')
+    with pytest.raises(RequestError, match="'members' of earlier forecasts, which needs files in"):
+        expand(load_config(config.path, config.output))

@@ -127,8 +127,13 @@ def test_changing_currents_are_sailed_by_each_cases_own_clock(tmp_path: Path, cl
         routes = [row for row in rows(output, "routes.parquet") if row["case"] == case["case"]]
         assert len(routes) == len(result.routes)
         for row, route in zip(routes, result.routes, strict=True):
-            for name in ("fuel", "length_m", "duration_s", "clearance_m", "trials", "collisions"):
+            for name in (
+                *("fuel", "fuel_per_distance", "length_m", "duration_s", "clearance_m"),
+                *("optimality_gap", "trials", "collisions"),
+            ):
                 assert row[name] == getattr(route.metrics, name)
+            assert row["class"] == route.metrics.homotopy
+            assert row["side"] == route.metrics.main_passage
             lonlat = result.scene.projection.to_lonlat(route.route.path)
             assert shapely.from_wkb(row["geometry"]) == shapely.LineString(lonlat)
         path = shapely.get_coordinates(shapely.from_wkb(yesterday["geometry"]))
