@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import ipaddress
 import itertools
 import os
@@ -25,6 +26,9 @@ from hypothesis.internal.conjecture import providers
 from pipeline.machine.files import file_lock
 
 ROOT = Path(__file__).resolve().parent.parent
+# As the program does (`pipeline.machine.interpreters`): thousands of tests are in use all the time,
+# and to look through them after each 700 new objects takes a tenth of the time.
+gc.set_threshold(50_000, 20, 50)
 # Longest time that a process of the tests waits for what another one makes for both, s.
 WAIT_S = 600.0
 _GOLDEN = (5**0.5 - 1) / 2

@@ -37,7 +37,7 @@ with event.install_recorder("numba:compile") as recorder:
         plan = renew.plan(chart, current, vessel, start, goal, **options)
         for route in plan.routes:
             route.optimality_gap, route.channel, route.soft_no_go
-            renew.contingency(route, chart, current, vessel)
+            renew.contingency(route, chart, current, vessel, spacing=10.0)
             renew.fuel(route.path, current, vessel, drift=options.get("drift", "projected"))
         renew.tightest(plan.best, current, vessel)
         return sum(one.is_start for _, one in recorder.buffer[before:])

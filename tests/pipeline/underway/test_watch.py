@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 import random
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from pipeline.stages.finished import finished_season
+from pipeline.stages.finished import FinishedSeason, finished_season
 from pipeline.underway.reports import Fix, LineCutter, reports
 from pipeline.underway.track import Track
 from pipeline.underway.watch import Watch, watch_of
@@ -126,22 +126,35 @@ def stream(results: Path) -> bytes:
     return b"\r\n".join(lines)
 
 
-@given(cuts=st.lists(st.integers(0, 20_000), max_size=40))
-def test_the_events_are_the_same_however_the_stream_is_cut(
-    results: Path, stream: bytes, cuts: list[int]
-) -> None:
-    def events(chunks: list[bytes]) -> tuple[list[dict[str, Any]], dict[str, int]]:
-        watch, cutter = watch_of(finished_season(results, ""), None, 600.0), LineCutter()
-        lines = [line for chunk in chunks for line in cutter.lines(chunk)] + cutter.last()
-        found = [e for line in lines for one in reports(line) for e in watch.take(one)]
-        return found, dict(watch.counts)
+Events: TypeAlias = tuple[list[dict[str, Any]], dict[str, int]]
 
-    places = [0, *sorted(cuts), len(stream)]
-    chunks = [stream[a:b] for a, b in itertools.pairwise(places)]
-    whole = events([stream])
-    assert events([*chunks[:-1], stream[places[-2] :]]) == whole
+
+def events(season: FinishedSeason, chunks: list[bytes]) -> Events:
+    """What is said of a stream that comes in chunks, and what is counted."""
+    watch, cutter = watch_of(season, None, 600.0), LineCutter()
+    lines = [line for chunk in chunks for line in cutter.lines(chunk)] + cutter.last()
+    found = [e for line in lines for one in reports(line) for e in watch.take(one)]
+    return found, dict(watch.counts)
+
+
+@pytest.fixture(scope="module")
+def uncut(results: Path, stream: bytes) -> tuple[FinishedSeason, Events]:
+    """The season, and what is said of the whole stream."""
+    season = finished_season(results, "")
+    whole = events(season, [stream])
     assert {one["event"] for one in whole[0]} == {"on_plan", "off_plan", "replan"}
     assert whole[1]["broken"] > 50
+    return season, whole
+
+
+@given(cuts=st.lists(st.integers(0, 20_000), max_size=40))
+def test_the_events_are_the_same_however_the_stream_is_cut(
+    uncut: tuple[FinishedSeason, Events], stream: bytes, cuts: list[int]
+) -> None:
+    season, whole = uncut
+    places = [0, *sorted(cuts), len(stream)]
+    chunks = [stream[a:b] for a, b in itertools.pairwise(places)]
+    assert events(season, [*chunks[:-1], stream[places[-2] :]]) == whole
 
 
 def test_a_round_trip_is_not_over_where_it_begins() -> None:
