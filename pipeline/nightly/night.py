@@ -251,7 +251,6 @@ class _Night:
         total = len(self.cases)
         if not gaps(planning.partial.parts(), 0, total):
             return
-        planning.forecasts.keep(self.cases, self.newest, prune=self.only is None)
         with night_workers(
             self.scheduler,
             workers=self.config.spec.workers,
@@ -259,6 +258,7 @@ class _Night:
             shared=planning.partial.request_file,
         ) as workers:
             with self._stage("prepare"):
+                planning.forecasts.keep(self.cases, self.newest, prune=self.only is None)
                 planning.prepare(workers)
             with self._stage("plan"):
                 planning.plan(workers, Share.of_night(total, *self.share))

@@ -53,6 +53,18 @@ def side_shares(found: EnsembleFigures, routes: Iterable[RouteMetrics]) -> str:
     return "; ".join(f"{side} in {text.percent(share, 0)}" for side, share in by_share if share)
 
 
+def close_sides(found: EnsembleFigures, routes: Sequence[RouteMetrics]) -> list[str]:
+    """Return the other sides that are not surely dearer than the first route's."""
+    sides = dict.fromkeys(way_text(one) for one in routes if one.rank in found.close)
+    return [side for side in sides if side != way_text(routes[0])]
+
+
+def sides_text(found: EnsembleFigures, routes: Sequence[RouteMetrics]) -> str:
+    """Say whether the side is too close to call, and the shares of the sides."""
+    is_close = "too close to call: " if close_sides(found, routes) else ""
+    return is_close + side_shares(found, routes)
+
+
 def ensemble_figures(found: EnsembleFigures, routes: Sequence[RouteMetrics]) -> dict[str, Any]:
     """Return the figures of a season's routes, by rank; None where one is not finite."""
     sides = {one.rank: way_text(one) for one in routes}
@@ -89,8 +101,7 @@ def _sentences(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Itera
     """Yield what the members say of a season's routes."""
     metrics = [one.metrics for one in routes]
     best = way_text(metrics[0])
-    close = dict.fromkeys(way_text(one) for one in metrics if one.rank in found.close)
-    others = [side for side in close if side != best]
+    others = close_sides(found, metrics)
     verdict = f"Surely {best}, by {_CHOSEN_BY[found.choose]}"
     if others:
         verdict = f"Too close to call between {best} and {' and '.join(others)}"

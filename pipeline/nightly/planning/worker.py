@@ -19,7 +19,7 @@ import shapely
 
 import renew
 from pipeline.errors import one_line
-from pipeline.formats.shared.ensembles import ensemble_figures, flips_text, side_shares
+from pipeline.formats.shared.ensembles import ensemble_figures, flips_text, sides_text
 from pipeline.machine.files import needed
 from pipeline.machine.store import read_checked
 from pipeline.model import RouteMetrics, Scene, SeasonPlan
@@ -176,7 +176,7 @@ def plan_case(
     row = _row_of(case, 0) | {key: best[key] for key in best if key not in {"rank", "index"}}
     if planned.ensemble is not None:
         row |= ensemble_figures(planned.ensemble, figures)
-        row["members_sides"] = side_shares(planned.ensemble, figures)
+        row["members_sides"] = sides_text(planned.ensemble, figures)
     row |= _described(current) | {
         "status": PLANNED,
         "reason": "",
