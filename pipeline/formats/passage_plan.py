@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.season_map import DETAIL_PT, visible
 from pipeline.formats.haven_table import PRINTED_HEADINGS, haven_facts, printed_rows
+from pipeline.formats.passage.fence import MAX_VERTICES, autopilot
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
@@ -87,6 +88,7 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
     texts = [
         f"Not known: {'; '.join(unknown)}." if unknown else "",
         f"Tide: {'; '.join(relied_on)}." if relied_on else "",
+        " ".join(_autopilot_texts(result, season)),
         f"Sources: {attribution(result)}.",
         "Not for navigation without the official charts and the navigator's own judgement.",
     ]
@@ -198,6 +200,22 @@ def _current_text(result: RunResult, season: str) -> str:
     moves = np.nan_to_num(grid.u).any() or np.nan_to_num(grid.v).any()
     parts = (grid.credit.name, result.valid_text(season) if moves else "")
     return f"Current: {', '.join(part for part in parts if part)}."
+
+
+def _autopilot_texts(result: RunResult, season: str) -> Iterator[str]:
+    """Yield what has to be set on an autopilot because the mission's file can't tell it."""
+    told = autopilot(result, season)
+    if told.fence is None:
+        yield (
+            f"The mission has no fence: none of at most {MAX_VERTICES} vertices was found around "
+            "the legs in water from which the vessel can turn away; draw one by hand."
+        )
+    if told.rally is None:
+        yield (
+            "On an autopilot, set Hold, not return, for a lost link and a fence breach: it returns "
+            "straight to the start or the nearest rally point, and from some places of this route "
+            "that is not clear of land, or of water from which the vessel can't turn away."
+        )
 
 
 def _times_text(points: Waypoints, result: RunResult) -> str:

@@ -188,7 +188,7 @@ def season_stem(scenario: str, season: str) -> str:
 def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
     """Return the files of one season for navigation devices, with the function that writes each."""
     from pipeline.formats.gis.geopackage import write_geojson
-    from pipeline.formats.passage import routes, rtz
+    from pipeline.formats.passage import missions, routes, rtz
 
     def of_season(writer: Callable[..., None], **options: object) -> Format:
         return lambda result, path: writer(result, season.name, path, **options)
@@ -200,8 +200,8 @@ def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
         f"{stem}-all.gpx": of_season(routes.write_gpx, every=True, **timed),
         f"{stem}.geojson": of_season(write_geojson),
         f"{stem}.kml": of_season(routes.write_kml, **timed),
-        f"{stem}.plan": of_season(routes.write_plan),
-        f"{stem}.waypoints": of_season(routes.write_mission),
+        f"{stem}.plan": of_season(missions.write_plan),
+        f"{stem}.waypoints": of_season(missions.write_mission),
     }
 
 

@@ -1,4 +1,4 @@
-"""Routes for plotters, phones, Google Earth and autopilots: GPX, KML, missions.
+"""Routes for plotters, phones and Google Earth: GPX, KML.
 
 `<scenario>-<season>.gpx` has the best route and the best one on the other side; the file with
 `-all` has all routes of the season. GPX has no speed on a route, and OpenCPN ignores the times of
@@ -8,18 +8,9 @@ Google Earth draws straight lines between points as great circles, so legs are d
 
 The KML file is a template, because simplekml fails on characters that XML forbids, and importing
 fastkml (128 ms) takes longer than writing the file.
-
-Both files of a mission hold the same MAVLink commands: go to the start, then for each leg its speed
-and its end. The speed is the speed over ground that the vessel makes there: in the season's
-current, at its planned speed through the water. Altitudes are 0 above home: a surface vessel has
-none.
-
-Sources: MAVLink's common message set (MAV_CMD_NAV_WAYPOINT, MAV_CMD_DO_CHANGE_SPEED); the Plan file
-format of QGroundControl's developer guide, version 1; MAVLink's file formats, "QGC WPL 110".
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -51,7 +42,6 @@ from pipeline.formats.shared.route_profile import metres_along, times_at
 from pipeline.formats.shared.text import (
     route_summary,
     speed_over_ground,
-    write_json,
     xml_environment,
     xml_text,
 )
@@ -245,96 +235,3 @@ def _abgr(colour: str, opacity: float) -> str:
     """Write a colour such as "#c9a97c" as KML does: opacity, blue, green, red."""
     red, green, blue = (colour[at : at + 2] for at in (1, 3, 5))
     return f"{round(255 * opacity):02x}{blue}{green}{red}"
-
-
-# MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, which sets the speed over ground and leaves the
-# throttle as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).
-_WAYPOINT, _CHANGE_SPEED = 16, 178
-_OVER_GROUND, _SAME_THROTTLE = 1.0, -1.0
-_ABSOLUTE, _NO_POSITION, _RELATIVE = 0, 2, 3
-# MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_TYPE_SURFACE_BOAT.
-_ARDUPILOT, _SURFACE_BOAT = 3, 11
-# QGroundControl's mode of altitudes that are relative to home.
-_RELATIVE_ALTITUDE = 1
-# Decimals of a speed, m/s.
-_SPEED_DIGITS = 3
-
-
-@dataclass(frozen=True)
-class _Command:
-    """A mission's command with its seven parameters; a position is the last three."""
-
-    number: int
-    frame: int
-    params: tuple[float, ...]
-
-
-def write_plan(result: RunResult, season: str, path: Path) -> None:
-    """Write the best route of a season, which must have one, as a plan of QGroundControl."""
-    points = season_waypoints(result, season)[0]
-    start = _position(points, 0)
-    speed = round(speed_over_ground(points.metrics), _SPEED_DIGITS)
-    items = [
-        {
-            "type": "SimpleItem",
-            "autoContinue": True,
-            "command": command.number,
-            "doJumpId": number,
-            "frame": command.frame,
-            "params": command.params,
-            **(
-                {"Altitude": 0, "AltitudeMode": _RELATIVE_ALTITUDE, "AMSLAltAboveTerrain": None}
-                if command.number == _WAYPOINT
-                else {}
-            ),
-        }
-        for number, command in enumerate(_commands(points), start=1)
-    ]
-    plan = {
-        "fileType": "Plan",
-        "version": 1,
-        "groundStation": "QGroundControl",
-        "mission": {
-            "version": 2,
-            "firmwareType": _ARDUPILOT,
-            "vehicleType": _SURFACE_BOAT,
-            "cruiseSpeed": speed,
-            "hoverSpeed": speed,
-            "globalPlanAltitudeMode": _RELATIVE_ALTITUDE,
-            "plannedHomePosition": [*start, 0],
-            "items": items,
-        },
-        "geoFence": {"version": 2, "circles": [], "polygons": []},
-        "rallyPoints": {"version": 2, "points": []},
-    }
-    write_json(path, plan)
-
-
-def write_mission(result: RunResult, season: str, path: Path) -> None:
-    """Write the best route of a season, which must have one, as a mission for ArduPilot's tools."""
-    points = season_waypoints(result, season)[0]
-    home = _Command(_WAYPOINT, _ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *_position(points, 0), 0.0))
-    lines = ["QGC WPL 110"]
-    for index, command in enumerate((home, *_commands(points))):
-        cells = [index, int(index == 0), command.frame, command.number]
-        lines.append("\t".join([*map(str, cells), *(f"{p:.8f}" for p in command.params), "1"]))
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
-
-
-def _commands(points: Waypoints) -> Iterator[_Command]:
-    """Yield a route's commands: the start, then for each leg its speed and its end.
-
-    A radius of 0 leaves it to the vehicle when a waypoint counts as reached.
-    """
-    for index in range(len(points.lonlat)):
-        if index:
-            speed = round(float(points.speed_m_s[index - 1]), _SPEED_DIGITS)
-            params = (_OVER_GROUND, speed, _SAME_THROTTLE, 0.0, 0.0, 0.0, 0.0)
-            yield _Command(_CHANGE_SPEED, _NO_POSITION, params)
-        yield _Command(_WAYPOINT, _RELATIVE, (0.0, 0.0, 0.0, 0.0, *_position(points, index), 0.0))
-
-
-def _position(points: Waypoints, index: int) -> tuple[float, float]:
-    """Return the latitude and longitude of a waypoint, degrees."""
-    longitude, latitude = points.lonlat[index]
-    return float(latitude), wrapped_longitude(longitude)

@@ -164,6 +164,16 @@ def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) ->
     )
 
 
+def kept_out(scene: Scene, season: str, route: renew.Route) -> list[shapely.Geometry]:
+    """Return the areas and tidal depths of a season that count as land beside a route."""
+    areas = [area.polygon for area in scene.areas.get(season, ())]
+    if (depth := scene.tidal_depths.get(season)) is not None:
+        areas += depth.areas
+    # An area that the path itself crosses is open when the vessel passes.
+    line = shapely.LineString(route.path)
+    return [area for area in areas if not line.intersects(area)]
+
+
 def cross(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return the cross products (n,) of planar vectors (n, 2)."""
     product: FloatArray = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]

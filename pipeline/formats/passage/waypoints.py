@@ -14,6 +14,7 @@ from pipeline.formats.passage.safe_corridor import (
     Obstacles,
     SafeCorridor,
     cross_track_limits,
+    kept_out,
     safe_corridor,
     turning_radii,
 )
@@ -140,13 +141,8 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     place where the speed through water changes by a tenth or more.
     """
     scene = result.scene.leg(ranked.season)
-    line = shapely.LineString(ranked.route.path)
-    areas = [area.polygon for area in scene.areas.get(ranked.season, ())]
-    if (depth := scene.tidal_depths.get(ranked.season)) is not None:
-        areas += depth.areas
-    # An area that the path itself crosses is open when the vessel passes.
-    kept_out = [area for area in areas if not line.intersects(area)]
-    obstacles = Obstacles(scene, kept_out) if kept_out else obstacles
+    shut = kept_out(scene, ranked.season, ranked.route)
+    obstacles = Obstacles(scene, shut) if shut else obstacles
     pieces = [replace(ranked.route, path=piece) for piece in scene.pieces(ranked.route.path)]
     curve = curve_for(scene.projection.to_lonlat(ranked.route.path))
     length = ranked.route.length

@@ -15,7 +15,8 @@ from pymavlink import mavutil, mavwp
 
 import renew
 from pipeline.formats.gis.geopackage import write_geojson, write_geopackage
-from pipeline.formats.passage.routes import write_gpx, write_mission, write_plan
+from pipeline.formats.passage.missions import write_mission, write_plan
+from pipeline.formats.passage.routes import write_gpx
 from pipeline.formats.passage.rtz import write_rtz
 from pipeline.formats.passage.tracks import Drawing
 from pipeline.formats.passage.waypoints import (
