@@ -34,18 +34,22 @@ def _warm() -> None:
     leg_clear(2.0, 2.0, 30.0, 30.0, water.buckets)
     dubins_clear(pose, other, 1.6, water.buckets)
     dubins_motions(np.stack([pose, other]), np.array([[0, 1]]), 1.6, water.buckets)
-    for _, current, _ in REHEARSALS[:3]:
-        if isinstance(current, renew.CurrentField):
-            leg_time(2.0, 2.0, 30.0, 30.0, LegTimes.of(chart, current, vessel))
-            voyage = Voyage(Waters(chart, current), vessel, start, goal, "projected")
-            for planner in (isochrone, energy_graph):
-                planner(Task(voyage, water, Budget()))
+    currents = [one for _, one, _ in REHEARSALS[:3] if isinstance(one, renew.CurrentField)]
+    for current in currents:
+        leg_time(2.0, 2.0, 30.0, 30.0, LegTimes.of(chart, current, vessel))
+        voyage = Voyage(Waters(chart, current), vessel, start, goal, "projected")
+        for planner in (isochrone, energy_graph):
+            planner(Task(voyage, water, Budget()))
     # Jobs need these modules, and get them from the fork server.
     for name in ("jobs", "environments.loading"):
         importlib.import_module(f"experiments.{name}")
     if importlib.util.find_spec("ompl") is not None:
         for name in ("trees", "roadmaps", "grid_a_star", "with_fuel"):
             importlib.import_module(f"experiments.baselines.{name}")
+        spaces = importlib.import_module("experiments.baselines.spaces")
+        space = spaces.Space(water)
+        for current in currents:
+            spaces.fuel_objective(space, current, vessel)
 
 
 with contextlib.suppress(renew.PlanningError):

@@ -26,7 +26,7 @@ class Planner:
     group : ours, one of the paper's baselines, or a rival with fuel as its objective.
     module, function : where it is; empty for ours.
     runs : number of seeds in a full run; 1 where nothing is drawn.
-    calls : budget of a tree or of an anytime planner, in calls of its functions: about 10 s of one
+    calls : budget of a tree or of an anytime planner, in calls of its functions: 1 to 4 s of one
         core, or for a tree more than it mostly needs to its first solution; 0 for others.
     """
 

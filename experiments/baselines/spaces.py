@@ -11,20 +11,24 @@ import itertools
 import math
 import time
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import ompl.base as ob
 import ompl.geometric as og
 import ompl.util as ou
+from numba import types
 
 import renew
 from experiments.baselines.candidate import Candidate, NoPathError
+from experiments.baselines.virtual import TWO_STATES, never, of_states, override
 from experiments.kernels.dubins import dubins_clear, dubins_path
 from experiments.kernels.leg_time import LegTimes, leg_time
-from experiments.kernels.water import PaddedWater, leg_clear
-from renew._types import FloatArray
+from experiments.kernels.water import Buckets, PaddedWater, leg_clear
+from renew._types import FloatArray, IntArray
 from renew.classes.h_signature import Rays
+
+_Costs: TypeAlias = tuple[IntArray, LegTimes, float]
 
 
 def seed_ompl(seed: int) -> None:
@@ -38,11 +42,11 @@ class Calls:
     """Counts the calls of a planner's cost and collision functions: its budget."""
 
     limit: float = math.inf
-    count: int = 0
+    count: IntArray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
     def are_used_up(self) -> bool:
         """Whether the planner has to end."""
-        return self.count >= self.limit
+        return bool(self.count.item() >= self.limit)
 
     def condition(self) -> Any:  # noqa: ANN401 - OMPL has no types
         """OMPL's termination condition: the calls are used up."""
@@ -70,9 +74,15 @@ class Space:
         self.space.setBounds(bounds)
         self.information = ob.SpaceInformation(self.space)
         self.information.setStateValidityChecker(self._is_valid)
-        self.validator = _Motions(self)
-        self.information.setMotionValidator(self.validator)
+        if self.radius is not None:
+            self.validator = _PoseMotions(self, self.radius)
+            self.information.setMotionValidator(self.validator)
         self.information.setup()
+        if self.radius is None:
+            function = f"_ZNK4ompl4base23DiscreteMotionValidator11checkMotion{TWO_STATES}"
+            context = self.calls.count, self.water.buckets
+            validator = self.information.getMotionValidator()
+            override(validator, "DiscreteMotionValidator", {function: clear_leg}, context)
 
     def _is_valid(self, state: Any) -> bool:  # noqa: ANN401
         x, y = self.place(state)
@@ -125,48 +135,61 @@ class Space:
         return np.vstack([pieces[0], *(piece[1:] for piece in pieces[1:])])
 
 
-class _Motions(ob.MotionValidator):  # type: ignore[misc]
-    """Tests legs, or Dubins paths, exactly."""
+class _PoseMotions(ob.MotionValidator):  # type: ignore[misc]
+    """Tests Dubins paths, exactly."""
 
-    def __init__(self, space: Space) -> None:
+    def __init__(self, space: Space, radius: float) -> None:
         super().__init__(space.information)
-        self._space, self._buckets = space, space.water.buckets
+        self._space, self._radius, self._buckets = space, radius, space.water.buckets
 
     def checkMotion(self, one: Any, other: Any, _last: object = None) -> bool:  # noqa: N802, ANN401
         """OMPL's name for it."""
         space = self._space
         space.calls.count += 1
-        if space.radius is None:
-            return bool(leg_clear(one[0], one[1], other[0], other[1], self._buckets))
-        return bool(dubins_clear(space.pose(one), space.pose(other), space.radius, self._buckets))
+        return bool(dubins_clear(space.pose(one), space.pose(other), self._radius, self._buckets))
 
 
-class FuelObjective(ob.OptimizationObjective):  # type: ignore[misc]
-    """Time by Eq. 4, which is fuel at constant thrust."""
+@of_states(types.boolean)
+def clear_leg(context: tuple[IntArray, Buckets], ax: float, ay: float, bx: float, by: float) -> Any:  # noqa: ANN401
+    """Whether a leg is clear; exact."""
+    count, buckets = context
+    count[0] += 1
+    return leg_clear(ax, ay, bx, by, buckets)
 
-    def __init__(self, space: Space, current: renew.CurrentField, vessel: renew.Vessel) -> None:
-        super().__init__(space.information)
-        chart = space.water.chart
-        self._calls, self._legs = space.calls, LegTimes.of(chart, current, vessel)
-        self._fastest = vessel.speed + self._legs.table.strongest
 
-    def isSymmetric(self) -> bool:  # noqa: N802
-        """Whether there and back cost the same: they differ in a current."""
-        return False
+@of_states(types.float64)
+def leg_cost(context: _Costs, ax: float, ay: float, bx: float, by: float) -> Any:  # noqa: ANN401
+    """Time of a leg by Eq. 4, which is fuel at constant thrust."""
+    count, legs, _ = context
+    count[0] += 1
+    return leg_time(ax, ay, bx, by, legs)
 
-    def stateCost(self, _state: object) -> Any:  # noqa: N802, ANN401
-        """States cost nothing."""
-        return ob.Cost(0.0)
 
-    def motionCost(self, one: Any, other: Any) -> Any:  # noqa: N802, ANN401
-        """Time of a leg."""
-        self._calls.count += 1
-        return ob.Cost(leg_time(one[0], one[1], other[0], other[1], self._legs))
+@of_states(types.float64)
+def least_cost(context: _Costs, ax: float, ay: float, bx: float, by: float) -> Any:  # noqa: ANN401
+    """Least time that a leg can take: in the strongest current, all the way with it."""
+    count, _, fastest = context
+    count[0] += 1
+    return math.hypot(bx - ax, by - ay) / fastest
 
-    def motionCostHeuristic(self, one: Any, other: Any) -> Any:  # noqa: N802, ANN401
-        """Least time that a leg can take: in the strongest current, all the way with it."""
-        self._calls.count += 1
-        return ob.Cost(math.hypot(other[0] - one[0], other[1] - one[1]) / self._fastest)
+
+def costs(calls: Calls, legs: LegTimes) -> _Costs:
+    """Context of the costs of legs: calls, the legs' times, and the fastest speed over ground."""
+    return calls.count, legs, legs.speed + legs.table.strongest
+
+
+def fuel_objective(space: Space, current: renew.CurrentField, vessel: renew.Vessel) -> Any:  # noqa: ANN401
+    """Time by Eq. 4 as OMPL's objective."""
+    objective = ob.StateCostIntegralObjective(space.information, False)  # noqa: FBT003
+    functions = {
+        f"_ZNK4ompl4base26StateCostIntegralObjective10motionCost{TWO_STATES}": leg_cost,
+        f"_ZNK4ompl4base21OptimizationObjective19motionCostHeuristic{TWO_STATES}": least_cost,
+        # There and back differ in a current.
+        "_ZNK4ompl4base21OptimizationObjective11isSymmetricEv": never,
+    }
+    legs = LegTimes.of(space.water.chart, current, vessel)
+    override(objective, "StateCostIntegralObjective", functions, costs(space.calls, legs))
+    return objective
 
 
 def smoothed(space: Space, states: list[Any], rays: Rays, size: int) -> Candidate:

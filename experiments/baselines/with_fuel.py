@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from experiments.baselines.candidate import Candidate, NoPathError, Task
 from experiments.baselines.roadmaps import roadmap
-from experiments.baselines.spaces import Calls, FuelObjective, Space, seed_ompl
+from experiments.baselines.spaces import Calls, Space, fuel_objective, seed_ompl
 from experiments.kernels.leg_time import LegTimes, leg_times
 from renew._types import FloatArray, IntArray
 
@@ -32,7 +32,7 @@ def _anytime(task: Task, planner_name: str) -> list[Candidate]:
     started = time.process_time()
     voyage = task.voyage
     space = Space(task.water, calls=Calls(task.budget.calls))
-    objective = FuelObjective(space, voyage.current, voyage.vessel)
+    objective = fuel_objective(space, voyage.current, voyage.vessel)
     problem = space.problem(voyage.start, voyage.goal)
     problem.setOptimizationObjective(objective)
     planner = space.solved(problem, planner_name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.integrate import quad
 import renew
 from experiments.kernels.dubins import dubins_length, dubins_path
 from experiments.kernels.leg_time import LegTimes, leg_time
-from experiments.kernels.water import PaddedWater
+from experiments.kernels.water import PaddedWater, leg_clear
 from tests.experiments.scenes import CURRENT, VESSEL, islands_voyage
 from tests.strategies import examples
 
@@ -118,3 +119,37 @@ def test_water_that_overpowers_the_vessel_is_impassable() -> None:
     voyage = islands_voyage()
     strong = LegTimes.of(voyage.chart, renew.UniformCurrent(1.1, 0.0), VESSEL)
     assert leg_time(5.0, 5.0, 50.0, 5.0, strong) == math.inf
+
+
+def test_ompl_calls_the_compiled_functions_and_counts_each_call() -> None:
+    """Through OMPL itself, between places in the water, on land and in padding."""
+    from experiments.baselines.spaces import Space, fuel_objective
+
+    voyage = islands_voyage()
+    space = Space(PaddedWater.of(voyage.chart, 3.0))
+    objective = fuel_objective(space, CURRENT, VESSEL)
+    legs = LegTimes.of(voyage.chart, CURRENT, VESSEL)
+    fastest = VESSEL.speed + legs.table.strongest
+    places = np.random.default_rng(5).uniform(1, 59, (60, 2))
+    for calls, (one, other) in enumerate(itertools.pairwise(places)):
+        states = space.state(one), space.state(other)
+        (ax, ay), (bx, by) = one, other
+        assert space.calls.count.item() == 3 * calls
+        is_clear = leg_clear(ax, ay, bx, by, space.water.buckets)
+        assert space.information.checkMotion(*states) == is_clear
+        seconds = leg_time(ax, ay, bx, by, legs)
+        assert objective.motionCost(*states).value() == seconds
+        least = objective.motionCostHeuristic(*states).value()
+        assert least == math.dist(one, other) / fastest <= seconds
+    assert not objective.isSymmetric()
+
+
+def test_an_object_of_another_class_than_expected_is_refused() -> None:
+    from experiments.baselines.spaces import Space
+    from experiments.baselines.virtual import never, override
+
+    information = Space(PaddedWater.of(islands_voyage().chart)).information
+    with pytest.raises(RuntimeError, match=r"requirements\.lock"):
+        override(information, "DiscreteMotionValidator", {}, ())
+    with pytest.raises(RuntimeError, match="undefined symbol"):
+        override(information.getMotionValidator(), "DiscreteMotionValidator", {"_Znone": never}, ())
