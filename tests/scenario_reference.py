@@ -130,7 +130,7 @@ def _type_text(key: dict[str, Any]) -> str:
     elif key.get("type") == "string":
         text = "date and time" if key.get("format") == "date-time" else "text"
     else:
-        text = "table"
+        text = "true or false" if key.get("type") == "boolean" else "table"
     return text
 
 
