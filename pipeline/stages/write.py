@@ -222,9 +222,13 @@ def _haven_formats(result: RunResult, season: str) -> dict[str, Format]:
 
     count = len(coverage.diversions)
     digits = len(str(count))
+    names = [f"{stem}-{number:0{digits}d}" for number in range(1, count + 1)]
     return {
         f"{stem}s.gpx": lambda result, path: haven_routes.write_haven_gpx(result, season, path),
-        **{f"{stem}-{number:0{digits}d}.rtz": rtz(number) for number in range(1, count + 1)},
+        f"{stem}s-missions.zip": lambda result, path: haven_routes.write_haven_missions(
+            result, season, path, names=names
+        ),
+        **{f"{name}.rtz": rtz(number) for number, name in enumerate(names, start=1)},
     }
 
 

@@ -1,14 +1,18 @@
-"""Ways to havens for plotters: all of a season as GPX, and each as RTZ.
+"""Ways to havens: all of a season as GPX, each as RTZ, and all missions in one archive.
 
 They have speeds and durations but no clock times: a vessel turns off early, on time or late.
 """
 
+import json
 import math
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from pipeline.formats.passage.fence import Autopilot
+from pipeline.formats.passage.missions import mission_text, plan_content
 from pipeline.formats.passage.routes import gpx_document
 from pipeline.formats.passage.rtz import rtz_text
 from pipeline.formats.passage.safe_corridor import Obstacles
@@ -16,6 +20,7 @@ from pipeline.formats.passage.waypoints import Waypoints, waypoints
 from pipeline.formats.shared.haven_rows import Way, haven_ways
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import coast_index
+from pipeline.formats.shared.text import json_value
 from pipeline.model import RouteMetrics
 from renew.results import unite_soft_no_go
 
@@ -76,3 +81,16 @@ def write_haven_rtz(
     """Write one way of a season, by its number from 1."""
     points = haven_waypoints(result, season)[number - 1]
     path.write_text(rtz_text(result, points, path.stem, version, None), encoding="utf-8")
+
+
+def write_haven_missions(result: RunResult, season: str, path: Path, *, names: list[str]) -> None:
+    """Write all ways of a season as missions in an archive, named without their ends.
+
+    They have no fence: a way to a haven may leave that of the route.
+    """
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, points in zip(names, haven_waypoints(result, season), strict=True):
+            plan = json.dumps(json_value(plan_content(points, Autopilot(None, None))), indent=2)
+            for end, text in ((".plan", plan), (".waypoints", mission_text(points))):
+                # The time that an archive holds for a file is the same for all runs.
+                archive.writestr(zipfile.ZipInfo(name + end), text, zipfile.ZIP_DEFLATED)

@@ -42,7 +42,12 @@ class _Command:
 
 def write_plan(result: RunResult, season: str, path: Path) -> None:
     """Write the best route of a season, which must have one, as a plan of QGroundControl."""
-    points, told = season_waypoints(result, season)[0], autopilot(result, season)
+    told = autopilot(result, season)
+    write_json(path, plan_content(season_waypoints(result, season)[0], told))
+
+
+def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
+    """Return a route's plan, with what an autopilot is told beside the way."""
     start = _position(points, 0)
     speed = round(speed_over_ground(points.metrics), _SPEED_DIGITS)
     items = [
@@ -61,7 +66,7 @@ def write_plan(result: RunResult, season: str, path: Path) -> None:
         }
         for number, command in enumerate(_commands(points), start=1)
     ]
-    plan = {
+    return {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
@@ -78,7 +83,6 @@ def write_plan(result: RunResult, season: str, path: Path) -> None:
         "geoFence": {"version": 2, "circles": [], "polygons": _polygons(told)},
         "rallyPoints": {"version": 2, "points": _rally_points(told)},
     }
-    write_json(path, plan)
 
 
 def _polygons(told: Autopilot) -> list[dict[str, object]]:
@@ -97,13 +101,17 @@ def _rally_points(told: Autopilot) -> list[list[float]]:
 
 def write_mission(result: RunResult, season: str, path: Path) -> None:
     """Write the best route of a season, which must have one, as a mission for ArduPilot's tools."""
-    points = season_waypoints(result, season)[0]
+    path.write_text(mission_text(season_waypoints(result, season)[0]), encoding="ascii")
+
+
+def mission_text(points: Waypoints) -> str:
+    """Return a route as a mission for ArduPilot's tools."""
     home = _Command(_WAYPOINT, _ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *_position(points, 0), 0.0))
     lines = ["QGC WPL 110"]
     for index, command in enumerate((home, *_commands(points))):
         cells = [index, int(index == 0), command.frame, command.number]
         lines.append("\t".join([*map(str, cells), *(f"{p:.8f}" for p in command.params), "1"]))
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return "\n".join(lines) + "\n"
 
 
 def _commands(points: Waypoints) -> Iterator[_Command]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import itertools
+import json
 import re
+import zipfile
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 import shapely
 from lxml import etree
+from pymavlink import mavwp
 
 from pipeline.errors import RequestError
 from pipeline.formats.haven_table import COLUMNS, printed_rows
@@ -31,6 +34,8 @@ from tests.pipeline.formats.gis.tables import layer
 from tests.pipeline.underway import sailing
 
 WITHIN_S = 1500.0
+# MAV_CMD_NAV_WAYPOINT
+GO_TO = 16
 # Near the start, near the goal, on the island, and off the chart.
 HAVENS = """name,lon,lat
 West,119.015,9.515
@@ -133,6 +138,27 @@ def test_plotters_get_each_way_from_its_turn_off_to_its_haven(
         ends = [(row["lon"], row["lat"]), (row["haven_lon"], row["haven_lat"])]
         assert np.array([gpx[0], gpx[-1]]) == pytest.approx(np.array(ends, dtype=float), abs=1e-6)
         assert row["haven"] in str(route.name)
+
+
+def test_an_autopilot_gets_each_way_as_plan_and_as_mission(
+    covered: tuple[Outcome, Scenario, Path], tmp_path: Path
+) -> None:
+    folder, known = covered[0].directory, ways(covered[0])
+    with zipfile.ZipFile(folder / "strait-calm-havens-missions.zip") as archive:
+        archive.extractall(tmp_path)
+    assert len(list(tmp_path.iterdir())) == 2 * len(known)
+    for number, file in enumerate(sorted(tmp_path.glob("*.waypoints")), start=1):
+        loader = mavwp.MAVWPLoader()
+        loader.load(str(file))
+        stops = [loader.wp(index) for index in range(1, loader.count())]
+        mission = [(one.y, one.x) for one in stops if one.command == GO_TO]
+        items = json.loads(file.with_suffix(".plan").read_text())["mission"]["items"]
+        plan = [one["params"][5:3:-1] for one in items if one["command"] == GO_TO]
+        assert np.array(mission) == pytest.approx(np.array(plan), abs=2e-7)
+        row = known[number]
+        ends = [(row["lon"], row["lat"]), (row["haven_lon"], row["haven_lat"])]
+        assert np.array([plan[0], plan[-1]]) == pytest.approx(np.array(ends, dtype=float), abs=1e-6)
+        assert file.with_suffix(".rtz").name in {one.name for one in folder.iterdir()}
 
 
 def test_the_layers_are_the_route_in_stretches_the_ways_and_the_havens(
