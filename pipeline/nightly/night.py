@@ -155,10 +155,10 @@ class _Night:
                 stale = "the currents have no date"
             if stale:
                 raise outcome.ComeAgainError(
-                    f"nothing new: the currents of {latest} have been planned on, and {stale}; "
+                    f"nothing new: the last night used these currents, of {latest}, and {stale}; "
                     "come again later, and check that newer currents are still published"
                 )
-            return self._outcome_of(latest, "nothing to do: these currents have been planned on")
+            return self._outcome_of(latest, "nothing to do: the last night used these currents")
         if self.cycles.is_older(latest, newest.time):
             raise outcome.ComeAgainError(
                 f"the currents of {newest.cycle} are older than those of the last cycle, {latest}; "

@@ -1,9 +1,9 @@
 """Where a vessel is beside its planned waypoints: distance from its leg, and when it was due there.
 
 Legs are loxodromes, straight lines in Mercator's projection of the ellipsoid (Snyder, Map
-Projections: A Working Manual, USGS 1987, eqs. 7-7 and 4-25), or geodesics, cut into pieces that are
-straight there. A distance is one of the projection divided by its scale, which is off by some
-0.1 % of it for each 10 km at 45 degrees.
+Projections: A Working Manual, USGS 1987, eqs. 7-7 and 4-25), or geodesics, cut into pieces that
+are taken as straight there. A distance is measured in the projection and divided by the scale at
+the vessel. At 45 degrees the error is some 0.1 % for each 10 km of distance.
 """
 
 import math
@@ -53,8 +53,9 @@ class Track:
     """A route's waypoints, as m pieces of legs in Mercator's projection.
 
     `begin` and `step` (m, 2), metres of the projection; `limit_m` (2, m), to port and starboard,
-    true metres; `due_s` and `lasts_s` (m,) since departure; `leg` (m,); `middle_deg`: longitude
-    around which others are taken; `most_m_s`: highest speed over ground.
+    true metres; `due_s` (m,) begin of a piece after departure, and `lasts_s` (m,) its duration;
+    `leg` (m,); `middle_deg`: positions are taken within 180 degrees of this longitude; `most_m_s`:
+    highest speed over ground.
     """
 
     begin: FloatArray
@@ -104,9 +105,10 @@ class Track:
     def nearest(self, lon: float, lat: float, expected_s: float | None) -> Place:
         """Return the place nearest to a position in degrees.
 
-        A track may pass a position several times. Of the passages within whose limits it lies, that
-        one is taken at which the vessel is due nearest to `expected_s` after departure; or if that
-        is None the nearest one, and of those as near as a receiver can tell the first.
+        A track may pass a position several times. Only passages within whose limits it lies count,
+        if there are any. The one with the due time nearest to `expected_s` (after departure) is
+        taken. If `expected_s` is None, the nearest one is taken, or the first of several that are
+        within a receiver's error.
         """
         east = self.middle_deg + (lon - self.middle_deg + 180) % 360 - 180
         at = _mercator(np.array([[east, lat]]))[0]
@@ -138,9 +140,9 @@ class Track:
 
 
 def _passage(off: FloatArray, is_within: BoolArray, late: FloatArray) -> int:
-    """Return the nearest piece of the passage that is the least late, or else of all pieces.
+    """Return the nearest piece of the passage that is the least late.
 
-    Passages are runs of pieces within their limits.
+    A passage is a run of pieces within their limits. Without one, the nearest of all is returned.
     """
     within = np.flatnonzero(is_within)
     if len(within) == 0:

@@ -266,7 +266,10 @@ class Request(PlanOptions):
                 f"departures are planned with method = 'optimal', not {shown(self.method)}"
             )
         if self.speed is None and self.arrive_by is not None:
-            found.append("arrive_by beside departures needs speed to choose from; add it")
+            found.append(
+                "with departures, arrive_by is a deadline for which speeds are chosen: give "
+                "speed=(lowest, highest) (m/s), too, or leave arrive_by out"
+            )
         if self.speed is not None and self.to_within is not None:
             found.append(
                 "to_within can't be proven where speeds are chosen; leave it out, or give "

@@ -47,8 +47,9 @@ def choose(
 ) -> Choice:
     """Choose between the class of the way `ahead` (n, 2) that was planned, if any, and others.
 
-    The vessel has a `heading` (rad) if one is given. If the plan `is_proven` for the vessel here
-    and now in the same current, it sails on; if it is in time, on the rest of its `track` (m, 4).
+    The vessel has a `heading` (rad) if one is given. `is_proven`: the plan is proven for the vessel
+    at this place and time, in the same current; the way ahead is then kept as it is. `track` (m, 4)
+    is the rest of the planned trajectory if the vessel is in time for it, else None.
     Raises PlanningError if no class can be sailed.
     """
     planner = task.planner()

@@ -236,4 +236,4 @@ def test_what_a_night_prints(tmp_path: Path, cluster: str) -> None:
     assert "outcome: look\nwhy: the currents are " in shown.stdout
     again = renew("run", "--config", file, "--output", output)
     assert again.exit_code == 5
-    assert "nothing new: the currents of 2026-11-21T00Z have been planned on" in again.stderr
+    assert "nothing new: the last night used these currents, of 2026-11-21T00Z" in again.stderr

@@ -155,7 +155,7 @@ def test_each_departure_has_the_speeds_of_least_fuel_and_the_best_one_is_found()
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"arrive_by": 300.0}, "arrive_by beside departures needs speed"),
+        ({"arrive_by": 300.0}, "give speed=.lowest, highest"),
         ({"speed": (0.5, 1.0), "to_within": 5.0}, "to_within can't be proven"),
         ({"speed": (2.0, 1.0)}, "exchange them"),
         ({"speed": (0.5, 1.0), "arrive_by": 300.0, "method": "sampled"}, "not 'sampled'"),
