@@ -35,6 +35,7 @@ from renew.underway.cover import cover
 from renew.underway.coverage import Coverage, Diversion, EqualPoint, LastTurn, Stretch
 from renew.underway.only_covered import only_covered
 from renew.underway.replan import Replanned, replan
+from renew.underway.turn_offs import TurnOff
 from renew.voyage.fuel import fuel
 
 __version__ = "0.1.0"
@@ -78,6 +79,7 @@ __all__ = [
     "Tide",
     "Tightest",
     "TradeOff",
+    "TurnOff",
     "UncoveredError",
     "UniformCurrent",
     "UnreachableError",

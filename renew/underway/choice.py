@@ -17,7 +17,7 @@ from renew.results import Plan, Rejected, Route
 from renew.underway.lead import led_in
 from renew.underway.way_ahead import channel_along
 
-Answer: TypeAlias = Literal["kept", "switched", "no way"]
+Answer: TypeAlias = Literal["kept", "switched", "turn off", "no way"]
 
 # Share of the fuel that a new path has to save to replace the planned one; two searches for the
 # same path differ by less.

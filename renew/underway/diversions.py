@@ -32,6 +32,17 @@ class Limits:
     endurance: float = math.inf
 
 
+def entered(haven: Haven, arrival: float) -> float:
+    """Return when (s) a vessel enters a haven that it reaches at some time (s)."""
+    if arrival > haven.closes:
+        raise InfeasibleError(
+            f"haven {haven.name} closes at {{0}}; the vessel arrives at {{1}}",
+            Moment(haven.closes),
+            Moment(arrival),
+        )
+    return max(arrival, haven.opens)
+
+
 @dataclass(frozen=True, eq=False)
 class Diverter:
     """Plans diversions from a route's track; each is planned once."""
@@ -163,24 +174,14 @@ class Diverter:
         rate = self.task.vessel.fuel_rate
         if off == 0.0:
             late, took = self.late(time), route.duration
-            duration = self._waited(haven, time + took) - time
+            duration = entered(haven, time + took) - time
             leaving = (max(time - late, self.begin), time, time + late)
-            longest = max(self._waited(haven, at + took) - at for at in leaving)
+            longest = max(entered(haven, at + took) - at for at in leaving)
         else:
-            duration = self._waited(haven, float(voyage.leaving(time).arrivals(route.path)[-1]))
+            duration = entered(haven, float(voyage.leaving(time).arrivals(route.path)[-1]))
             duration -= time
             longest = self._longest(haven, route.path, voyage, (early, time + off))
         return Diversion(haven, time, place, heading, route, duration, rate * duration, longest)
-
-    def _waited(self, haven: Haven, arrival: float) -> float:
-        """Return when (s) a vessel enters a haven that it reaches at some time (s)."""
-        if arrival > haven.closes:
-            raise InfeasibleError(
-                f"haven {haven.name} closes at {{0}}; the vessel arrives at {{1}}",
-                Moment(haven.closes),
-                Moment(arrival),
-            )
-        return max(arrival, haven.opens)
 
     def _longest(
         self, haven: Haven, path: FloatArray, voyage: Voyage, hours: tuple[float, float]
@@ -194,7 +195,7 @@ class Diverter:
         count = math.ceil((hours[1] - hours[0]) / apart) + 1
         leaving = np.linspace(*hours, min(max(count, _TIMED), _MOST_TIMED))
         arrivals = [float(voyage.leaving(at).arrivals(path)[-1]) for at in leaving.tolist()]
-        waited = np.array([self._waited(haven, at) for at in arrivals])
+        waited = np.array([entered(haven, at) for at in arrivals])
         return float((waited[1:] - leaving[:-1]).max())
 
     def longest_from(self, time: float, way: Diversion) -> float:

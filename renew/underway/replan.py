@@ -1,7 +1,9 @@
 """Plan a voyage again under way, and say whether to stay in the class that was planned."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 import shapely
@@ -18,12 +20,14 @@ from renew.errors import (
 )
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.haven import Haven
 from renew.inputs.options import as_point
 from renew.kernels.current_table import are_same
 from renew.planner.shut_areas import with_least_water
 from renew.planner.task import Task
 from renew.results import Plan, Rejected, Route
 from renew.underway.choice import Answer, Choice, choose
+from renew.underway.turn_offs import TurnOff, turn_offs
 from renew.underway.way_ahead import ON_TIME, Abeam, abeam, track_ahead, way_ahead
 from renew.voyage.voyage import Voyage, shares
 
@@ -43,9 +47,11 @@ class Replanned:
     Attributes
     ----------
     answer : "kept", if the best way is of the class that was planned; "switched", if another class
-        saves more than the threshold, or the planned class can't be sailed any more; "no way".
+        saves more than the threshold, or the planned class can't be sailed any more; "turn off",
+        if no class leads to the goal, but a way to a haven of the list; "no way".
     plan : the plan from here on, to be given to the next :func:`replan`; None if there is no way.
         Its best route is the one to take, though one of another class may need a little less fuel.
+        If the answer is "turn off", it leads to the haven of least fuel.
     kept : the route in the class that was planned; None if it can't be sailed.
     rejected : classes without a route, with their reasons; first the class that was planned.
     off : distance from the path that was planned, m.
@@ -57,8 +63,10 @@ class Replanned:
         path and on along it: the cost of being off the path, late or early; inf without such a way.
     by_forecast : further fuel that the same way needs in the new current.
     saved : fuel that the best way saves against that way, in the new current; negative where that
-        way is not safe any more, or the vessel has to turn first.
-    cause : the error that says why there is no way, or None.
+        way is not safe any more, or the vessel has to turn first; 0 if it turns off to a haven.
+    cause : the error that says why there is no way to the goal, or None.
+    turn_offs : if there is none, the ways to havens, least fuel first.
+    havens_left_out : havens to which there is no way either, each with the reason.
     """
 
     answer: Answer
@@ -73,6 +81,8 @@ class Replanned:
     by_forecast: float
     saved: float
     cause: PlanningError | None = None
+    turn_offs: tuple[TurnOff, ...] = ()
+    havens_left_out: tuple[tuple[Haven, PlanningError], ...] = ()
 
     @property
     def best(self) -> Route | None:
@@ -81,7 +91,7 @@ class Replanned:
 
     @property
     def fuel(self) -> float:
-        """Fuel from here to the goal; infinite if there is no way."""
+        """Fuel from here to the goal, or on the way to the haven; infinite if there is no way."""
         return math.inf if self.plan is None else self.plan.best.fuel
 
     @property
@@ -100,6 +110,7 @@ def replan(
     current: CurrentLike | None = None,
     burnt: float | None = None,
     switch_above: float = 0.02,
+    havens: Sequence[Haven] = (),
 ) -> Replanned:
     """Plan the rest of a voyage from where the vessel is.
 
@@ -125,13 +136,15 @@ def replan(
         Fuel burnt since `previous` began; by default what that time needs at constant thrust.
     switch_above : float
         Share of the fuel ahead in the planned class above which another class is worth changing to.
+    havens : sequence of Haven
+        Where the vessel may turn off to, if no class leads to the goal any more.
 
     Returns
     -------
     Replanned
-        Kept, switched or no way; with the fuel of each, and what drift and the forecast changed.
-        Padding grows and hard-over turns are simulated as for :func:`renew.plan`, but not in the
-        first arc nor on the way out of the soft no-go zone.
+        Kept, switched, turn off or no way; with the fuel of each, and what drift and the forecast
+        changed. Padding grows and hard-over turns are simulated as for :func:`renew.plan`, but not
+        in the first arc nor on the way out of the soft no-go zone.
 
     Raises
     ------
@@ -143,6 +156,8 @@ def replan(
     """
     asked = _asked_of(previous)
     _check(previous, time, heading, burnt, switch_above)
+    for number, haven in enumerate(havens):
+        check_kind(f"havens[{number}]", haven, Haven)
     at, moved = _in_water(as_point("at", at), asked.chart, asked.vessel.turning_radius)
     route = previous.best
     place = _abeam(route, at, asked)
@@ -157,15 +172,20 @@ def replan(
     track = None
     if is_proven and is_in_time:
         track = track_ahead(route.trajectory, at, float(time))
-    choice, cause = Choice("no way"), None
+    choice, cause, goes_to = Choice("no way"), None, task
+    ways, left_out = tuple[TurnOff, ...](), tuple[tuple[Haven, PlanningError], ...]()
     try:
         choice = choose(task, ahead, heading, switch_above, is_proven=is_proven, track=track)
     except PlanningError as error:
         cause = error
-    plan = None if choice.plan is None else with_least_water(choice.plan, task)
+        ways, left_out = turn_offs(havens, task, heading)
+        if ways:
+            choice = Choice("turn off", ways[0].plan)
+            goes_to = cast("Task", ways[0].plan.voyage)
+    plan = None if choice.plan is None else with_least_water(choice.plan, goes_to)
     return Replanned(
         answer=choice.answer,
-        plan=None if plan is None else replace(plan, voyage=task),
+        plan=None if plan is None else replace(plan, voyage=goes_to),
         kept=plan.best if plan is not None and choice.answer == "kept" else choice.kept,
         rejected=choice.rejected,
         off=place.off,
@@ -174,8 +194,10 @@ def replan(
         burnt=known,
         by_drift=known + old - route.fuel,
         by_forecast=_less(new, old),
-        saved=0.0 if plan is None else _less(new, plan.best.fuel),
+        saved=0.0 if plan is None or ways else _less(new, plan.best.fuel),
         cause=cause,
+        turn_offs=ways,
+        havens_left_out=left_out,
     )
 
 

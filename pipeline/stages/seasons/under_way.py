@@ -39,12 +39,12 @@ def replanned(
         current=None if before.current is None else current,
         switch_above=before.switch_above,
     )
-    if found.plan is None or found.answer == "no way":
+    if found.plan is None:
         raise found.cause or renew.UnreachableError("no way leads on from {0}", scene.start)
     kept, scale = found.kept, scene.projection.scale
     reason = found.rejected[0] if kept is None and found.rejected else None
     return found.plan, Replanned(
-        answer=found.answer,
+        answer="kept" if found.answer == "kept" else "switched",
         fuel=found.fuel,
         kept_fuel=math.nan if kept is None else kept.fuel,
         kept_reason="" if reason is None else planner_text(reason.text, scene, season),

@@ -158,6 +158,77 @@ def test_a_class_that_is_shut_is_left_and_where_all_are_there_is_no_way() -> Non
     assert isinstance(shut.cause, renew.UnreachableError)
 
 
+def shut_ahead(*havens: renew.Haven, **given: Any) -> renew.Replanned:  # noqa: ANN401
+    """Planned again west of the island, where a jet has shut both sides of it."""
+    chart = renew.Chart(box(0, 0, 200, 60), [ISLAND])
+    plan = renew.plan(chart, jet(0.29, 0.3), PAPER_VESSEL, FROM, TO)
+    newer = jet(-1.5, -1.5)
+    return renew.replan(plan, (40.0, 31.0), 16.0, current=newer, havens=havens, **given)
+
+
+def haven(name: str, x: float, y: float, **hours: float) -> renew.Haven:
+    return renew.Haven(name, np.array([x, y]), **hours)
+
+
+def test_where_no_way_leads_on_it_turns_off_to_the_haven_of_least_fuel() -> None:
+    near, far, beyond = haven("near", 30, 12), haven("far", 12, 50), haven("beyond", 180, 30)
+    found = shut_ahead(far, beyond, near)
+    assert found.answer == "turn off"
+    assert isinstance(found.cause, renew.UnreachableError)
+    assert [one.haven.name for one in found.turn_offs] == ["near", "far"]
+    assert [one.name for one, _ in found.havens_left_out] == ["beyond"]
+    assert found.saved == 0
+    chart = renew.Chart(box(0, 0, 200, 60), [ISLAND])
+    for one in found.turn_offs:
+        alone = renew.plan(
+            chart, jet(-1.5, -1.5), PAPER_VESSEL, (40.0, 31.0), one.haven.place, departure=16.0
+        ).best
+        assert one.fuel == pytest.approx(alone.fuel, rel=1e-3)
+        assert one.arrival == pytest.approx(16.0 + alone.duration, rel=1e-3)
+    assert found.plan is not None
+    assert found.fuel == found.turn_offs[0].fuel
+    assert found.plan.best.path[-1] == pytest.approx(near.place)
+    at, time, heading = on_the_way(found.plan.best, 0.5)
+    onwards = renew.replan(found.plan, at, time, heading=heading)
+    assert onwards.answer == "kept"
+    assert onwards.best is not None
+    assert onwards.best.path[-1] == pytest.approx(near.place)
+
+
+def test_it_turns_off_from_its_heading_and_no_hard_over_turn_meets_land() -> None:
+    found = shut_ahead(haven("behind", 15, 31), heading=0.0)
+    assert found.best is not None
+    assert found.best.trajectory[0, 3] == pytest.approx(0.0)
+    assert found.fuel > shut_ahead(haven("behind", 15, 31)).fuel
+    for at in np.linspace(0, len(found.best.trajectory) - 1, 7).astype(int):
+        turn = found.best.trajectory[max(at - 1, 0) : at + 1]
+        rate = np.abs(np.diff(turn[:, 3])) / np.diff(turn[:, 0])
+        assert (rate <= PAPER_VESSEL.turn_rate * (1 + 1e-6)).all()
+
+
+def test_a_haven_counts_with_its_hours() -> None:
+    arrival = shut_ahead(haven("near", 30, 12)).turn_offs[0].arrival
+    shut = shut_ahead(haven("near", 30, 12, closes=arrival - 1), haven("far", 12, 50))
+    assert [one.haven.name for one in shut.turn_offs] == ["far"]
+    assert "closes at" in str(shut.havens_left_out[0][1])
+    waits = shut_ahead(haven("near", 30, 12, opens=arrival + 500), haven("far", 12, 50))
+    assert [one.haven.name for one in waits.turn_offs] == ["far", "near"]
+    assert waits.turn_offs[1].arrival == arrival + 500
+    in_time = shut_ahead(haven("near", 30, 12)).turn_offs[0].fuel
+    assert waits.turn_offs[1].fuel == pytest.approx(in_time + 500 * PAPER_VESSEL.fuel_rate)
+
+
+def test_without_a_haven_in_reach_there_is_no_way_and_with_a_way_none_is_planned() -> None:
+    lost = shut_ahead(haven("beyond", 180, 30), haven("on the island", 100, 30))
+    assert (lost.answer, lost.plan, lost.turn_offs) == ("no way", None, ())
+    assert len(lost.havens_left_out) == 2
+    plan = gyre_plan()
+    kept = renew.replan(plan, plan.best.path[0], 0.0, havens=[haven("near", 20, 20)])
+    assert (kept.answer, kept.turn_offs, kept.havens_left_out) == ("kept", (), ())
+    with pytest.raises(renew.ParameterError, match=r"havens\[0\]"):
+        renew.replan(plan, plan.best.path[0], 0.0, havens=["near"])  # type: ignore[list-item]
+
+
 @pytest.mark.parametrize("depth", [0.3, 2.0])
 def test_inside_v_it_leaves_by_about_the_nearest_way(depth: float) -> None:
     chart = renew.Chart(box(0, 0, 200, 60), [box(40, 0, 160, 20)])
