@@ -5,6 +5,7 @@ from typing import Unpack
 
 import numpy as np
 
+from renew._types import FloatArray
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.haven import Haven
@@ -71,7 +72,7 @@ def cover(
     options = PlanOptions() if options is None else options
     begin = float(route.trajectory[0, 0])
     request = Request(**{**vars(options), **changes}, departure=begin)
-    ends = np.vstack([route.path[0], route.path[-1]])
+    ends: FloatArray = np.vstack([route.path[0], route.path[-1]])
     task = Task(chart, as_field(current), vessel, ends, (), request)
     usable_ones, left_out = usable(havens, task, route)
     survey = Survey(Diverter(task, route), tuple(usable_ones), limits)
