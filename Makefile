@@ -58,8 +58,12 @@ types: $(READY)  ## mypy, strict
 # half of the tests takes some of the other's.
 TIMED := --dist worksteal --durations=20 --durations-min=2 --junitxml=build/test-times.xml
 
+# A test that waits for a browser, a cluster or a program leaves its core to others: `make test PROCESSES=3` may be quicker
+# on two cores, though each test then takes longer.
+PROCESSES := 2
+
 pytest: $(READY) compiled  ## the quick tests, the import rules and the documents' examples
-	RENEW_IS_WARM=1 $(BIN)/python -m pytest -q -n 2 $(TIMED)
+	RENEW_IS_WARM=1 $(BIN)/python -m pytest -q -n $(PROCESSES) $(TIMED)
 
 # Before the tests, whose processes would compile everything each for itself; while mypy works on the other core.
 compiled: $(READY)  ## the machine code of the planner
@@ -72,19 +76,19 @@ test-slow: $(READY) compiled  ## the slow tests
 test-new-examples: $(READY) compiled  ## all property tests with new examples; SEED=... draws those of a run again
 	@seed=$${SEED:-$$(date +%s)}; echo "Seed $$seed: make test-new-examples SEED=$$seed draws these examples again; one test does by"; \
 	echo "  $(BIN)/python -m pytest --hypothesis-profile=new-examples --hypothesis-seed=$$seed TEST"; \
-	$(BIN)/python -m pytest -q -n 2 -m 'hypothesis and not network' --hypothesis-profile=new-examples --hypothesis-seed=$$seed
+	$(BIN)/python -m pytest -q -n $(PROCESSES) -m 'hypothesis and not network' --hypothesis-profile=new-examples --hypothesis-seed=$$seed
 
 # What exercises the kernels and the planner; less what plans several times for something else (pickling, printing, seeds,
 # triangulators), so that it ends within minutes.
 NO_COMPILER := $(addprefix tests/renew/,kernels classes inputs voyage turns test_planner.py) --ignore=tests/renew/turns/test_padding_monte_carlo.py
 
 test-no-compiler: $(READY)  ## the kernels' and the planner's quick tests, interpreted: Numba switched off
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 --dist worksteal $(NO_COMPILER) \
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n $(PROCESSES) --dist worksteal $(NO_COMPILER) \
 	  -k 'not pickling and not print_and_compare and not same_seed and not same_classes'
 
 # tests/no_triangle/sitecustomize.py hides the package from this Python and from those that it starts.
 test-no-triangle: $(READY) compiled  ## the planner's tests as where the extra `triangle` is not installed
-	PYTHONPATH=$(CURDIR)/tests/no_triangle $(BIN)/python -m pytest -q -n 2 tests/renew
+	PYTHONPATH=$(CURDIR)/tests/no_triangle $(BIN)/python -m pytest -q -n $(PROCESSES) tests/renew
 
 format: $(READY)  ## let ruff mend what it can
 	$(BIN)/ruff check --fix --exit-zero
