@@ -13,7 +13,12 @@ from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.formats.shared.text import environment, season_name, season_text
 from pipeline.geo.lonlat import position_text
-from pipeline.machine.interpreters import cores, python_command, python_environment
+from pipeline.machine.interpreters import (
+    cores,
+    give_back_memory,
+    python_command,
+    python_environment,
+)
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
 from pipeline.model import Evaluation, Fetched, Note, Say, SeasonPlan
 from pipeline.scenario.model import Scenario
@@ -335,6 +340,7 @@ class _Stages:
                 self.on_event(Event(stage, "note", detail=note_text(one), note=one))
 
         started = time.perf_counter()
+        give_back_memory()  # what the stage before has freed: else both count at the peak
         self.on_event(Event(stage, "begun"))
         try:
             yield say

@@ -5,6 +5,7 @@ here, or by one of them, looks for modules in the working directory.
 """
 
 import contextlib
+import ctypes
 import gc
 import os
 import signal
@@ -147,6 +148,12 @@ def seldom_collecting() -> Iterator[None]:
         yield
     finally:
         gc.set_threshold(*usual)
+
+
+def give_back_memory() -> None:
+    """Give freed memory back to the system, which the C library otherwise keeps for later."""
+    with contextlib.suppress(OSError, AttributeError):  # another C library than GNU's
+        ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
 def cores() -> int:

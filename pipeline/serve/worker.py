@@ -6,7 +6,6 @@ when a plan takes too long or is cancelled. It ends with the server, whose end c
 """
 
 import contextlib
-import ctypes
 import gc
 import json
 import os
@@ -22,7 +21,7 @@ from typing import Any
 from pipeline.errors import PipelineError, one_line
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import json_value
-from pipeline.machine.interpreters import seldom_collecting
+from pipeline.machine.interpreters import give_back_memory, seldom_collecting
 from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
 from pipeline.serve.request import with_paths
@@ -71,7 +70,8 @@ def main() -> None:
         while True:
             request = json.loads(asked.get())
             (_prepare if request["prepares"] else _plan)(request, tell)
-            _give_back_memory()
+            gc.collect()
+            give_back_memory()
 
 
 def _listen(asked: "queue.SimpleQueue[str]") -> None:
@@ -118,13 +118,6 @@ def _prepare(asked: Mapping[str, Any], tell: Tell) -> None:
         require_sailable(scenario)
         prepare(scenario, Path(asked["output"]), offline=asked["offline"])
     tell({"event": "prepared"})
-
-
-def _give_back_memory() -> None:
-    """Give the memory of a plan that has ended back to the system, as far as it can be."""
-    gc.collect()
-    with contextlib.suppress(OSError, AttributeError):  # another C library than GNU's
-        ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
 def _scenario(options: Mapping[str, Any]) -> tuple[Scenario, tuple[str, ...]]:
