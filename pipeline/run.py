@@ -289,7 +289,8 @@ class _Stages:
             scene = projected(scenario, data.fetched, data.current_keys, land, store, before)
             havens_in(scenario, scene.value)  # refused before planning
         with self._stage("choose", scenario) as say:
-            return choose(Chosen(scenario, data, scene, notes=region_notes), store, say), land
+            given = Chosen(scenario, data, scene, notes=region_notes)
+            return choose(given, store, say, self.scheduler), land
 
     def planned(self, chosen: Chosen, land: Artefact[SimplifiedLand]) -> Artefact[Planned]:
         """Plan all seasons, when the planner is compiled."""

@@ -16,40 +16,38 @@ it. Later stages treat it as a given departure.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
-from functools import partial
-from typing import Any
 
 import numpy as np
 import shapely
 
-import renew
 from pipeline._types import FloatArray
-from pipeline.errors import RequestError
-from pipeline.formats.shared.text import planner_text, season_text
+from pipeline.errors import RequestError, StageError
+from pipeline.formats.shared.text import season_text
 from pipeline.machine.store import Store, artefact_key
-from pipeline.model import DepartureChoice, Note, Say, Scene, SeasonPlan, plan_options
+from pipeline.model import DepartureChoice, Note, Say, Scene, SeasonPlan
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
-from pipeline.scenario.season import Season
-from pipeline.scenario.times import departure_name, interval, named_departure
-from pipeline.stages.choosing.chosen import Chosen, in_thread
+from pipeline.scenario.times import departure_name, named_departure
+from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.onward import waiting_notes, with_onward_legs
-from pipeline.stages.seasons.one_season import MIN_LATENESS_S
+from pipeline.stages.seasons.running import run_tasks
+from pipeline.stages.seasons.sweep import SweepTask, sweep
+from pipeline.stages.seasons.task import Status
 
 
-def choose(given: Chosen, store: Store, say: Say) -> Chosen:
+def choose(given: Chosen, store: Store, say: Say, scheduler: str | None = None) -> Chosen:
     """Return a complete scenario with its scene, and report each choice through `say`.
 
     Raises
     ------
-    RequestError
+    RequestError, StageError
         No season has a departure that can be planned.
     """
     split = with_onward_legs(_with_offing(given), store)
-    chosen = choose_departures(split, store, say)
+    chosen = choose_departures(split, store, say, scheduler)
     chosen = replace(chosen, notes=(*chosen.notes, *waiting_notes(chosen)))
     for note in chosen.notes[len(given.notes) :]:
         say(note)
@@ -145,122 +143,61 @@ def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
     )
 
 
-# Number of plans between two progress notes.
-_PLANS_PER_NOTE = 5
-# Departures that are added are whole minutes after the first: no vessel departs to the second.
-_MINUTE_S = 60.0
-
-
-def choose_departures(given: Chosen, store: Store, say: Say) -> Chosen:
+def choose_departures(
+    given: Chosen, store: Store, say: Say, scheduler: str | None = None
+) -> Chosen:
     """Choose the departure of every season that leaves it open, and store the new scene.
+
+    The seasons are independent tasks; see :mod:`pipeline.stages.seasons.running`.
 
     Raises
     ------
     RequestError
         No season has a departure that can be planned.
+    StageError
+        The same, because tasks crashed; or the scheduler can't be used.
     """
-    departed, scenario, scene = given, given.scenario, given.scene
-    for season in scenario.seasons:
-        if not season.leaves_departure_open or season.name not in given.data.current_keys:
-            continue
-        key = artefact_key(
-            "departures", scene.key, scenario.planner.model_dump(mode="json"), season.model_dump()
-        )
-        choice = store.load("departures", key, DepartureChoice)
+    tasks = {task.season: task for task in _sweeps(given, store)}
+    waiting = [task for task in tasks.values() if task.result() is None]
+    failures, crashed = dict[str, str](), set[str]()
 
-        def say_of_it(
-            note: Note, about: tuple[str, ...] = scenario.season_if_several(season.name)
-        ) -> None:
-            say(note.about(*about))
+    def report(status: Status) -> None:
+        failures[status.season] = status.failure
+        crashed.update({status.season} if status.crashed else ())
 
-        try:
-            if choice is None:
-                asked = scene.value, season, scenario.planner, say_of_it
-                choice = in_thread(partial(_choice, *asked))
-                store.save("departures", key, choice)
-            departed = _with_departure(departed, replace(choice, asked=season))
-        except renew.PlanningError as error:
-            reason = planner_text(error.text, scene.value, season.name)
-            if season.name in scene.value.onward:
-                reason += "; or let the vessel wait longer at its anchorage"
-            departed = _without(departed, season.name, reason)
-    if scenario.seasons and not departed.data.current_keys:
-        raise RequestError(
-            [f"{season_text(n)}: {why}" for n, why in departed.data.failures.items()]
-        )
-    if departed.scene.key != scene.key:  # tasks load it from the store
+    def work(task: SweepTask) -> str:
+        about = given.scenario.season_if_several(task.season)
+        return sweep(task, lambda note: say(note.about(*about)))
+
+    if waiting:  # tasks load the scene from the store
+        store.load_or_make("project", given.scene.key, Scene, lambda: given.scene.value)
+    run_tasks(waiting, scheduler, report, work)
+    departed = given
+    for season, task in tasks.items():
+        choice = task.result()
+        if choice is not None:
+            departed = _with_departure(departed, replace(choice, asked=task.asked))
+        else:
+            missing = "its result is missing from the store; run again"
+            departed = _without(departed, season, failures.get(season) or missing)
+    if given.scenario.seasons and not departed.data.current_keys:
+        reasons = [f"{season_text(n)}: {why}" for n, why in departed.data.failures.items()]
+        raise StageError("; ".join(reasons)) if crashed else RequestError(reasons)
+    if departed.scene.key != given.scene.key:
         store.load_or_make("project", departed.scene.key, Scene, lambda: departed.scene.value)
     return departed
 
 
-def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> DepartureChoice:
-    """Plan a season's departures, and choose the best or the latest that arrives in time."""
-    asked: dict[str, Any] = {
-        "options": plan_options(options, min_lateness=MIN_LATENESS_S),
-        **scene.itinerary(season.name, scene.speeds[season.name].within_s if season.speed else 0.0),
-    }
-    leg = scene.leg(season.name)
-    given = (scene.chart, scene.currents[season.name], scene.vessel, leg.start, leg.goal)
-    first = scene.departures[season.name]
-    if season.arrive_by is not None and season.speed is None:
-        by = (season.arrive_by - first).total_seconds()
-        return _latest(renew.plan(*given, **asked | {"arrive_by": by}).best, first, season)
-    if season.departures is None:
-        raise ValueError(f"season {season.name!r} leaves no departure open")
-    times = season.departures.seconds
-    say(Note.of("departures-asked", count=len(times)))
-    within = None if season.to_within is None else interval(season.to_within).total_seconds()
-    # The plan stage plans all classes at the best departure, rounded to the second.
-    found = renew.plan_departures(
-        *given,
-        times,
-        **asked,
-        to_within=within,
-        spacing=_MINUTE_S,
-        progress=partial(_say_progress, len(times), say),
-        with_classes=False,
-    )
-    return DepartureChoice(
-        season=season.name,
-        first=first,
-        departures_s=found.departures,
-        fuels=found.fuels,
-        durations_s=found.durations,
-        homotopies=found.homotopies,
-        reasons=tuple(
-            "" if cause is None else planner_text(cause.text, scene, season.name)
-            for cause in found.causes
-        ),
-        chosen_s=float(found.departures[found.best]),
-        unproven_s=found.unproven,
-        has_speeds=season.speed is not None,
-    )
-
-
-def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureChoice:
-    """Return the departure of a route that arrives just in time, as the season's choice."""
-    begin = float(route.times[0])
-    return DepartureChoice(
-        season=season.name,
-        first=first,
-        departures_s=np.array([begin]),
-        fuels=np.array([route.fuel]),
-        durations_s=np.array([route.duration]),
-        homotopies=(route.homotopy,),
-        reasons=("",),
-        chosen_s=begin,
-        arrive_by=season.arrive_by,
-    )
-
-
-def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
-    """Report progress after every few plans, first of the given departures, then of added ones."""
-    if count % _PLANS_PER_NOTE:
-        return
-    if count < asked:
-        say(Note.of("departures-planned", count=count, asked=asked))
-    elif count > asked:
-        say(Note.of("departures-refined", count=count, unproven_s=unproven_s))
+def _sweeps(given: Chosen, store: Store) -> Iterator[SweepTask]:
+    """Yield a task for each season that has a current and leaves its departure open."""
+    options = given.scenario.planner
+    for season in given.scenario.seasons:
+        if season.leaves_departure_open and season.name in given.data.current_keys:
+            key = artefact_key(
+                "departures", given.scene.key, options.model_dump(mode="json"), season.model_dump()
+            )
+            scene, choice = store.path("project", given.scene.key), store.path("departures", key)
+            yield SweepTask(season, scene, choice, options, store.owner)
 
 
 def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:

@@ -1,14 +1,10 @@
 """Fifth stage: plan and evaluate every season, each in an independent task."""
 
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import partial
 
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.text import seasons_text
-from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Evaluation, SeasonPlan
 from pipeline.model.planning import speed_choices
@@ -17,14 +13,8 @@ from pipeline.stages.comparing.way_names import class_names_text
 from pipeline.stages.cover import havens_in, limits_of
 from pipeline.stages.project import scene_inputs
 from pipeline.stages.seasons.one_season import OnStep, combine_seasons, ignore_step
-from pipeline.stages.seasons.task import (
-    SeasonTask,
-    Status,
-    plan_and_evaluate,
-    run_on_scheduler,
-    status_in_process,
-    status_of,
-)
+from pipeline.stages.seasons.running import run_tasks
+from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate
 from pipeline.stages.simplify import SimplifiedLand
 
 
@@ -81,7 +71,7 @@ def plan_seasons(
 
     if waiting:
         meanwhile()
-    run_tasks(waiting, scheduler, report, on_step)
+    run_tasks(waiting, scheduler, report, lambda task: plan_and_evaluate(task, on_step))
     for task in waiting:
         result = None if task.season in crashed else task.result()
         if result is not None:
@@ -154,56 +144,3 @@ def _reasons(plans: Sequence[SeasonPlan]) -> list[str]:
     for plan in plans:
         seasons.setdefault(plan.failure, []).append(plan.season)
     return [f"{seasons_text(names)}: {failure}" for failure, names in seasons.items()]
-
-
-def run_tasks(
-    tasks: Sequence[SeasonTask],
-    scheduler: str | None,
-    on_status: Callable[[Status], None],
-    on_step: OnStep = ignore_step,
-) -> None:
-    """Run tasks, and report the status of each as it ends.
-
-    Parameters
-    ----------
-    tasks
-        Independent of each other.
-    scheduler
-        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks run in
-        threads of this process, because a new process would take as long to import as a plan
-        takes. Tasks with a time limit run in processes, because a process can be killed.
-    on_status
-        Called in the caller's thread.
-    on_step
-        Called in the threads of this process that plan, with the steps of their plans.
-    """
-    if not tasks:
-        return
-    import dask
-
-    address = scheduler or dask.config.get("scheduler-address", None)
-    if address is not None:
-        run_on_scheduler(tasks, address, on_status)
-    else:
-        # Even a single task runs in a thread: a signal handler may raise in the main one, and
-        # compiled code, called from C, can't handle an exception.
-        _run_in_threads(tasks, on_status, on_step)
-
-
-def _run_in_threads(
-    tasks: Sequence[SeasonTask], on_status: Callable[[Status], None], on_step: OnStep
-) -> None:
-    """Run tasks in threads of this process; a failure is returned as a status, not raised."""
-    pool, stop = ThreadPoolExecutor(min(len(tasks), cores())), threading.Event()
-    try:
-        runs = [
-            pool.submit(status_of, one.season, partial(plan_and_evaluate, one, on_step))
-            if one.limit_s is None
-            else pool.submit(status_in_process, one, stop)
-            for one in tasks
-        ]
-        for run in as_completed(runs):
-            on_status(run.result())
-    finally:
-        stop.set()
-        pool.shutdown(wait=False, cancel_futures=True)  # an interrupted run ends at once

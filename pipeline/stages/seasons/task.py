@@ -10,8 +10,7 @@ import os
 import pickle
 import sys
 import threading
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -37,7 +36,6 @@ from pipeline.model import (
     plan_options,
 )
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.seasons.cluster import fleet
 from pipeline.stages.seasons.one_season import (
     OnStep,
     evaluate_season,
@@ -215,8 +213,6 @@ def speeds_in_time(
 _PLAN = "from pipeline.stages.seasons.task import plan_from_stdin; plan_from_stdin()"
 # Largest length of a process's last output in a message, in characters.
 _MAX_SHOWN = 200
-# Number of tries of a season, because an error such as lack of memory may occur on one worker only.
-_TRIES = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,11 +240,16 @@ class SeasonTask:
         evaluation = load_artefact(self.evaluation_path, Evaluation)
         return None if plan is None or evaluation is None else (plan, evaluation)
 
-    def make(self) -> "Status":
+    def stored_failure(self) -> str | None:
+        """Return why the stored plan has no route, or ""; None if the store has no result."""
+        found = self.result()
+        return None if found is None else found[0].failure
+
+    def make(self, stop: threading.Event | None = None) -> "Status":
         """Plan the season; if it has a time limit, in a process that is killed after it."""
         if self.limit_s is None:
             return Status(self.season, plan_and_evaluate(self), crashed=False)
-        return status_in_process(self)
+        return status_in_process(self, stop)
 
 
 def plan_and_evaluate(task: SeasonTask, on_step: OnStep = ignore_step) -> str:
@@ -327,71 +328,3 @@ def plan_from_stdin() -> None:
     answer, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answer
     status = status_of(task.season, partial(plan_and_evaluate, task))
     answer.write(json.dumps([status.failure, status.crashed]))
-
-
-def run_on_scheduler(
-    tasks: Sequence[SeasonTask], address: str, on_status: Callable[[Status], None]
-) -> None:
-    """Run tasks on a scheduler's workers.
-
-    If the scheduler or all workers die, the unfinished tasks are reported as failed.
-
-    Raises
-    ------
-    StageError
-        The scheduler can't be reached or has no workers, or a worker can't plan.
-    """
-    seasons = _Seasons(tasks, on_status)
-    with fleet(address, tasks[0].scene_path) as workers:
-        try:
-            workers.run(seasons)
-        except StageError as error:
-            seasons.give_up(error)
-
-
-class _Seasons:
-    """The seasons of a run, as `pipeline.stages.seasons.cluster.Work`."""
-
-    def __init__(self, tasks: Sequence[SeasonTask], on_status: Callable[[Status], None]) -> None:
-        self._waiting = deque(tasks)
-        self._tries = {task.season: _TRIES for task in tasks}
-        self._open = {task.season: task for task in tasks}
-        self._on_status = on_status
-
-    def next_task(self, workers: int) -> SeasonTask | None:
-        """Return the next season, or None if all are handed out."""
-        del workers
-        return self._waiting.popleft() if self._waiting else None
-
-    def done(self, task: SeasonTask, result: Status) -> None:
-        """Report how a season ended."""
-        del task
-        self._end(result)
-
-    def died(self, task: SeasonTask) -> None:
-        """Report a season as crashed because several workers died while planning it."""
-        reason = "its workers died (out of memory, or a crash of the interpreter)"
-        self._end(Status(task.season, reason, crashed=True))
-
-    def failed(self, task: SeasonTask, error: Exception) -> None:
-        """Try a season again, or report its error."""
-        self._tries[task.season] -= 1
-        if self._tries[task.season]:
-            self._waiting.append(task)
-        else:
-            self._end(Status(task.season, one_line(error), crashed=True))
-
-    def give_up(self, error: StageError) -> None:
-        """Report each open season: with its result if the store has one, otherwise as crashed."""
-        for task in tuple(self._open.values()):
-            result = task.result()
-            self._end(
-                Status(task.season, str(error), crashed=True)
-                if result is None
-                else Status(task.season, result[0].failure, crashed=False)
-            )
-
-    def _end(self, status: Status) -> None:
-        """Report a season's status."""
-        del self._open[status.season]
-        self._on_status(status)

@@ -16,7 +16,7 @@ from pipeline.formats.figures.choice_plots import departure_figure
 from pipeline.formats.shared.departures_and_speeds import departure_text
 from pipeline.formats.shared.note_words import note_json, note_text
 from pipeline.formats.shared.text import exact_moment_text
-from pipeline.machine.store import Artefact, Store
+from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import DepartureChoice, Note
 from pipeline.model.planning import speed_choices
 from pipeline.scenario.season import Season
@@ -37,7 +37,13 @@ def result() -> Any:  # noqa: ANN401 - a RunResult
     return run(tide(14), ())
 
 
-def _chosen(result: Any, folder: Path, notes: list[Note], **asked: object) -> Chosen:  # noqa: ANN401
+def _chosen(
+    result: Any,  # noqa: ANN401
+    folder: Path,
+    notes: list[Note],
+    scheduler: str | None = None,
+    **asked: object,
+) -> Chosen:
     keys = {**result.scenario.seasons[0].model_dump(exclude_none=True), **asked}
     season = Season.model_validate({k: v for k, v in keys.items() if v is not None})
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
@@ -45,7 +51,8 @@ def _chosen(result: Any, folder: Path, notes: list[Note], **asked: object) -> Ch
     store, scene = Store(folder, "test"), result.scene
     if season.speed is not None:
         scene = replace(scene, speeds=speed_choices(scenario))
-    return choose_departures(Chosen(scenario, data, Artefact("scene", scene)), store, notes.append)
+    given = Chosen(scenario, data, Artefact("scene", scene))
+    return choose_departures(given, store, notes.append, scheduler)
 
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": COUNT}
@@ -89,6 +96,31 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     assert same.scene.key == departed.scene.key
 
 
+def test_a_scheduler_finds_the_same_departure_and_the_same_failure(
+    result: Any,  # noqa: ANN401
+    tmp_path: Path,
+) -> None:
+    from distributed import LocalCluster
+
+    asked: dict[str, Any] = {"departure": None, "departures": {**WINDOW, "count": 3}}
+    too_late = {"arrive_by": (DEPARTURE + timedelta(minutes=1)).isoformat()}
+    found, reasons = [], []
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0", protocol="tcp"
+    ) as cluster:
+        for folder, scheduler in (("here", None), ("there", str(cluster.scheduler_address))):
+            notes: list[Note] = []
+            departed = _chosen(result, tmp_path / folder, notes, scheduler, **asked)
+            found.append(artefact_key("choice", departed.choices, departed.scene.key))
+            # A worker does not tell how far it is.
+            assert bool(notes) == (scheduler is None)
+            with pytest.raises(RequestError) as error:
+                _chosen(result, tmp_path / folder, [], scheduler, **too_late)
+            reasons.append(str(error.value))
+    assert found[0] == found[1]
+    assert reasons[0] == reasons[1]
+
+
 def test_each_minute_of_a_window_is_planned_once_at_most(
     result: Any,  # noqa: ANN401
     tmp_path: Path,
@@ -105,7 +137,10 @@ def test_each_minute_of_a_window_is_planned_once_at_most(
     monkeypatch.setattr(Sailings, "sailing", counted)
     last = DEPARTURE + timedelta(minutes=50)
     window = {"first": DEPARTURE.isoformat(), "every": "30min", "count": 2}
-    asked = {"departures": {**window, "last": last.isoformat()}, "to_within": "2min"}
+    asked: dict[str, Any] = {
+        "departures": {**window, "last": last.isoformat()},
+        "to_within": "2min",
+    }
     (choice,) = _chosen(result, tmp_path, [], departure=None, **asked).choices
     minutes = choice.departures_s / 60
     assert minutes == pytest.approx(minutes.round())
@@ -179,7 +214,7 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(
 def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
     """The choice agrees with single plans at their own speeds, and keeps its arrival."""
     by = DEPARTURE + timedelta(hours=8)
-    asked = {
+    asked: dict[str, Any] = {
         "departure": None,
         "departures": {**WINDOW, "every": "2h", "count": 2},
         "arrive_by": by.isoformat(),

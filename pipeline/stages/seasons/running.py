@@ -1,0 +1,168 @@
+"""Run tasks of seasons: in threads or processes here, or on the workers of a Dask scheduler."""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import partial
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+from pipeline.errors import StageError, one_line
+from pipeline.machine.interpreters import cores
+from pipeline.stages.seasons.cluster import fleet
+from pipeline.stages.seasons.task import Status, status_of
+
+# Number of tries of a season, because an error such as lack of memory may occur on one worker only.
+_TRIES = 2
+
+
+class StoredTask(Protocol):
+    """A task of a season that reads its scene from the store, and saves its result there."""
+
+    @property
+    def season(self) -> str:
+        """The season's name."""
+        ...
+
+    @property
+    def scene_path(self) -> Path:
+        """The file of its scene."""
+        ...
+
+    @property
+    def limit_s(self) -> float | None:
+        """Its time limit, s."""
+        ...
+
+    def make(self, stop: threading.Event | None = None) -> Status:
+        """Do the task; with a time limit, in a process that is killed after it or at `stop`."""
+        ...
+
+    def stored_failure(self) -> str | None:
+        """Return the failure in the store's result, "" for a success; None without a result."""
+        ...
+
+
+TaskT = TypeVar("TaskT", bound=StoredTask)
+
+
+def run_tasks(
+    tasks: Sequence[TaskT],
+    scheduler: str | None,
+    on_status: Callable[[Status], None],
+    work: Callable[[TaskT], str],
+) -> None:
+    """Run tasks, and report the status of each as it ends.
+
+    Parameters
+    ----------
+    tasks
+        Independent of each other.
+    scheduler
+        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS. Without either, tasks run in
+        threads of this process, because a new process would take as long to import as a plan
+        takes. Tasks with a time limit run in processes, because a process can be killed.
+    on_status
+        Called in the caller's thread.
+    work
+        Does a task in a thread of this process, and returns its failure or "".
+    """
+    if not tasks:
+        return
+    import dask
+
+    address = scheduler or dask.config.get("scheduler-address", None)
+    if address is not None:
+        _run_on_scheduler(tasks, address, on_status)
+    else:
+        # Even a single task runs in a thread: a signal handler may raise in the main one, and
+        # compiled code, called from C, can't handle an exception.
+        _run_in_threads(tasks, on_status, work)
+
+
+def _run_in_threads(
+    tasks: Sequence[TaskT], on_status: Callable[[Status], None], work: Callable[[TaskT], str]
+) -> None:
+    """Run tasks in threads of this process; a failure is returned as a status, not raised."""
+    pool, stop = ThreadPoolExecutor(min(len(tasks), cores())), threading.Event()
+    try:
+        runs = [
+            pool.submit(status_of, one.season, partial(work, one))
+            if one.limit_s is None
+            else pool.submit(one.make, stop)
+            for one in tasks
+        ]
+        for run in as_completed(runs):
+            on_status(run.result())
+    finally:
+        stop.set()
+        pool.shutdown(wait=False, cancel_futures=True)  # an interrupted run ends at once
+
+
+def _run_on_scheduler(
+    tasks: Sequence[StoredTask], address: str, on_status: Callable[[Status], None]
+) -> None:
+    """Run tasks on a scheduler's workers.
+
+    If the scheduler or all workers die, the unfinished tasks are reported as failed.
+
+    Raises
+    ------
+    StageError
+        The scheduler can't be reached or has no workers, or a worker can't plan.
+    """
+    seasons = _Seasons(tasks, on_status)
+    with fleet(address, tasks[0].scene_path) as workers:
+        try:
+            workers.run(seasons)
+        except StageError as error:
+            seasons.give_up(error)
+
+
+class _Seasons:
+    """The seasons of a run, as `pipeline.stages.seasons.cluster.Work`."""
+
+    def __init__(self, tasks: Sequence[StoredTask], on_status: Callable[[Status], None]) -> None:
+        self._waiting = deque(tasks)
+        self._tries = {task.season: _TRIES for task in tasks}
+        self._open = {task.season: task for task in tasks}
+        self._on_status = on_status
+
+    def next_task(self, workers: int) -> StoredTask | None:
+        """Return the next season, or None if all are handed out."""
+        del workers
+        return self._waiting.popleft() if self._waiting else None
+
+    def done(self, task: StoredTask, result: Status) -> None:
+        """Report how a season ended."""
+        del task
+        self._end(result)
+
+    def died(self, task: StoredTask) -> None:
+        """Report a season as crashed because several workers died while planning it."""
+        reason = "its workers died (out of memory, or a crash of the interpreter)"
+        self._end(Status(task.season, reason, crashed=True))
+
+    def failed(self, task: StoredTask, error: Exception) -> None:
+        """Try a season again, or report its error."""
+        self._tries[task.season] -= 1
+        if self._tries[task.season]:
+            self._waiting.append(task)
+        else:
+            self._end(Status(task.season, one_line(error), crashed=True))
+
+    def give_up(self, error: StageError) -> None:
+        """Report each open season: with its result if the store has one, otherwise as crashed."""
+        for task in tuple(self._open.values()):
+            failure = task.stored_failure()
+            self._end(
+                Status(task.season, str(error), crashed=True)
+                if failure is None
+                else Status(task.season, failure, crashed=False)
+            )
+
+    def _end(self, status: Status) -> None:
+        """Report a season's status."""
+        del self._open[status.season]
+        self._on_status(status)
