@@ -17,7 +17,7 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.h_signature import Rays
 from renew.classes.reduced_rows import RayColumns, appended, no_words
 from renew.errors import InfeasibleError
-from renew.kernels.capsules import Capsules, Segment, leg_is_clear
+from renew.kernels.capsules import Capsules, Segment, capsule_bounds, leg_is_clear
 from renew.kernels.current_table import CurrentTable, velocity
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import slowness
@@ -33,6 +33,9 @@ _PIECES, _ROUNDS, _CHAIN_PIECES = 60, 4, 8
 # path. Places of the two points in a piece.
 _TIMED, _GAUSS = 1 / 10, (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 
+# Number of columns by which the capsules near a leg are found.
+_COLUMNS = 64
+
 
 class Shortened(NamedTuple):
     """Chains after smoothing: paths (n, 2), m, and times (c,), s."""
@@ -44,13 +47,19 @@ class Shortened(NamedTuple):
 class _Water(NamedTuple):
     """The current that times legs, the capsules that legs avoid, and the rays that define classes.
 
-    `exempt` (2, c) is as :attr:`Corridor.exempt`; paths begin at `departure`, s.
+    Those of column k, of even width from `west` (m) on, are member[first[k] : first[k + 1]].
+    `exempt` (2, 2, c) says which a leg may meet: if it is the first, if it is the last. Paths begin
+    at `departure`, s.
     """
 
     table: CurrentTable
     departure: float
     polar: Polar
     capsules: Capsules
+    first: IntArray
+    member: IntArray
+    west: float
+    per_metre: float
     exempt: BoolArray
     rays: RayColumns
 
@@ -76,12 +85,26 @@ def each_shortened(corridor: Corridor, rays: Rays, chains: FloatArray) -> Shorte
 
 def _water(corridor: Corridor, rays: Rays) -> _Water:
     """Return the water of a corridor, with the rays that define classes."""
+    capsules = corridor.search_capsules
+    west, _, east, _ = corridor.voyage.chart.bounds
+    per_metre = _COLUMNS / (east - west)
+    sides = (capsule_bounds(capsules)[:, ::2] - west) * per_metre
+    low, high = np.clip(np.floor(sides).astype(np.int64), 0, _COLUMNS - 1).T
+    column = np.concatenate([np.empty(0, dtype=np.int64), *map(np.arange, low, high + 1)])
+    order = np.argsort(column, kind="stable")
+    from_start, to_goal = corridor.exempt
     return _Water(
         corridor.voyage.table,
         corridor.voyage.departure,
         corridor.polar,
-        corridor.search_capsules,
-        corridor.exempt,
+        capsules,
+        np.searchsorted(column[order], np.arange(_COLUMNS + 1)),
+        np.repeat(np.arange(len(low)), high + 1 - low)[order],
+        west,
+        per_metre,
+        np.array(
+            [[np.zeros_like(to_goal), to_goal], [from_start, from_start | to_goal]], dtype=np.bool_
+        ),
         RayColumns(rays.x, rays.y, rays.island),
     )
 
@@ -193,13 +216,19 @@ def _quickest(points: FloatArray, water: _Water) -> tuple[float, IntArray]:
 @kernel
 def _is_clear(leg: Segment, water: _Water, is_first: bool, is_last: bool) -> bool:
     """Whether a leg stays out of V; the first leg may leave V, and the last may enter V."""
-    every = np.arange(len(water.capsules.radius))
-    exempt = np.zeros(len(every), dtype=np.bool_)
-    if is_first:
-        exempt |= water.exempt[0]
-    if is_last:
-        exempt |= water.exempt[1]
-    return leg_is_clear(leg, water.capsules, every, exempt)
+    exempt = water.exempt[int(is_first), int(is_last)]
+    low, high = _column(min(leg.ax, leg.bx), water), _column(max(leg.ax, leg.bx), water)
+    for k in range(low, high + 1):
+        near = water.member[water.first[k] : water.first[k + 1]]
+        if not leg_is_clear(leg, water.capsules, near, exempt):
+            return False
+    return True
+
+
+@kernel
+def _column(x: float, water: _Water) -> int:
+    """Return the column of an x, m; the outermost ones reach on."""
+    return min(max(math.floor((x - water.west) * water.per_metre), 0), _COLUMNS - 1)
 
 
 def harmonic_mean(fuels: FloatArray) -> float:
