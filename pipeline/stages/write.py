@@ -208,6 +208,7 @@ def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
 def _haven_formats(result: RunResult, season: str) -> dict[str, Format]:
     """Return the files of a season's ways to havens; none without havens, or without a way."""
     from pipeline.formats.passage import haven_routes
+    from pipeline.formats.shared.haven_rows import main_ways
 
     coverage = result.coverages.get(season)
     if coverage is None or not coverage.diversions:
@@ -228,7 +229,7 @@ def _haven_formats(result: RunResult, season: str) -> dict[str, Format]:
         f"{stem}s-missions.zip": lambda result, path: haven_routes.write_haven_missions(
             result, season, path, names=names
         ),
-        **{f"{name}.rtz": rtz(number) for number, name in enumerate(names, start=1)},
+        **{f"{names[way.number - 1]}.rtz": rtz(way.number) for way in main_ways(result, season)},
     }
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from renew._types import BoolArray, FloatArray
+from renew.bounds.fuel_lower_bound import least_time
 from renew.bounds.haven_bound import HavenBound
 from renew.errors import PlanningError
 from renew.inputs.haven import Haven
@@ -26,6 +27,9 @@ SAMPLES = 360
 # Numbers of samples: in all, at most; between two stations at first; up to which no place is tried
 # between two ends without a way.
 _MOST_SAMPLES, _STATIONS, _CLOSE = 6_000, 120, 4
+# Multiple of a limit up to which bounds with a clock are close; least time between the places from
+# which they are taken, as a share of it; number of cells of their finest grid.
+_ENOUGH, _PART, _PROOF_CELLS = 1.5, 1 / 24, 128_000
 # Factor on the limits up to which bounds are close.
 _ABOVE = 1.02
 
@@ -60,6 +64,37 @@ class Survey:
             last = end + self.diverter.off(end)
             self.bounds = bounds_to(self.havens, self.diverter, float(self.limit.max()), last)
         self.least = np.array([one.at(places) for one in self.bounds])
+        if not self.diverter.task.current.is_steady:
+            self._raise_with_clock()
+
+    def _raise_with_clock(self) -> None:
+        """Raise the bounds by those from places of the route, which know the hours.
+
+        In a current that changes they are closer than the bounds from the havens.
+        """
+        at, last = 0, len(self.times) - 1
+        while at < last:
+            if self.is_out[at]:
+                at += 1
+                continue
+            limit = float(self.limit[at])
+            least = self._least_from(at, _ENOUGH * limit)
+            ahead = self.times[at:] - self.times[at]
+            self.least[:, at:] = np.maximum(self.least[:, at:], least - ahead)
+            # Where a haven is near, it is so for a while.
+            at += max(1, int(max(_PART * limit, abs(least - limit) / 2) / self.step))
+
+    def _least_from(self, sample: int, enough: float) -> float:
+        """Return a bound on the time (s) to any haven from a sample, close up to `enough` (s)."""
+        voyage, least = self.diverter.task.planner().problem.voyage, math.inf
+        time = float(self.times[sample])
+        for haven, known in zip(self.havens, self.least[:, sample].tolist(), strict=True):
+            bound = known
+            if bound < min(enough, least):
+                ahead = replace(voyage, start=self.diverter.row(time)[:2], goal=haven.place)
+                bound = max(bound, least_time(ahead.leaving(time), _PROOF_CELLS, enough))
+            least = min(least, bound)
+        return least
 
     @property
     def step(self) -> float:
@@ -94,7 +129,18 @@ class Survey:
             count = max(1, math.ceil((last - first) / _STATIONS))
             stations = np.linspace(first, last, count + 1).round().astype(int).tolist()
             for a, b in reversed(list(itertools.pairwise(stations))):
-                yield from self._settled(a, b)
+                yield from self._with_fewer_ways(list(self._settled(a, b)))
+
+    def _with_fewer_ways(self, stretches: Sequence[Stretch]) -> Iterator[Stretch]:
+        """Yield stretches between two stations, the last first, by as few of their ways as do."""
+        way: Diversion | None = None
+        for one in stretches:
+            if one.diversion is not None and way is not None and self._is_within(way, one.begin):
+                longest = self._longest(one.begin, way)
+                yield replace(one, diversion=way, longest=longest)
+                continue
+            way = one.diversion
+            yield one
 
     def _settled(self, first: int, last: int) -> Iterator[Stretch]:
         """Yield the stretches between two samples, the last first."""
@@ -157,8 +203,11 @@ class Survey:
                 best = way
         return best
 
-    def planned(self, number: int, sample: int) -> Diversion | None:
-        """Return the way to a haven from a sample, near a known one if that is good enough."""
+    def planned(self, number: int, sample: int, *, is_thorough: bool = True) -> Diversion | None:
+        """Return the way to a haven from a sample, near a known one if that is good enough.
+
+        If not `is_thorough`, one near a known one is good enough.
+        """
         haven, time = self._haven(number), float(self.times[sample])
         near = self.diverter.nearest(number, time, self.step * _STATIONS)
         for start in (near, None) if near else (None,):
@@ -167,7 +216,7 @@ class Survey:
             except PlanningError as error:
                 self.cause = error
                 continue
-            if start is None or self._is_within(way, time):
+            if start is None or not is_thorough or self._is_within(way, time):
                 return way
         return None
 

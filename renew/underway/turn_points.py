@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from renew.underway.coverage import EqualPoint, LastTurn
+from renew.underway.coverage import Diversion, EqualPoint, LastTurn
 from renew.underway.diversions import Limits
 from renew.underway.survey import SAMPLES, Survey
 
@@ -13,6 +13,8 @@ _LAST = 6
 # Largest time to a haven for which an equal point is searched, as a multiple of the limit; number
 # of times that the search is widened.
 _EQUAL, _WIDENED = 1.5, 3
+# Difference of the times to two havens that counts as none, in steps between samples.
+_EQUAL_BY = 0.5
 
 
 def abort_points(survey: Survey) -> tuple[LastTurn, ...]:
@@ -37,6 +39,24 @@ def _last_turn(survey: Survey, number: int, good: int, bad: int, limits: Limits)
     not_after, way = float(survey.times[bad]), survey.planned(number, good)
     if way is None or not survey.diverter.is_within(way, limits):
         return None
+    end = bad
+    while True:
+        good, bad, way = _narrowed(survey, number, good, bad, way, limits)
+        # Near the last place another class may lead further.
+        further = survey.planned(number, bad)
+        if bad == end or further is None or not survey.diverter.is_within(further, limits):
+            break
+        good, bad, way = bad, end, further
+    return LastTurn(way, not_after)
+
+
+def _narrowed(
+    survey: Survey, number: int, good: int, bad: int, way: Diversion, limits: Limits
+) -> tuple[int, int, Diversion]:
+    """Return two samples close together: by ways near each other, the first is the last within.
+
+    A known `way` from the first of the two given ones is within the limits.
+    """
     beyond = math.inf
     while bad - good > _LAST:
         # Between two known ways the excess over the limits is nearly linear.
@@ -44,13 +64,13 @@ def _last_turn(survey: Survey, number: int, good: int, bad: int, limits: Limits)
         share = 0.5 if math.isinf(beyond) else spare / (spare + beyond)
         wide, least = bad - good, _LAST // 2
         middle = good + min(max(round(share * wide), least), wide - least)
-        further = survey.planned(number, middle)
+        further = survey.planned(number, middle, is_thorough=False)
         excess = math.inf if further is None else survey.diverter.excess(further, limits)
         if further is not None and excess <= 0:
             good, way = middle, further
         else:
             bad, beyond = middle, excess
-    return LastTurn(way, not_after)
+    return good, bad, way
 
 
 def no_return(survey: Survey) -> LastTurn | None:
@@ -88,7 +108,9 @@ def _equal_point(survey: Survey, one: int, other: int, change: int) -> EqualPoin
     """Return the place near a sample before which one haven is nearer, after it the other."""
 
     def both(sample: int) -> EqualPoint | None:
-        before, after = survey.planned(one, sample), survey.planned(other, sample)
+        before, after = (
+            survey.planned(number, sample, is_thorough=False) for number in (one, other)
+        )
         return None if before is None or after is None else EqualPoint(before, after)
 
     def lacks(point: EqualPoint | None) -> float:
@@ -97,15 +119,23 @@ def _equal_point(survey: Survey, one: int, other: int, change: int) -> EqualPoin
     last, wide = len(survey.times) - 1, SAMPLES // 24
     for _ in range(_WIDENED):
         low, high = max(change - wide, 0), min(change + wide, last)
-        if lacks(both(low)) <= 0 < lacks(both(high)):
+        below, above = lacks(both(low)), lacks(both(high))
+        if below <= 0 < above:
             break
         wide *= 2
     else:
         return None
     while high - low > 1:
-        middle = (low + high) // 2
-        if lacks(both(middle)) <= 0:
-            low = middle
+        # The difference is nearly linear; a step stays off the ends, so that both come nearer.
+        share = -below / (above - below)
+        middle = low + min(max(round(share * (high - low)), 1), high - low - 1)
+        found = lacks(both(middle))
+        if abs(found) <= _EQUAL_BY * survey.step:
+            return both(middle)
+        if found <= 0:
+            low, below = middle, found
+        elif found > 0:
+            high, above = middle, found
         else:
-            high = middle
+            return None
     return both(high)

@@ -19,6 +19,8 @@ from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import planner_text
 
 _GEOD = pyproj.Geod(ellps="WGS84")
+# Share of the limit of time that a stretch takes at least whose way is a main one.
+_STRETCH = 1 / 12
 LAST_TURNS = ("abort point", "point of no return", "equal point")
 """Kinds of rows that are one place of the route; the others are stretches."""
 
@@ -97,6 +99,22 @@ def haven_ways(result: RunResult, season: str) -> dict[renew.Diversion, Way]:
         )
         for number, one in enumerate(coverage.diversions, start=1)
     }
+
+
+def main_ways(result: RunResult, season: str) -> list[Way]:
+    """Return the ways that a navigator needs at hand, in the order of their times.
+
+    They serve stretches of a share of the limit at least, or are those of the last places to turn
+    off. Near a limit there are many more, each for a few minutes of the route.
+    """
+    coverage = result.coverages[season]
+    stretches = coverage.stretches
+    least = _STRETCH * min(coverage.within, stretches[-1].end - stretches[0].begin)
+    ends = [*coverage.abort_points, *filter(None, [coverage.no_return])]
+    main = {one.diversion for one in stretches if one.end - one.begin >= least}
+    main |= {one.diversion for one in ends}
+    main |= {way for one in coverage.equal_points for way in (one.before, one.after)}
+    return [way for one, way in haven_ways(result, season).items() if one in main]
 
 
 def haven_rows(result: RunResult, season: str) -> list[HavenRow]:

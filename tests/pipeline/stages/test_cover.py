@@ -22,6 +22,7 @@ from pymavlink import mavwp
 from pipeline.errors import RequestError
 from pipeline.formats.haven_table import COLUMNS, printed_rows
 from pipeline.formats.report.page import gather
+from pipeline.formats.shared.haven_rows import LAST_TURNS
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
@@ -127,10 +128,10 @@ def test_plotters_get_each_way_from_its_turn_off_to_its_haven(
     folder, known = covered[0].directory, ways(covered[0])
     found = gpxpy.parse((folder / "strait-calm-havens.gpx").read_text()).routes
     assert [route.number for route in found] == sorted(known)
-    digits = len(str(len(known)))
-    for number, route in enumerate(found, start=1):
-        row = known[number]
-        file = folder / f"strait-calm-haven-{number:0{digits}d}.rtz"
+    files = {int(one.stem.split("-")[-1]): one for one in folder.glob("*-haven-*.rtz")}
+    assert {int(row["way"]) for row in rows(covered[0]) if row["kind"] in LAST_TURNS} <= set(files)
+    for number, file in files.items():
+        row, route = known[number], found[number - 1]
         positions = etree.parse(str(file)).iterfind(".//{*}position")
         rtz = [(float(one.get("lon")), float(one.get("lat"))) for one in positions]
         gpx = [(one.longitude, one.latitude) for one in route.points]
@@ -158,7 +159,23 @@ def test_an_autopilot_gets_each_way_as_plan_and_as_mission(
         row = known[number]
         ends = [(row["lon"], row["lat"]), (row["haven_lon"], row["haven_lat"])]
         assert np.array([plan[0], plan[-1]]) == pytest.approx(np.array(ends, dtype=float), abs=1e-6)
-        assert file.with_suffix(".rtz").name in {one.name for one in folder.iterdir()}
+    # As RTZ the main ones have the same names.
+    assert {one.stem for one in folder.glob("*-haven-*.rtz")} <= {
+        one.stem for one in tmp_path.iterdir()
+    }
+
+
+def test_stretches_of_a_few_minutes_have_no_file_of_their_own(
+    covered: tuple[Outcome, Scenario, Path],
+) -> None:
+    served = set[int]()
+    for row in rows(covered[0]):
+        lasts_s = float(row["end_s"]) - float(row["begin_s"])
+        if row["way"] and (row["kind"] in LAST_TURNS or lasts_s >= WITHIN_S / 12 * (1 + 1e-3)):
+            served.add(int(row["way"]))
+    files = {int(one.stem.split("-")[-1]) for one in covered[0].directory.glob("*-haven-*.rtz")}
+    assert files == served
+    assert len(files) < len(ways(covered[0]))
 
 
 def test_the_layers_are_the_route_in_stretches_the_ways_and_the_havens(

@@ -145,6 +145,35 @@ def test_late_vessels_are_covered_in_a_current_that_changes() -> None:
                 assert fuel / rate <= 150.0 + 1e-6
 
 
+def test_a_current_of_later_hours_leaves_nothing_open_before_them() -> None:
+    chart = renew.Chart(box(0, 0, 400, 100))
+    still, back = renew.UniformCurrent(0.0, 0.0), renew.UniformCurrent(-0.6, 0.0)
+    current = renew.VaryingCurrent([0.0, 250.0, 300.0, 3000.0], [still, still, back, back])
+    route = renew.plan(chart, current, PAPER_VESSEL, (20.0, 50.0), (380.0, 50.0)).best
+    found = renew.cover(route, chart, current, PAPER_VESSEL, [haven("west", 60, 20)], within=40.0)
+    # In still water it is 50 s to the haven, in the current of later hours only 31 s.
+    place = on_track(route, 90.0)
+    assert math.dist(place, (60.0, 20.0)) > 50.0
+    assert found.at(90.0).state == "uncovered"
+    assert 39.0 < found.at(90.0).least <= math.dist(place, (60.0, 20.0))
+    for stretch in found.stretches:
+        if stretch.state == "uncovered":
+            begin = on_track(route, stretch.begin)
+            assert stretch.least <= math.dist(begin, (60.0, 20.0)) / 0.4
+
+
+def test_few_ways_cover_what_many_stations_were_needed_for(gyre: Scene) -> None:
+    route, chart, current = gyre
+    found = renew.cover(route, chart, current, PAPER_VESSEL, [NORTH_WEST, SOUTH_EAST], within=20.0)
+    covered = [one for one in found.stretches if one.state == "covered"]
+    ways = [one.diversion for one in covered if one.diversion is not None]
+    assert len(set(ways)) == len(ways)
+    for one, way in zip(covered, ways, strict=True):
+        assert way.time >= one.end - 1e-9
+        assert one.longest == pytest.approx(way.time - one.begin + way.longest)
+        assert one.longest <= 20.0 + 1e-6
+
+
 def test_the_way_to_a_haven_waits_until_it_opens() -> None:
     chart, still = renew.Chart(box(0, 0, 400, 100)), renew.UniformCurrent(0.0, 0.0)
     route = renew.plan(chart, still, PAPER_VESSEL, (20.0, 50.0), (380.0, 50.0)).best
