@@ -32,6 +32,7 @@ from numba.core.caching import (
     _CacheLocator,
 )
 from numba.core.registry import cpu_target
+from numba.core.runtime.nrt import rtsys
 
 from renew._compiler import KernelDispatcher
 
@@ -379,7 +380,9 @@ class _KernelCache(FunctionCache):
             _CacheFiles(str(folder), self._impl.filename_base, _name()) for folder in _folders()
         )
 
-    def _load_overload(self, sig: object, target_context: Any) -> object:  # noqa: ANN401
+    def load_overload(self, sig: object, target_context: Any) -> object:  # noqa: ANN401
+        """Load machine code; Numba's method would first import all that only its compiler needs."""
+        rtsys.initialize(target_context)
         found = super()._load_overload(sig, target_context)
         index_key = self._index_key(sig, target_context.codegen())
         for files in self._read_only:

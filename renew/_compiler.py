@@ -12,8 +12,8 @@ from collections.abc import Callable, Hashable, Iterator
 from functools import cache
 from typing import Any
 
-from numba.core import cgutils
-from numba.core.codegen import JITCodeLibrary
+from numba.core import cgutils, event
+from numba.core.codegen import JITCodeLibrary, ll  # type: ignore[attr-defined]
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.environment import lookup_environment
@@ -23,6 +23,8 @@ from numba.core.targetconfig import TargetConfig
 
 # Prefix of Numba's names for environments, in which functions look up objects while they run.
 _ENVIRONMENT = "_ZN08NumbaEnv"
+# Kinds of Numba's events that are told each time that a lock is taken and released.
+_LOCKS = ("numba:llvm_lock", "numba:compiler_lock")
 
 
 class KernelDispatcher(CPUDispatcher):
@@ -41,6 +43,11 @@ class KernelDispatcher(CPUDispatcher):
         options = {**options, "no_cpython_wrapper": True}
         self._inlined = CPUDispatcher(py_func, locals or {}, options, compiler)
 
+    def compile(self, sig: Any) -> Any:  # noqa: ANN401 - types of Numba's
+        """Load or compile the code for a signature. Overrides Numba's method."""
+        with global_compiler_lock, _untimed():
+            return super().compile(sig)
+
     def get_call_template(self, args: Any, kws: Any) -> Any:  # noqa: ANN401 - types of Numba's
         """Return the types of the inlined code for a caller. Overrides Numba's method."""
         return self._inlined.get_call_template(args, kws)
@@ -48,6 +55,20 @@ class KernelDispatcher(CPUDispatcher):
     def get_overload(self, sig: Any) -> Any:  # noqa: ANN401 - types of Numba's
         """Return the code that other kernels inline. Overrides Numba's method."""
         return self._inlined.get_overload(sig)
+
+
+@contextlib.contextmanager
+def _untimed() -> Iterator[None]:
+    """Have Numba not time its locks: all kernels at work would be told of each call of LLVM."""
+    events: Any = event
+    start, end, timer = events.start_event, events.end_event, events.install_timer
+    events.start_event = lambda kind, **about: kind in _LOCKS or start(kind, **about)
+    events.end_event = lambda kind, **about: kind in _LOCKS or end(kind, **about)
+    events.install_timer = lambda *_: contextlib.nullcontext()
+    try:
+        yield
+    finally:
+        events.start_event, events.end_event, events.install_timer = start, end, timer
 
 
 class _KernelCompiler(Compiler):
@@ -93,7 +114,23 @@ def _for_kernels() -> Iterator[None]:
             gc.enable()
 
 
-class _InlinedCode(JITCodeLibrary):
+class _Library(JITCodeLibrary):
+    """Code whose functions are only simplified one by one: whole code is optimized in the end."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:  # noqa: ANN401 - a module of llvmlite's
+        codegen: Any = self._codegen
+        ll_module.data_layout = codegen._data_layout  # noqa: SLF001 - as the overridden method does
+        passes, builder = ll.create_new_function_pass_manager(), codegen._pass_builder()  # noqa: SLF001
+        passes.add_sroa_pass()
+        passes.add_simplify_cfg_pass()
+        passes.add_instruction_combine_pass()
+        passes.add_simplify_cfg_pass()
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes.run(function, builder)
+
+
+class _InlinedCode(_Library):
     """Code that callers copy: neither optimized as a whole nor turned into machine code."""
 
     @property
@@ -122,7 +159,7 @@ class _NoMachineCode:
         """Do nothing: :class:`_Whole` sets the environments of its code."""
 
 
-class _Whole(JITCodeLibrary):
+class _Whole(_Library):
     """Code that Python calls, with all inlined code."""
 
     def _finalize_specific(self) -> None:

@@ -19,6 +19,7 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes import h_signature
 from renew.classes.h_signature import VIA, Word
 from renew.classes.triangulation import Triangulation
+from renew.kernels.searches import extremes
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -298,7 +299,7 @@ def _stays(
     enters, leaves = [0.0], [0.0]
     for t in range(len(corners)):
         x, y = corners[t, :, 0], corners[t, :, 1]
-        west, east, south, north = x.min(), x.max(), y.min(), y.max()
+        (west, east), (south, north) = extremes(x), extremes(y)
         touch = _TOUCH * (east - west + north - south)
         for k in range(len(path) - 1):
             ax, ay = path[k]

@@ -25,6 +25,7 @@ from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart import Chart
 from renew.kernels.capsules import Segment
+from renew.kernels.searches import number_up_to
 
 Word: TypeAlias = tuple[int, ...]
 """Signed island numbers from 1: +i crosses island i's ray towards +x, -i towards -x.
@@ -122,8 +123,8 @@ def rays_between(x: FloatArray, ax: float, bx: float) -> tuple[int, int, int]:
     A leg crosses a ray whose origin lies below the leg: see :func:`is_crossed`. The interval is
     half-open on the west, so that a path with a point right above an origin counts once.
     """
-    here = int(np.searchsorted(x, ax, side="right"))
-    there = int(np.searchsorted(x, bx, side="right"))
+    here = number_up_to(x, ax)
+    there = number_up_to(x, bx)
     return (here, there, 1) if bx > ax else (here - 1, there - 1, -1)
 
 

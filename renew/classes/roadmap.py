@@ -21,6 +21,7 @@ from renew.classes.dual_graph import without_dead_ends
 from renew.classes.legs import Mesh, legs_between
 from renew.classes.triangulation import Triangulation
 from renew.kernels.current_table import CurrentTable
+from renew.kernels.searches import number_below, number_up_to
 from renew.voyage.voyage import Voyage
 
 # Numbers of cells: in still water; in small eddies; per triangle; at most; and the number from
@@ -104,11 +105,8 @@ def _nodes_near(x: FloatArray, y: FloatArray, points: FloatArray, distance: floa
     """Return nodes (ny, nx) of a grid that are closer than a distance (m) to some points (n, 2)."""
     near = np.zeros((len(y), len(x)), dtype=np.bool_)
     for px, py in points:
-        first = np.searchsorted(x, px - distance)
-        last = np.searchsorted(x, px + distance, side="right")
-        for row in range(
-            np.searchsorted(y, py - distance), np.searchsorted(y, py + distance, side="right")
-        ):
+        first, last = number_below(x, px - distance), number_up_to(x, px + distance)
+        for row in range(number_below(y, py - distance), number_up_to(y, py + distance)):
             for column in range(first, last):
                 if math.hypot(x[column] - px, y[row] - py) < distance:
                     near[row, column] = True
@@ -326,8 +324,8 @@ def _triangles_of(x: FloatArray, y: FloatArray, mesh: Mesh, wanted: BoolArray) -
         (ax, ay), (bx, by), (cx, cy) = mesh.corners[t]
         west, east = min(ax, bx, cx), max(ax, bx, cx)
         south, north = min(ay, by, cy), max(ay, by, cy)
-        first, last = np.searchsorted(x, west), np.searchsorted(x, east, side="right")
-        for r in range(np.searchsorted(y, south), np.searchsorted(y, north, side="right")):
+        first, last = number_below(x, west), number_up_to(x, east)
+        for r in range(number_below(y, south), number_up_to(y, north)):
             for c in range(first, last):
                 if wanted[r, c] and _holds(mesh, t, x[c], y[r]):
                     holding[r, c] = t

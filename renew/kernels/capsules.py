@@ -11,6 +11,7 @@ from numba.extending import register_jitable
 
 from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
+from renew.kernels.searches import extremes
 
 # Smallest slope (no unit) used as a divisor; a line with a smaller one counts as level.
 _MIN_SLOPE = 1e-300
@@ -123,8 +124,8 @@ def intersects(
 @kernel
 def _intersecting(bounds: FloatArray, boxes: FloatArray, chosen: IntArray) -> int:
     """Fill `chosen` with the bounds that intersect the hull of boxes; return their number."""
-    west, south = boxes[:, 0].min(), boxes[:, 1].min()
-    east, north = boxes[:, 2].max(), boxes[:, 3].max()
+    west, south = extremes(boxes[:, 0])[0], extremes(boxes[:, 1])[0]
+    east, north = extremes(boxes[:, 2])[1], extremes(boxes[:, 3])[1]
     count = 0
     for h in range(len(bounds)):
         if intersects(bounds, h, west, south, east, north):
@@ -222,9 +223,11 @@ def segments_near(
     bounds = capsule_bounds(Capsules(start, end, np.zeros(len(start))))
     for block in range(0, len(points), _BLOCK):
         last = min(block + _BLOCK, len(points))
-        xs, ys, furthest = points[block:last, 0], points[block:last, 1], reach[block:last].max()
-        west, east = xs.min() - furthest, xs.max() + furthest
-        south, north = ys.min() - furthest, ys.max() + furthest
+        west, east = extremes(points[block:last, 0])
+        south, north = extremes(points[block:last, 1])
+        _, furthest = extremes(reach[block:last])
+        west, east = west - furthest, east + furthest
+        south, north = south - furthest, north + furthest
         count = 0
         for h in range(len(start)):
             if intersects(bounds, h, west, south, east, north):
@@ -270,8 +273,9 @@ def tracks_touch(
     for i in range(len(tracks)):
         for turn in range(turns):
             xs, ys = tracks[i, turn, :, 0], tracks[i, turn, :, 1]
-            west, east = xs.min() - radius[i], xs.max() + radius[i]
-            south, north = ys.min() - radius[i], ys.max() + radius[i]
+            (west, east), (south, north) = extremes(xs), extremes(ys)
+            west, east = west - radius[i], east + radius[i]
+            south, north = south - radius[i], north + radius[i]
             for h in near[first[i] : first[i + 1]]:
                 axis = Segment(start[h, 0], start[h, 1], end[h, 0], end[h, 1])
                 if intersects(bounds, h, west, south, east, north) and _touches(

@@ -16,6 +16,7 @@ import numpy as np
 
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
+from renew.kernels.searches import number_up_to
 
 # Largest error of a fine table in the middle of any cell, as a share of its strongest current. A
 # path found with such a table needs little more than the least fuel: the excess is of second order.
@@ -264,7 +265,7 @@ def next_slice(table: CurrentTable, time: float) -> float:
     if table.period < math.inf:
         begin = math.floor((time - times[0]) / table.period) * table.period
     for _ in range(2):
-        at = int(np.searchsorted(times, time - begin, side="right"))
+        at = number_up_to(times, time - begin)
         # By rounding, the search may find the slice at this very time again.
         while at <= last and begin + times[at] <= time:
             at += 1
@@ -323,7 +324,7 @@ def _cell(axis: FloatArray, density: float, value: float) -> tuple[int, float]:
         along = min(max((value - axis[0]) * density, 0.0), last + 1.0)
         i = min(int(along), last)
         return i, along - i
-    i = min(max(int(np.searchsorted(axis, value, side="right")) - 1, 0), last)
+    i = min(max(number_up_to(axis, value) - 1, 0), last)
     place = (value - axis[i]) / (axis[i + 1] - axis[i])
     return i, min(max(place, 0.0), 1.0)
 

@@ -24,6 +24,7 @@ from renew.kernels.current_table import (
     velocity_there,
 )
 from renew.kernels.ground_speed import Polar, ground_speed
+from renew.kernels.searches import extremes
 
 # Squared ratio of current to vessel speed from which water counts as too strong at a point; between
 # two points on a leg the current may be a little stronger.
@@ -364,8 +365,9 @@ def _arrivals(
 @kernel
 def _capsules_between(here: _Row, there: _Row, bounds: FloatArray) -> IntArray:
     """Return the capsules whose bounds (c, 4) intersect the box around two rows, as indices."""
-    west, east = min(here.x.min(), there.x.min()), max(here.x.max(), there.x.max())
-    south, north = min(here.y.min(), there.y.min()), max(here.y.max(), there.y.max())
+    (west, east), (south, north) = extremes(here.x), extremes(here.y)
+    (left, right), (low, high) = extremes(there.x), extremes(there.y)
+    west, east, south, north = min(west, left), max(east, right), min(south, low), max(north, high)
     near = np.empty(len(bounds), dtype=np.int64)
     count = 0
     for h in range(len(bounds)):
