@@ -107,7 +107,8 @@ def _tasks(
     scenario, parts = chosen.scenario, chosen.data
     options, explains_gap = scenario.planner, scenario.outputs.explain_gap
     required = None
-    if scenario.havens is not None and scenario.havens.require:
+    # Under way they are where the vessel turns off to if no way leads on.
+    if scenario.havens is not None and (scenario.havens.require or scenario.under_way):
         required = limits_of(scenario, havens_in(scenario, chosen.scene.value)[0])
     # The file of the havens may change, so their places count.
     places = [(one.name, *one.place.tolist()) for one in required.havens] if required else []

@@ -76,7 +76,8 @@ def plan_season(
 ) -> SeasonPlan:
     """Plan one season; if that is impossible, the result's `failure` has the reason.
 
-    If limits on the way to a haven are `required`, its routes keep them.
+    If limits on the way to a haven are `required`, its routes keep them; under way the reason says
+    which of these havens to turn off to.
 
     `on_step` is called with the season and each step of its plan, whose path is in lon/lat degrees.
     """
@@ -95,7 +96,8 @@ def plan_season(
     try:
         with watched(tell):
             if scene.before is not None:
-                plan, again = replanned(scene, scene.before, season, asked)
+                havens = () if required is None else required.havens
+                plan, again = replanned(scene, scene.before, season, asked, havens)
             elif season in scene.speeds:
                 plan, arrive_by_s = planning.planned_in_time(planned, scene, season)
             elif season in scene.members:

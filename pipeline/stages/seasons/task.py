@@ -268,7 +268,7 @@ def plan_and_evaluate(task: SeasonTask, on_step: OnStep = ignore_step) -> str:
                 beside.submit(getattr, plan.plan.best.fuel_bound, "at_clearance")
             save_artefact(task.plan_path, plan, task.owner)
     # Other plans need not be covered, and may need less fuel than the bound on those that are.
-    is_free = task.required is None
+    is_free = task.required is None or not task.required.is_required
     shares = gap_shares(scene, plan, task.options) if task.explains_gap and is_free else None
     worth = clock_worth(scene, plan, task.options) if is_free else None
     evaluation = replace(

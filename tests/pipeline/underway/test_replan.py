@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -188,6 +189,23 @@ def test_a_wrong_request_is_refused_whole(voyage: Path, args: list[str], said: l
     assert all(one in faults for one in said), faults
     assert len(faults.splitlines()) == 1
     assert set(voyage.parent.iterdir()) == before
+
+
+def test_where_no_way_leads_on_the_havens_in_reach_are_named(tmp_path: Path) -> None:
+    (tmp_path / "havens.csv").write_text("name,lon,lat\nWest,119.015,9.515\nEast,119.085,9.545\n")
+    results = sailing.make(tmp_path, '[havens]\npath = "havens.csv"\nwithin = "2h"')
+    late = ("--at", AT, "--time", "2026-11-23T09:30Z", "--name", "late")
+    code, _, faults = asked_on_terminal(results, *late)
+    assert code == 1
+    assert len(faults.splitlines()) == 1
+    way = re.search(
+        r"turn off to West \(([\d,]+) of fuel, in (\d+) min\); no way leads on:", faults
+    )
+    assert way is not None, faults
+    # 1.7 km at 1.5 m/s through the water.
+    assert 10 < int(way[2]) < 40
+    assert "no way from here" in faults
+    assert not (results.parent / "late").exists()
 
 
 def _cut(folder: Path) -> None:
