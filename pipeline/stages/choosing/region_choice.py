@@ -13,6 +13,7 @@ makes the bound no higher.
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
@@ -26,7 +27,8 @@ from pipeline.errors import PipelineError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
 from pipeline.geo.projection import Projection
-from pipeline.machine.store import Artefact, Store
+from pipeline.machine.interpreters import cores
+from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Note, Place, Scene, SeasonPlan
 from pipeline.scenario.region import Region
 from pipeline.sources.current_field import LandMask
@@ -276,18 +278,21 @@ def bounded_sides(
     sides: Sequence[FarSide], made: Artefact[RunResult], store: Store
 ) -> tuple[BoundedSide, ...]:
     """Find names and lower bounds of far sides, in the currents that are on this machine."""
-    if not sides:
-        return ()
+    keys = {side: artefact_key("far-sides", made.key, side) for side in sides}
+    known = {side: store.load("far-sides", key, BoundedSide) for side, key in keys.items()}
+    # As a rule all sides were found in one search.
+    searched = dict.fromkeys(side.searched for side in sides if known[side] is None)
+    scenes = {bounds: _wide_scene(bounds, made.value, store) for bounds in searched}
 
-    def make() -> tuple[BoundedSide, ...]:
-        # As a rule all sides were found in one search.
-        scenes = {
-            bounds: _wide_scene(bounds, made.value, store)
-            for bounds in {side.searched for side in sides}
-        }
-        return tuple(_bounded(side, scenes[side.searched], made.value) for side in sides)
+    def bounded(side: FarSide) -> BoundedSide:
+        found = known[side]
+        if found is None:
+            found = _bounded(side, scenes[side.searched], made.value)
+            store.save("far-sides", keys[side], found)
+        return found
 
-    return store.artefact("far-sides", tuple, (made.key, list(sides)), make).value
+    with ThreadPoolExecutor(cores()) as pool:
+        return tuple(pool.map(bounded, sides))
 
 
 def are_on_both_sides(paths: Sequence[FloatArray], place: LonLat) -> bool:
