@@ -214,7 +214,7 @@ def _autopilot_texts(result: RunResult, season: str) -> Iterator[str]:
         yield (
             "On an autopilot, set Hold, not return, for a lost link and a fence breach: it returns "
             "straight to the start or the nearest rally point, and from some places of this route "
-            "that is not clear of land, or of water from which the vessel can't turn away."
+            "that is not clear of no-go areas, hard and soft."
         )
 
 

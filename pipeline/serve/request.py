@@ -22,6 +22,7 @@ _TEXTS = (
 )
 _LISTS = ("month", "currents", "via", "avoid", "tide")
 _PATHS = ("charts", "depths", "havens")
+_FLAGS = ("require", "explain_gap")
 
 _Text = Annotated[str, Field(max_length=200)]
 # A name of the catalogue, or what the server called a file that it was given.
@@ -61,6 +62,7 @@ class PlanRequest(BaseModel):
     havens: _Source | None = Field(default=None, description="A given file of havens.")
     within: _Text = ""
     endurance: _Text = ""
+    require: bool = False
     clearance: _Text = ""
     charts: _Source | None = Field(default=None, description="A given file of land.")
     depths: _Source | None = Field(default=None, description="A given file of depths.")
@@ -107,7 +109,7 @@ class PlanRequest(BaseModel):
             "tide": [source("tide", one, stations) for one in self.tide],
             "avoid": [path("avoid", one) for one in self.avoid],
             **{key: path(key, one) for key in _PATHS if (one := getattr(self, key)) is not None},
-            "explain_gap": self.explain_gap,
+            **{key: getattr(self, key) for key in _FLAGS},
         }
         if faults.lines:
             raise RequestError(faults.lines)
@@ -146,7 +148,7 @@ def command_line(options: Mapping[str, Any], name: str, output: Path, *, offline
         for one in options.get(key) or ():
             words += [_option(key), str(one)]
     words += ["--name", name, "--output", str(output)]
-    words += ["--offline"] * offline + ["--explain-gap"] * bool(options.get("explain_gap"))
+    words += ["--offline"] * offline + [_option(key) for key in _FLAGS if options.get(key)]
     # After "--" nothing is an option: a longitude may begin with a minus.
     return shlex.join([*words, "--", *options["positions"]])
 

@@ -102,7 +102,7 @@ def test_a_forecast_that_stops_coming_is_no_success(tmp_path: Path, cluster: str
     path = tmp_path / "currents" / "m1.nc"
     write_forecast(path, REFERENCE - timedelta(days=30))
     assert _run(file, cluster).fresh
-    with pytest.raises(ComeAgainError, match="nothing new: the currents of 2026-10-22T00Z "):
+    with pytest.raises(ComeAgainError, match="used these currents, of 2026-10-22T00Z, and"):
         _run(file, cluster)
 
 

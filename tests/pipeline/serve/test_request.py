@@ -29,11 +29,12 @@ def test_every_option_of_the_command_line_can_be_asked_for(tmp_path: Path) -> No
     assert set(inspect.signature(go).parameters) - _NOT_ASKED == given
 
 
-@given(start=_TEXT, goal=_TEXT, speed=_TEXT, via=st.lists(_TEXT, max_size=3), gap=st.booleans())
+@given(start=_TEXT, goal=_TEXT, speed=_TEXT, via=st.lists(_TEXT, max_size=3), flag=st.booleans())
 def test_the_command_line_says_what_was_asked(
-    start: str, goal: str, speed: str, via: list[str], gap: bool
+    start: str, goal: str, speed: str, via: list[str], flag: bool
 ) -> None:
-    asked = PlanRequest(start=start, goal=goal, speed=speed, via=tuple(via), explain_gap=gap)
+    flags = {"explain_gap": flag, "require": not flag}
+    asked = PlanRequest(start=start, goal=goal, speed=speed, via=tuple(via), **flags)
     options = asked.options(GivenFiles(Path("unused")))
     program, name, *words = shlex.split(command_line(options, "a", Path("out"), offline=True))
     command = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
@@ -43,5 +44,5 @@ def test_the_command_line_says_what_was_asked(
     assert read["speed"] == speed
     assert list(read["via"] or ()) == via
     assert (read["name"], read["output"], read["offline"]) == ("a", Path("out"), True)
-    assert read["explain_gap"] is gap
+    assert {key: read[key] for key in flags} == flags
     assert with_paths(options)["avoid"] == list(read["avoid"] or ())
