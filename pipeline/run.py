@@ -1,7 +1,6 @@
 """Run the seven stages of a scenario in order; its seasons are planned as independent tasks."""
 
 import contextlib
-import subprocess
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -13,12 +12,8 @@ from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.formats.shared.text import environment, season_name, season_text
 from pipeline.geo.lonlat import position_text
-from pipeline.machine.interpreters import (
-    cores,
-    give_back_memory,
-    python_command,
-    python_environment,
-)
+from pipeline.machine.first_compilation import first_compilation
+from pipeline.machine.interpreters import give_back_memory
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
 from pipeline.model import Evaluation, Fetched, Note, Say, SeasonPlan
 from pipeline.scenario.model import Scenario
@@ -122,9 +117,6 @@ class Outcome:
         """Return the routes as a table for a notebook."""
         template = environment("pipeline.formats.report").get_template("outcome.html.jinja")
         return template.render(outcome=self, season_name=season_name)
-
-
-_COMPILE = "from renew.warming import rehearse_half; rehearse_half({half})"
 
 
 def run(
@@ -367,42 +359,3 @@ class _Stages:
             (directory / name).is_file() and file_hash(directory / name) == digest
             for name, digest in hashes.items()
         )
-
-
-@contextlib.contextmanager
-def first_compilation() -> Iterator[Callable[[], None]]:
-    """Start to compile if nothing is compiled yet; yield a function that waits for the end.
-
-    If a process fails or is killed, kernels that it did not compile are compiled when they are
-    called. With a single core, or without a lasting cache, no process is started.
-    """
-    processes = [_compiling(half) for half in range(2)] if _can_compile_ahead() else []
-
-    def wait() -> None:
-        for process in processes:
-            process.wait()
-
-    try:
-        yield wait
-    finally:
-        for process in processes:
-            process.kill()
-            process.wait()
-
-
-def _can_compile_ahead() -> bool:
-    """Whether nothing is compiled yet, and two processes can run in parallel."""
-    from renew._compiled import is_cold
-
-    return cores() > 1 and is_cold()
-
-
-def _compiling(half: int) -> subprocess.Popen[bytes]:
-    """Start a process that compiles half of the kernels, 0 or 1."""
-    return subprocess.Popen(  # noqa: S603 - this interpreter
-        python_command("-c", _COMPILE.format(half=half)),
-        env=python_environment(),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )

@@ -12,6 +12,7 @@ from pipeline.model.evaluation import (
     ShutStrait,
     SideBound,
 )
+from pipeline.model.haven_limits import HavenLimits
 from pipeline.model.inputs import (
     Credit,
     CurrentGrid,
@@ -28,7 +29,6 @@ from pipeline.model.inputs import (
 from pipeline.model.planning import (
     Current,
     DepartureChoice,
-    HavenLimits,
     Scene,
     SeasonPlan,
     Simplified,

@@ -61,37 +61,6 @@ class SpeedChoice:
     within_s: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HavenLimits:
-    """Havens in the plane, and the limits on the way to one of them, true seconds or None.
-
-    With `is_required` only routes are planned that keep the limits all along.
-    """
-
-    havens: tuple[renew.Haven, ...]
-    within_s: float | None
-    endurance_s: float | None
-    is_required: bool = False
-
-    def in_plane(self, scene: "Scene", season: str) -> tuple[float | None, float | None]:
-        """Return the limits of time (s) and fuel of `renew.cover`: ways keep them in true time."""
-        stretch = largest_stretch(scene, season)
-        rate = scene.vessel_in(season).fuel_rate
-        endurance = None if self.endurance_s is None else rate * self.endurance_s / stretch
-        within = None if self.within_s is None else self.within_s / stretch
-        return within, endurance
-
-    def only_covered(self, plan: renew.Plan, scene: "Scene", season: str) -> renew.Plan:
-        """Return the plan with covered routes alone, if they are required.
-
-        A plan that exceeds the endurance itself is left to the stage that covers it.
-        """
-        within, endurance = self.in_plane(scene, season)
-        if not self.is_required or plan.best.fuel > (endurance or math.inf):
-            return plan
-        return renew.only_covered(plan, self.havens, within=within, endurance=endurance)
-
-
 @dataclass(frozen=True, slots=True)
 class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.

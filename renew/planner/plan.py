@@ -9,19 +9,10 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import ParameterError, check_kind, is_finite, shown
+from renew.inputs.arguments import ViaPoints, as_departures, as_point, as_via, check_objects
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
-from renew.inputs.options import (
-    Changes,
-    PlanOptions,
-    Request,
-    Speeds,
-    ViaPoints,
-    as_departures,
-    as_point,
-    as_via,
-    check_objects,
-)
+from renew.inputs.options import Changes, PlanOptions, Request, Speeds
 from renew.inputs.shut_areas import Area, ShutArea
 from renew.inputs.tidal_depth import TidalDepth
 from renew.inputs.vessel import Vessel

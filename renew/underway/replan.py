@@ -18,10 +18,10 @@ from renew.errors import (
     is_finite,
     shown,
 )
+from renew.inputs.arguments import as_point
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.haven import Haven
-from renew.inputs.options import as_point
 from renew.kernels.current_table import are_same
 from renew.planner.shut_areas import with_least_water
 from renew.planner.task import Task

@@ -17,9 +17,9 @@ from renew.errors import (
     is_finite,
     shown,
 )
+from renew.inputs.arguments import check_objects
 from renew.inputs.chart import Chart
 from renew.inputs.haven import Haven
-from renew.inputs.options import check_objects
 from renew.inputs.vessel import Vessel
 from renew.planner.task import Task
 from renew.results import Route

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import run as beside
+from pipeline.machine import first_compilation as beside
 from tests.conftest import ROOT
 from tests.renew.test_warming import in_fresh_process
 
@@ -18,7 +18,7 @@ from tests.renew.test_warming import in_fresh_process
 PLAN = """
 import resource
 from numba.core import event
-from pipeline.run import first_compilation
+from pipeline.machine.first_compilation import first_compilation
 with first_compilation() as wait:
     wait()
 with event.install_recorder("numba:compile") as recorder:

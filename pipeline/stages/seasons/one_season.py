@@ -31,7 +31,7 @@ from pipeline.sources.land.shapes import extract_polygons
 from pipeline.stages.places import is_shut_in
 from pipeline.stages.seasons.under_way import replanned
 from renew.errors import Text, TooLateError
-from renew.inputs.options import MAX_STATIONS
+from renew.inputs.arguments import MAX_STATIONS
 from renew.planner.ensemble.statistics import STATISTICS
 from renew.turns.turn_reach import TurnReach
 from renew.watching import Step, watched

@@ -15,10 +15,11 @@ import numpy as np
 
 from renew._types import BoolArray, FloatArray
 from renew.errors import InfeasibleError, Moment, ParameterError, is_finite, shown
+from renew.inputs.arguments import ViaPoints, check_objects
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike
 from renew.inputs.members import Members, as_members
-from renew.inputs.options import Changes, PlanOptions, ViaPoints, check_objects
+from renew.inputs.options import Changes, PlanOptions
 from renew.inputs.shut_areas import ShutArea
 from renew.inputs.vessel import Vessel
 from renew.planner.ensemble.bound import EnsembleBound

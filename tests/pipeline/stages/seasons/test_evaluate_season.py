@@ -23,7 +23,7 @@ from pipeline.stages.seasons.one_season import (
     evaluate_season,
     land_within_reach,
 )
-from renew.inputs import options
+from renew.inputs import arguments
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.fuel import passage
 from tests.pipeline.formats import small_run
@@ -165,7 +165,7 @@ def test_on_the_longest_ways_turns_begin_as_near_as_there_may_be_points(
     planned: tuple[Scene, shapely.Polygon, SeasonPlan], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, _, plan = planned
-    for module in (one_season, options):
+    for module in (one_season, arguments):
         monkeypatch.setattr(module, "MAX_STATIONS", 50)
     rows = evaluate_season(scene, plan, PlannerOptions()).routes
     assert len(rows) == 2
