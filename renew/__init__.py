@@ -32,7 +32,7 @@ from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, T
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 from renew.underway.cover import cover
-from renew.underway.coverage import Coverage, Diversion, EqualPoint, LastTurn, Stretch
+from renew.underway.coverage import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn, Stretch
 from renew.underway.only_covered import only_covered
 from renew.underway.replan import Replanned, replan
 from renew.underway.turn_offs import TurnOff
@@ -44,6 +44,7 @@ __version__ = "0.1.0"
 __all__ = [
     "ArrivalError",
     "Chart",
+    "ClassTurn",
     "Constant",
     "Contingency",
     "Coverage",

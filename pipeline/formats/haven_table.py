@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from pipeline.formats.figures.artists import drawable
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, time_after, wrapped_longitude
-from pipeline.formats.shared.haven_rows import LAST_TURNS, HavenRow, haven_rows
+from pipeline.formats.shared.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import duration, fuel, percent, to_minute
 from pipeline.formats.tables import position, utc_text, write_csv
@@ -93,7 +93,7 @@ def _printed(row: HavenRow, departure: datetime | None) -> tuple[str, ...]:
     """Return a row as text; the last place to turn has no begin."""
     way = row.way
     begin = "" if row.kind in LAST_TURNS else moment_cell(row.begin_s, departure)
-    end = "" if row.kind == "equal point" else moment_cell(row.end_s, departure)
+    end = "" if row.kind in MOMENTS else moment_cell(row.end_s, departure)
     if way is None:
         return row.kind, begin, end, *[""] * (len(PRINTED_HEADINGS) - 3)
     lon, lat = way.place.tolist()
@@ -127,6 +127,12 @@ def haven_facts(result: RunResult, season: str) -> list[str]:
             "Covered: early, on time or late, carry on to the place named, turn off there, and be "
             "at the haven in time. Uncovered: by a bound, nobody on time gets to a haven of the "
             "list in time. Not settled: neither is shown."
+        ),
+        (
+            "Last change: up to there the vessel can change to the other route, for a voyage that "
+            "needs at most 2 % more fuel than that route from the start."
+            if coverage.class_turns
+            else ""
         ),
         f"No way was found to {left_out}." if left_out else "",
     ]

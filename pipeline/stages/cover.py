@@ -123,17 +123,30 @@ def _covered(run: RunResult, season: str, limited: HavenLimits) -> renew.Coverag
     """Return the coverage of a season's best route, with the ways that it needs."""
     scene = run.scene.leg(season)
     within, endurance = limited.in_plane(scene, season)
+    best, *others = run.season_routes(season)
+    sides = {one.metrics.main_passage: one for one in reversed(others)}
+    sides.pop(best.metrics.main_passage, None)
+    ranks = {} if len(scene.via) else {one.route: one.rank for one in sides.values()}
     coverage = renew.cover(
-        next(one.route for one in run.season_routes(season)),
+        best.route,
         scene.chart,
         scene.currents[season],
         scene.vessel_in(season),
         limited.havens,
         within=within,
         endurance=endurance,
+        others=tuple(ranks),
         options=plan_options(run.scenario.planner, min_lateness=MIN_LATENESS_S),
     )
+    turns = tuple(_named(one, f"goal by route {ranks[one.other]}") for one in coverage.class_turns)
+    coverage = replace(coverage, class_turns=turns)
     return replace(coverage, diversions=tuple(_needed(coverage)))
+
+
+def _named(turn: renew.ClassTurn, name: str) -> renew.ClassTurn:
+    """Return a change to another class whose way has a name that readers know."""
+    way = turn.diversion
+    return replace(turn, diversion=replace(way, haven=replace(way.haven, name=name)))
 
 
 def _needed(coverage: renew.Coverage) -> Iterator[renew.Diversion]:
@@ -142,6 +155,7 @@ def _needed(coverage: renew.Coverage) -> Iterator[renew.Diversion]:
     ways = [
         *(one.diversion for one in coverage.stretches if one.diversion is not None),
         *(one.diversion for one in ends),
+        *(one.diversion for one in coverage.class_turns),
         *(way for one in coverage.equal_points for way in (one.before, one.after)),
     ]
     yield from sorted(dict.fromkeys(ways), key=lambda way: way.time)

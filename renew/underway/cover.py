@@ -13,6 +13,7 @@ from renew.inputs.options import Changes, PlanOptions, Request
 from renew.inputs.vessel import Vessel
 from renew.planner.task import Task
 from renew.results import Route
+from renew.underway.class_turns import class_turns
 from renew.underway.coverage import Coverage
 from renew.underway.diversions import Diverter
 from renew.underway.survey import Survey
@@ -30,6 +31,8 @@ def cover(
     within: float | None = None,
     within_fuel: float | None = None,
     endurance: float | None = None,
+    others: Sequence[Route] = (),
+    dearer_by: float = 0.02,
     options: PlanOptions | None = None,
     **changes: Unpack[Changes],
 ) -> Coverage:
@@ -50,15 +53,21 @@ def cover(
     endurance : float, optional
         Fuel on board at departure (fuel units): a diversion can use what is left where the vessel
         turns off.
+    others : sequence of Route, optional
+        Routes of other classes by the same plan, ``plan.routes``: until where can the vessel still
+        change to each? Not for plans with via points.
+    dearer_by : float
+        Share of its fuel from the start by which the voyage may become dearer until such a change.
     options, **changes
         Those of the route's plan, such as ``drift="crab"``.
 
     Returns
     -------
     Coverage
-        Stretches that are covered, uncovered, or not settled; abort points, the point of no return
-        and equal points. Ways begin on the route's heading; they are padded and steered as for
-        :func:`renew.plan`, and their turns are simulated, from the end of the first arc on.
+        Stretches that are covered, uncovered, or not settled; abort points, the point of no return,
+        equal points, and the last places to change to other classes. Ways begin on the route's
+        heading; they are padded and steered as for :func:`renew.plan`, and their turns are
+        simulated, from the end of the first arc on.
 
     Raises
     ------
@@ -79,6 +88,7 @@ def cover(
     stretches = survey.stretches()
     aborts, equals = abort_points(survey), equal_points(survey)
     no_way_back = no_return(survey)
+    turns = class_turns(survey.diverter, others, dearer_by)
     faults = [survey.diverter.fault(number) for number in range(len(usable_ones))]
     found = list(zip(usable_ones, faults, strict=True))
     left_out += [(haven, fault) for haven, fault in found if fault is not None]
@@ -87,6 +97,7 @@ def cover(
         abort_points=aborts,
         no_return=no_way_back,
         equal_points=equals,
+        class_turns=turns,
         havens=tuple(haven for haven, fault in found if fault is None),
         left_out=tuple(left_out),
         stretches=tuple(stretches),

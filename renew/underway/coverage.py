@@ -102,6 +102,22 @@ class EqualPoint:
 
 
 @dataclass(frozen=True, eq=False)
+class ClassTurn:
+    """The last place of a route that was found from which to change to another class.
+
+    Attributes
+    ----------
+    other : the route of that class from the start.
+    diversion : the way from there to the goal, in that class; its haven has the class's name.
+    fuel : fuel of the whole voyage: along the route up to there, and on by the way (fuel units).
+    """
+
+    other: Route
+    diversion: Diversion
+    fuel: float
+
+
+@dataclass(frozen=True, eq=False)
 class Coverage:
     """Which places of a route have a planned way to a haven within the limits.
 
@@ -118,6 +134,9 @@ class Coverage:
     no_return : the last place from which the way back to the start is within the endurance; None
         without an endurance, or if there is none.
     equal_points : where the nearest haven changes, in order of time.
+    class_turns : for each of the other routes that were given, in their order, the last place from
+        which its class can be taken for little more fuel than from the start; none for a class that
+        can't be sailed from any place that was tried.
     within : limit of time, s; inf if there is none.
     within_fuel : limit of fuel of a diversion (fuel units); inf if there is none.
     endurance : fuel on board at departure (fuel units); inf if it is not given.
@@ -131,6 +150,7 @@ class Coverage:
     abort_points: tuple[LastTurn, ...] = ()
     no_return: LastTurn | None = None
     equal_points: tuple[EqualPoint, ...] = ()
+    class_turns: tuple[ClassTurn, ...] = ()
     within: float = np.inf
     within_fuel: float = np.inf
     endurance: float = np.inf

@@ -138,6 +138,21 @@ class Diverter:
             raise found
         return found
 
+    def onto(self, other: Route, time: float) -> Diversion:
+        """Return the way to the goal in the class of another route, from the place at a time (s).
+
+        Raises PlanningError if there is none in that class.
+        """
+        goal, word = Haven(other.homotopy, other.path[-1]), self.task.planner().problem.word
+        whole = Diversion(
+            goal, self.begin, other.path[0], math.nan, other, other.duration, other.fuel, math.nan
+        )
+        way = self._planned(goal, time, whole, is_start=True)
+        back = self.stretch(self.begin, time)[::-1, 1:]
+        if word(way.route.path) != word(np.vstack([back, other.path[1:]])):
+            raise InfeasibleError("no way leads on from {0} in the other class", way.place)
+        return way
+
     def _planned(
         self, haven: Haven, time: float, near: Diversion | None, *, is_start: bool
     ) -> Diversion:

@@ -5,7 +5,7 @@ from typing import Any
 
 from pipeline.formats.haven_table import haven_facts, moment_cell
 from pipeline.formats.report.map_data import place_on_map
-from pipeline.formats.shared.haven_rows import LAST_TURNS, HavenRow, haven_rows
+from pipeline.formats.shared.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import duration
 
@@ -30,7 +30,7 @@ def _row(result: RunResult, row: HavenRow, departure: datetime | None) -> dict[s
     return {
         "kind": row.kind,
         "begin": "" if is_last else moment_cell(row.begin_s, departure),
-        "end": "" if row.kind == "equal point" else moment_cell(row.end_s, departure),
+        "end": "" if row.kind in MOMENTS else moment_cell(row.end_s, departure),
         "way": way,
         "turn_off": moment_cell(way.turn_off_s, departure) if way else "",
         "place": "" if place is None else place_on_map(result, place),

@@ -21,7 +21,9 @@ from pipeline.formats.shared.text import planner_text
 _GEOD = pyproj.Geod(ellps="WGS84")
 # Share of the limit of time that a stretch takes at least whose way is a main one.
 _STRETCH = 1 / 12
-LAST_TURNS = ("abort point", "point of no return", "equal point")
+MOMENTS = ("equal point", "last change")
+"""Kinds of rows for which nothing is proven of later places."""
+LAST_TURNS = ("abort point", "point of no return", *MOMENTS)
 """Kinds of rows that are one place of the route; the others are stretches."""
 
 
@@ -113,6 +115,7 @@ def main_ways(result: RunResult, season: str) -> list[Way]:
     ends = [*coverage.abort_points, *filter(None, [coverage.no_return])]
     main = {one.diversion for one in stretches if one.end - one.begin >= least}
     main |= {one.diversion for one in ends}
+    main |= {one.diversion for one in coverage.class_turns}
     main |= {way for one in coverage.equal_points for way in (one.before, one.after)}
     return [way for one, way in haven_ways(result, season).items() if one in main]
 
@@ -123,7 +126,7 @@ def haven_rows(result: RunResult, season: str) -> list[HavenRow]:
 
 
 def _rows(result: RunResult, season: str) -> Iterator[HavenRow]:
-    """Yield stretches, abort points, the point of no return, and equal points."""
+    """Yield stretches, abort points, the point of no return, equal points, and last changes."""
     coverage, clock = result.coverages[season], _Clock.of(result, season)
     ways = haven_ways(result, season)
     for one in coverage.stretches:
@@ -147,6 +150,8 @@ def _rows(result: RunResult, season: str) -> Iterator[HavenRow]:
     for point in coverage.equal_points:
         for way in (ways[point.before], ways[point.after]):
             yield HavenRow("equal point", way.turn_off_s, way.turn_off_s, way, way.longest_s)
+    for way in (ways[one.diversion] for one in coverage.class_turns):
+        yield HavenRow("last change", way.turn_off_s, way.turn_off_s, way, way.longest_s)
 
 
 def stretch_line(result: RunResult, season: str, row: HavenRow) -> shapely.LineString:

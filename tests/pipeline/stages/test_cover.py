@@ -102,6 +102,20 @@ def test_who_carries_on_and_turns_off_is_at_a_haven_within_the_limit(
         assert row["haven"] in {"West", "East"}
 
 
+def test_up_to_the_last_change_the_other_side_costs_little_more(
+    covered: tuple[Outcome, Scenario, Path],
+) -> None:
+    (row,) = [one for one in rows(covered[0]) if one["kind"] == "last change"]
+    result = covered[0].result
+    best, other, *_ = result.season_routes("calm")
+    assert best.metrics.main_passage != other.metrics.main_passage
+    assert row["haven"] == f"goal by route {other.rank}"
+    spent = best.route.fuel * float(row["turn_off_s"]) / best.metrics.duration_s
+    assert other.route.fuel <= spent + float(row["fuel"]) <= 1.02 * other.route.fuel
+    goal = result.scene.projection.to_lonlat(result.scene.goal)
+    assert [float(row["haven_lon"]), float(row["haven_lat"])] == pytest.approx(goal.tolist())
+
+
 def test_times_are_those_of_the_departure(covered: tuple[Outcome, Scenario, Path]) -> None:
     for row in rows(covered[0]):
         moment = tidal_run.DEPARTURE + timedelta(seconds=round(float(row["begin_s"])))

@@ -118,6 +118,45 @@ def test_the_nearest_haven_changes_at_an_equal_point() -> None:
     assert equal.after.place[0] < 200
 
 
+def turns_round(path: FloatArray, place: tuple[float, float]) -> int:
+    """How many times a closed path (n, 2) leads round a place."""
+    angles = np.unwrap(np.arctan2(path[:, 1] - place[1], path[:, 0] - place[0]))
+    return round(float(angles[-1] - angles[0]) / (2 * math.pi))
+
+
+@pytest.mark.parametrize("dearer_by", [0.02, 0.1])
+def test_up_to_a_last_place_the_vessel_can_change_to_each_other_class(dearer_by: float) -> None:
+    islands = {(175.0, 105.0): box(150, 60, 200, 150), (270.0, 55.0): box(260, 40, 280, 70)}
+    chart = renew.Chart(box(0, 0, 400, 200), list(islands.values()))
+    current = renew.UniformCurrent(0.2, 0.0)
+    plan = renew.plan(chart, current, PAPER_VESSEL, (20.0, 100.0), (380.0, 100.0))
+    route, rate = plan.best, PAPER_VESSEL.fuel_rate
+    found = renew.cover(
+        route, chart, current, PAPER_VESSEL, [haven("west", 60, 20)],
+        within=100.0, others=plan.routes, dearer_by=dearer_by,
+    )  # fmt: skip
+    assert [turn.other for turn in found.class_turns] == list(plan.routes[1:])
+
+    def is_class_of(other: renew.Route, time: float, way: FloatArray) -> bool:
+        track = route.trajectory[route.trajectory[:, 0] < time, 1:3]
+        ring = np.vstack([track, way, other.path[::-1]])
+        ring = shapely.get_coordinates(shapely.segmentize(shapely.LineString(ring), 1.0))
+        return all(turns_round(np.vstack([ring, ring[:1]]), one) == 0 for one in islands)
+
+    for turn in found.class_turns:
+        way, most = turn.diversion, (1 + dearer_by) * turn.other.fuel
+        assert is_class_of(turn.other, way.time, way.route.path)
+        assert turn.fuel == pytest.approx(rate * (way.time - route.times[0]) + way.fuel)
+        assert turn.fuel <= most
+        assert math.dist(way.route.path[0], on_track(route, way.time)) < 1e-6
+        # A little later every way of the class is too dear, even without an arc at its begin.
+        later = way.time + route.duration / 32
+        place = tuple(on_track(route, later).tolist())
+        ahead = renew.plan(chart, current, PAPER_VESSEL, place, (380.0, 100.0))
+        fuels = [one.fuel for one in ahead.routes if is_class_of(turn.other, later, one.path)]
+        assert rate * (later - route.times[0]) + min(fuels, default=math.inf) > most * 0.99
+
+
 def test_late_vessels_are_covered_in_a_current_that_changes() -> None:
     chart = renew.Chart(box(0, 0, 400, 100), [box(150, 30, 170, 60)])
     against = renew.UniformCurrent(0.5, 0.0)
