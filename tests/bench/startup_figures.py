@@ -6,11 +6,15 @@ from collections.abc import Iterator
 
 from tests.bench.clock import ran
 from tests.bench.figure import Figure, at_most
+from tests.strategies import PAPER_VESSEL, SINGLE_GYRE_ISLANDS
 
-FIRST_PLAN = """
+# Without the tests' modules, whose own imports a user's plan does not make.
+FIRST_PLAN = f"""
 import renew
-from tests.strategies import PAPER_VESSEL, single_gyre
-renew.plan(*single_gyre(), PAPER_VESSEL, (10.0, 10.0), (90.0, 90.0))
+from shapely import Polygon, box
+chart = renew.Chart(box(0, 0, 100, 100), [Polygon(one) for one in {SINGLE_GYRE_ISLANDS}])
+vessel = renew.{PAPER_VESSEL}
+renew.plan(chart, renew.GyreCurrent(0.8, 100, 100), vessel, (10.0, 10.0), (90.0, 90.0))
 """
 
 
