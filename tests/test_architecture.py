@@ -20,7 +20,6 @@ from importlinter.cli import lint_imports
 NEEDED_UNIMPORTED = {
     "numcodecs": "older ones run code that a Zarr store holds",
     "click": "named only for the pin of copernicusmarine",
-    "geopandas": "the tutorials read results with it",
     "eccodeslib": "what eccodes is built on, which only some of its wheels say",
 }
 # Imported along with the library that depends on it and uses its types.

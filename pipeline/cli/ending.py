@@ -2,12 +2,10 @@
 
 import json
 import math
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from datetime import datetime
-from importlib import import_module
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import typer
 
@@ -42,7 +40,6 @@ def run_to_end(
 
     The outcome is a table or JSON; if `quiet`, only the failures are printed.
     """
-    _import_gdal()
     with progress(scenario, notes, quiet=quiet, as_json=as_json) as on_event:
         outcome = run(on_event=on_event)
     if as_json:
@@ -54,19 +51,6 @@ def run_to_end(
     for failure in outcome.failures:
         say(f"error: {failure}", err=True)
     raise typer.Exit(outcome.exit_code)
-
-
-def _import_gdal() -> None:
-    """Import pyogrio without the libraries of data frames, which take 0.2 s and 70 MB.
-
-    It imports those that are installed, for functions that no command calls.
-    """
-    modules: dict[str, Any] = sys.modules
-    hidden = {"geopandas", "pandas", "pyarrow"} - modules.keys()
-    modules.update(dict.fromkeys(hidden))
-    import_module("pyogrio")
-    for name in hidden:
-        del modules[name]
 
 
 def season_table(outcome: Outcome, width: int | None = None) -> str:

@@ -39,7 +39,7 @@ from renew.kernels.current_table import CurrentTable
 SCHEMA_VERSION = 1
 # Packages whose version can change a figure or a file.
 _PACKAGES = (
-    *("renew-planner", "contourpy", "copernicusmarine", "dask", "gpxpy", "jinja2"),
+    *("renew-planner", "contourpy", "copernicusmarine", "dask", "geopandas", "gpxpy", "jinja2"),
     *("lxml", "matplotlib", "netCDF4", "networkx", "numba", "numpy", "pydantic", "pyogrio"),
     *("pyproj", "roaring-landmask", "scipy", "shapely", "triangle", "xarray"),
 )

@@ -97,7 +97,7 @@ def write(
 
 def load_libraries() -> None:
     """Import the libraries that write files; it takes a second, so call it during planning."""
-    for name in ("matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "pyogrio"):
+    for name in ("matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "geopandas"):
         importlib.import_module(name)
 
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
-from pipeline._types import ArrayLike, BoolArray, Geometries
+from pipeline._types import ArrayLike, Geometries
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.text import os_error
 
@@ -30,25 +30,7 @@ FIELDS = _TEXTS["columns"]
 _TYPES = {"text": object, "whole": int, "flag": bool}
 
 
-@dataclass(frozen=True)
-class Frame:
-    """Features of a layer in lon/lat: `geometry` (n,), and named `columns`, each (n,)."""
-
-    geometry: Geometries
-    columns: dict[str, npt.NDArray[Any]]
-
-    def __len__(self) -> int:
-        """Count the features."""
-        return len(self.geometry)
-
-    def select(self, chosen: BoolArray) -> "Frame":
-        """Return some of the features."""
-        return Frame(self.geometry[chosen], {n: one[chosen] for n, one in self.columns.items()})
-
-    def without(self, *names: str) -> "Frame":
-        """Return the features without some columns."""
-        return Frame(self.geometry, {n: c for n, c in self.columns.items() if n not in names})
-
+GeoDataFrame: TypeAlias = Any  # of geopandas, which has no types and takes long to import
 
 ROUTE_STEP_M = 2_000.0
 """Maximum length, true metres, of a segment of a route.
@@ -69,24 +51,30 @@ class Layer:
     title: str
     description: str
     geometry_type: str
-    frame: Callable[[RunResult], Frame]
+    frame: Callable[[RunResult], GeoDataFrame]
 
 
 def frame(
     geometry: Sequence[Any] | Geometries, columns: Mapping[str, Sequence[ArrayLike]]
-) -> Frame:
+) -> GeoDataFrame:
     """Make the frame of a layer.
 
     `geometry` has one geometry per feature, or one array of geometries per route or season. A
     column has one value, or one array of values, per entry of `geometry`. Numbers that are not
     finite become NaN, which is written as NULL.
     """
+    import geopandas
+
     counts = [np.size(part) for part in geometry]
     joined = {
         name: _joined(values, counts, _TYPES.get(FIELDS.get(name, {}).get("type", ""), float))
         for name, values in columns.items()
     }
-    return Frame(_joined(geometry, counts, object), joined)
+    return geopandas.GeoDataFrame(
+        joined,
+        geometry=_joined(geometry, counts, object),
+        crs="EPSG:4326",
+    )
 
 
 def columns_of(records: Sequence[object], *names: str, **renamed: str) -> dict[str, list[Any]]:
@@ -135,7 +123,7 @@ def _joined(
 
 def write_layer(
     path: Path,
-    frame: Frame,
+    frame: GeoDataFrame,
     layer: str,
     geometry_type: str,
     title: str,
@@ -147,18 +135,16 @@ def write_layer(
 
     SQLite does not wait for the disk here: all files are flushed together, when they are complete.
     """
-    from pyogrio import raw, set_gdal_config_options
+    from pyogrio import set_gdal_config_options
 
     set_gdal_config_options({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
-    raw.write(
+    frame.to_file(
         path,
-        shapely.to_wkb(frame.geometry),
-        list(frame.columns.values()),
-        list(frame.columns),
         layer=layer,
         driver="GPKG",
-        crs="EPSG:4326",
-        append=append,
+        engine="pyogrio",
+        index=False,
+        mode="a" if append else "w",
         geometry_type=geometry_type,
         dataset_options={"VERSION": "1.3"},
         layer_options={

@@ -14,7 +14,7 @@ import json
 import sqlite3
 import textwrap
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib.resources import files
@@ -24,11 +24,12 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pipeline._types import ArrayLike, FloatArray, Geometries
+from pipeline._types import FloatArray
 from pipeline.formats.figures.map_marks import nice_step
 from pipeline.formats.gis import haven_layers
 from pipeline.formats.gis.frames import (
     FIELDS,
+    GeoDataFrame,
     Layer,
     check_count,
     dated,
@@ -260,7 +261,7 @@ def write_geopackage(result: RunResult, path: Path) -> None:
         for layer in LAYERS:
             frame = layer.frame(result)
             counts[layer.name] = len(frame)
-            columns[layer.name] = ["fid", *frame.columns]
+            columns[layer.name] = ["fid", *frame.columns.drop("geometry")]
             about = layer.title, layer.description
             write_layer(path, frame, layer.name, layer.geometry_type, *about)
         with opened(path) as database:
@@ -359,36 +360,33 @@ def write_geojson(result: RunResult, season: str, path: Path) -> None:
     `feature` of each feature is "route" or "waypoint".
     """
     routes = next(layer for layer in LAYERS if layer.name == "routes").frame(result)
-    routes = routes.select(routes.columns["season"] == season)
+    routes = routes[routes.season == season]
     # A line across 180 degrees is drawn in parts.
     parts = (split_at_antimeridian(shapely.get_coordinates(line)) for line in routes.geometry)
     lines = [shapely.LineString(p[0]) if len(p) == 1 else shapely.MultiLineString(p) for p in parts]
     found = season_waypoints(result, season)
-    curves = np.array([points.curve for points in found for _ in points.lonlat])
-    figures = waypoint_frame(found).columns | {"geometry_type": curves}
+    waypoints = waypoint_frame(found)
+    waypoints["geometry_type"] = [points.curve for points in found for _ in points.lonlat]
     places = within_180(np.concatenate([points.lonlat for points in found]))
     collection = {
         "type": "FeatureCollection",
-        "bbox": bounding_box(shapely.total_bounds(routes.geometry).reshape(2, 2)),
+        "bbox": bounding_box(routes.total_bounds.reshape(2, 2)),
         "title": document_title(result, season),
         "credits": attribution(result),
         "unknown": note_texts(result.unknowns),
         "features": [
-            *_features("route", lines, routes.columns),
-            *_features("waypoint", shapely.points(places), figures),
+            *_features("route", routes.set_geometry(lines)),
+            *_features("waypoint", waypoints.set_geometry(shapely.points(places))),
         ],
     }
     write_json(path, collection, indent=None)
 
 
-def _features(
-    kind: str, shapes: Sequence[shapely.Geometry] | Geometries, columns: Mapping[str, ArrayLike]
-) -> Iterator[dict[str, Any]]:
-    """Yield features of a kind, their coordinates rounded."""
-    rounded = shapely.transform(list(shapes), lambda points: np.round(points, _DECIMALS))
-    for shape, row in zip(rounded, zip(*columns.values(), strict=True), strict=True):
-        properties = dict(zip(columns, row, strict=True)) | {"feature": kind}
-        yield {"type": "Feature", "properties": properties, "geometry": shape.__geo_interface__}
+def _features(kind: str, frame: GeoDataFrame) -> list[dict[str, Any]]:
+    """Return features of a kind, their coordinates rounded."""
+    shapes = shapely.transform(frame.geometry.array, lambda points: np.round(points, _DECIMALS))
+    frame = frame.set_geometry(shapes).assign(feature=kind)
+    return list(frame.iterfeatures(na="null", drop_id=True))
 
 
 def bounding_box(corners: FloatArray) -> list[float]:

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 
-from pipeline.formats.gis.frames import ROUTE_STEP_M, Frame, columns_of, frame, to_lonlat
+from pipeline.formats.gis.frames import ROUTE_STEP_M, GeoDataFrame, columns_of, frame, to_lonlat
 from pipeline.formats.shared.haven_rows import LAST_TURNS, haven_rows, haven_ways, stretch_line
 from pipeline.formats.shared.result import RunResult
 
 
-def _havens(result: RunResult) -> Frame:
+def _havens(result: RunResult) -> GeoDataFrame:
     """Return the havens of each season, with the reason why one is not used."""
     found = [
         (season, haven, reason)
@@ -31,7 +31,7 @@ def _havens(result: RunResult) -> Frame:
     )
 
 
-def _diversions(result: RunResult) -> Frame:
+def _diversions(result: RunResult) -> GeoDataFrame:
     """Return the ways to havens, one line each."""
     found = [
         (season, way) for season in result.coverages for way in haven_ways(result, season).values()
@@ -49,7 +49,7 @@ def _diversions(result: RunResult) -> Frame:
     )
 
 
-def _coverage(result: RunResult) -> Frame:
+def _coverage(result: RunResult) -> GeoDataFrame:
     """Return the stretches of the best routes, each in one state."""
     found = [
         (season, row)
@@ -72,7 +72,7 @@ def _coverage(result: RunResult) -> Frame:
     )
 
 
-FRAMES: dict[str, Callable[[RunResult], Frame]] = {
+FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "havens": _havens,
     "diversions": _diversions,
     "coverage": _coverage,

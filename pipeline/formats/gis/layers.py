@@ -13,7 +13,7 @@ from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.formats.gis import frames, haven_layers
 from pipeline.formats.gis.frames import (
     ZONE_STEP_M,
-    Frame,
+    GeoDataFrame,
     columns_of,
     frame,
     multipolygons,
@@ -27,7 +27,7 @@ from pipeline.formats.shared.text import moment_text
 from pipeline.model import Zone
 
 
-def coast(result: RunResult) -> Frame:
+def coast(result: RunResult) -> GeoDataFrame:
     """Return the original land: the no-go areas without shallow, uncharted or hazardous water.
 
     Beyond the region land continues in less detail, so that the map does not show water there.
@@ -43,30 +43,30 @@ def coast(result: RunResult) -> Frame:
     return _counted(continued(polygons, np.array(result.fetched.surroundings, dtype=object)))
 
 
-def region_edge(result: RunResult) -> Frame:
+def region_edge(result: RunResult) -> GeoDataFrame:
     """Return the edge of the region, or of a plane's extent."""
     edge = shapely.boundary(np.array([result.scene.chart.extent], dtype=object))
     return frame([result.scene.projection.geometry_to_lonlat(edge, ZONE_STEP_M)], {})
 
 
-def hazards(result: RunResult) -> Frame:
+def hazards(result: RunResult) -> GeoDataFrame:
     """Return rocks, wrecks and the like, with the room around them."""
     return _zones(zone for zone in result.fetched.land.zones if zone.kind == "hazard")
 
 
-def chart_areas(result: RunResult) -> Frame:
+def chart_areas(result: RunResult) -> GeoDataFrame:
     """Return shallow, uncharted and restricted areas, and traffic schemes."""
     return _zones(zone for zone in result.fetched.land.zones if zone.kind != "hazard")
 
 
-def depth_areas(result: RunResult) -> Frame:
+def depth_areas(result: RunResult) -> GeoDataFrame:
     """Return areas of equal depth."""
     found = result.fetched.land.depth_areas
     columns = columns_of(found, "kind", depth_min_m="least_m", depth_max_m="greatest_m")
     return frame(multipolygons([one.area for one in found]), columns)
 
 
-def islands(result: RunResult) -> Frame:
+def islands(result: RunResult) -> GeoDataFrame:
     """Return points on the islands that distinguish the ways."""
     islands = result.evaluation.islands
     places = np.array([[island.x, island.y] for island in islands]).reshape(-1, 2)
@@ -74,7 +74,7 @@ def islands(result: RunResult) -> Frame:
     return frame(points, columns_of(islands, "number", "name"))
 
 
-def _tidal_water(result: RunResult) -> Frame:
+def _tidal_water(result: RunResult) -> GeoDataFrame:
     """Return areas that the tide shuts for some hours, with the hours of each season's voyage."""
     found = [
         (season, area, _open_hours(result, season, area))
@@ -104,12 +104,12 @@ def _open_hours(result: RunResult, season: str, area: renew.TidalArea) -> str:
     return ", ".join(spelled) or "never"
 
 
-def no_go(result: RunResult) -> Frame:
+def no_go(result: RunResult) -> GeoDataFrame:
     """Return the hard no-go zone, the same in every season."""
     return _counted(result.simplified.polygons)
 
 
-def _zones(zones: Iterable[Zone]) -> Frame:
+def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
     """Return areas of the chart, with their kinds, names and rules."""
     found = list(zones)
     return frame(
@@ -117,7 +117,7 @@ def _zones(zones: Iterable[Zone]) -> Frame:
     )
 
 
-def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> Frame:
+def _counted(polygons: Sequence[shapely.Polygon] | Geometries) -> GeoDataFrame:
     """Return areas with their numbers of vertices."""
     vertices = shapely.get_num_coordinates(np.array(polygons, dtype=object))
     return frame(multipolygons(polygons), {"vertices": vertices})
@@ -137,24 +137,23 @@ _MEASURED = (
     *("speed_m_s", "optimality_gap", "gap_at_clearance", "trials", "collisions", "filled_share"),
     *("uncharted_share", "least_water_m", "members_share", "members_mean_fuel"),
 )
-_NAMES = {"speed_m_s": "speed_through_water_m_s"}
 
 
-def passage(result: RunResult) -> Frame:
+def passage(result: RunResult) -> frames.GeoDataFrame:
     """Return waypoints of the routes, each with the leg that leaves it; the goal has none."""
-    return waypoint_frame(_waypoints(result)).without("port_m", "starboard_m")
+    return waypoint_frame(_waypoints(result)).drop(columns=["port_m", "starboard_m"])
 
 
-def legs(result: RunResult) -> Frame:
+def legs(result: RunResult) -> frames.GeoDataFrame:
     """Return the water within each leg's cross-track limits."""
     found = _waypoints(result)
-    points = waypoint_frame(found).without("name", "time_s", "turn_radius_m")
-    leave = points.select(~np.isnan(points.columns["course_deg"]))
+    frame = waypoint_frame(found).drop(columns=["name", "time_s", "turn_radius_m"])
+    frame = frame[frame.course_deg.notna()].reset_index(drop=True)
     areas = [area for points in found for area in _areas(points, result)]
-    return Frame(frames.multipolygons(areas), leave.columns)
+    return frame.set_geometry(frames.multipolygons(areas), crs=frame.crs)
 
 
-def waypoint_frame(found: Sequence[Waypoints]) -> Frame:
+def waypoint_frame(found: Sequence[Waypoints]) -> frames.GeoDataFrame:
     """Return waypoints of some routes, each with the leg that leaves it and its limits."""
     counts = [len(points.lonlat) for points in found]
     return frame(
@@ -211,22 +210,20 @@ def _areas(points: Waypoints, result: RunResult) -> Geometries:
     return np.asarray(shapely.make_valid(areas))
 
 
-def _routes(result: RunResult) -> Frame:
+def _routes(result: RunResult) -> frames.GeoDataFrame:
     """Return routes, one line each."""
     ranked = result.routes
-    measured = {
-        _NAMES.get(name, name): values
-        for name, values in columns_of([r.metrics for r in ranked], *_MEASURED).items()
-    }
+    measured = frames.columns_of([r.metrics for r in ranked], *_MEASURED)
     lines = to_lonlat(
         result, [shapely.LineString(r.route.path) for r in ranked], frames.ROUTE_STEP_M
     )
     moments = [r.metrics.least_water_at for r in ranked]
     at = np.array([one and moment_text(one) for one in moments], dtype=object)
-    return frame(lines, {**frames.route_key(ranked), **measured, "least_water_at": list(at)})
+    routes = frame(lines, {**frames.route_key(ranked), **measured, "least_water_at": list(at)})
+    return routes.rename(columns={"speed_m_s": "speed_through_water_m_s"})
 
 
-def _path_points(result: RunResult) -> Frame:
+def _path_points(result: RunResult) -> frames.GeoDataFrame:
     """Return vertices of the routes, each with the leg that leaves it; the goal has none."""
     ranked = result.routes
     tables = [planned_legs(r, result) for r in ranked]
@@ -240,7 +237,7 @@ def _path_points(result: RunResult) -> Frame:
     )
 
 
-def _channels(result: RunResult) -> Frame:
+def _channels(result: RunResult) -> frames.GeoDataFrame:
     """Return channels of triangles, of planned and of rejected classes."""
     rows: list[tuple[str, int, str, str, FloatArray]] = []
     for entry in result.plans:
@@ -268,7 +265,7 @@ def _channels(result: RunResult) -> Frame:
     )
 
 
-def _soft_no_go(result: RunResult) -> Frame:
+def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
     """Return each route's soft no-go zone, if any, with its least and greatest padding."""
     ranked = [r for r in result.routes if not r.route.soft_no_go.is_empty]
     scale = result.scene.projection.scale
@@ -284,7 +281,7 @@ def _soft_no_go(result: RunResult) -> Frame:
     )
 
 
-def _currents(result: RunResult) -> Frame:
+def _currents(result: RunResult) -> frames.GeoDataFrame:
     """Return the current at the points of the source, towards east and north."""
     seasons = [entry.season for entry in result.plans]
     samples = [result.current_samples(season) for season in seasons]
@@ -296,12 +293,12 @@ def _currents(result: RunResult) -> Frame:
             "v": [velocity[:, 1] for _, velocity in samples],
         },
     )
-    u, v = currents.columns["u"], currents.columns["v"]
-    more = {"speed": np.hypot(u, v), "direction": np.degrees(np.arctan2(u, v)) % 360}
-    return Frame(currents.geometry, currents.columns | more)
+    currents["speed"] = np.hypot(currents.u, currents.v)
+    currents["direction"] = np.degrees(np.arctan2(currents.u, currents.v)) % 360
+    return currents
 
 
-def _contingency(result: RunResult) -> Frame:
+def _contingency(result: RunResult) -> frames.GeoDataFrame:
     """Return points from which turns were simulated, and whether a turn from there met land."""
     ranked, to_lonlat = result.routes, result.scene.projection.to_lonlat
     turns = [result.evaluation.contingency[r.season, r.rank] for r in ranked]
@@ -316,7 +313,7 @@ def _contingency(result: RunResult) -> Frame:
     )
 
 
-def _shore_crossings(result: RunResult) -> Frame:
+def _shore_crossings(result: RunResult) -> frames.GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
     found = result.evaluation.shore_crossings
     return frame(
@@ -336,7 +333,7 @@ def _shown(collided: BoolArray) -> IndexArray:
     return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))
 
 
-_FRAMES: dict[str, Callable[[RunResult], Frame]] = {
+_FRAMES: dict[str, Callable[[RunResult], frames.GeoDataFrame]] = {
     "routes": _routes,
     "passage": passage,
     "legs": legs,

@@ -15,7 +15,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
-import shapely
 
 from pipeline.formats.gis import frames
 from pipeline.nightly.cycle.part_files import (
@@ -213,11 +212,19 @@ def _chunks(routes_path: Path) -> Iterator[list[Row]]:
         yield chunk
 
 
-def _frame(chunk: list[Row]) -> frames.Frame:
-    """Return rows as features in lon/lat."""
-    types = {**dict.fromkeys(_TEXT, object), "rank": np.int32, **dict.fromkeys(_FIGURES, float)}
-    columns = {name: np.array([row[name] for row in chunk], kind) for name, kind in types.items()}
+def _frame(chunk: list[Row]) -> frames.GeoDataFrame:
+    """Return rows as a GeoDataFrame in lon/lat."""
+    import geopandas
+
     # Without a zone: a GIS converts times with a zone to local time, and shows others unchanged.
     arrivals = [row["arrival"] and row["arrival"].replace(tzinfo=None) for row in chunk]
-    columns["arrival"] = np.array(arrivals, dtype="datetime64[ms]")
-    return frames.Frame(shapely.from_wkb([row["geometry"] for row in chunk]), columns)
+    return (
+        geopandas.GeoDataFrame(
+            chunk,
+            columns=[*_TEXT, "rank", *_FIGURES],
+            geometry=geopandas.GeoSeries.from_wkb([row["geometry"] for row in chunk]),
+            crs="EPSG:4326",
+        )
+        .assign(arrival=np.array(arrivals, dtype="datetime64[ms]"))
+        .astype({"rank": "int32", **dict.fromkeys(_FIGURES, float)})
+    )

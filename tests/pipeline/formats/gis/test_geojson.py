@@ -54,18 +54,18 @@ def test_it_is_a_feature_collection_without_a_crs(any_run: RunResult, tmp_path: 
 def test_routes_are_those_of_the_geopackage(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.plans[0].season
     frame = next(layer for layer in LAYERS if layer.name == "routes").frame(any_run)
-    rows = frame.select(frame.columns["season"] == season)
+    rows = frame[frame.season == season]
     features = of_kind(written(any_run, tmp_path / "a.geojson"), "route")
     assert len(features) == len(rows) > 0
-    for index, feature in enumerate(features):
-        for name, column in rows.columns.items():
-            value, expected = feature["properties"][name], column[index]
+    for feature, (_, row) in zip(features, rows.iterrows(), strict=True):
+        for name, expected in row.drop("geometry").items():
+            value = feature["properties"][name]
             if isinstance(expected, float) and not math.isfinite(expected):
                 assert value is None
             else:
                 assert value == expected
         ours = shapely.get_coordinates(shapely.geometry.shape(feature["geometry"]))
-        theirs = shapely.get_coordinates(rows.geometry[index])
+        theirs = shapely.get_coordinates(row.geometry)
         if feature["geometry"]["type"] == "LineString":
             assert ours == pytest.approx(theirs, abs=1e-7)
 
