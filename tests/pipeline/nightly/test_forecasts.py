@@ -20,10 +20,10 @@ from pipeline.nightly.planning.chart import NightCurrent
 from pipeline.nightly.request.config import NightConfig, load_config
 from pipeline.nightly.request.expansion import expand
 from pipeline.nightly.request.newest_currents import newest_currents
-from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field
 from tests.pipeline.nightly.nights import REFERENCE, plane_night, region_night, rows
+from tests.pipeline.results import result_of
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 _LON, _LAT = np.arange(117.0, 121.0, 0.25), np.arange(8.0, 12.0, 0.25)
@@ -151,7 +151,7 @@ def test_a_case_with_members_equals_a_run_of_its_season(tmp_path: Path, cluster:
     )
     file.write_text(file.read_text().replace('pairs = "pairs.csv"\n', ""))
     run_night(load_config(file, tmp_path / "out"), scheduler=cluster)
-    result = run(load_scenario(str(scenario)), tmp_path / "run").result
+    result = result_of(load_scenario(str(scenario)), tmp_path / "run")
     (case,) = rows(tmp_path / "out")
     own = [one.metrics for one in result.routes]
     found = result.plans[0].ensemble

@@ -22,7 +22,6 @@ from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.request.config import load_config
 from pipeline.nightly.status import case_lines, status_lines
-from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
 from tests.pipeline.nightly.nights import (
     REFERENCE,
@@ -33,6 +32,7 @@ from tests.pipeline.nightly.nights import (
     write_forecast,
     write_night,
 )
+from tests.pipeline.results import result_of
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ def test_changing_currents_are_sailed_by_each_cases_own_clock(tmp_path: Path, cl
         leaves = case["leaves"].isoformat()
         own = text.replace('["still"]', f'["{forecast}"]\ndeparture = {leaves}')
         scenario.write_text(own)
-        result = run(load_scenario(str(scenario)), tmp_path / "run", offline=True).result
+        result = result_of(load_scenario(str(scenario)), tmp_path / "run")
         routes = [row for row in rows(output, "routes.parquet") if row["case"] == case["case"]]
         assert len(routes) == len(result.routes)
         for row, route in zip(routes, result.routes, strict=True):

@@ -32,6 +32,7 @@ from pipeline.voyage.named_files import tables_of
 from pipeline.voyage.request import VoyageRequest
 from tests.pipeline import tidal_run
 from tests.pipeline.formats.gis.tables import layer
+from tests.pipeline.results import result_of
 from tests.pipeline.underway import sailing
 
 WITHIN_S = 1500.0
@@ -223,9 +224,8 @@ def test_a_page_of_the_passage_plan_and_a_section_of_the_report_say_when_to_turn
 
 
 def test_a_route_that_must_be_covered_is_the_same_where_it_is(tmp_path: Path) -> None:
-    first = run(scenario(tmp_path, within="2h"), tmp_path / "outputs", offline=True).result
-    required = scenario(tmp_path, within="2h", require=True)
-    found = run(required, tmp_path / "outputs", offline=True).result
+    first = result_of(scenario(tmp_path, within="2h"), tmp_path)
+    found = result_of(scenario(tmp_path, within="2h", require=True), tmp_path)
     (one, *_), (other, *_) = (each.season_routes("calm") for each in (first, found))
     assert np.array_equal(one.route.trajectory, other.route.trajectory)
     assert one.metrics.optimality_gap == other.metrics.optimality_gap
@@ -234,14 +234,14 @@ def test_a_route_that_must_be_covered_is_the_same_where_it_is(tmp_path: Path) ->
 
 def test_where_no_route_is_covered_the_limit_that_would_do_is_named(tmp_path: Path) -> None:
     with pytest.raises(RequestError) as caught:
-        run(scenario(tmp_path, within="10min", require=True), tmp_path / "outputs", offline=True)
+        result_of(scenario(tmp_path, within="10min", require=True), tmp_path)
     said = str(caught.value)
     words = r"no haven is reached within 600 s; with (\d+) min the route is covered"
     needed = re.search(words, said)
     assert needed is not None, said
     assert "--clearance" not in said
     enough = scenario(tmp_path, within=f"{needed.group(1)}min", require=True)
-    assert run(enough, tmp_path / "outputs", offline=True).result.coverages["calm"].is_covered
+    assert result_of(enough, tmp_path).coverages["calm"].is_covered
 
 
 def test_a_second_run_looks_for_no_way(covered: tuple[Outcome, Scenario, Path]) -> None:

@@ -60,6 +60,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     return voyage(folder, {"at": ANCHORAGE, "wait": "9h"})
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_without_a_wait_every_way_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RequestError, match=r"every way may meet .* m of tide"):
         voyage(tmp_path, ANCHORAGE)
@@ -116,6 +117,7 @@ def test_each_file_has_the_hours_of_its_part(outcome: Outcome) -> None:
         assert f"{begin:%Y-%m-%dT%H:%M:%SZ}" in manifest
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_the_written_scenario_gives_the_same_voyage(outcome: Outcome, tmp_path: Path) -> None:
     again = run(load_scenario(str(outcome.directory / "scenario.toml")), tmp_path)
     assert table(again) == table(outcome)
@@ -169,6 +171,7 @@ def test_an_oracle_that_waits_at_that_node_does_not_arrive_earlier(outcome: Outc
     assert float(onward["fuel"]) <= 1.005 * way_on(chosen)
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_no_wait_at_all_changes_nothing(tmp_path: Path) -> None:
     given = [tmp_path / name for name in ("point", "anchorage")]
     for folder in given:
@@ -187,6 +190,7 @@ def test_no_wait_at_all_changes_nothing(tmp_path: Path) -> None:
         np.testing.assert_array_equal(same.trajectory, route.trajectory)
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_vessel_leaves_before_its_anchorage_falls_dry(tmp_path: Path) -> None:
     found = voyage(tmp_path, {"at": ON_THE_BAR, "wait": "9h"}, HIGH)
     (choice,) = found.result.departures

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from datetime import UTC, datetime
 from functools import reduce
 from operator import xor
@@ -23,14 +24,23 @@ from tests.pipeline.synthetic_currents import dataset, write
 NAME, SEASON = "strait", "tide"
 
 
-def make(folder: Path, extra: str = "") -> Path:
-    """Plan a voyage, and return the folder of its results; `extra` is TOML before the vessel."""
-    file = scenario_file(folder, extra)
+def make(folder: Path) -> Path:
+    """Plan a voyage, and return the folder of its results."""
+    file = scenario_file(folder)
     asked = load_scenario(str(file))
     return run(asked, folder / "outputs", offline=True, origin=Origin.of(file)).directory
 
 
-def scenario_file(folder: Path, extra: str = "") -> Path:
+def copied(results: Path, folder: Path) -> Path:
+    """Copy the folder of a voyage, its inputs and its store; return that of the results in it."""
+    made = results.parent.parent
+    shutil.copytree(made, folder, symlinks=True)
+    scenario = folder / "outputs" / NAME / "scenario.toml"
+    scenario.write_text(scenario.read_text().replace(str(made), str(folder)))
+    return scenario.parent
+
+
+def scenario_file(folder: Path) -> Path:
     """Write the voyage's scenario and its chart and tide."""
     (folder / "island.geojson").write_text(shapely.to_geojson(tidal_run.ISLAND))
     tide_file(folder / "tide.nc")
@@ -41,7 +51,6 @@ schema_version = 1
 name = "{NAME}"
 start = [119.005, 9.53]
 goal = [119.095, 9.53]
-{extra}
 [region]
 bbox = [{west}, {south}, {east}, {north}]
 [chart]

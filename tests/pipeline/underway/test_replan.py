@@ -19,51 +19,56 @@ from typer.testing import CliRunner
 import renew
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
+from pipeline.formats.shared.result import RunResult
 from pipeline.model import Replanned
-from pipeline.run import Outcome, planned_scenario, run
+from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
+from pipeline.scenario.model import Scenario
 from pipeline.underway.replan import UnderWayRequest, under_way_scenario
+from tests.pipeline.results import result_of
 from tests.pipeline.tidal_run import DEPARTURE
 from tests.pipeline.underway import sailing
 
 # A place near the plan's, half an hour after the departure, and the time.
+WEST, EAST = "West,119.015,9.515", "East,119.085,9.545"
 AT, TIME = "119.0290,9.5224", "2026-11-22T06:50Z"
 
 
 @pytest.fixture(scope="module")
-def voyage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def voyage(results: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of a voyage in a tide, which these tests write beside, and a newer forecast."""
-    folder = tmp_path_factory.mktemp("voyage")
-    sailing.tide_file(folder / "newer.nc", faster=1.3)
-    return sailing.make(folder)
+    voyage = sailing.copied(results, tmp_path_factory.mktemp("voyage") / "copy")
+    sailing.tide_file(voyage.parent.parent / "newer.nc", faster=1.3)
+    return voyage
 
 
 @pytest.fixture(scope="module")
 def best(voyage: Path) -> renew.Route:
     """The route that is sailed, as it was planned."""
-    scenario = load_scenario(str(voyage / "scenario.toml"))
-    with planned_scenario(scenario, voyage.parent, offline=True) as result:
-        return result.routes[0].route
+    return result_of(load_scenario(str(voyage / "scenario.toml")), voyage.parent).routes[0].route
 
 
-def under_way(voyage: Path, **changes: str | float | datetime | tuple[str, ...]) -> Outcome:
-    """Plan again from AT at TIME, or as asked."""
+def under_way(voyage: Path, **changes: str | float | datetime | tuple[str, ...]) -> Scenario:
+    """Return the scenario of a vessel that is at AT at TIME, or as asked."""
     asked: dict[str, Any] = {"at": AT, "time": datetime.fromisoformat(TIME), **changes}
-    scenario, _ = under_way_scenario(UnderWayRequest(voyage, **asked))
-    return run(scenario, voyage.parent, offline=True)
+    return under_way_scenario(UnderWayRequest(voyage, **asked))[0]
 
 
-def answer(outcome: Outcome) -> Replanned:
-    (plan,) = outcome.plans
+def again(voyage: Path, **changes: Any) -> RunResult:  # noqa: ANN401 - as under_way takes them
+    """Plan again from AT at TIME, or as asked, and write nothing."""
+    return result_of(under_way(voyage, **changes), voyage.parent)
+
+
+def answer(result: RunResult) -> Replanned:
+    (plan,) = result.plans
     assert plan.replanned is not None
     return plan.replanned
 
 
 def place_of(voyage: Path, best: renew.Route, at: int) -> dict[str, Any]:
     """Where and when the vessel passes a point of its path, to the microsecond."""
-    scenario = load_scenario(str(voyage / "scenario.toml"))
-    with planned_scenario(scenario, voyage.parent, offline=True) as result:
-        lon, lat = result.scene.projection.to_lonlat(best.path[at]).tolist()
+    result = result_of(load_scenario(str(voyage / "scenario.toml")), voyage.parent)
+    lon, lat = result.scene.projection.to_lonlat(best.path[at]).tolist()
     passed = timedelta(seconds=float(best.times[at]))
     return {"at": f"{lon!r},{lat!r}", "time": DEPARTURE + passed}
 
@@ -75,8 +80,8 @@ def asked_on_terminal(voyage: Path, *args: str) -> tuple[int, str, str]:
 
 def test_on_its_plan_the_vessel_sails_on_as_planned(voyage: Path, best: renew.Route) -> None:
     at = len(best.path) // 3
-    outcome = under_way(voyage, **place_of(voyage, best, at), name="on-plan")
-    found, (ahead, *_) = answer(outcome), outcome.result.routes
+    result = again(voyage, **place_of(voyage, best, at), name="on-plan")
+    found, (ahead, *_) = answer(result), result.routes
     share = (best.times[-1] - best.times[at]) / (best.times[-1] - best.times[0])
     assert found.answer == "kept"
     assert ahead.route.fuel == pytest.approx(best.fuel * share, rel=1e-6)
@@ -88,7 +93,7 @@ def test_on_its_plan_the_vessel_sails_on_as_planned(voyage: Path, best: renew.Ro
 
 
 def test_a_full_result_lies_beside_the_old(voyage: Path) -> None:
-    outcome = under_way(voyage)
+    outcome = run(under_way(voyage), voyage.parent, offline=True)
     assert outcome.directory == voyage.parent / "strait-at-2026-11-22t0650z"
     earlier = {path.name for path in voyage.iterdir()}
     assert {path.name for path in outcome.directory.iterdir()} == {
@@ -97,14 +102,12 @@ def test_a_full_result_lies_beside_the_old(voyage: Path) -> None:
     assert (
         "Kept: stay on the way that was planned" in (outcome.directory / "report.html").read_text()
     )
-    again = run(
-        load_scenario(str(outcome.directory / "scenario.toml")), voyage.parent, offline=True
-    )
-    assert not again.fresh
+    written = load_scenario(str(outcome.directory / "scenario.toml"))
+    assert not run(written, voyage.parent, offline=True).fresh
 
 
 def test_what_changed_the_fuel_adds_up(voyage: Path, best: renew.Route) -> None:
-    found = answer(under_way(voyage, currents=(str(voyage.parent.parent / "newer.nc"),), name="b"))
+    found = answer(again(voyage, currents=(str(voyage.parent.parent / "newer.nc"),), name="b"))
     assert found.has_new_current
     assert found.by_forecast > 0
     assert found.planned_fuel == pytest.approx(best.fuel)
@@ -113,23 +116,24 @@ def test_what_changed_the_fuel_adds_up(voyage: Path, best: renew.Route) -> None:
 
 
 def test_the_route_begins_on_the_vessels_heading(voyage: Path) -> None:
-    outcome = under_way(voyage, heading_deg=270.0, name="westward")
-    route, scene = outcome.result.routes[0].route, outcome.result.scene
+    result = again(voyage, heading_deg=270.0, name="westward")
+    route, scene = result.routes[0].route, result.scene
     through = np.array([math.cos(route.trajectory[0, 3]), math.sin(route.trajectory[0, 3])])
-    east, north = scene.projection.rotate_to_lonlat(outcome.scenario.start, through)
+    east, north = scene.projection.rotate_to_lonlat(result.scenario.start, through)
     assert math.degrees(math.atan2(east, north)) % 360 == pytest.approx(270.0, abs=0.01)
 
 
 def test_a_plan_made_under_way_is_planned_again(voyage: Path) -> None:
-    first = under_way(voyage, currents=(str(voyage.parent.parent / "newer.nc"),), name="once")
-    second = under_way(
+    newer = (str(voyage.parent.parent / "newer.nc"),)
+    first = run(under_way(voyage, currents=newer, name="once"), voyage.parent, offline=True)
+    second = again(
         first.directory, at="119.0500,9.5198", time=datetime.fromisoformat("2026-11-22T07:20Z")
     )
     found = answer(second)
-    assert second.directory.name == "once-at-2026-11-22t0720z"
+    assert second.scenario.name == "once-at-2026-11-22t0720z"
     assert found.planned_fuel == pytest.approx(first.result.routes[0].metrics.fuel)
     # The current is that of the first time, on a clock that begins later.
-    was, now = (one.result.scene.currents["tide"] for one in (first, second))
+    was, now = (one.scene.currents["tide"] for one in (first.result, second))
     assert isinstance(was, renew.VaryingCurrent)
     assert isinstance(now, renew.VaryingCurrent)
     assert np.array_equal(was.slice_times - 1800.0, now.slice_times)
@@ -137,12 +141,19 @@ def test_a_plan_made_under_way_is_planned_again(voyage: Path) -> None:
     assert np.array_equal(was.table(bounds).uv, now.table(bounds).uv)
 
 
+def with_havens(voyage: Path, folder: Path, limit: str, *havens: str) -> Path:
+    """Copy the results, and what is stored of their plan; their scenario has havens."""
+    shutil.copytree(voyage.parent / ".artefacts", folder / ".artefacts")
+    results = folder / "strait"
+    shutil.copytree(voyage, results)
+    (results / "havens.csv").write_text("\n".join(["name,lon,lat", *havens, ""]))
+    with (results / "scenario.toml").open("a") as file:
+        file.write(f'\n[havens]\npath = "havens.csv"\n{limit}\n')
+    return results
+
+
 def test_endurance_counts_from_the_first_departure(voyage: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "strait"
-    shutil.copytree(voyage, folder)
-    (folder / "havens.csv").write_text("name,lon,lat\nNorth,119.05,9.55\n")
-    with (folder / "scenario.toml").open("a") as file:
-        file.write('\n[havens]\npath = "havens.csv"\nendurance = "2h"\n')
+    folder = with_havens(voyage, tmp_path, 'endurance = "2h"', "North,119.05,9.55")
     asked = UnderWayRequest(folder, AT, datetime.fromisoformat(TIME))
     scenario, _ = under_way_scenario(asked)
     assert scenario.havens is not None
@@ -191,9 +202,8 @@ def test_a_wrong_request_is_refused_whole(voyage: Path, args: list[str], said: l
     assert set(voyage.parent.iterdir()) == before
 
 
-def test_where_no_way_leads_on_the_havens_in_reach_are_named(tmp_path: Path) -> None:
-    (tmp_path / "havens.csv").write_text("name,lon,lat\nWest,119.015,9.515\nEast,119.085,9.545\n")
-    results = sailing.make(tmp_path, '[havens]\npath = "havens.csv"\nwithin = "2h"')
+def test_where_no_way_leads_on_the_havens_in_reach_are_named(voyage: Path, tmp_path: Path) -> None:
+    results = with_havens(voyage, tmp_path, 'within = "2h"', WEST, EAST)
     late = ("--at", AT, "--time", "2026-11-23T09:30Z", "--name", "late")
     code, _, faults = asked_on_terminal(results, *late)
     assert code == 1
@@ -234,11 +244,8 @@ def test_results_that_are_not_what_they_were_are_refused(
     voyage: Path, tmp_path: Path, damage: Callable[[Path], None], said: str
 ) -> None:
     folder = tmp_path / "copy"
-    shutil.copytree(voyage.parent.parent, folder, symlinks=True)
-    scenario = folder / "outputs" / "strait" / "scenario.toml"
-    scenario.write_text(scenario.read_text().replace(str(voyage.parent.parent), str(folder)))
+    results = sailing.copied(voyage, folder)
     damage(folder)
-    results = folder / "outputs" / "strait"
     before = set(results.parent.iterdir())
     code, _, faults = asked_on_terminal(results, "--at", AT, "--time", TIME)
     assert code == 2
