@@ -45,7 +45,7 @@ _MAX_EARLIER = 3
 _DIGEST = hashlib.sha256().digest_size
 
 
-def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
+def kernel(function: FunctionT, **more: bool) -> FunctionT:
     """Compile a function in nopython mode when it is first called; cached on disk.
 
     Division by zero gives inf or NaN, as NumPy does. Other threads go on running, such as the one
@@ -54,20 +54,23 @@ def kernel(function: FunctionT, *, forceinline: bool = False) -> FunctionT:
     if not is_switched_on():
         return function
     options = {"nopython": True, "boundscheck": None, "error_model": "numpy", "nogil": True}
-    # Small kernels make no arrays, and need not count references to the arrays that they read.
-    options |= {"forceinline": True, "_nrt": False} if forceinline else {}
-    compiled: Any = KernelDispatcher(function, None, options)
+    compiled: Any = KernelDispatcher(function, None, options | more)
     compiled._cache = _KernelCache(function)  # noqa: SLF001 - as njit(cache=True) does
     return cast("FunctionT", compiled)
 
 
-def small_kernel(function: FunctionT) -> FunctionT:
-    """Compile a kernel that is inlined into the kernels that call it.
+def reading_kernel(function: FunctionT) -> FunctionT:
+    """Compile a kernel that makes no arrays or lists, and so counts no references to arrays.
 
-    For lookups that are made millions of times: a call counts the references to each array that it
-    takes, which takes longer than the lookup.
+    For kernels that others call millions of times: counting the references to each array that they
+    read may take longer than their work.
     """
-    return kernel(function, forceinline=True)
+    return kernel(function, _nrt=False)
+
+
+def small_kernel(function: FunctionT) -> FunctionT:
+    """Compile a reading kernel that is inlined into the kernels that call it."""
+    return kernel(function, _nrt=False, forceinline=True)
 
 
 def for_kernels(array: npt.ArrayLike) -> npt.NDArray[np.float64]:

@@ -91,7 +91,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, reading_kernel
 from renew._types import BoolArray, FloatArray
 from renew.bounds.grids import ROUNDING, halved, in_hours, turned_round, whole_grid
 from renew.bounds.march import LEVELS, march, set_bends
@@ -304,7 +304,7 @@ def drop_cells(
             counts[r, c] = corners.min() < most
 
 
-@kernel
+@reading_kernel
 def _add_least(
     corners: FloatArray, time: FloatArray, bends: FloatArray, r: int, c: int, rise: Rise
 ) -> None:

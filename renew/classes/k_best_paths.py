@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from renew._compiled import kernel, small_kernel
+from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import FloatArray, IntArray
 from renew.classes.legs import time_along
 from renew.classes.reduced_rows import (
@@ -189,7 +189,7 @@ def _bucket_of(ratio: float) -> int:
     return min(max(int(math.log(ratio) / _BUCKET_SIZE), 0), _BUCKETS - 1)
 
 
-@kernel
+@reading_kernel
 def _note(
     labels: IntArray, new: int, node: int, row: int, word: int, parent: int, older: int
 ) -> None:
@@ -198,7 +198,7 @@ def _note(
     labels[new, _PARENT], labels[new, _OLDER], labels[new, _SETTLED] = parent, older, 0
 
 
-@kernel
+@reading_kernel
 def _first_filled(bucket: IntArray, at: int) -> int:
     """Return the first bucket, from `at` on, that holds a label, or else the number of buckets."""
     while at < len(bucket) and bucket[at] < 0:
@@ -206,7 +206,7 @@ def _first_filled(bucket: IntArray, at: int) -> int:
     return at
 
 
-@kernel
+@reading_kernel
 def _known(
     labels: IntArray, times: FloatArray, label: int, word: int, time: float, count: int
 ) -> int:

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from renew._compiled import kernel, small_kernel
+from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Segment
 from renew.kernels.current_table import CurrentTable, velocity
@@ -29,7 +29,7 @@ _MAX_CROSSED, _ROUNDING = 4096, 1e-9
 _MIN_SPEED = 0.1
 
 
-@kernel
+@reading_kernel
 def time_along(leg: Segment, begin: float, table: CurrentTable, polar: Polar) -> float:
     """Return the time (s) along a leg that is begun at a time, by Simpson's rule."""
     dx, dy = leg.bx - leg.ax, leg.by - leg.ay
@@ -78,7 +78,7 @@ def currents_between(extremes: Extremes, points: FloatArray) -> FloatArray:
     return currents
 
 
-@kernel
+@reading_kernel
 def least_times(
     leg: Segment, here: FloatArray, there: FloatArray, extremes: Extremes, polar: Polar
 ) -> tuple[float, float]:
@@ -200,7 +200,7 @@ def _crossings(
     return begin, edges[:count]
 
 
-@kernel
+@reading_kernel
 def _crossed(mesh: Mesh, leg: Segment, triangle: int, last: int, edges: IntArray) -> int:
     """Return number of edges that a leg from one triangle to the last crosses, noted in `edges`.
 
@@ -244,7 +244,7 @@ def _by_leg(
     return first, crossed
 
 
-@kernel
+@reading_kernel
 def _crossed_edge(mesh: Mesh, triangle: int, entry: int, leg: Segment) -> tuple[int, bool]:
     """Return the edge by which a leg leaves a triangle, as the corner opposite to it; -1 for none.
 

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from renew._compiled import kernel
+from renew._compiled import kernel, reading_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.h_signature import is_crossed, rays_between
 from renew.classes.legs import Mesh
@@ -118,7 +118,7 @@ def row_after(
     return onwards, rows, used
 
 
-@kernel
+@reading_kernel
 def followed(graph: Roadmap, rows: IntArray, row: int, leg: int) -> int:
     """Return the row after a leg, negative where there can be none.
 
@@ -183,7 +183,7 @@ def word_changes(task: SearchTask) -> BoolArray:
     return changes
 
 
-@kernel
+@reading_kernel
 def keeps_word(graph: Roadmap, changes: BoolArray, leg: int) -> bool:
     """Whether a leg crosses no edge across which words change."""
     for k in range(graph.first_crossed[leg], graph.first_crossed[leg + 1]):
@@ -286,7 +286,7 @@ def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
     return word
 
 
-@kernel
+@reading_kernel
 def may_end(task: SearchTask, rows: IntArray, row: int) -> bool:
     """Whether the transition from a row's last triangle to the goal is not blocked."""
     return not task.blocked[rows[row, _TRIANGLE], rows[row, _ENTRY], 3]

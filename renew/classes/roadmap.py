@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from renew._compiled import kernel
+from renew._compiled import kernel, reading_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import without_dead_ends
 from renew.classes.legs import Mesh, legs_between
@@ -332,7 +332,7 @@ def _triangles_of(x: FloatArray, y: FloatArray, mesh: Mesh, wanted: BoolArray) -
     return holding
 
 
-@kernel
+@reading_kernel
 def _holds(mesh: Mesh, triangle: int, x: float, y: float) -> bool:
     """Whether a point lies in a triangle, and clear of its edges on land."""
     for c in range(3):

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numba.extending import register_jitable
 
-from renew._compiled import kernel, small_kernel
+from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.searches import extremes
 
@@ -154,7 +154,7 @@ def capsules_near(capsules: Capsules, path: FloatArray, distance: float) -> IntA
     return np.flatnonzero(close)
 
 
-@kernel
+@reading_kernel
 def leg_is_clear(leg: Segment, capsules: Capsules, chosen: IntArray, exempt: BoolArray) -> bool:
     """Whether a leg stays out of the chosen capsules, except the exempt ones (c,)."""
     ax, ay, bx, by = leg
@@ -239,7 +239,7 @@ def segments_near(
     return first, np.array(near, dtype=np.int64)
 
 
-@kernel
+@reading_kernel
 def _is_within(point: FloatArray, p: FloatArray, q: FloatArray, reach: float) -> bool:
     """Whether a point lies within reach of the segment pq."""
     x, y = point
@@ -286,7 +286,7 @@ def tracks_touch(
     return np.array(touching, dtype=np.int64), np.array(touched, dtype=np.int64)
 
 
-@kernel
+@reading_kernel
 def _touches(xs: FloatArray, ys: FloatArray, axis: Segment, radius: float) -> bool:
     """Whether a track (steps,) comes within a radius of a segment."""
     for k in range(len(xs) - 1):

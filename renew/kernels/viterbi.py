@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel, small_kernel
+from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
 from renew.kernels.current_table import (
@@ -66,7 +66,7 @@ class Stream(NamedTuple):
     clock: Clock
 
 
-@kernel
+@reading_kernel
 def leg_time(ax: float, ay: float, bx: float, by: float, begin: float, water: Stream) -> float:
     """Return the time (s) over a straight leg a -> b, begun at a time; inf if impassable.
 
@@ -79,7 +79,7 @@ def leg_time(ax: float, ay: float, bx: float, by: float, begin: float, water: St
     return leg_time_from(Segment(ax, ay, bx, by), u, v, site, begin, table, polar, clock.step)
 
 
-@kernel
+@reading_kernel
 def leg_time_from(
     leg: Segment,
     u: float,
@@ -321,7 +321,7 @@ def _advance(
             totals[i] = np.inf
 
 
-@kernel
+@reading_kernel
 def _arrivals(
     here: _Row,
     bx: float,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, reading_kernel
 from renew._types import BoolArray, FloatArray
 from renew.kernels.capsules import Segment, legs_are_clear
 from renew.kernels.current_table import Site, site_of, velocity_there
@@ -172,7 +172,7 @@ class _Place(NamedTuple):
     v: float
 
 
-@kernel
+@reading_kernel
 def _around(
     path: FloatArray,
     normals: FloatArray,
@@ -191,7 +191,7 @@ def _around(
     )
 
 
-@kernel
+@reading_kernel
 def _place(x: float, y: float, time: float, stream: Stream) -> _Place:
     """Return the place of a point that is passed at a given time (s)."""
     site = site_of(stream.table, x, y)
@@ -199,7 +199,7 @@ def _place(x: float, y: float, time: float, stream: Stream) -> _Place:
     return _Place(x, y, site, u, v)
 
 
-@kernel
+@reading_kernel
 def _time_between(a: _Place, b: _Place, begin: float, stream: Stream) -> float:
     """Return the time (s) over a leg, which begins at a given time (s)."""
     leg = Segment(a.x, a.y, b.x, b.y)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel
+from renew._compiled import kernel, reading_kernel
 from renew._types import FloatArray, IntArray
 from renew.inputs.current import CurrentStatistics
 from renew.inputs.vessel import Vessel
@@ -59,7 +59,7 @@ class TurnStarts(NamedTuple):
     v: FloatArray
 
 
-@kernel
+@reading_kernel
 def reach_along(
     normal: FloatArray, turns: TurnStarts, speed: float, turn_rate: float, reach: FloatArray
 ) -> None:
