@@ -133,7 +133,7 @@ def test_no_bytes_are_fatal(line: bytes) -> None:
 @given(st.integers(0, 10**6))
 def test_lines_are_the_same_however_a_stream_is_cut(seed: int) -> None:
     rng = random.Random(seed)  # noqa: S311 - no secret
-    lines = [rng.randbytes(rng.choice([0, 5, 80, 4096, 4097, 9000])) for _ in range(8)]
+    lines = [rng.randbytes(rng.choice([0, 5, 80, 4096, 4097, 9000])) for _ in range(4)]
     stream = b"\n".join(line.replace(b"\n", b"") for line in lines) + rng.choice([b"", b"\n"])
     found = []
     for longest in (len(stream) + 1, 1, 50, 5000):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -36,6 +38,16 @@ def gyre() -> Scene:
     return renew.plan(chart, current, PAPER_VESSEL, START, GOAL).best, chart, current
 
 
+@pytest.fixture(scope="module")
+def covers(gyre: Scene) -> Callable[[float], renew.Coverage]:
+    """Give the ways to two havens within a time (s), each looked for once."""
+    route, chart, current = gyre
+    havens = [NORTH_WEST, SOUTH_EAST]
+    return cache(
+        lambda within: renew.cover(route, chart, current, PAPER_VESSEL, havens, within=within)
+    )
+
+
 def on_track(route: renew.Route, time: float) -> FloatArray:
     """Where the vessel is at a time (s) if it is on time (2,), m."""
     track = route.trajectory
@@ -43,11 +55,10 @@ def on_track(route: renew.Route, time: float) -> FloatArray:
 
 
 @pytest.mark.parametrize("within", [20.0, 40.0])
-def test_what_is_claimed_along_a_route_in_a_gyre(gyre: Scene, within: float) -> None:
-    route, chart, current = gyre
-    found = renew.cover(
-        route, chart, current, PAPER_VESSEL, [NORTH_WEST, SOUTH_EAST], within=within
-    )
+def test_what_is_claimed_along_a_route_in_a_gyre(
+    gyre: Scene, covers: Callable[[float], renew.Coverage], within: float
+) -> None:
+    (route, chart, current), found = gyre, covers(within)
     ends = [one.end for one in found.stretches]
     assert found.stretches[0].begin == route.trajectory[0, 0]
     assert ends[-1] == route.trajectory[-1, 0]
@@ -201,10 +212,10 @@ def test_a_current_of_later_hours_leaves_nothing_open_before_them() -> None:
             assert stretch.least <= math.dist(begin, (60.0, 20.0)) / 0.4
 
 
-def test_few_ways_cover_what_many_stations_were_needed_for(gyre: Scene) -> None:
-    route, chart, current = gyre
-    found = renew.cover(route, chart, current, PAPER_VESSEL, [NORTH_WEST, SOUTH_EAST], within=20.0)
-    covered = [one for one in found.stretches if one.state == "covered"]
+def test_few_ways_cover_what_many_stations_were_needed_for(
+    covers: Callable[[float], renew.Coverage],
+) -> None:
+    covered = [one for one in covers(20.0).stretches if one.state == "covered"]
     ways = [one.diversion for one in covered if one.diversion is not None]
     assert len(set(ways)) == len(ways)
     for one, way in zip(covered, ways, strict=True):
