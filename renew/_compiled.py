@@ -170,7 +170,7 @@ def _name() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         source = path.read_bytes()
-        if b"@kernel\n" in source or path.name in ("_compiled.py", "_compiler.py"):
+        if b"kernel\n" in source or path.name in ("_compiled.py", "_compiler.py"):
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + b"\0" + source)
     return f"kernels-{digest.hexdigest()[:16]}"
 

@@ -75,11 +75,13 @@ def install(folder: Path) -> Path:
     (package / "__init__.py").touch()
     for name in ("_compiled.py", "_compiler.py"):
         shutil.copy(PACKAGE / name, package)
-    begin = "from renew._compiled import kernel\n"
-    (package / "inner.py").write_text(begin + "@kernel\ndef factor():\n    return 2.0\n")
+    (package / "inner.py").write_text(
+        "from renew._compiled import reading_kernel\n"
+        "@reading_kernel\ndef factor():\n    return 2.0\n"
+    )
     (package / "outer.py").write_text(
-        begin
-        + "from renew.inner import factor\n@kernel\ndef doubled(x):\n    return factor() * x\n"
+        "from renew._compiled import kernel\nfrom renew.inner import factor\n"
+        "@kernel\ndef doubled(x):\n    return factor() * x\n"
     )
     return package
 
