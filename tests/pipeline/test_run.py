@@ -229,6 +229,7 @@ def with_speeds(**season: object) -> Scenario:
     return parse_scenario(table)
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_run_with_a_choice_of_speeds_is_in_time(tmp_path: Path) -> None:
     outcome = run(with_speeds(), tmp_path)
     assert outcome.exit_code == 0

@@ -89,17 +89,18 @@ def inside(plan: renew.Plan) -> list[float]:
     return [float(one.length) for one in shapely.difference(lines, water)]
 
 
+@pytest.mark.gate_share(11)
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
+@pytest.mark.parametrize("seed", range(3))
 def test_planned_routes_keep_to_the_water_and_need_no_less_than_its_bound(
-    options: dict[str, Any],
+    seed: int, options: dict[str, Any]
 ) -> None:
-    for seed in range(3):
-        chart, current, start, goal = random_scene(seed)
-        plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=4, **options)
-        assert max(inside(plan)) < 1e-3
-        for route in plan.routes:
-            assert route.fuel >= route.fuel_bound.at_clearance
-            assert 0 <= route.gap_at_clearance <= route.optimality_gap
+    chart, current, start, goal = random_scene(seed)
+    plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=4, **options)
+    assert max(inside(plan)) < 1e-3
+    for route in plan.routes:
+        assert route.fuel >= route.fuel_bound.at_clearance
+        assert 0 <= route.gap_at_clearance <= route.optimality_gap
 
 
 def test_padding_of_the_worst_heading_would_be_caught(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -307,6 +307,7 @@ def test_a_hole_between_the_steps_is_refused(tmp_path: Path, days: xr.Dataset) -
     assert "no step between 2024-07-02 and 2024-07-04" in refusal(path, **changing)
 
 
+@pytest.mark.usefixtures("plain_report")
 @pytest.mark.parametrize(
     ("change", "said"),
     [
