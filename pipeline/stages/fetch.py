@@ -187,12 +187,14 @@ class Fetcher:
         """Return land outside the region, for maps only; none if all charts are the user's."""
         if not has_world_land(chart):
             return ()
-        from pipeline.sources.land.osm import surroundings
+        from pipeline.sources.land.osm import large_polygon, surroundings
 
         key = artefact_key("surroundings", OsmLand().identity, self._outline)
-        return self.store.load_or_make(
+        found = self.store.load_or_make(
             "surroundings", key, tuple, lambda: surroundings(self.region.shape)
         )
+        large_polygon.cache_clear()  # what is fetched last: planning needs the memory
+        return found
 
     def _stored_land(self, source: LandSource) -> Land:
         """Load a source's land from the store, or fetch it."""

@@ -96,9 +96,10 @@ def write(
 
 
 def load_libraries() -> None:
-    """Import the libraries that write files; it takes a second, so call it during planning."""
-    for name in ("matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "geopandas"):
-        importlib.import_module(name)
+    """Import what writes files, and its libraries; it takes a second: call it before planning."""
+    for name in ("gis.geopackage", "passage_plan", "passage.routes", "report.page"):
+        importlib.import_module(f"pipeline.formats.{name}")
+    importlib.import_module("geopandas")
 
 
 def output_directory(root: Path, name: str) -> Path:

@@ -92,7 +92,7 @@ def _autopilot(result: RunResult, season: str) -> Autopilot:
     places = [one.place for one in given if not np.isfinite([one.opens, one.closes]).any()]
     lonlat = result.scene.projection.to_lonlat(np.reshape(places, (-1, 2)))
     havens = np.round(lonlat, _DECIMALS)
-    for rally in (havens, havens[:0]):
+    for rally in (havens, havens[:0]) if len(havens) else (havens,):
         if _is_clear(flat, water, points, rally):
             return Autopilot(found, rally)
     return Autopilot(found, None)

@@ -58,7 +58,7 @@ _ENTRY = np.dtype([("bounds", "<f8", 4), ("end", "<u8"), ("crc", "<u4"), ("is_va
 _ABANDONED_S = 3600.0
 
 # Size of a polygon's WKB above which it is kept for the next region, bytes: a voyage reads land a
-# dozen times, and each time a continent would take 40 ms.
+# dozen times, and a continent takes 40 ms. What is kept takes up to 50 MB, until it is cleared.
 _LARGE = 2_000_000
 # Number of polygons built at a time: 20,000 are 250,000 vertices on average, some 30 MB.
 _CHUNK = 20_000
@@ -207,7 +207,8 @@ def read_cached(path: Path, box: shapely.Polygon, least_deg: float = 0.0) -> Nea
             [_checked(content[a:b], crc) for a, b, crc in compress(spans, ~is_large)]
         )
         found[is_large] = [
-            _large(path, first + a, first + b, crc) for a, b, crc in compress(spans, is_large)
+            large_polygon(path, first + a, first + b, crc)
+            for a, b, crc in compress(spans, is_large)
         ]
     except ValueError:
         return None
@@ -216,7 +217,7 @@ def read_cached(path: Path, box: shapely.Polygon, least_deg: float = 0.0) -> Nea
 
 
 @lru_cache(maxsize=6)
-def _large(path: Path, begin: int, end: int, crc: int) -> shapely.Geometry:
+def large_polygon(path: Path, begin: int, end: int, crc: int) -> shapely.Geometry:
     """Return the polygon between two bytes of a file; ValueError where it is damaged."""
     content = np.memmap(path, dtype=np.uint8, mode="r", offset=begin, shape=(end - begin,))
     return shapely.from_wkb(_checked(content, crc))
