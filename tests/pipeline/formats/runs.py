@@ -87,6 +87,7 @@ def _islands(
     return list(shapely.get_parts(shapely.union_all(islands)))
 
 
+@cache
 def random_run(seed: int) -> RunResult:
     """Five or so islands east of Palawan, at 1:30 to 1:1000."""
     bbox = (119.0, 9.0, 120.2, 10.0)

@@ -19,7 +19,7 @@ from pipeline.stages.project import project
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from pipeline.stages.seasons.task import clock_worth, gap_shares, speeds_in_time
 from tests.pipeline import chosen_speeds
-from tests.pipeline.tidal_run import DEPARTURE, run, tide
+from tests.pipeline.tidal_run import DEPARTURE, planned
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(result: RunResult)
 
 def test_a_plan_without_a_clock_is_sailed_in_time() -> None:
     """In a turning tide its speeds get the least factor at which it arrives in time."""
-    result = run(tide(12))
+    result = planned()
     route, current = result.routes[0].route, result.scene.currents["tide"]
     choice = chosen_speeds.choice()
     by = 1.2 * route.duration
@@ -128,7 +128,7 @@ def test_a_plan_without_a_clock_is_sailed_in_time() -> None:
 
 def test_a_refusal_of_the_planner_is_reported_for_the_season() -> None:
     """Whether or not renew plans speeds where currents change, a reason or a route is given."""
-    result = run(tide(12))
+    result = planned()
     season = {
         **result.scenario.seasons[0].model_dump(exclude_none=True),
         "arrive_by": (DEPARTURE + timedelta(hours=6)).isoformat(),
@@ -148,12 +148,12 @@ def test_a_refusal_of_the_planner_is_reported_for_the_season() -> None:
     assert worth is not None
     assert worth.in_time
     assert min(worth.frozen, worth.mean, worth.shortest) >= worth.best * (1 - 1e-3)
-    planned = replace(
+    by_speeds = replace(
         result,
         scenario=scenario,
         scene=scene,
         plans=(plan,),
         evaluation=combine_seasons([evaluated]),
     )
-    best = planned.season_routes("tide")[0]
-    assert legs(best, planned).time_s == pytest.approx(best.route.times, abs=1.0)
+    best = by_speeds.season_routes("tide")[0]
+    assert legs(best, by_speeds).time_s == pytest.approx(best.route.times, abs=1.0)

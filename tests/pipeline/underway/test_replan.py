@@ -162,6 +162,7 @@ def test_endurance_counts_from_the_first_departure(voyage: Path, tmp_path: Path)
         under_way_scenario(replace(asked, time=datetime.fromisoformat("2026-11-22T08:30Z")))
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_vessel_far_on_the_other_side_switches(voyage: Path) -> None:
     code, said, _ = asked_on_terminal(voyage, "--at", "119.035,9.545", "--time", TIME, "--json")
     ((found,), (first, *_)) = (json.loads(said)[key] for key in ("replanned", "routes"))

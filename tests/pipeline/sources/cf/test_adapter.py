@@ -341,6 +341,7 @@ def test_a_scenario_with_files_survives_writing_and_reading(tmp_path: Path) -> N
     assert parse_scenario(json.loads(scenario.model_dump_json())) == scenario
 
 
+@pytest.mark.usefixtures("plain_report")
 def test_a_run_on_a_file_gives_its_credit(
     tmp_path: Path, palawan: Field, across_outputs: Path
 ) -> None:
