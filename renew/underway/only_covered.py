@@ -27,8 +27,6 @@ from renew.errors import (
     PlanningError,
     Text,
     UncoveredError,
-    check_kind,
-    shown,
 )
 from renew.inputs.haven import Haven
 from renew.planner.classes import plan_classes
@@ -40,6 +38,7 @@ from renew.planner.task import Task
 from renew.results import Plan, Rejected, Route
 from renew.underway.coverage import Stretch
 from renew.underway.diversions import Diverter, Limits
+from renew.underway.replan import asked_of
 from renew.underway.survey import Survey, bounds_to
 from renew.underway.usable_havens import check_cover, usable
 from renew.voyage.voyage import Waters
@@ -88,7 +87,12 @@ def only_covered(
     UnreachableError
         No route that is covered was found in any class.
     """
-    task = _task_of(plan)
+    task = asked_of(plan, "plan")
+    if task.areas or task.request.speed is not None:
+        raise ParameterError(
+            "the plan chose speeds, or knows shut areas or a tide, which ways to havens do not "
+            "know: plan without them"
+        )
     limits = check_cover(
         plan.best,
         task.chart,
@@ -104,22 +108,6 @@ def only_covered(
         if not (search.is_open and search.check(search.routes_within())):
             break
     return search.result(plan)
-
-
-def _task_of(plan: Plan) -> Task:
-    """Return what a plan was asked; refuse a plan whose ways to havens can't be planned."""
-    check_kind("plan", plan, Plan)
-    task = plan.voyage
-    if not isinstance(task, Task):
-        raise ParameterError(
-            f"plan.voyage = {shown(task)}: a plan that was pickled has lost its current; plan again"
-        )
-    if task.areas or task.request.speed is not None:
-        raise ParameterError(
-            "the plan chose speeds, or knows shut areas or a tide, which ways to havens do not "
-            "know: plan without them"
-        )
-    return task
 
 
 @dataclass(eq=False)

@@ -154,7 +154,12 @@ def replan(
     StartInNoGoError
         The position is on land or outside the chart; the message names the nearest water.
     """
-    asked = _asked_of(previous)
+    asked = asked_of(previous, "previous")
+    if asked.request.speed is not None:
+        raise ParameterError(
+            "previous chose speeds, and can't be planned again under way: plan from here with "
+            "renew.plan(..., departure=, speed=)"
+        )
     _check(previous, time, heading, burnt, switch_above)
     for number, haven in enumerate(havens):
         check_kind(f"havens[{number}]", haven, Haven)
@@ -201,19 +206,14 @@ def replan(
     )
 
 
-def _asked_of(previous: Plan) -> Task:
-    """Return what a plan was asked; refuse a plan that can't be planned again."""
-    check_kind("previous", previous, Plan)
-    asked = previous.voyage
+def asked_of(plan: Plan, which: str) -> Task:
+    """Return what a plan was asked; `which` names it in errors. Refuse one read from a pickle."""
+    check_kind(which, plan, Plan)
+    asked = plan.voyage
     if not isinstance(asked, Task):
         raise ParameterError(
-            f"previous.voyage = {shown(asked)}: a plan that was pickled has lost its current; take "
-            "the voyage of a new plan, dataclasses.replace(previous, voyage=new.voyage)"
-        )
-    if asked.request.speed is not None:
-        raise ParameterError(
-            "previous chose speeds, and can't be planned again under way: plan from here with "
-            "renew.plan(..., departure=, speed=)"
+            f"{which}.voyage = {shown(asked)}: a plan that was pickled has lost its current; take "
+            f"the voyage of a new plan, dataclasses.replace({which}, voyage=new.voyage)"
         )
     return asked
 
