@@ -13,13 +13,17 @@ if TYPE_CHECKING:
     from pipeline.scenario.model import Scenario
 
 
+_DEFAULTS = {"heading": None, "currents": None, "season": "", "departed": "", "name": ""}
+
+
 class ReplanCommand(Command):
     """The command `renew replan`."""
 
     def check_request(self, values: dict[str, Any]) -> None:
         """Raise RequestError with the faults of the request."""
-        if "results" in values:
-            _scenario(values)
+        if all(name in values for name in ("results", "at", "time")):
+            # Optional ones that are faulty themselves are left out.
+            _scenario({**_DEFAULTS, **values})
 
 
 def replan(

@@ -83,7 +83,7 @@ def usable(
     Raises ParameterError for a route of another current or vessel, GoalInNoGoError if no haven is
     left.
     """
-    took = task.planner().problem.voyage.duration(route.path)
+    took = task.planner().problem.voyage.fuel(route.path) / task.vessel.fuel_rate
     if not abs(took - route.duration) <= _SAME * route.duration:
         raise ParameterError(
             f"along the route's path this vessel takes {took:.4g} s in this current, and the route "

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import pytest
 
@@ -16,8 +19,10 @@ from tests.renew.test_compiled import install
 # Prints whether the note holds: before it is made and after; while a file is damaged, missing, or
 # as it was when less was compiled; once all files are back; and when a caller's source changes.
 NOTED = """
+import importlib
 import json
 from pathlib import Path
+from typing import get_args, get_type_hints
 from renew import _compiled, outer
 from tests.renew.test_compiled import cut, flip
 
@@ -104,3 +109,26 @@ def test_a_folder_asked_for_gets_all_while_it_is_empty(package: Path, tmp_path: 
 def test_the_note_is_for_one_processor(package: Path) -> None:
     found = printed(package, HOLDS, NUMBA_CPU_NAME="x86-64-v3", NUMBA_CPU_FEATURES="")
     assert found.split() == ["False", "False"]
+
+
+def returns_scalars(kind: object) -> bool:
+    """Whether a kernel's return type, as annotated, holds no arrays."""
+    if kind in {type(None), bool, int, float}:
+        return True
+    fields = getattr(kind, "__annotations__", None)
+    parts = get_args(kind) if fields is None else get_type_hints(kind).values()
+    return bool(parts) and all(returns_scalars(part) for part in parts)
+
+
+def test_no_kernel_that_counts_no_references_returns_an_array() -> None:
+    # Its caller would free the array, which crashes the process.
+    found = 0
+    for path in sorted((ROOT / "renew").rglob("*.py")):
+        names = re.findall(r"^@(?:reading|small)_kernel\ndef (\w+)", path.read_text(), re.MULTILINE)
+        module = path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
+        for name in names:
+            compiled = getattr(importlib.import_module(module), name)
+            function = getattr(compiled, "py_func", compiled)
+            assert returns_scalars(get_type_hints(function)["return"]), f"{module}.{name}"
+            found += 1
+    assert found > 40

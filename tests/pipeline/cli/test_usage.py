@@ -86,6 +86,25 @@ def test_faults_of_usage_are_named_at_once(typed: tuple[str, ...], named: list[s
         assert fault.startswith(words)
 
 
+@pytest.mark.parametrize(
+    ("typed", "named"),
+    [
+        (("x", "--at", "y"), ["--time"]),
+        (
+            ("x", "--at", "y", "--time", "2026-01-01T12:00", "--heading", "west"),
+            ["--heading", "--time"],
+        ),
+    ],
+)
+def test_faults_of_a_voyage_under_way_are_named_though_others_are_missing(
+    typed: tuple[str, ...], named: list[str]
+) -> None:
+    faults = refusal("replan", *typed)
+    assert len(faults) == len(named)
+    for fault, part in zip(faults, named, strict=True):
+        assert part in fault
+
+
 def test_faults_of_usage_and_of_the_request_are_named_at_once() -> None:
     usage, *request = refusal("go", "12N 120E", "13N 121E", "--sped", "fast", "--month", "2024-13")
     assert usage == "Error: No such option: --sped (Possible options: --speed)"

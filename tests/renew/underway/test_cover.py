@@ -212,6 +212,16 @@ def test_a_current_of_later_hours_leaves_nothing_open_before_them() -> None:
             assert stretch.least <= math.dist(begin, (60.0, 20.0)) / 0.4
 
 
+def test_a_route_of_one_long_leg_in_a_current_that_rises_fast_is_its_own() -> None:
+    chart = renew.Chart(box(0, 0, 320, 100))
+    still, back = renew.UniformCurrent(0.0, 0.0), renew.UniformCurrent(-0.6, 0.0)
+    current = renew.VaryingCurrent([0.0, 250.0, 300.0, 3000.0], [still, still, back, back])
+    route = renew.plan(chart, current, PAPER_VESSEL, (20.0, 50.0), (300.0, 50.0)).best
+    assert len(route.path) == 2
+    found = renew.cover(route, chart, current, PAPER_VESSEL, [haven("west", 60, 20)], within=60.0)
+    assert found.at(0.0).state == "covered"
+
+
 def test_few_ways_cover_what_many_stations_were_needed_for(
     covers: Callable[[float], renew.Coverage],
 ) -> None:
