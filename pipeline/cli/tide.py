@@ -11,7 +11,7 @@ from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.usage import Command
 from pipeline.errors import Faults, RequestError, StageError
-from pipeline.machine.paths import folder_to_write, shown
+from pipeline.machine.paths import NOT_THERE, folder_to_write, shown, unreadable_reason
 
 if TYPE_CHECKING:
     from pipeline.sources.tides.station import Station
@@ -84,7 +84,9 @@ def fit(
         from pipeline.sources.tides.fit import fit_files
 
         folder = folder_to_write(out.parent, "--out")
-        if not folder.is_dir() or out.is_dir():
+        if (reason := unreadable_reason(folder / out.name)) not in {"", NOT_THERE}:
+            raise RequestError(f"--out: {shown(out)} {reason}")
+        if not folder.is_dir() or (folder / out.name).is_dir():
             raise RequestError(f"--out: {shown(out)} can't be a file; name one in a folder")
         found = fit_files(series)
         try:

@@ -1,4 +1,4 @@
-"""`renew tide show`: high and low waters in UTC, as text and as JSON."""
+"""`renew tide`: high and low waters in UTC, as text and as JSON; where constants are written."""
 
 from __future__ import annotations
 
@@ -75,3 +75,16 @@ def test_a_place_that_follows_a_station_is_listed_by_its_ratio_and_offset(tmp_pa
     assert later["height_m"] == pytest.approx(high["height_m"] / 2, abs=1e-3)
     minutes = np.datetime64(later["time"][:-1]) - np.datetime64(high["time"][:-1])
     assert minutes == np.timedelta64(30, "m")
+
+
+@pytest.mark.parametrize(
+    ("out", "reason"),
+    [("a" * 300, "too long a path"), (".", "can't be a file"), ("a\0b", "NUL character")],
+)
+def test_a_file_of_constants_that_cannot_be_written_is_refused_at_once(
+    out: str, reason: str
+) -> None:
+    code, _, said = run("fit", "nothing.nc", "--out", out)
+    assert code == 2
+    assert "--out" in said
+    assert reason in said
