@@ -79,7 +79,7 @@ def test_a_place_that_follows_a_station_is_listed_by_its_ratio_and_offset(tmp_pa
 
 @pytest.mark.parametrize(
     ("out", "reason"),
-    [("a" * 300, "too long a path"), (".", "can't be a file"), ("a\0b", "NUL character")],
+    [("a" * 300, "too long a path"), (".", "can't be a file"), ("a\0b", "null byte")],
 )
 def test_a_file_of_constants_that_cannot_be_written_is_refused_at_once(
     out: str, reason: str
