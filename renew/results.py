@@ -185,6 +185,13 @@ class Rejected:
     ways: tuple[Channel, ...] = field(default=(), repr=False)
     fuel_source: float | Callable[[], float] = field(default=math.inf, repr=False)
 
+    def __post_init__(self) -> None:
+        """Drop tracebacks: they hold the variables of the search, of megabytes, and themselves."""
+        error: BaseException | None = self.cause
+        while error is not None:
+            error.__traceback__ = None
+            error = error.__cause__ or error.__context__
+
     @cached_property
     def unpadded_fuel(self) -> float:
         """Fuel that the class would need without any padding; inf if it has no path even then.

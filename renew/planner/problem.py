@@ -1,7 +1,7 @@
 """What the classes of a plan share, whatever their padding; each item is computed once."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import shapely
@@ -97,13 +97,11 @@ class Problem:
     @cached_property
     def fuel_bound(self) -> FuelBound:
         """Lower bounds on the fuel of any route."""
-        # Routes keep their bound: it is not to keep this problem's roadmaps, of many megabytes.
-        bare = replace(self, first=self.first or self, base=None)
-        return FuelBound(self.voyage, bare.voyage_at_clearance)
-
-    def voyage_at_clearance(self) -> Voyage:
-        """Return the voyage in the water that the rule of padding leaves to any route."""
-        return voyage_at_clearance(self.voyage, self.triangulation, self.options, self.reach)
+        # Routes keep their bound, which is not to keep this problem: its roadmaps have megabytes.
+        kept = partial(
+            voyage_at_clearance, self.voyage, self.triangulation, self.options, self.reach
+        )
+        return FuelBound(self.voyage, kept)
 
     @property
     def likely_width(self) -> float:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import pickle
 import re
+import weakref
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -14,6 +16,8 @@ from hypothesis import given
 from shapely import box
 
 import renew
+from renew.inputs.options import DistinctBy
+from renew.planner.task import Task
 from renew.results import unite_soft_no_go
 from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre
@@ -85,6 +89,26 @@ def test_plans_survive_pickling_though_a_current_may_not() -> None:
         assert [r.unpadded_fuel for r in again.rejected] == [r.unpadded_fuel for r in plan.rejected]
         # A second time, from what came back.
         assert pickle.loads(pickle.dumps(again)).best.fuel == plan.best.fuel  # noqa: S301
+
+
+@pytest.mark.parametrize("distinct_by", [0.0, "auto"])
+def test_a_route_keeps_no_roadmap_and_a_plan_is_freed_without_a_search_for_cycles(
+    distinct_by: DistinctBy,
+) -> None:
+    chart, current, start, goal = random_scene(3, islands=5)
+    gc.collect()
+    gc.disable()
+    try:
+        plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, distinct_by=distinct_by)
+        task = plan.voyage
+        assert isinstance(task, Task)
+        problem = weakref.ref(task.planner().problem)
+        route = plan.best
+        del plan, task
+        assert problem() is None
+        assert 0 < route.fuel_bound.at_clearance <= route.fuel
+    finally:
+        gc.enable()
 
 
 def test_plans_print_and_compare_by_identity() -> None:
