@@ -49,6 +49,7 @@ class Obstacles:
         self._land = np.array([*scene.land, *areas], dtype=object)
         self._tree = shapely.STRtree(self._land)
         self._extent = scene.chart.extent
+        shapely.prepare(self._extent)
 
     def land_in(self, area: shapely.Geometry) -> shapely.Geometry:
         """Return the original land inside an area, as one geometry."""

@@ -2,10 +2,8 @@
 
 import itertools
 import re
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from functools import partial
 
 import numpy as np
 import shapely
@@ -39,7 +37,6 @@ from pipeline.formats.shared.route_profile import (
     steps_along_legs,
 )
 from pipeline.formats.shared.text import capitalised, duration
-from pipeline.machine.interpreters import cores
 from pipeline.model import RouteMetrics
 from renew.results import unite_soft_no_go
 from renew.voyage.fuel import speeds_along
@@ -122,10 +119,9 @@ def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
     if season not in cached:
         routes = result.season_routes(season)
         unite_soft_no_go([ranked.route for ranked in routes])
-        with ThreadPoolExecutor(cores()) as pool:
-            found = pool.map(partial(waypoints, result=result, obstacles=obstacles), routes)
-            cached[season] = tuple(found)
-    return tuple(cached[season])
+        cached[season] = tuple(waypoints(ranked, result, obstacles) for ranked in routes)
+    found: tuple[Waypoints, ...] = cached[season]
+    return found
 
 
 def both_sides(result: RunResult, season: str) -> tuple[Waypoints, ...]:
