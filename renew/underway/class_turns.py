@@ -15,17 +15,18 @@ from renew.underway.diversions import Diverter
 _PARTS = 64
 
 
-def class_turns(
-    diverter: Diverter, others: Sequence[Route], dearer_by: float
-) -> tuple[ClassTurn, ...]:
-    """Return the last places to change to the classes of other routes, dearer by a share at most.
-
-    Raises ParameterError for arguments that can't be used.
-    """
+def check_others(others: Sequence[Route], dearer_by: object) -> None:
+    """Refuse other routes, and a share by which a voyage may become dearer, that can't be used."""
     for at, other in enumerate(others):
         check_kind(f"others[{at}]", other, Route)
     if not (is_finite(dearer_by) and 0 <= dearer_by <= 1):
         raise ParameterError(f"dearer_by = {shown(dearer_by)} must be a share from 0 to 1")
+
+
+def class_turns(
+    diverter: Diverter, others: Sequence[Route], dearer_by: float
+) -> tuple[ClassTurn, ...]:
+    """Return the last places to change to other routes' classes, dearer by a share at most."""
     word = diverter.task.planner().problem.word
     own = word(diverter.route.path)
     found = (

@@ -13,7 +13,7 @@ from renew.inputs.options import Changes, PlanOptions, Request
 from renew.inputs.vessel import Vessel
 from renew.planner.task import Task
 from renew.results import Route
-from renew.underway.class_turns import class_turns
+from renew.underway.class_turns import check_others, class_turns
 from renew.underway.coverage import Coverage
 from renew.underway.diversions import Diverter
 from renew.underway.survey import Survey
@@ -78,6 +78,7 @@ def cover(
     limits = check_cover(
         route, chart, vessel, havens, within=within, within_fuel=within_fuel, endurance=endurance
     )
+    check_others(others, dearer_by)
     options = PlanOptions() if options is None else options
     begin = float(route.trajectory[0, 0])
     request = Request(**{**vars(options), **changes}, departure=begin)
