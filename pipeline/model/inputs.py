@@ -57,10 +57,31 @@ class Note:
         """Return a note with its values."""
         return cls(kind, tuple(values.items()))
 
+    @property
+    def is_decision(self) -> bool:
+        """Whether it says what a name, an order or a default decided."""
+        return self.kind in DECIDED
+
     def about(self, *seasons: str) -> "Note":
         """Return the note about some seasons."""
         return replace(self, seasons=seasons)
 
+
+DECIDED = frozenset(
+    {
+        "accuracy-assumed",
+        "climatology-stands-in",
+        "current-at-depth",
+        "current-stands-in",
+        "time-assumed",
+        "unit-assumed",
+        "zeros-are-land",
+    }
+)
+"""Kinds of notes on what a name, an order or a default decided, not the user or the data.
+
+They stand directly below the answer, and in every output that has a place for them.
+"""
 
 Say = Callable[[Note], None]
 """Reports a note while a stage is at work."""
