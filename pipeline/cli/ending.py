@@ -12,7 +12,8 @@ import typer
 from pipeline.cli.progress import progress
 from pipeline.cli.terminal import say, table, terminal_width
 from pipeline.formats.shared import text
-from pipeline.formats.shared.note_words import note_json, note_texts, rejections
+from pipeline.formats.shared.note_words import caveats_json, note_json, note_texts
+from pipeline.formats.shared.rejections import rejections
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import json_value
 from pipeline.machine.paths import short_path
@@ -54,7 +55,9 @@ def run_to_end(
 
 
 def season_table(outcome: Outcome, width: int | None = None) -> str:
-    """Return the run's table, with notes before and after it.
+    """Return the run's table, with what was decided and what is not known directly below it.
+
+    Only when to leave, and a route over land of another shoreline, stand above it.
 
     For each season it has the best route on each side of the main island. Ways are wrapped where
     the table is wider than `width`, in characters.
@@ -76,12 +79,18 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
                 passed.update(name for passage in row.passages for name in passage.islands)
                 best = next(one for one in outcome.evaluation.routes if one.season == row.season)
                 rows.append(_row(outcome.result, row, best.fuel, 1.0 if unit == "m" else 1000.0))
-    lines = [*_passages(outcome), *_unused_currents(outcome), *_unknown_currents(outcome)]
-    lines += [f"{text.capitalised(choice)}." for choice in outcome.choices]
-    lines += [""] * bool(outcome.choices)
-    found = outcome.result.unknowns
-    lines += ["Not known:", *(f"- {line}" for line in note_texts(found)), ""] * bool(found)
+    result = outcome.result
+    crossed = [note for note in result.unknowns if note.kind == "second-shoreline"]
+    unknown = [note for note in result.unknowns if note not in crossed]
+    lines = list(_passages(outcome))
+    lines += [f"OVER LAND of another chart: {line}\n" for line in note_texts(crossed)]
     lines += table(rows, _LEFT_ALIGNED, width)
+    lines += ["", *_unused_currents(outcome), *_unknown_currents(outcome)]
+    for title, notes in (
+        ("Decided:", (*result.decisions, *result.choices)),
+        ("Not known:", unknown),
+    ):
+        lines += [title, *(f"- {line}" for line in note_texts(notes))] * bool(notes)
     if places := [
         f"{'island ' * (not island.name)}{island.label} at {island.place}"
         for island in outcome.evaluation.islands
@@ -128,7 +137,7 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
             unused.setdefault(passed.reason, []).append(text.season_name(grid.season))
     if unused:
         reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
-        yield f"Currents NOT used: {'; '.join(reasons)}\n"
+        yield f"Currents NOT used: {'; '.join(reasons)}"
 
 
 def _unknown_currents(outcome: Outcome) -> Iterator[str]:
@@ -138,7 +147,7 @@ def _unknown_currents(outcome: Outcome) -> Iterator[str]:
     if lacking:
         names = ", ".join(map(text.season_name, lacking)) if len(seasons) > 1 else ""
         about = f": {names}" if names else ""
-        yield f"Current NOT known{about}; nothing is proven for the real one\n"
+        yield f"Current NOT known{about}; nothing is proven for the real one"
 
 
 def _row(result: RunResult, row: RouteMetrics, least_fuel: float, unit_m: float) -> tuple[str, ...]:
@@ -202,7 +211,7 @@ def outcome_json(outcome: Outcome) -> str:
             for plan in outcome.plans
             if plan.replanned is not None
         ],
-        "unknown": note_texts(outcome.result.unknowns),
+        **caveats_json(outcome.result),
         "notes": note_texts(outcome.fetched.notes),
         "note_values": [note_json(note) for note in outcome.fetched.notes],
         "failures": list(outcome.failures),

@@ -22,6 +22,7 @@ from pipeline.formats.passage.waypoints import (
     Waypoints,
     attribution,
     document_title,
+    limits_text,
     route_name,
     season_waypoints,
     time_after,
@@ -29,14 +30,16 @@ from pipeline.formats.passage.waypoints import (
 )
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.palette import COLOURS, season_colour
-from pipeline.formats.shared.result import RunResult, has_all_depths, route_unknowns
+from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import (
     duration,
     moment_text,
     speed_over_ground,
     speed_range,
     to_minute,
+    turns_text,
 )
+from pipeline.formats.shared.unknowns import has_all_depths
 from pipeline.formats.tables import distance_text, has_speeds, headings, rows, tightest_text
 
 _RowT = TypeVar("_RowT", bound=Sequence[str])
@@ -82,11 +85,11 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
     departure = result.spec_of(season).departure
     points = season_waypoints(result, season)[0]
     table = rows(points, result, departure)
-    unknown = note_texts(route_unknowns(result, points.ranked.metrics))
+    caveats = limits_text(result, points.ranked.metrics)
     relied_on = note_texts([note for note in result.fetched.notes if note.kind == "tide-relied-on"])
     facts = _wrapped(_facts(points, result), _BESIDE_MAP)
     texts = [
-        f"Not known: {'; '.join(unknown)}." if unknown else "",
+        f"Mind: {caveats}" if caveats else "",
         f"Tide: {'; '.join(relied_on)}." if relied_on else "",
         " ".join(_autopilot_texts(result, season)),
         f"Sources: {attribution(result)}.",
@@ -161,7 +164,6 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
     length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
     ship = ", ".join(filter(None, (vessel_name(result), f"{vessel.length_m:g} m long")))
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
-    turns = f"{planned.collisions:,} of {planned.trials:,} simulated hard-over turns met {no_go}"
     least = distance_text(planned.clearance_m)
     gap = f"Optimality gap: {result.gap_figure(planned)}."
     passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
@@ -169,7 +171,7 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
         f"Vessel: {ship}; {through} through the water, turns at {turn_rate} a second.",
         f"Way: {way}, {passage}.",
         _times_text(points, result),
-        f"Least clearance of the planned path from {no_go}: {least}; {turns}. {gap}",
+        f"Least clearance of the planned path from {no_go}: {least}; {turns_text(planned)}. {gap}",
         tightest_text(points, result),
         _current_text(result, planned.season),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",

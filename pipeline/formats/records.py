@@ -26,7 +26,8 @@ import numpy as np
 import pyproj
 import shapely
 
-from pipeline.formats.shared.note_words import note_json, note_texts, rejections
+from pipeline.formats.shared.note_words import caveats_json, note_json, note_texts
+from pipeline.formats.shared.rejections import rejections
 from pipeline.formats.shared.result import MAX_STRAITS, RunResult
 from pipeline.formats.shared.text import json_value, os_error, write_json
 from pipeline.geo.projection import Projection
@@ -77,7 +78,7 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
             }
             for entry in result.plans
         ],
-        "unknown": note_texts(result.unknowns),
+        **caveats_json(result),
         "note_values": json_value([note_json(note) for note in result.fetched.notes]),
         "shut_straits": [json_value(asdict(strait)) for strait in result.straits[:MAX_STRAITS]],
         "shut_straits_in_all": len(result.straits),

@@ -93,8 +93,9 @@ def write_metrics(result: RunResult, path: Path) -> None:
         if found is not None and metrics.rank == 1:
             routes = [one.metrics for one in result.season_routes(metrics.season)]
             cells |= ensemble_figures(found, routes)
+        cells["current"] = result.current_text(metrics.season)
         rows.append(cells)
-    write_csv(path, [*METRICS_COLUMNS, *ENSEMBLE_FIGURES, *_PASSAGE], rows)
+    write_csv(path, [*METRICS_COLUMNS, *ENSEMBLE_FIGURES, *_PASSAGE, "current"], rows)
 
 
 def _cell(metrics: RouteMetrics, field: str) -> str:

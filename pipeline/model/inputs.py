@@ -73,6 +73,7 @@ DECIDED = frozenset(
         "climatology-stands-in",
         "current-at-depth",
         "current-stands-in",
+        "still-water",
         "time-assumed",
         "unit-assumed",
         "zeros-are-land",

@@ -8,7 +8,7 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.formats.report.season import season_facts
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.formats.shared.note_words import caveats_json, note_texts
 from pipeline.formats.shared.result import RankedRoute, RunResult, addressed
 from pipeline.formats.shared.text import capitalised, json_value
 from pipeline.geo.lonlat import METRES_PER_DEGREE
@@ -54,7 +54,7 @@ def sides(result: RunResult) -> dict[str, Any]:
                     for entry in result.plans
                 ],
                 "warnings": [capitalised(one) for one in note_texts(stand_ins)],
-                "unknown": note_texts(result.unknowns),
+                **caveats_json(result),
                 "notes": [capitalised(one) for one in note_texts(result.fetched.notes)],
             }
         )

@@ -12,7 +12,7 @@ import shapely
 import renew
 from pipeline.formats.shared.departures_and_speeds import speed_notes
 from pipeline.formats.shared.ensembles import ensemble_notes
-from pipeline.formats.shared.result import RunResult, addressed
+from pipeline.formats.shared.result import RunResult, addressed, unsafe_notes
 from pipeline.formats.shared.under_way import replanned_notes
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.store import Artefact, Store, artefact_key
@@ -91,26 +91,11 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
     )
 
 
-def safety_notes(result: RunResult) -> tuple[Note, ...]:
-    """Return a note for each season whose best route has a hard-over turn that meets no-go."""
-    return tuple(
-        Note.of(
-            "not-safe-everywhere",
-            collisions=row.collisions,
-            turns=row.trials,
-            no_go=row.no_go_name,
-            place=_first_place(result, row.season),
-            padding=result.scenario.planner.padding,
-        ).about(row.season)
-        for row in result.evaluation.routes
-        if row.rank == 1 and row.collisions
-    )
-
-
-def _first_place(result: RunResult, season: str) -> Place:
-    """Return the first place on a season's best route from which a hard-over turn met no-go."""
-    turns = result.evaluation.contingency[season, 1]
-    return result.scene.place(np.asarray(turns.points)[np.asarray(turns.collided)][0])
+def safety_notes(result: RunResult) -> Iterator[Note]:
+    """Yield a note for each season whose best route has a hard-over turn that meets no-go."""
+    for row in result.evaluation.routes:
+        if row.rank == 1:
+            yield from (note.about(row.season) for note in unsafe_notes(result, row))
 
 
 # Minimum number of cells across a strait for the grid to resolve its tide.

@@ -60,7 +60,7 @@ from pipeline.formats.passage.waypoints import (
     within_180,
 )
 from pipeline.formats.records import manifest
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.formats.shared.note_words import caveats_json
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import write_json
@@ -373,7 +373,7 @@ def write_geojson(result: RunResult, season: str, path: Path) -> None:
         "bbox": bounding_box(routes.total_bounds.reshape(2, 2)),
         "title": document_title(result, season),
         "credits": attribution(result),
-        "unknown": note_texts(result.unknowns),
+        **caveats_json(result),
         "features": [
             *_features("route", routes.set_geometry(lines)),
             *_features("waypoint", waypoints.set_geometry(shapely.points(places))),

@@ -20,7 +20,7 @@ from pipeline.formats.gis.frames import (
     to_lonlat,
 )
 from pipeline.formats.passage.tracks import tracks
-from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, limits_text, season_waypoints
 from pipeline.formats.shared.result import RunResult, continued
 from pipeline.formats.shared.route_profile import Legs, legs as planned_legs
 from pipeline.formats.shared.text import moment_text
@@ -219,7 +219,12 @@ def _routes(result: RunResult) -> frames.GeoDataFrame:
     )
     moments = [r.metrics.least_water_at for r in ranked]
     at = np.array([one and moment_text(one) for one in moments], dtype=object)
-    routes = frame(lines, {**frames.route_key(ranked), **measured, "least_water_at": list(at)})
+    texts = {
+        "least_water_at": list(at),
+        "current": [result.current_text(r.season) for r in ranked],
+        "caveats": [limits_text(result, r.metrics) for r in ranked],
+    }
+    routes = frame(lines, {**frames.route_key(ranked), **measured, **texts})
     return routes.rename(columns={"speed_m_s": "speed_through_water_m_s"})
 
 

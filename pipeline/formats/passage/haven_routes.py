@@ -16,7 +16,7 @@ from pipeline.formats.passage.missions import mission_text, plan_content
 from pipeline.formats.passage.routes import gpx_document
 from pipeline.formats.passage.rtz import rtz_text
 from pipeline.formats.passage.safe_corridor import Obstacles
-from pipeline.formats.passage.waypoints import Waypoints, waypoints
+from pipeline.formats.passage.waypoints import Waypoints, limits_text, waypoints
 from pipeline.formats.shared.haven_rows import Way, haven_ways
 from pipeline.formats.shared.result import RankedRoute, RunResult
 from pipeline.formats.shared.route_profile import coast_index
@@ -90,7 +90,9 @@ def write_haven_missions(result: RunResult, season: str, path: Path, *, names: l
     """
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, points in zip(names, haven_waypoints(result, season), strict=True):
-            plan = json.dumps(json_value(plan_content(points, Autopilot(None, None))), indent=2)
+            limits = limits_text(result, points.ranked.metrics)
+            content = plan_content(points, Autopilot(None, None), limits)
+            plan = json.dumps(json_value(content), indent=2)
             for end, text in ((".plan", plan), (".waypoints", mission_text(points))):
                 # The time that an archive holds for a file is the same for all runs.
                 archive.writestr(zipfile.ZipInfo(name + end), text, zipfile.ZIP_DEFLATED)

@@ -14,7 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.formats.passage.fence import Autopilot, autopilot
-from pipeline.formats.passage.waypoints import Waypoints, season_waypoints, wrapped_longitude
+from pipeline.formats.passage.waypoints import (
+    Waypoints,
+    limits_text,
+    season_waypoints,
+    wrapped_longitude,
+)
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import speed_over_ground, write_json
 
@@ -42,12 +47,15 @@ class _Command:
 
 def write_plan(result: RunResult, season: str, path: Path) -> None:
     """Write the best route of a season, which must have one, as a plan of QGroundControl."""
-    told = autopilot(result, season)
-    write_json(path, plan_content(season_waypoints(result, season)[0], told))
+    points, told = season_waypoints(result, season)[0], autopilot(result, season)
+    write_json(path, plan_content(points, told, limits_text(result, points.ranked.metrics)))
 
 
-def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
-    """Return a route's plan, with what an autopilot is told beside the way."""
+def plan_content(points: Waypoints, told: Autopilot, limits: str) -> dict[str, object]:
+    """Return a route's plan, with what an autopilot is told beside the way.
+
+    Programs pass over the key `renew`: how the route is not safe, what is not known or was decided.
+    """
     start = _position(points, 0)
     speed = round(speed_over_ground(points.metrics), _SPEED_DIGITS)
     items = [
@@ -70,6 +78,7 @@ def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
+        "renew": limits,
         "mission": {
             "version": 2,
             "firmwareType": _ARDUPILOT,

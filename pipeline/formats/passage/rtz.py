@@ -25,16 +25,14 @@ from pipeline.formats.passage.waypoints import (
     wrapped_longitude,
 )
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult, route_unknowns
-from pipeline.formats.shared.text import duration, shortened, xml_environment
+from pipeline.formats.shared.result import RunResult, route_caveats
+from pipeline.formats.shared.text import duration, shortened, turns_text, xml_environment
 
 _Attributes: TypeAlias = dict[str, str]
 
 PROVENANCE = "urn:renew:provenance:1"
 """Namespace of our own elements, in the extensions."""
 
-# How routes are found. Notes on a route are appended to this text, since RTZ has no place for them.
-_METHOD = "least fuel in the current, sea room for a hard-over turn everywhere"
 # Maximum length of each text, in characters, to keep files small: checkers refuse 400 kB.
 _MAX_TEXT_LENGTH = 4_000
 # Decimal places of nautical miles; the last one stands for 2 cm.
@@ -86,7 +84,10 @@ def rtz_text(
     result: RunResult, points: Waypoints, name: str, version: str, departure: datetime | None
 ) -> str:
     """Return the file of a route under a name; see `write_rtz`."""
-    unknown = note_texts(route_unknowns(result, points.ranked.metrics))
+    planned = points.ranked.metrics
+    # RTZ has no place for what is not known about a route, nor for what was decided for it.
+    caveats = note_texts(route_caveats(result, planned))
+    method = "; ".join(("least fuel in the current", turns_text(planned), *caveats))
     content = (
         xml_environment("pipeline.formats.passage")
         .get_template("route.rtz.jinja")
@@ -98,7 +99,7 @@ def rtz_text(
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
                 **({"vesselName": vessel} if (vessel := vessel_name(result)) else {}),
-                "optimizationMethod": _shortened("; ".join((_METHOD, *unknown))),
+                "optimizationMethod": _shortened(method),
             },
             waypoints=list(_waypoints(points)),
             schedule=list(_schedule(points, departure)),

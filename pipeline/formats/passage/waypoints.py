@@ -29,7 +29,7 @@ from pipeline.formats.passage.tracks import (
     tracks,
 )
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RankedRoute, RunResult, route_unknowns
+from pipeline.formats.shared.result import RankedRoute, RunResult, route_caveats
 from pipeline.formats.shared.route_profile import (
     at_speeds_sailed,
     cumulative,
@@ -274,9 +274,10 @@ _TURN = np.array([360.0, 0.0])
 
 
 def document_title(result: RunResult, season: str) -> str:
-    """Return the title of a season's file: the scenario's title and the season's."""
-    scenario = result.scenario
-    return f"{scenario.title or scenario.name}: {result.season_title(season)}"
+    """Return the title of a season's file: the scenario's and the season's, and a stand-in."""
+    scenario, period = result.scenario, result.period_text(season)
+    used = f", in the current of {period}" if result.is_stand_in(season) and period else ""
+    return f"{scenario.title or scenario.name}: {result.season_title(season)}{used}"
 
 
 def vessel_name(result: RunResult) -> str:
@@ -309,8 +310,8 @@ def attribution(result: RunResult) -> str:
 
 
 def limits_text(result: RunResult, metrics: RouteMetrics) -> str:
-    """Say what is not known about a route, in one line; may be empty."""
-    found = "; ".join(note_texts(route_unknowns(result, metrics)))
+    """Say how a route is not safe, what is not known and what was decided, in one line."""
+    found = "; ".join(note_texts(route_caveats(result, metrics)))
     return f"{capitalised(found)}." if found else ""
 
 

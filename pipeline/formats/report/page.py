@@ -85,13 +85,13 @@ def gather(result: RunResult) -> dict[str, Any]:
     On the routes in `lacking`, current or depths are not known everywhere.
     """
     speeds = speed_scale(result)
-    # Stand-ins and unknown facts have parts of their own.
-    stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
-    shown = {*stand_ins, *result.unknowns}
+    # Decisions and unknown facts have parts of their own.
+    shown = {*result.decisions, *result.unknowns}
     xmin, ymin, xmax, ymax = result.scene.chart.bounds
     return {
         "result": result,
         "notices": [(title, items) for title, items in _notices(result) if items],
+        "doubts": [(title, items) for title, items in _doubts(result) if items],
         "notes": note_texts(note for note in result.fetched.notes if note not in shown),
         "lacking": [
             row
@@ -124,7 +124,20 @@ def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
 
 
 def _notices(result: RunResult) -> Iterator[Notice]:
-    """Yield the notices above the answer: doubtful currents, and land of another shoreline."""
+    """Yield the notices above the answer: land of another shoreline."""
+    titles = {spec.name: result.season_title(spec.name) for spec in result.scenario.seasons}
+    crossings = result.evaluation.shore_crossings
+    yield (
+        "Land of another shoreline on the route",
+        tuple(
+            (titles[season], f": {_crossed(result, season)}")
+            for season in dict.fromkeys(one.season for one in crossings)
+        ),
+    )
+
+
+def _doubts(result: RunResult) -> Iterator[Notice]:
+    """Yield the notices directly below the answer: doubtful currents, and what was decided."""
     requested = {spec.name: spec.title or spec.valid for spec in result.scenario.seasons}
     grids = result.fetched.currents
     titles = {grid.season: result.season_title(grid.season) for grid in grids}
@@ -144,14 +157,10 @@ def _notices(result: RunResult) -> Iterator[Notice]:
             if result.lacks_current(grid.season)
         ),
     )
-    crossings = result.evaluation.shore_crossings
-    yield (
-        "Land of another shoreline on the route",
-        tuple(
-            (titles.get(season, season), f": {_crossed(result, season)}")
-            for season in dict.fromkeys(one.season for one in crossings)
-        ),
-    )
+    stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
+    told = {*stand_ins, *(note for note in result.decisions if note.kind == "current-used")}
+    others = [note for note in result.decisions if note not in told]
+    yield "What was decided", tuple(("", f"{text.capitalised(one)}.") for one in note_texts(others))
 
 
 def _stand_in(result: RunResult, grid: CurrentGrid, requested: str) -> str:

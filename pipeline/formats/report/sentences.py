@@ -266,16 +266,12 @@ def _sailed(fuel: float, worth: ClockWorth) -> str:
 def _safety(best: RouteMetrics) -> str:
     """Return the clearance of the best route, and the result of its hard-over turns."""
     no_go = best.no_go_name
-    safe = (
-        f"It keeps at least {text.clearance(best.clearance_m)} from {no_go}"
-        if best.has_land
-        else f"The chart has no {no_go} to keep clear of"
-    )
-    if best.collisions:
-        safe += f"; {best.collisions:,} of {best.trials:,} simulated hard-over turns met {no_go}"
-    elif best.has_land:
-        safe += f"; none of {best.trials:,} simulated hard-over turns met {no_go}"
-    return f"{safe}."
+    if best.has_land:
+        kept = f"It keeps at least {text.clearance(best.clearance_m)} from {no_go}"
+    else:
+        kept = f"The chart has no {no_go} to keep clear of"
+    is_told = best.has_land or best.collisions
+    return f"{kept}; {text.turns_text(best)}." if is_told else f"{kept}."
 
 
 def _bound(best: RouteMetrics) -> str:

@@ -12,13 +12,11 @@ from dataclasses import fields, is_dataclass
 from datetime import datetime
 from typing import Any, TypeAlias
 
-import renew
 from pipeline.formats.shared import text
 from pipeline.formats.shared.departures_and_speeds import departure_text, trade_off_text
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.under_way import replanned_text
 from pipeline.model import Note, Place
-from renew.errors import Strait
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None
@@ -253,6 +251,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
     "current-lacking": _current_lacking,
     "current-stands-in": "planned on {source}, valid {valid}",
+    "current-used": lambda source, valid: (
+        f"planned on {source}{f', valid {valid}' if valid else ''}"
+    ),
     "current-unknown": lambda left_out: (
         f"{'no current was used' if left_out else _NO_FIGURE}: real fuel and times may "
         "differ, and no choice of a way is proven"
@@ -336,7 +337,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "no-depths": "no depths in this chart: the draught was not used, and shoals are not avoided",
     "least-water": _least_water,
     "not-safe-everywhere": "not safe everywhere: {collisions:,} of {turns:,} hard-over turns along "
-    "the best route met {no_go}, the first one from {place}; it was planned with padding = "
+    "route {rank} met {no_go}, the first one from {place}; it was planned with padding = "
     '{padding!r}, and only "adaptive" is verified',
     "place-shut": lambda place, begin, until: f"at {place.text}{_from_until(begin, until, ' on')}",
     "routes-shut-for-hours": "the current shuts water for a while on the way of "
@@ -357,38 +358,6 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
 """The words of each kind of note."""
 
 
-def rejections(result: RunResult, season: str) -> list[dict[str, object]]:
-    """Describe the rejected classes of a season for JSON, in the order of their rejection.
-
-    `kind` is the class of the error behind a reason; `places` are the positions that the reason
-    names, in degrees, or metres in a plane; `moments` are dates, or seconds if no date is known;
-    `lengths_m` are true metres.
-    """
-    plan = result.plan_of(season)
-    return [_rejection(result, season, one) for one in plan.rejected] if plan else []
-
-
-def _rejection(result: RunResult, season: str, rejected: renew.Rejected) -> dict[str, object]:
-    """Describe one rejected class for JSON."""
-    return {
-        "class": rejected.homotopy,
-        "kind": type(rejected.cause).__name__ if rejected.cause else None,
-        "reason": result.rejection_reason(season, rejected),
-        "places": [note_value(result.scene.place(place)) for place in rejected.text.places],
-        "moments": [
-            note_value(result.scene.moment(season, one.seconds)) for one in rejected.text.moments
-        ],
-        "lengths_m": [result.scene.projection.scale * one.metres for one in rejected.text.lengths],
-        "strait": None if rejected.strait is None else _strait(result, rejected.strait),
-    }
-
-
-def _strait(result: RunResult, strait: Strait) -> dict[str, object]:
-    """Return the gap that padding fills: its banks, width and both paddings, true metres."""
-    scale = result.scene.projection.scale
-    return {
-        "banks": [note_value(result.scene.place(bank)) for bank in strait.gap],
-        "width_m": result.scene.projection.geodesic_length_m(strait.gap),
-        "padding_left_m": strait.padding_left * scale,
-        "padding_right_m": strait.padding_right * scale,
-    }
+def caveats_json(result: RunResult) -> dict[str, list[str]]:
+    """Say for JSON what is not known about a run's routes, and what was decided for them."""
+    return {"unknown": note_texts(result.unknowns), "decided": note_texts(result.decisions)}

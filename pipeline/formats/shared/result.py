@@ -15,8 +15,8 @@ from pipeline import model
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import capitalised, gap_figure, planner_text, season_name
-from pipeline.model import ShoreCrossing
-from pipeline.model.inputs import Note, Place, of_seasons
+from pipeline.formats.shared.unknowns import NO_SHARE, crossing_notes, route_notes, strait_notes
+from pipeline.model.inputs import Note, of_seasons
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 
@@ -93,16 +93,27 @@ class RunResult:
         rows = self.evaluation.routes
         seasons = dict.fromkeys(row.season for row in rows)
         by_season = {
-            season: _of_routes([row for row in rows if row.season == season]) for season in seasons
+            season: route_notes([row for row in rows if row.season == season]) for season in seasons
         }
         found = (
             *_of_currents(self, seasons),
             *crossing_notes(self.evaluation.shore_crossings),
             *_of_chart(self),
             *of_seasons(by_season),
-            *_of_straits(self.straits),
+            *strait_notes(self.straits),
         )
         return addressed(found, self.scenario)
+
+    @cached_property
+    def decisions(self) -> tuple[model.Note, ...]:
+        """Notes on each season's current, and on what a name, an order or a default decided."""
+        used = {
+            grid.season: [Note.of("current-used", source=grid.credit.name, valid=grid.valid)]
+            for grid in self.fetched.currents
+            if not grid.is_stand_in and not grid.is_left_out
+        }
+        decided = (note for note in self.fetched.notes if note.is_decision)
+        return (*addressed(of_seasons(used), self.scenario), *decided)
 
     def departure_choice(self, season: str) -> model.DepartureChoice | None:
         """Return when to leave in a season, and alternatives; None if the departure was given."""
@@ -190,7 +201,7 @@ class RunResult:
         best = next((row for row in self.evaluation.routes if row.season == season), None)
         if grid is None or best is None:
             return False
-        return grid.is_left_out or best.filled_share >= 1 - _NONE
+        return grid.is_left_out or best.filled_share >= 1 - NO_SHARE
 
     def gap_figure(self, row: model.RouteMetrics, *, at_clearance: bool = False) -> str:
         """Return a route's gap for readers: none is proven where the current is not known."""
@@ -229,6 +240,13 @@ class RunResult:
             return ""
         shown = "; maps show it at departure" if grid.changes else ""
         return f"valid {self.period_text(season)}{shown}"
+
+    def current_text(self, season: str) -> str:
+        """Return which current a season was planned on: its source and period."""
+        grid = self.grid_of(season)
+        if grid is None:
+            return "formula"
+        return ", ".join(filter(None, (grid.credit.name, self.period_text(season))))
 
     def period_text(self, season: str) -> str:
         """Return dates of a season's current, "2024-01-03 to 2024-01-28"; empty if not stated."""
@@ -289,10 +307,27 @@ def addressed(notes: Iterable[Note], scenario: Scenario) -> tuple[Note, ...]:
     return tuple(note.about() for note in notes)
 
 
-# Shares of a route below this count as none: a thousandth, as percentages have one decimal.
-_NONE = 5e-4
-# Crossings whose positions agree to this many decimals of a degree (100 m) are one place.
-_SAME_PLACE = 3
+def route_caveats(result: RunResult, metrics: model.RouteMetrics) -> tuple[Note, ...]:
+    """Note how one route is not safe, what is not known about it, and what was decided for it."""
+    season, found = metrics.season, result.decisions
+    decided = (note.about() for note in found if not note.seasons or season in note.seasons)
+    return (*unsafe_notes(result, metrics), *route_unknowns(result, metrics), *decided)
+
+
+def unsafe_notes(result: RunResult, metrics: model.RouteMetrics) -> Iterator[Note]:
+    """Yield a note if a hard-over turn along a route meets no-go, with the first place."""
+    if metrics.collisions:
+        turns = result.evaluation.contingency[metrics.season, metrics.rank]
+        first = np.asarray(turns.points)[np.asarray(turns.collided)][0]
+        yield Note.of(
+            "not-safe-everywhere",
+            collisions=metrics.collisions,
+            turns=metrics.trials,
+            no_go=metrics.no_go_name,
+            rank=metrics.rank,
+            place=result.scene.place(first),
+            padding=result.scenario.planner.padding,
+        )
 
 
 def route_unknowns(result: RunResult, metrics: model.RouteMetrics) -> tuple[Note, ...]:
@@ -308,7 +343,7 @@ def route_unknowns(result: RunResult, metrics: model.RouteMetrics) -> tuple[Note
     return (
         *(note.about() for note in of_season),
         *_of_chart(result),
-        *_of_routes([metrics]),
+        *route_notes([metrics]),
     )
 
 
@@ -319,70 +354,7 @@ def _of_currents(result: RunResult, seasons: Collection[str]) -> Iterator[Note]:
             yield Note.of("current-unknown", left_out=grid.is_left_out).about(grid.season)
 
 
-def has_all_depths(metrics: model.RouteMetrics) -> bool:
-    """Whether depths are charted all along a route."""
-    return metrics.uncharted_share <= _NONE
-
-
 def _of_chart(result: RunResult) -> Iterator[Note]:
     """Yield a note if the chart has no depths."""
     if result.fetched.land.depths is None:
         yield Note.of("no-depths")
-
-
-def _of_routes(rows: Sequence[model.RouteMetrics]) -> list[Note]:
-    """Note how much of a season's routes lacks depths, and how much lacks data of the current."""
-    found = []
-    for kind, name in (("current-filled", "filled_share"), ("depth-uncharted", "uncharted_share")):
-        shares = tuple((row.rank, share) for row in rows if (share := getattr(row, name)) > _NONE)
-        if shares:
-            found.append(Note.of(kind, first=rows[0].rank, shares=shares))
-    return found
-
-
-def _of_straits(straits: Sequence[model.ShutStrait]) -> Iterator[Note]:
-    """Yield a note on the shut straits, with the place of the widest."""
-    if straits:
-        widest = straits[0]
-        yield Note.of(
-            "straits-shut",
-            count=len(straits),
-            widest=Place(widest.lon, widest.lat),
-            width_m=widest.width_m,
-            needed_m=widest.needed_m,
-        )
-
-
-def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
-    """Return a note for each season on the places where its routes cross the second shoreline.
-
-    Crossings of the best route come first; the longest come first within both groups.
-    """
-    return of_seasons(
-        {
-            season: [Note.of("second-shoreline", crossings=_crossing_places(crossings, season))]
-            for season in dict.fromkeys(one.season for one in crossings)
-        }
-    )
-
-
-def _crossing_places(crossings: Sequence[ShoreCrossing], season: str) -> tuple[Note, ...]:
-    """Return the places of a season, each with its longest crossing and all routes that cross."""
-    there: dict[tuple[float, float], list[ShoreCrossing]] = {}
-    for one in crossings:
-        if one.season == season:
-            place = round(one.lon, _SAME_PLACE), round(one.lat, _SAME_PLACE)
-            there.setdefault(place, []).append(one)
-    found = [
-        (min(one.rank for one in group) > 1, max(group, key=lambda one: one.length_m), group)
-        for group in there.values()
-    ]
-    return tuple(
-        Note.of(
-            "crossing",
-            length_m=longest.length_m,
-            place=Place(longest.lon, longest.lat),
-            routes=tuple(sorted({one.rank for one in group})),
-        )
-        for _, longest, group in sorted(found, key=lambda one: (one[0], -one[1].length_m))
-    )

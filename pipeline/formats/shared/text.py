@@ -202,6 +202,14 @@ def route_summary(metrics: RouteMetrics) -> str:
     return f"{', '.join(parts)}."
 
 
+def turns_text(metrics: RouteMetrics) -> str:
+    """Say how many of the hard-over turns that were simulated along a route met no-go."""
+    if not metrics.trials:
+        return "hard-over turns were not counted"
+    met = f"{metrics.collisions:,}" if metrics.collisions else "none"
+    return f"{met} of {metrics.trials:,} simulated hard-over turns met {metrics.no_go_name}"
+
+
 def zone_text(zone: Zone) -> str:
     """Return the name of a restricted area, traffic scheme or shut area, and its rule if any."""
     if zone.kind == "shut":

@@ -187,7 +187,7 @@ class Desk {
     }
     find("#same").hidden = !plan.command;
     find("#command").value = plan.command;
-    const notes = plan.sides ? [...plan.sides.unknown, ...plan.sides.notes] : plan.notes;
+    const notes = plan.sides ? [...plan.sides.decided, ...plan.sides.unknown, ...plan.sides.notes] : plan.notes;
     find("#notes").hidden = !notes.length;
     find("#notes ul").replaceChildren(...[...new Set(notes)].map((note) => make("li", { dir: "auto" }, note)));
     this.compare();

@@ -34,16 +34,18 @@ def file(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_the_first_line_names_the_currents_that_were_not_used(
+def test_the_currents_that_were_used_and_not_used_stand_below_the_table(
     file: str, across_outputs: Path
 ) -> None:
     arguments = ["run", file, "--offline", "--output", str(across_outputs)]
     result = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert result.exit_code == 0
-    first = result.stdout.splitlines()[0]
-    assert first.startswith("Currents NOT used: summer: copernicus-glorys-monthly needs")
-    assert "needs the network" in first
-    assert "Routes keep an offing of" in result.stdout
+    table, below = result.stdout.split("\n\n", 1)
+    assert table.startswith("season ")
+    assert below.startswith("Currents NOT used: summer: copernicus-glorys-monthly needs")
+    assert "needs the network" in below.splitlines()[0]
+    assert "- planned on Embedded " in below
+    assert "- routes keep an offing of" in below
     assert "- no depths in this chart: the draught was not used" in result.stdout
 
 

@@ -15,7 +15,7 @@ from tests.pipeline.formats import small_run
 
 def test_turns_that_met_land_are_reported_with_the_first_place() -> None:
     result = small_run.parts()
-    assert safety_notes(result) == ()
+    assert not list(safety_notes(result))
     turns = result.evaluation.contingency["winter", 1]
     collided = np.zeros(len(turns.points), dtype=bool)
     collided[[5, 9]] = True

@@ -52,7 +52,9 @@ def test_every_layer_has_a_description_and_is_in_lon_lat(package: Path) -> None:
 
 def test_routes_carry_the_evaluation(package: Path, result: RunResult) -> None:
     routes = layer(package, "routes")
-    assert set(routes.columns) - {"geometry", "speed_through_water_m_s"} == ROUTE_COLUMNS
+    assert set(routes.columns) - {"geometry", "speed_through_water_m_s", "current", "caveats"} == (
+        ROUTE_COLUMNS
+    )
     speeds = [metrics.speed_m_s for metrics in result.evaluation.routes]
     assert routes.speed_through_water_m_s.tolist() == speeds
     assert len(routes) == len(result.evaluation.routes) > 2
@@ -62,6 +64,8 @@ def test_routes_carry_the_evaluation(package: Path, result: RunResult) -> None:
             is_blank = isinstance(stated, float) and math.isnan(stated)
             assert is_blank or getattr(row, column) == stated, column
         assert math.isnan(row.uncharted_share), "a chart without depths"
+        assert row.current == result.current_text(row.season)
+        assert "planned on " in row.caveats
 
 
 def test_routes_have_the_length_that_they_state(package: Path) -> None:

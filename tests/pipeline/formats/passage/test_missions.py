@@ -78,7 +78,7 @@ def test_a_plan_has_the_form_that_qgroundcontrol_documents(
     """Developer guide, Plan File Format: keys, versions, and items numbered from 1."""
     content = plan(any_run, tmp_path / "a.plan")
     assert set(content) == {
-        *("fileType", "version", "groundStation"),
+        *("fileType", "version", "groundStation", "renew"),
         *("mission", "geoFence", "rallyPoints"),
     }
     assert (content["fileType"], content["version"]) == ("Plan", 1)

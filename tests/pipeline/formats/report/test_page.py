@@ -143,14 +143,14 @@ def test_published_figures_are_compared_with_ours(page: Page, result: RunResult)
     assert "Some paper, at 1:5000" in page.root.text
 
 
-def test_stand_in_currents_are_announced_before_the_answer(page: Page) -> None:
+def test_stand_in_currents_are_announced_directly_below_the_answer(page: Page) -> None:
     [notice] = page.with_class("notice")
     assert notice.all("h2")[0].flat_text == "Planned with stand-in currents"
     assert "Summer, requested for July 2024: Test table, valid 2020-06-17" in notice.flat_text
     assert "Winter" not in notice.flat_text
     reason = f"{small_run.REASON[:1].upper()}{small_run.REASON[1:]}."
     assert [item.flat_text for item in notice.all("li")] == [reason]
-    assert page.html.index('class="notice"') < page.html.index('class="cards"')
+    assert page.html.index('class="cards"') < page.html.index('class="notice"')
 
 
 def test_sources_are_credited(page: Page) -> None:

@@ -12,7 +12,7 @@ from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
 
 
-def test_an_unknown_current_and_land_of_another_shoreline_stand_above_the_answer(
+def test_land_of_another_shoreline_stands_above_the_answer_and_an_unknown_current_below(
     result: RunResult,
 ) -> None:
     known = small_run.without_stand_ins(result)
@@ -33,17 +33,17 @@ def test_an_unknown_current_and_land_of_another_shoreline_stand_above_the_answer
         evaluation=replace(known.evaluation, routes=rows, shore_crossings=crossings),
     )
     page = Page(render(gather(changed)))
-    (notice,) = page.with_class("notice")
-    assert [title.flat_text for title in notice.all("h2")] == [
-        "The current is not known", "Land of another shoreline on the route",
-    ]  # fmt: skip
-    text = notice.flat_text
+    notice, doubt = page.with_class("notice")
+    titles = [one.all("h2")[0].flat_text for one in (notice, doubt)]
+    assert titles == ["Land of another shoreline on the route", "The current is not known"]
+    text = notice.flat_text + doubt.flat_text
     assert "Summer (July 2024): planned without a current." in text
     lacking = f"Winter (December): {winter.credit.name} has no values anywhere on the best route."
     assert lacking in text
     assert "Summer (July 2024): 2.46 km of the best route, at 2 places." in text
     assert "Winter (December): none of the best route, but parts of 1 other route." in text
-    assert page.html.index('class="notice"') < page.html.index('class="cards"')
+    above, below = page.html.split('class="cards"')
+    assert ("notice-title-1" in above, "doubt-title-1" in below) == (True, True)
     said = " ".join(card.flat_text for card in page.with_class("card"))
     assert "is proven" not in said
     assert said.count("Optimality gapnot proven") == 2

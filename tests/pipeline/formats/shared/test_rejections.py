@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.formats.shared.note_words import rejections
+from pipeline.formats.shared.rejections import rejections
 from pipeline.formats.shared.result import RunResult
 from pipeline.formats.shared.text import json_value
 from pipeline.geo.lonlat import position_text

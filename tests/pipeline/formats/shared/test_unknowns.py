@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import (
-    RunResult,
-    has_all_depths,
-    route_unknowns,
-)
+from pipeline.formats.shared.result import RunResult, route_unknowns
+from pipeline.formats.shared.unknowns import has_all_depths
 from pipeline.geo.lonlat import DepthCover
 from pipeline.model import ShoreCrossing, ShutStrait
 from pipeline.model.inputs import Note

@@ -12,7 +12,7 @@ import shapely
 
 import renew
 from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import crossing_notes
+from pipeline.formats.shared.unknowns import crossing_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, ShoreCrossing
 from pipeline.stages.seasons.one_season import SecondShoreline

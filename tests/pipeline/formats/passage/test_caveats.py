@@ -1,0 +1,77 @@
+"""Files for plotters, ECDIS and autopilots say what was measured, not known and decided."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from pipeline.formats.passage.missions import write_plan
+from pipeline.formats.passage.routes import write_gpx, write_kml
+from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.tables import write_metrics
+from tests.pipeline.formats import small_run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from pipeline.formats.shared.result import RunResult
+
+WRITERS: dict[str, Callable[..., None]] = {
+    "rtz": write_rtz,
+    "gpx": write_gpx,
+    "kml": write_kml,
+    "plan": write_plan,
+}
+
+
+def with_hits(result: RunResult) -> RunResult:
+    """The run, with two turns of winter's best route that met land."""
+    turns = result.evaluation.contingency["winter", 1]
+    collided = np.zeros(len(turns.points), dtype=bool)
+    collided[[5, 9]] = True
+    rows = tuple(
+        replace(row, collisions=2) if (row.season, row.rank) == ("winter", 1) else row
+        for row in result.evaluation.routes
+    )
+    flown = {**result.evaluation.contingency, ("winter", 1): replace(turns, collided=collided)}
+    return replace(result, evaluation=replace(result.evaluation, routes=rows, contingency=flown))
+
+
+@pytest.mark.parametrize("end", WRITERS)
+def test_a_route_that_is_not_safe_says_so_in_every_file(end: str, tmp_path: Path) -> None:
+    result = small_run.parts()
+    told = {}
+    for name, run in (("safe", result), ("unsafe", with_hits(result))):
+        WRITERS[end](run, "winter", tmp_path / f"{name}.{end}")
+        told[name] = (tmp_path / f"{name}.{end}").read_text(encoding="utf-8").lower()
+    (row,) = (one for one in result.evaluation.routes if (one.season, one.rank) == ("winter", 1))
+    assert f"not safe everywhere: 2 of {row.trials:,} hard-over turns" in told["unsafe"]
+    assert "not safe" not in told["safe"]
+    assert "everywhere" not in told["safe"]
+    if end == "rtz":
+        assert f"none of {row.trials:,} simulated hard-over turns met land" in told["safe"]
+        assert f"2 of {row.trials:,} simulated hard-over turns met land" in told["unsafe"]
+
+
+@pytest.mark.parametrize("end", WRITERS)
+def test_every_file_names_the_current_that_was_used(end: str, tmp_path: Path) -> None:
+    """Summer is planned on a stand-in, winter on what was asked for."""
+    result = small_run.parts()
+    for season in ("summer", "winter"):
+        WRITERS[end](result, season, tmp_path / f"{season}.{end}")
+        grid = result.grid_of(season)
+        assert grid is not None
+        told = (tmp_path / f"{season}.{end}").read_text(encoding="utf-8").lower()
+        assert f"planned on {grid.credit.name}, valid {grid.valid}".lower() in told
+
+
+def test_metrics_name_the_current_that_was_used(tmp_path: Path) -> None:
+    result = small_run.parts()
+    write_metrics(result, tmp_path / "metrics.csv")
+    text = (tmp_path / "metrics.csv").read_text(encoding="utf-8")
+    for grid in result.fetched.currents:
+        assert f"{grid.credit.name}, {grid.valid.replace('/', ' to ')}" in text
