@@ -214,9 +214,9 @@ def _autopilot_texts(result: RunResult, season: str) -> Iterator[str]:
         )
     if told.rally is None:
         yield (
-            "On an autopilot, set Hold, not return, for a lost link and a fence breach: it returns "
-            "straight to the start or the nearest rally point, and from some places of this route "
-            "that is not clear of no-go areas, hard and soft."
+            "On an autopilot, set Loiter or Hold, not return, for a lost link and a fence breach; "
+            "Hold lets the vessel drift. It returns straight to the start or the nearest rally "
+            "point, which from some places of this route is not clear of hard and soft no-go areas."
         )
 
 

@@ -17,8 +17,12 @@ from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.lonlat import EARTH_RADIUS_M, METRES_PER_DEGREE
 
-MAX_VERTICES = 60
-"""Largest number of vertices of the inclusion polygon, and of all exclusion polygons together."""
+STORAGE_BYTES = 672
+"""What ArduPilot Rover keeps its fence in: 8 bytes a vertex, 2 a polygon and 5 more."""
+MAX_VERTICES = (STORAGE_BYTES - 5 - 2) // 8
+"""Largest number of vertices of a fence: of one polygon; of several it is a little less."""
+MAX_RALLY_POINTS = 50
+"""Number of rally points that the same storage has room for."""
 KEPT_SHARE = 0.98
 """Share of the cross-track limits that the fence leaves free beside the legs."""
 # Share of the least limit by which the fence may run outside what is left free where no other water
@@ -59,9 +63,9 @@ class Autopilot:
     fence : all that is inside the inclusion polygon and outside the exclusion polygons is water
         outside V. None if none was found of so few vertices, if a leg lies in V, where nothing is
         promised, or on a chart across 180 degrees.
-    rally : points (n, 2), degrees, n >= 0, such that from every place of the legs the straight line
-        to the nearest one of them and the start is water outside V. None if there are none such,
-        the start alone included: then the vessel must not return by itself.
+    rally : points (n, 2), degrees, n >= 0, in the fence if there is one, such that from every place
+        of the legs the straight line to the nearest one of them and the start is water outside V.
+        None if there are none such, the start alone included: then the vessel must not return.
     """
 
     fence: Fence | None
@@ -92,6 +96,11 @@ def _autopilot(result: RunResult, season: str) -> Autopilot:
     places = [one.place for one in given if not np.isfinite([one.opens, one.closes]).any()]
     lonlat = result.scene.projection.to_lonlat(np.reshape(places, (-1, 2)))
     havens = np.round(lonlat, _DECIMALS)
+    if found is not None:  # An autopilot passes over rally points outside its fence.
+        rings = found.inclusion, *found.exclusions
+        inside, *shut = (shapely.contains_xy(shapely.Polygon(ring), havens) for ring in rings)
+        havens = havens[inside & ~np.any(shut, axis=0)]
+    havens = havens[:MAX_RALLY_POINTS]
     for rally in (havens, havens[:0]) if len(havens) else (havens,):
         if _is_clear(flat, water, points, rally):
             return Autopilot(found, rally)
@@ -190,8 +199,8 @@ def _fence(
 
 
 def _are_few(rings: list[FloatArray]) -> bool:
-    """Whether an inclusion and exclusions have no more vertices than is allowed."""
-    return max(len(rings[0]), sum(map(len, rings[1:]))) <= MAX_VERTICES
+    """Whether an autopilot has room for all polygons together."""
+    return 5 + sum(2 + 8 * len(ring) for ring in rings) <= STORAGE_BYTES
 
 
 def _fewest(ring: FloatArray, islands: FloatArray, edges: shapely.Geometry) -> FloatArray:

@@ -14,7 +14,7 @@ import pytest
 import shapely
 
 import renew
-from pipeline.formats.passage.fence import KEPT_SHARE, MAX_VERTICES, autopilot
+from pipeline.formats.passage.fence import KEPT_SHARE, autopilot
 from pipeline.formats.passage.missions import write_plan
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.passage_plan import write_passage_plan
@@ -22,6 +22,10 @@ from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs, small_run
 
 GEOD = pyproj.Geod(ellps="WGS84")
+# ArduPilot Rover's storage on a Pixhawk, bytes, in three areas each for fences and rally points
+# (StorageManager.cpp), and what each part takes (AC_PolyFence_loader.cpp, RallyLocation).
+FENCE_BYTES, HEADER, END, POLYGON, VERTEX = 160 + 256 + 256, 4, 1, 2, 8
+RALLY_BYTES, RALLY_POINT = 150 + 300 + 300, 15
 RUNS: dict[str, Callable[[], RunResult]] = {
     "small": small_run.parts,
     "north": runs.far_north,
@@ -84,8 +88,9 @@ def test_few_vertices_and_the_legs_inside_by_their_limits(
     fenced: RunResult, tmp_path: Path
 ) -> None:
     found = polygons(fenced, tmp_path)
-    assert 3 <= len(found[0][1]) <= MAX_VERTICES
-    assert sum(len(ring) for _, ring in found[1:]) <= MAX_VERTICES
+    assert all(len(ring) >= 3 for _, ring in found)
+    room = HEADER + sum(POLYGON + VERTEX * len(ring) for _, ring in found) + END
+    assert room <= FENCE_BYTES
     scene, points = fenced.scene, season_waypoints(fenced, season_of(fenced))[0]
     rings = [
         shapely.LinearRing(scene.projection.to_plane(shapely.get_coordinates(dense)))
@@ -103,6 +108,17 @@ def test_few_vertices_and_the_legs_inside_by_their_limits(
         # The leg is drawn straight in degrees here: off the loxodrome by metres on long legs.
         bend = points.length_m[at] ** 2 / 5e7 * np.tan(np.radians(np.abs(ends[:, 1]).max()))
         assert apart / stretch >= KEPT_SHARE * limit - bend - 0.5
+
+
+@pytest.mark.parametrize("room", [300, 250, 100])
+def test_a_fence_is_made_smaller_or_left_out_where_there_is_less_room(
+    room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The polygons share the room: the same run's fence takes 331 bytes where there are 672."""
+    monkeypatch.setattr("pipeline.formats.passage.fence.STORAGE_BYTES", room)
+    found = polygons(replace(small_run.parts()), tmp_path)
+    assert HEADER + sum(POLYGON + VERTEX * len(ring) for _, ring in found) + END <= room
+    assert bool(found) == (room >= 250)
 
 
 def test_open_sea_is_fenced_as_far_as_the_chart(tmp_path: Path) -> None:
@@ -166,6 +182,33 @@ def test_havens_on_the_way_are_rally_points(tmp_path: Path) -> None:
     assert found["points"] == [[*place, 0.0] for place in np.round(lonlat, 7)[:, ::-1].tolist()]
 
 
+def test_a_haven_outside_the_fence_is_no_rally_point(tmp_path: Path) -> None:
+    """An autopilot would pass over it, and go straight to another one."""
+    result = small_run.parts()
+    allowed = shapely.Polygon(polygons(result, tmp_path)[0][1])
+    for _, ring in polygons(result, tmp_path)[1:]:
+        allowed = shapely.difference(allowed, shapely.Polygon(ring))
+    lonlat = season_waypoints(result, season_of(result))[0].lonlat
+    around = shapely.buffer(shapely.LineString(lonlat), 0.3)
+    west, south, east, north = around.bounds
+    places = np.random.default_rng(1).uniform([west, south], [east, north], (2_000, 2))
+    water = shapely.difference(result.scene.chart.extent, no_go(result))
+    places = places[shapely.contains_xy(water, result.scene.projection.to_plane(places))]
+    beyond = places[~shapely.contains_xy(allowed, places)]
+    assert len(beyond) > 10
+    havens = np.concatenate([beyond, lonlat])
+    found = written(with_havens(result, havens), tmp_path)["rallyPoints"]["points"]
+    assert [point[1::-1] for point in found] == np.round(lonlat, 7).tolist()
+
+
+def test_no_more_rally_points_than_an_autopilot_holds(tmp_path: Path) -> None:
+    result = small_run.parts()
+    lonlat = season_waypoints(result, season_of(result))[0].lonlat
+    many = np.concatenate([lonlat, *[lonlat[-1:]] * 60])
+    found = written(with_havens(result, many), tmp_path)["rallyPoints"]["points"]
+    assert len(found) == RALLY_BYTES // RALLY_POINT
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_havens_behind_islands_are_refused(seed: int, tmp_path: Path) -> None:
     result = runs.random_run(seed)
@@ -200,5 +243,5 @@ def test_the_passage_plan_says_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     for result, holds in ((small_run.parts(), True), (runs.open_sea(), False)):
         said.clear()
         write_passage_plan(result, tmp_path / "a.pdf")
-        assert any("set Hold, not return" in text for text in said) == holds
+        assert any("set Loiter or Hold, not return" in text for text in said) == holds
         assert not any("no fence" in text for text in said)
