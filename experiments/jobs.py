@@ -30,6 +30,11 @@ Water = Literal["bare", "padded"]
 
 # Samples a class of the sampled method, as published.
 _SAMPLES = 500
+# Further options of our planners that sample; the paper's classes come from a depth-first search.
+_SAMPLED = {
+    "RENEW sampled": {},
+    "RENEW as published": {"order": "depth-first"},
+}
 
 
 @dataclass(frozen=True)
@@ -55,12 +60,16 @@ class Job:
 
 @dataclass(frozen=True)
 class Judged:
-    """A candidate with its judgement; of `classes` smoothed paths, `kept` stayed in their class."""
+    """A candidate with its judgement; of `classes` smoothed paths, `kept` stayed in their class.
+
+    `side` is that on which it passes the environment's island.
+    """
 
     candidate: Candidate
     judgement: Judgement
     classes: int = 1
     kept: int | None = None
+    side: str = ""
 
 
 @dataclass(frozen=True)
@@ -92,21 +101,21 @@ def _judged_result(job: Job, environment_file: Path, padding_file: Path) -> Resu
     environment: Environment = pickle.loads(environment_file.read_bytes())  # noqa: S301 - our own file
     case = environment.spec.case(job.case)
     voyage = environment.voyage(case)
-    station = environment.spec.station_m
     try:
         if PLANNERS[job.planner].group == "ours":
-            return _ours(job, voyage, environment.options(case), station)
+            return _ours(job, voyage, environment, environment.options(case))
         padding = _padding(job, environment, padding_file)
         return _theirs(job, voyage, padding, environment)
     except renew.PlanningError as error:
         return Result(job, failure=" ".join(str(error).split()))
 
 
-def _ours(job: Job, voyage: Voyage, options: dict[str, object], station: float) -> Result:
+def _ours(job: Job, voyage: Voyage, environment: Environment, options: dict[str, object]) -> Result:
     """Plan by one of our methods."""
     options |= dict(job.options)
-    if job.planner == "RENEW sampled":
+    if job.planner in _SAMPLED:
         options |= {"method": "sampled", "samples": _SAMPLES, "seed": job.seed}
+        options |= _SAMPLED[job.planner]
     started = time.process_time()
     ends = voyage.start, voyage.goal
     plan = renew.plan(voyage.chart, voyage.current, voyage.vessel, *ends, **options)  # type: ignore[arg-type]
@@ -116,12 +125,14 @@ def _ours(job: Job, voyage: Voyage, options: dict[str, object], station: float) 
     size = len(np.unique(corners, axis=0))
     candidate = Candidate(plan.best.path, size, is_smoothed=True, seconds=seconds)
     trajectory = plan.best.trajectory
+    station = environment.spec.station_m
     judgement = judged(
         plan.best.path, voyage, spacing=station, seed=job.seed, trajectory=trajectory
     )
+    side = environment.side(plan.best.path)
     return Result(
         job,
-        (Judged(candidate, judgement, len(plan.routes)),),
+        (Judged(candidate, judgement, len(plan.routes), side=side),),
         padding=_equal_padding(job, plan, voyage, options),
         routes=len(plan.routes),
     )
@@ -164,7 +175,8 @@ def _theirs(
         best = min(alike, key=lambda one: voyage.fuel(one.path))
         kept = sum(bool(one.is_class_kept) for one in alike) if is_smoothed else None
         judgement = judged(best.path, voyage, spacing=spec.station_m, seed=job.seed)
-        paths.append(Judged(best, judgement, len(alike), kept))
+        side = environment.side(best.path)
+        paths.append(Judged(best, judgement, len(alike), kept, side))
     if all(math.isinf(one.judgement.fuel) for one in paths):
         return Result(job, tuple(paths), failure="every path leads through too strong a current")
     return Result(job, tuple(paths))

@@ -46,13 +46,15 @@ class Design:
             if planner.group == "fuel":
                 yield from self._rivals(planner)
         for planner in reversed(PLANNERS.values()):
-            if planner.group == "paper" or planner.name == "RENEW sampled":
+            if planner.group == "paper" or (planner.group == "ours" and planner.name != "RENEW"):
                 yield from self._paper(planner)
         yield from self._sweep()
 
     def _rivals(self, planner: Planner) -> Iterator[Job]:
         """A rival with fuel as its objective: every case, with our padding."""
         for spec in self.specs:
+            if spec.baselines == ():
+                continue
             runs = 1 if self.is_quick else min(planner.runs, spec.runs)
             calls = int(planner.calls * _QUICK_SHARE) if self.is_quick else planner.calls
             budgets = [calls]

@@ -48,6 +48,7 @@ PLANNERS = {
     for planner in (
         Planner("RENEW", "ours"),
         Planner("RENEW sampled", "ours", runs=10),
+        Planner("RENEW as published", "ours", runs=10),
         Planner("RRT", "paper", "trees", "rrt", 10, _TREE),
         Planner("RRT-D", "paper", "trees", "rrt_dubins", 10, _DUBINS_TREE),
         Planner("RRT*", "paper", "trees", "rrt_star", 10, _TREE),

@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
+import shapely
+
+from experiments.environments.coarse import coarse
 from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.errors import RequestError
 from pipeline.formats.shared.result import RunResult
@@ -21,6 +25,7 @@ from pipeline.stages.fetch import fetch
 from pipeline.stages.places import fetched_plane, plane_scene, unsimplified
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
+from renew._types import FloatArray
 from renew.voyage.voyage import Voyage, Waters
 
 FOLDER = Path(__file__).resolve().parents[1] / "catalog"
@@ -46,10 +51,24 @@ class Environment:
 
     def voyage(self, case: Case) -> Voyage:
         """The voyage of a case, m and m/s."""
-        scene = self.result.scene
-        current = scene.currents[case.season]
-        waters = Waters(scene.chart, current)
+        scene, chart = self.result.scene, self.result.scene.chart
+        if case.vertices is not None:
+            ends = np.stack([scene.start, scene.goal])
+            chart = coarse(chart, scene.land, case.vertices, ends)
+        waters = Waters(chart, scene.currents[case.season])
         return Voyage(waters, scene.vessel, scene.start, scene.goal, "projected")
+
+    def side(self, path: FloatArray) -> str:
+        """On which side of the spec's island a path passes; empty if it names none."""
+        if self.spec.island is None:
+            return ""
+        scene = self.result.scene
+        middle = scene.projection.to_plane(np.array([self.spec.island]))[0]
+        way = scene.goal - scene.start
+        square = np.array([-way[1], way[0]]) * np.sign(-way[1])
+        # The half-line that leads from the island eastward, square to the way, is met or not.
+        line = shapely.LineString([middle, middle + square])
+        return "east" if line.intersects(shapely.LineString(path)) else "west"
 
     def options(self, case: Case) -> dict[str, object]:
         """Options of `renew.plan` for a case."""

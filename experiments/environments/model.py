@@ -12,7 +12,10 @@ Padding = Literal["adaptive", "none"] | Positive
 
 
 class Case(StrictModel):
-    """One season of the scenario, and how our route is padded in it."""
+    """One season of the scenario, and how our route is padded in it.
+
+    With `vertices` its land is cut down to so many, as on the paper's charts.
+    """
 
     name: Name
     title: str
@@ -22,6 +25,9 @@ class Case(StrictModel):
     )
     clearance: NonNegative = Field(
         default=0.0, description="Floor on the padding, metres. Give 0 or more."
+    )
+    vertices: Annotated[Integer, Field(ge=8)] | None = Field(
+        default=None, description="Most vertices of the chart. Give 8 or more."
     )
 
 
@@ -39,7 +45,7 @@ class Published(StrictModel):
     states: Positive | None = None
     collisions: Annotated[Integer, Field(ge=0)] | None = None
     trials: Integer | None = None
-    way: str = ""
+    side: str = ""
 
 
 class EnvironmentSpec(StrictModel):
@@ -52,7 +58,8 @@ class EnvironmentSpec(StrictModel):
     poses, such that they are about as large as published; `station_m` is the spacing of the paper's
     contingency turns; `runs` is the number of seeds of planners that draw. `baselines` are those of
     the paper that run in it, all if it is left out; k and the order of classes vary where it
-    `is_swept`.
+    `is_swept`. An environment with no `baselines` at all has no rivals either. `island` is a point,
+    degrees, in an island on the way: tables say on which side of it, west or east, a path passes.
     """
 
     schema_version: Literal[1]
@@ -71,6 +78,7 @@ class EnvironmentSpec(StrictModel):
     runs: Annotated[Integer, Field(ge=1)] = 10
     baselines: tuple[str, ...] | None = None
     is_swept: bool = False
+    island: tuple[float, float] | None = None
     cases: tuple[Case, ...] = Field(min_length=1)
     published: tuple[Published, ...] = ()
 

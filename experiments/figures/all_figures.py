@@ -36,7 +36,7 @@ def drawings(found: Findings) -> Iterator[Drawing]:
     by_name = {environment.spec.name: environment for environment in found.environments}
     for environment in found.environments:
         spec = environment.spec
-        if spec.name not in ("ablation", "eddies"):
+        if spec.name not in ("ablation", "eddies") and spec.baselines != ():
             for case in _by_season(spec):
                 figure = maps.all_planners(environment, case, found.results)
                 caption = (

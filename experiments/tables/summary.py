@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import statistics
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -95,11 +96,21 @@ class Runs:
             "steerable": f"{sum(one.judgement.is_steerable for one in self.paths)}"
             f"/{len(self.paths)}",
             "class_kept": f"{sum(kept)}/{tried}" if kept else None,
+            "side": _counted([one.side for one in self.paths]),
             "seconds": _mean([one.candidate.seconds for one in self.paths]),
         }
 
     def _mean(self, figure: Callable[[Judgement], float]) -> float:
         return _mean([figure(one.judgement) for one in self.paths])
+
+
+def _counted(sides: Sequence[str]) -> str | None:
+    """Sides with the number of paths on each, the most frequent first; None if none is named."""
+    count = Counter(filter(None, sides))
+    alone = len(count) == 1
+    return (
+        ", ".join(f"{side}" if alone else f"{side} {n}" for side, n in count.most_common()) or None
+    )
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -70,7 +70,7 @@ class Findings:
 def tables(specs: Sequence[EnvironmentSpec], results: Results) -> tuple[Table, ...]:
     """All tables that hold any row, in the order of the report."""
     compared = [spec for spec in specs if spec.name != "eddies"]
-    plain = [spec for spec in compared if spec.name not in ("ablation", "palawan")]
+    plain = [spec for spec in compared if spec.name != "ablation" and not spec.island]
     of_name = {spec.name: [spec] for spec in specs}
     made = (
         Table("main", tuple(_main(plain, results))),
@@ -79,7 +79,7 @@ def tables(specs: Sequence[EnvironmentSpec], results: Results) -> tuple[Table, .
         Table("regret", tuple(_regret(specs, results))),
         Table("ablation", tuple(_main(of_name.get("ablation", []), results))),
         Table("contingency", tuple(_contingency(compared, results))),
-        Table("palawan", tuple(_main(of_name.get("palawan", []), results))),
+        Table("palawan", tuple(_main([spec for spec in specs if spec.island], results))),
         Table("eddies", tuple(_equal(of_name.get("eddies", []), results))),
         Table("slips", tuple(_slips(specs))),
     )
@@ -246,8 +246,8 @@ def _published_row(row: Published) -> Row:
     }
     if row.classes:
         figures["form"] = f"k = {row.classes}"
-    if row.way:
-        figures["form"] = row.way
+    if row.side:
+        figures["side"] = row.side
     return {name: value for name, value in figures.items() if value is not None}
 
 
