@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,7 +27,22 @@ def figures() -> dict[str, SimpleNamespace]:
     suites = (path.stem for path in FOLDER.glob("*.csv") if path != METRICS)
     suites = (path.stem for path in measured())
     found = {suite: SimpleNamespace(**recorded(suite)) for suite in suites}
-    return {**found, "palawan": _palawan()}
+    return {**found, "palawan": _palawan(), "by_side": _by_side(recorded("sides"))}
+
+
+def _by_side(measured: dict[str, float]) -> SimpleNamespace:
+    """Of each case of `sides` the fuel west and east about, or "shut"; as `CASE_best` the side."""
+    texts: dict[str, str] = {}
+    for case in {name.rsplit("_", 1)[0] for name in measured if name.endswith("_west")}:
+        fuel = {side: measured.get(f"{case}_{side}", math.inf) for side in ("west", "east")}
+        shown = ["shut" if math.isinf(one) else _fuel(one) for one in fuel.values()]
+        texts |= {case: ", ".join(shown), f"{case}_best": min(fuel, key=fuel.__getitem__)}
+    return SimpleNamespace(**texts)
+
+
+def _fuel(value: float) -> str:
+    """Fuel with a digit behind the point, but for that at true scale."""
+    return f"{value:.1f}" if value < 1e4 else f"{value:,.0f}"
 
 
 def _palawan() -> SimpleNamespace:
