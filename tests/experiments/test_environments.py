@@ -69,10 +69,8 @@ def test_at_the_papers_scale_the_side_flips_on_a_chart_of_its_size_only(
     for case in palawan.spec.cases:
         voyage = palawan.voyage(case)
         assert case.vertices is None or vertices(voyage.chart) <= case.vertices
-        ends = voyage.start, voyage.goal
-        plan = renew.plan(
-            voyage.chart, voyage.current, voyage.vessel, *ends, **palawan.options(case)
-        )
+        ends, options = (voyage.start, voyage.goal), palawan.options(case)
+        plan = renew.plan(voyage.chart, voyage.current, voyage.vessel, *ends, **options)  # type: ignore[arg-type]
         found[case.name] = palawan.side(plan.best.path)
     assert found == {
         "summer": "west",
