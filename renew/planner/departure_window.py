@@ -260,8 +260,7 @@ def too_late_error(
     remedies = [Text("allow that time"), *_earlier(voyage, path, first.duration, arrive_by)]
     remedies += _faster(voyage, path, arrive_by, faster)
     return ArrivalError(
-        "arrive_by = {0} can't be made: a departure at {1} arrives at {2} at the earliest. Either "
-        "{3}",
+        "arrive_by = {0} can't be made: a departure at {1} arrives at {2} at the earliest: {3}",
         Moment(arrive_by),
         Moment(voyage.departure),
         Moment(first.arrival),
