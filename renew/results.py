@@ -381,7 +381,7 @@ def _plan_html(plan: Plan) -> str:
     rows = [
         f'<tr><td><span style="color:{_COLOURS[rank]}" aria-hidden="true">━</span> {rank + 1}</td>'
         f"<td>{escape(route.homotopy)}</td><td>{route.fuel:.1f}</td>"
-        f"<td>{route.length:.1f} m</td><td>{route.clearance:.1f} m</td></tr>"
+        f"<td>{route.length:.1f} m</td><td>{np.floor(10 * route.clearance) / 10:.1f} m</td></tr>"
         for rank, route in enumerate(shown)
     ]
     return (

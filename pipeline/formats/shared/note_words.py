@@ -207,15 +207,14 @@ def _island(island: str, place: Place, **_: object) -> str:
 
 
 def _side_left_out(island: str, place: Place, ratio: float, of: str) -> str:
-    decimals = 1 if ratio >= 1.1 else 2
-    least = f"{text.rounded_down(ratio, decimals):.{decimals}f} times as" if ratio >= 1.01 else "as"
+    least = f"{text.rounded_down(ratio, 2):g} times as" if ratio >= 1.01 else "as"
     need = {
-        "fuel": "needs {} much fuel as the best route",
-        "length": "is {} long as the shortest way",
+        "fuel": f"needs at least {least} much fuel as the best route",
+        "length": f"is at least {least} long as the shortest way",
     }
     return (
         f"the far side of {_island(island, place)} is not planned: by a bound on a coarse grid, a "
-        f"way there {need[of].format(f'at least {least}')}"
+        f"way there {need[of]}"
     )
 
 
@@ -288,8 +287,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "unit-assumed": "{variable} has no unit: m/s is assumed",
     "unit-converted": "{variable} is in {unit}: converted to m/s",
     "water-shut": "in {share:.1%} of the water the current is as fast as the vessel "
-    "({speed_m_s:g} m/s) or faster, up to {most_m_s:at most} m/s at {place}: no route leads "
-    "through it",
+    "({speed_m_s:g} m/s) or faster, up to {most_m_s:at most} m/s at {place}: no route leads there",
     "water-shut-for-hours": _water_shut_for_hours,
     "zeros-are-land": "zeros in the file are treated as land",
     # What was chosen.

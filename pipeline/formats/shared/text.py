@@ -82,12 +82,12 @@ def clearance(metres: float | None) -> str:
 
 def rounded_down(value: float, decimals: int) -> float:
     """Round a lower limit down, so that it stays a lower limit."""
-    return math.floor(value * 10.0**decimals + _EXACT) / 10.0**decimals
+    return float(np.floor(value * 10.0**decimals + _EXACT) / 10.0**decimals)
 
 
 def rounded_up(value: float, decimals: int) -> float:
     """Round an upper limit up, so that it stays an upper limit."""
-    return math.ceil(value * 10.0**decimals - _EXACT) / 10.0**decimals
+    return float(np.ceil(value * 10.0**decimals - _EXACT) / 10.0**decimals)
 
 
 def _digits_down(value: float, digits: int) -> float:
@@ -143,8 +143,6 @@ def hours(seconds: float) -> str:
 
 def at_most_hours(seconds: float) -> str:
     """Format a duration as `hours` does, rounded up: it is the longest that is possible."""
-    if not math.isfinite(seconds):
-        return ABSENT
     unit = _HOUR_S if seconds >= _HOUR_S else _MINUTE_S if seconds >= 2 * _MINUTE_S else 1.0
     return hours(rounded_up(seconds / unit, 1) * unit)
 
@@ -164,12 +162,12 @@ def percent(share: float, digits: int = 1) -> str:
 
 def at_least_percent(share: float) -> str:
     """Format a share as a percentage, rounded down: at least 2.3 %."""
-    return percent(rounded_down(100 * share, 1) / 100) if math.isfinite(share) else ABSENT
+    return percent(rounded_down(100 * share, 1) / 100)
 
 
 def at_most_percent(share: float) -> str:
     """Format a share as a percentage, rounded up: at most 2.4 %."""
-    return percent(rounded_up(100 * share, 1) / 100) if math.isfinite(share) else ABSENT
+    return percent(rounded_up(100 * share, 1) / 100)
 
 
 def share(value: float) -> str:
