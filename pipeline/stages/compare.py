@@ -59,7 +59,7 @@ def compare(
     )
     room = room_notes(result.scene, result.plans, result.scenario.planner)
     said = (*speed_notes(result), *replanned_notes(result), *ensemble_notes(result), *room)
-    result = replace(result, choices=(*chosen.notes, *said))
+    result = replace(result, choices=addressed((*chosen.notes, *said), result.scenario))
     notes = (*said, *_notes(result))
     for note in notes:
         say(note)

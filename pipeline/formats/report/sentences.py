@@ -58,7 +58,7 @@ class SeasonFacts:
         """Say in one sentence why the best route is the one to take."""
         rival = self.rival
         if rival is None:
-            return "because no other class has a route."
+            return "because no other class that was planned has a route."
         if self.is_still or (self.lacks_current and self.best.length_m <= rival.length_m):
             return f"because {self._still(rival)}."
         if self.best.fuel > rival.fuel:  # the sampled method
@@ -139,7 +139,7 @@ class SeasonFacts:
         best, others = self.best, self.routes[1:]
         sentences = [self._comparison(self.rival)] if self.rival else []
         if not others:
-            sentences.append("It is the only class that has a route.")
+            sentences.append("No other class that was planned has a route.")
         if certain := self.certainty():
             sentences.append(certain)
         shorter = [r for r in others if r.length_m < best.length_m * (1 - _SAME_LENGTH)]
