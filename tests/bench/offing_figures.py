@@ -8,6 +8,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pipeline
 from pipeline.run import Outcome, run
@@ -60,7 +61,7 @@ def _voyage(name: str, outcome: Outcome) -> Iterator[Figure]:
         for note in room_notes(
             outcome.result.scene, outcome.plans[at : at + 1], outcome.scenario.planner
         ):
-            values = dict(note.values)
+            values: dict[str, Any] = dict(note.values)
             yield quoted(
                 f"{key}: most that turns need, offing, m",
                 **{f"{key}_most_padding": values["turns_m"], f"{key}_offing": values["offing_m"]},
