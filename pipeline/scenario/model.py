@@ -82,7 +82,7 @@ class PlannerOptions(StrictModel):
     from every point of the route as well. Give 'route' or 'point'."""
     lateness: strict.Number = Field(default=0.05, ge=0, lt=1)
     """Share of the time since departure by which the vessel may be early or late in currents that
-    change: its turns are safe at all these times. Give a share from 0 to below 1, such as 0.05."""
+    change: its turns are simulated then, too. Give a share from 0 to below 1, such as 0.05."""
     gap_to: strict.Number = Field(default=0.0, ge=0, lt=1)
     """Optimality gap of the best route at which the lower bound on fuel is tight enough: until then
     its grid is refined. With 0 it is as tight as about half a second of work makes it. Give a
