@@ -82,7 +82,8 @@ def tightest(
         return None
     way = shapely.LineString(route.path)
     gaps = np.where(padded, shapely.distance(lines, way), np.inf)
-    nearest = int(gaps.argmin())
+    # Of an edge and its pieces, whose padding is for a clearance, the one with the widest padding.
+    nearest = int(np.lexsort((-padding, np.round(gaps, 9)))[0])
     on_way = shapely.get_point(shapely.shortest_line(way, lines[nearest]), 0)
     along = float(shapely.line_locate_point(way, on_way))
     point = shapely.get_coordinates(shapely.line_interpolate_point(way, along))[0]
