@@ -110,7 +110,7 @@ pictures: $(READY)  ## the documents' pictures anew: docs/pictures/
 	$(BIN)/python -m tests.pipeline.formats.figures
 
 # Suites of tests/bench whose figures pages quote.
-QUOTED := padding draws gyre sampled published triangulators scenes sides
+QUOTED := padding draws gyre sampled published triangulators scenes sides offing
 
 figures: $(READY)  ## measure what pages quote: docs/figures/*.csv; then tests/test_claims.py names each page that differs
 	$(BIN)/renew run palawan-season --offline

@@ -10,7 +10,7 @@ from typing import Literal, get_args
 
 from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.formats.shared.result import RunResult, addressed
-from pipeline.formats.shared.text import environment, season_name, season_text
+from pipeline.formats.shared.text import clearance, environment, season_name, season_text
 from pipeline.geo.lonlat import position_text
 from pipeline.machine.first_compilation import first_compilation
 from pipeline.machine.interpreters import give_back_memory
@@ -116,7 +116,7 @@ class Outcome:
     def _repr_html_(self) -> str:
         """Return the routes as a table for a notebook."""
         template = environment("pipeline.formats.report").get_template("outcome.html.jinja")
-        return template.render(outcome=self, season_name=season_name)
+        return template.render(outcome=self, season_name=season_name, clearance=clearance)
 
 
 def run(

@@ -75,6 +75,7 @@ class Route:
     second to starboard and then the first to port; the largest island is 1.
     corners : (t, 3, 2) metres, the triangles in which its path was planned.
     padding_used : (e, 5) x0, y0, x1, y1, padding: every constrained edge next to the channel (m).
+    turn_padding : (e,) m, what of it hard-over turns need; where it is wider, the clearance is.
     harmonic_mean : harmonic mean of the fuel of the class's sampled paths (sampled method), or
         the path's own fuel.
     starts_in_soft_no_go, ends_in_soft_no_go : the first or the last legs lie partly in V.
@@ -95,6 +96,7 @@ class Route:
     homotopy: str
     corners: FloatArray
     padding_used: FloatArray
+    turn_padding: FloatArray
     harmonic_mean: float
     starts_in_soft_no_go: bool
     ends_in_soft_no_go: bool
@@ -379,7 +381,7 @@ def _plan_html(plan: Plan) -> str:
     rows = [
         f'<tr><td><span style="color:{_COLOURS[rank]}" aria-hidden="true">━</span> {rank + 1}</td>'
         f"<td>{escape(route.homotopy)}</td><td>{route.fuel:.1f}</td>"
-        f"<td>{route.length:.1f} m</td><td>{route.clearance:.1f} m</td></tr>"
+        f"<td>{route.length:.1f} m</td><td>{np.floor(10 * route.clearance) / 10:.1f} m</td></tr>"
         for rank, route in enumerate(shown)
     ]
     return (

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
+from pipeline.formats.shared.text import rounded_down, rounded_up
 from tests.bench.history import HISTORY
 from tests.bench.record import FOLDER, recorded
 from tests.conftest import ROOT
@@ -17,6 +19,34 @@ PAGES = tomllib.loads((ROOT / "tests" / "claims.toml").read_text("utf-8"))
 """Texts (`quoted`) and figures that are measured by nobody (`given`), by page."""
 
 
+# Figures that are limits, by their names: the greatest that may be, and the least.
+_GREATEST = re.compile(r"gap|most|worst|above|dearest|beside|from_a_point|filled")
+_LEAST = re.compile(r"bound|clearance|least")
+
+
+class Limit(float):
+    """A figure that is written on its safe side: a greatest one rounded up, a least one down."""
+
+    is_greatest: bool
+
+    @classmethod
+    def of(cls, name: str, value: float) -> float:
+        """Return a figure as its name asks for it; as it is where it is no limit."""
+        if not (_GREATEST.search(name) or _LEAST.search(name)):
+            return value
+        limit = cls(value)
+        limit.is_greatest = _GREATEST.search(name) is not None
+        return limit
+
+    def __format__(self, spec: str) -> str:
+        """Write it with the decimals of a format such as .2f."""
+        digits = re.fullmatch(r",?\.(\d)f", spec)
+        if digits is None:
+            return format(float(self), spec)
+        rounded = rounded_up if self.is_greatest else rounded_down
+        return format(rounded(float(self), int(digits[1])), spec)
+
+
 def measured() -> list[Path]:
     """Files of figures that a bench wrote for pages to quote."""
     return [path for path in FOLDER.glob("*.csv") if path not in {METRICS, HISTORY}]
@@ -24,9 +54,11 @@ def measured() -> list[Path]:
 
 def figures() -> dict[str, SimpleNamespace]:
     """All recorded figures: by suite, and by their names in it."""
-    suites = (path.stem for path in FOLDER.glob("*.csv") if path != METRICS)
-    suites = (path.stem for path in measured())
-    found = {suite: SimpleNamespace(**recorded(suite)) for suite in suites}
+    suites = {path.stem: recorded(path.stem) for path in measured()}
+    found = {
+        suite: SimpleNamespace(**{name: Limit.of(name, value) for name, value in rows.items()})
+        for suite, rows in suites.items()
+    }
     return {**found, "palawan": _palawan(), "by_side": _by_side(recorded("sides"))}
 
 
@@ -54,7 +86,7 @@ def _palawan() -> SimpleNamespace:
             f"{row['season']}_{row['rank']}": SimpleNamespace(
                 side=row["way"].split()[0],
                 per_distance=float(row["fuel_per_distance"]),
-                filled=100 * float(row["filled_share"]),
+                filled=Limit.of("filled", 100 * float(row["filled_share"])),
             )
             for row in rows
         }

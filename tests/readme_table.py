@@ -11,7 +11,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from pipeline.formats.shared.text import clearance
+from pipeline.formats.shared.text import clearance, gap_figure
 from tests.conftest import ROOT
 
 METRICS = ROOT / "docs" / "figures" / "palawan-season.csv"
@@ -32,7 +32,7 @@ def table(metrics: Path) -> str:
         f"| {row['season']} | {_way(row)} "
         f"| {float(row['fuel']):.1f} | {float(row['length_m']) / 1000:.0f} km "
         f"| {clearance(float(row['clearance_m']))} | {float(row['fuel_per_distance']):.2f} "
-        f"| {float(row['optimality_gap']) * 100:.1f} % "
+        f"| {gap_figure(float(row['optimality_gap']))} "
         f"| {int(row['collisions']):,} of {int(row['trials']):,} |\n"
         for row in rows
     )

@@ -72,6 +72,36 @@ def test_figures_are_those_that_a_bench_wrote(document: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "value", "spec", "written"),
+    [
+        ("bound", 83.90575572, ".2f", "83.90"),
+        ("clearance", 8.938891635, ".1f", "8.9"),
+        ("clearance", 8.999, ".2f", "8.99"),
+        ("gap", 3.549803347, ".1f", "3.6"),
+        ("unpadded_gap", 0.4526964329, ".1f", "0.5"),
+        ("most_fuel", 1.000398416, ".4f", "1.0004"),
+        ("most_bound", 0.9945403809, ".3f", "0.995"),
+        ("worst", 3.170251115e-05, ".5f", "0.00004"),
+        ("from_a_point", 33.8, ".0f", "34"),
+        ("fuel", 86.88519292, ".2f", "86.89"),
+    ],
+)
+def test_limits_are_written_on_their_safe_side(
+    name: str, value: float, spec: str, written: str
+) -> None:
+    assert f"{claims.Limit.of(name, value):{spec}}" == written
+
+
+def test_no_limit_is_written_as_if_it_were_a_plain_figure() -> None:
+    """Every figure behind such words on a page is a limit by its name."""
+    words = r"(?:at most|at least|up to|no less than|less than|above|within) (?:the )?"
+    texts = [one for page in claims.PAGES.values() for one in page.get("quoted", ())]
+    named = [name for one in texts for name in re.findall(words + r"\{\w+\.(\w+):\.\d", one)]
+    assert len(named) >= 5
+    assert [name for name in named if claims.Limit.of(name, 1.0).__class__ is float] == []
+
+
+@pytest.mark.parametrize(
     "document", [page for page in claims.PAGES if "given" in claims.PAGES[page]]
 )
 def test_no_figure_stands_there_without_a_source(document: str) -> None:

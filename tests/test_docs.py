@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -291,6 +292,42 @@ def _names(body: list[ast.stmt]) -> Iterator[str]:
         targets = node.targets if isinstance(node, ast.Assign) else []
         targets = [node.target] if isinstance(node, ast.AnnAssign) else targets
         yield from (target.id for target in targets if isinstance(target, ast.Name))
+
+
+# What is told to be installed, up to the end of the command.
+INSTALLED = re.compile(r"(?:pip|pipx|uv tool|uvx) install ((?:[-./\w*'\"\[\]<>=,]+[ ]?)+)")
+# Folders with texts that a reader follows: messages, pages, settings.
+READ = ("renew", "pipeline", "experiments", "qgis", "catalog", "docs", "outputs")
+
+
+def test_nothing_is_installed_by_a_name_that_is_not_ours() -> None:
+    """RENEW is in no index: a command that names it would install what others put there.
+
+    A command installs from the clone, from a wheel, or libraries that pyproject.toml names.
+    """
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    extras = project["project"]["optional-dependencies"].values()
+    groups = (project["project"]["dependencies"], *extras)
+    known = {re.split(r"[^\w.-]", one)[0] for group in groups for one in group}
+    known |= {"or", *project["dependency-groups"]}  # pip install --group experiments
+    files = [
+        path
+        for room in READ
+        for path in (ROOT / room).rglob("*")
+        if path.suffix in {".py", ".md", ".ipynb", ".jinja", ".js", ".toml", ".yml"}
+        and not path.is_relative_to(ROOT / "outputs" / ".results")
+    ]
+    found = []
+    for path in (*files, *(ROOT / page for page in DOCUMENTS)):
+        text = path.read_text("utf-8")
+        assert "renew-planner[" not in text, path
+        for command in INSTALLED.findall(text):
+            for word in command.rstrip(" .,").split(", ")[0].split():
+                name = re.split(r"[\[<>=,]", word.strip("'\""))[0]
+                if not name.startswith(("-", ".", "/")) and ".whl" not in word:
+                    found.append(name)
+                    assert name in known, f"{path}: {command}"
+    assert {"eccodes", "fastapi", "pyfes", "triangle"} <= set(found)
 
 
 def test_make_targets_exist() -> None:

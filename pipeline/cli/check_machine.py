@@ -246,7 +246,7 @@ def triangulator() -> Finding:
 def tides() -> Finding:
     """Report whether the library that predicts the tide is installed, and for which stations."""
     if find_spec("pyfes") is None:
-        remedy = "run `pip install 'renew-planner[tides]'`, to count on the tide"
+        remedy = "run `pip install 'pyfes<2026.10'`, to count on the tide"
         return Finding("warning", "tides", "pyfes is not installed", remedy)
     stations = ", ".join(catalogue.stations()) or "none"
     return Finding(

@@ -49,8 +49,7 @@ def serve(
             from pipeline.serve.start import Limits, serve as serve_page
         except ImportError as error:
             raise StageError(
-                f"renew serve needs the extra `web` ({error}): "
-                "python -m pip install 'renew-planner[web]'"
+                f"renew serve needs the extra `web` ({error}): pip install fastapi uvicorn"
             ) from error
 
         serve_page(

@@ -210,7 +210,7 @@ def _autopilot_texts(result: RunResult, season: str) -> Iterator[str]:
     if told.fence is None:
         yield (
             f"The mission has no fence: none of at most {MAX_VERTICES} vertices was found around "
-            "the legs in water from which the vessel can turn away; draw one by hand."
+            "the legs in water outside the soft no-go zone; draw one by hand."
         )
     if told.rally is None:
         yield (

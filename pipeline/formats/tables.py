@@ -387,9 +387,10 @@ def tightest_text(points: Waypoints, result: RunResult) -> str:
     if found is None:
         return ""
     longitude, latitude = scene.projection.to_lonlat(found.point)
-    scale = scene.projection.scale
+    widths = (found.padding, found.turns, found.gap)
+    padding, turns, gap = (f"{math.floor(one * scene.projection.scale):,} m" for one in widths)
     return (
         f"Padding at the tightest place, {position(float(latitude), 'NS', 2)} "
-        f"{position(float(longitude), 'EW', 3)}: {found.padding * scale:,.0f} m, and the planned "
-        f"path keeps {found.gap * scale:,.0f} m from the hard no-go zone there."
+        f"{position(float(longitude), 'EW', 3)}: {padding}, of which turns need {turns}, and the "
+        f"planned path keeps {gap} from the hard no-go zone there."
     )

@@ -41,18 +41,18 @@ class PlannerOptions(StrictModel):
     """Number of homotopy classes (ways round the islands) to find a route for; 'order' says which
     ones. Give a whole number from 1 to 10,000, such as 16."""
     risk: strict.Number = Field(default=0.05, ge=1e-9, lt=1)
-    """Share of sampled hard-over turns that may reach beyond the adaptive padding: a smaller share
+    """Share of drawn hard-over turns that may reach beyond the adaptive padding: a smaller share
     keeps routes further off land. Give a share between 0 and 1, such as 0.05."""
     padding: Literal["adaptive", "none"] | strict.NonNegative = Field(
         default="adaptive", json_schema_extra=strict.unit("planar m")
     )
-    """Width of the soft no-go zone around land: adaptive to the current, none, or the same number
-    of planar metres everywhere. Give 'adaptive', 'none' or metres."""
+    """Room for hard-over turns around land: adaptive to the current, none, or the same number of
+    planar metres everywhere. Give 'adaptive', 'none' or metres."""
     clearance: strict.NonNegative | None = Field(
         default=None, examples=[500], json_schema_extra=strict.unit("planar m")
     )
-    """Minimum padding, planar metres; by default an offing for the vessel and the chart, which the
-    notes of a run state, and 0 in a plane. Give metres, 0 or more."""
+    """Least distance from land, planar metres; by default an offing for the vessel and the chart,
+    which the notes of a run state, and 0 in a plane. Give metres, 0 or more."""
     narrow_share: strict.Number = Field(default=1.0, ge=0.01, le=1)
     """In passages too narrow for the clearance, the clearance is reduced to this share of the
     distance from land to the passage's middle; 1: it is never reduced. Where a run chooses an
@@ -82,7 +82,7 @@ class PlannerOptions(StrictModel):
     from every point of the route as well. Give 'route' or 'point'."""
     lateness: strict.Number = Field(default=0.05, ge=0, lt=1)
     """Share of the time since departure by which the vessel may be early or late in currents that
-    change: its turns are safe at all these times. Give a share from 0 to below 1, such as 0.05."""
+    change: its turns are simulated then, too. Give a share from 0 to below 1, such as 0.05."""
     gap_to: strict.Number = Field(default=0.0, ge=0, lt=1)
     """Optimality gap of the best route at which the lower bound on fuel is tight enough: until then
     its grid is refined. With 0 it is as tight as about half a second of work makes it. Give a

@@ -118,6 +118,19 @@ def narrows_notes(
     return tuple(note.about(season) for season, note in notes if note is not None)
 
 
+def room_notes(
+    scene: Scene, plans: Sequence[SeasonPlan], options: PlannerOptions
+) -> tuple[Note, ...]:
+    """Return a note for each season on what its best route's room is for: turns, or an offing."""
+    scale, offing = scene.projection.scale, options.clearance or 0.0
+    return tuple(
+        Note.of("room-kept", turns_m=scale * most, offing_m=scale * offing).about(plan.season)
+        for plan in plans
+        for most in [float(one.turn_padding.max(initial=0.0)) for one in plan.ranked_routes[:1]]
+        if offing and options.padding == "adaptive"
+    )
+
+
 def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
     """Return a note on how far and where a path (n, 2) is closer to land than the offing."""
     land = np.array(scene.chart.no_go, dtype=object)

@@ -18,7 +18,7 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan, SideBound
 from pipeline.sources.cf.streams import WEAK_SHARE
-from pipeline.stages.choose import narrows_notes
+from pipeline.stages.choose import narrows_notes, room_notes
 from pipeline.stages.choosing.chosen import Chosen, in_thread
 from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
 from pipeline.stages.comparing.way_names import with_way_names
@@ -57,9 +57,10 @@ def compare(
         straits,
         chosen.choices,
     )
-    said = (*speed_notes(result), *replanned_notes(result), *ensemble_notes(result))
-    result = replace(result, choices=(*chosen.notes, *said))
-    notes = _notes(result)
+    room = room_notes(result.scene, result.plans, result.scenario.planner)
+    said = (*speed_notes(result), *replanned_notes(result), *ensemble_notes(result), *room)
+    result = replace(result, choices=addressed((*chosen.notes, *said), result.scenario))
+    notes = (*said, *_notes(result))
     for note in notes:
         say(note)
     every = (*chosen.notes, *chosen.data.fetched.notes, *land.value.notes, *notes)
@@ -75,11 +76,8 @@ def bounds_of_sides(result: Artefact[RunResult], store: Store) -> tuple[SideBoun
 
 
 def _notes(result: RunResult) -> tuple[Note, ...]:
-    """Return the notes on the routes, on speeds and on unknowns."""
+    """Return the notes on the routes and on unknowns."""
     return (
-        *speed_notes(result),
-        *ensemble_notes(result),
-        *replanned_notes(result),
         *safety_notes(result),
         *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),

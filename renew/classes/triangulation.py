@@ -153,8 +153,8 @@ def triangulate(
         backend = "triangle" if installed else "shapely"
     elif backend == "triangle" and not installed:
         raise ParameterError(
-            "backend = 'triangle' needs the package triangle, which is not installed; install "
-            "renew-planner[triangle], or choose 'shapely'"
+            "backend = 'triangle' needs the package triangle, which is not installed; "
+            "pip install triangle, or choose 'shapely'"
         )
     water = chart.water
     if closed is not None and not closed.is_empty:

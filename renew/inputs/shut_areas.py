@@ -175,10 +175,10 @@ class TidalArea:
     def text(self, departure: float) -> Text:
         """The area with its next hours of enough water, for a voyage from `departure` (s)."""
         name = f"area {self.name!r}, which" if self.name else "water that"
-        text = f"{name} needs {self.need:.2f} m of tide"
+        text = f"{name} needs {math.ceil(100 * self.need) / 100:.2f} m of tide"
         hours = self.next_hours(departure)
         if hours is None:
-            highest = self.tide.highest(departure, departure + _NEXT)
+            highest = math.ceil(100 * self.tide.highest(departure, departure + _NEXT)) / 100
             return Text(
                 f"{text} (no more than {highest:.2f} m can be relied on until {{0}})",
                 (Moment(departure + _NEXT),),

@@ -263,7 +263,7 @@ def _known() -> dict[str, str]:
     except ImportError as error:
         raise ParameterError(
             "tide: heights from harmonic constants need pyfes, which is not installed; "
-            "pip install 'renew-planner[tides]'"
+            "pip install 'pyfes<2026.10'"
         ) from error
     return {name.upper(): name for name in pyfes.wave_table_factory(pyfes.DARWIN).constituents}
 

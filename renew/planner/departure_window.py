@@ -257,11 +257,10 @@ def too_late_error(
     """
     voyage = first.planner.problem.voyage
     path = first.found.path if first.found else voyage.start[None]
-    remedies = [Text("allow that time"), *_earlier(voyage, path, first.duration, arrive_by)]
+    remedies = [Text("arrive later"), *_earlier(voyage, path, first.duration, arrive_by)]
     remedies += _faster(voyage, path, arrive_by, faster)
     return ArrivalError(
-        "arrive_by = {0} can't be made: a departure at {1} arrives at {2} at the earliest. Either "
-        "{3}",
+        "arrive_by = {0} can't be made: a departure at {1} arrives at {2} at the earliest: {3}",
         Moment(arrive_by),
         Moment(voyage.departure),
         Moment(first.arrival),
@@ -278,7 +277,7 @@ def _earlier(voyage: Voyage, path: FloatArray, duration: float, arrive_by: float
 
     most = min(voyage.departure - voyage.current.span[0], _EARLIEST * duration)
     found = _least(is_in_time, 0.0, most)
-    return [] if found is None else [Text("leave at {0}", (Moment(voyage.departure - found),))]
+    return [] if found is None else [Text("leave before {0}", (Moment(voyage.departure - found),))]
 
 
 def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> list[Text]:

@@ -144,10 +144,9 @@ class _RelaxationSearch:
             tried = (low + high) / 2
         if best is None:
             return []
-        # In the unit of the option, whatever unit the message uses for other lengths.
-        return [
-            Text(f"padding = {low:.4g} (planar m) would leave one, {{0}}", (_description(best),))
-        ]
+        # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
+        safe = f"{low * (1 - 5e-4):.4g}"
+        return [Text(f"padding = {safe} (planar m) would leave one, {{0}}", (_description(best),))]
 
 
 def _narrowest_gap(way: Channel) -> float:

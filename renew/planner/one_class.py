@@ -145,6 +145,7 @@ class ClassPlanner:
             padding_used=np.vstack(
                 [np.column_stack([one.start, one.end, one.padding]) for one in paddings]
             ),
+            turn_padding=np.concatenate([one.turns for one in paddings]),
             harmonic_mean=class_mean,
             starts_in_soft_no_go=len(paddings[0].around(voyage.start).edge) > 0,
             ends_in_soft_no_go=len(paddings[-1].around(voyage.goal).edge) > 0,

@@ -27,6 +27,7 @@ class Tightest(NamedTuple):
     edge : (2, 2) metres, the constrained edge nearest to it.
     heading : rad, of the route there.
     padding : of the edge (m).
+    turns : the padding that hard-over turns need there (m); `padding` is wider by a clearance.
     gap : from the point to the edge (m).
     reaches : (n,) m, how far hard-over turns from there reach towards the edge, the worse of both
         sides, at the speed sailed there, in draws of the current in the triangle and of headings
@@ -38,6 +39,7 @@ class Tightest(NamedTuple):
     edge: FloatArray
     heading: float
     padding: float
+    turns: float
     gap: float
     reaches: FloatArray
     headings: FloatArray
@@ -80,7 +82,8 @@ def tightest(
         return None
     way = shapely.LineString(route.path)
     gaps = np.where(padded, shapely.distance(lines, way), np.inf)
-    nearest = int(gaps.argmin())
+    # Of an edge and its pieces, whose padding is for a clearance, the one with the widest padding.
+    nearest = int(np.lexsort((-padding, np.round(gaps, 9)))[0])
     on_way = shapely.get_point(shapely.shortest_line(way, lines[nearest]), 0)
     along = float(shapely.line_locate_point(way, on_way))
     point = shapely.get_coordinates(shapely.line_interpolate_point(way, along))[0]
@@ -109,6 +112,7 @@ def tightest(
         edge=edges[nearest],
         heading=float(course),
         padding=float(padding[nearest]),
+        turns=float(route.turn_padding[nearest]),
         gap=float(gaps[nearest]),
         reaches=reaches[0],
         headings=headings[0],

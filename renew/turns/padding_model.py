@@ -38,14 +38,16 @@ _ROOM = 1.5
 class PaddedEdges:
     """Constrained edges with their padding: the soft no-go zone V as capsules.
 
-    `start`, `end` are (e, 2) metres, `padding` is (e,) metres and `edge` (e,) the index into the
-    triangulation's constrained edges.
+    `start`, `end` are (e, 2) metres, `padding` is (e,) metres, `edge` (e,) the index into the
+    triangulation's constrained edges, and `turns` (e,) metres the padding that turns need: an
+    offing may make it wider.
     """
 
     start: FloatArray
     end: FloatArray
     padding: FloatArray
     edge: IntArray
+    turns: FloatArray
 
     @classmethod
     def joined(cls, parts: "Sequence[PaddedEdges]") -> "PaddedEdges":
@@ -58,15 +60,12 @@ class PaddedEdges:
     def stacked(cls, parts: "Sequence[PaddedEdges]") -> "PaddedEdges":
         """Return the edges of all parts, one part after the other."""
         return cls(
-            *(
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in ("start", "end", "padding", "edge")
-            )
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__)
         )
 
     def select(self, keep: BoolArray | IntArray) -> "PaddedEdges":
         """Return only some of the edges."""
-        return PaddedEdges(self.start[keep], self.end[keep], self.padding[keep], self.edge[keep])
+        return PaddedEdges(*(getattr(self, name)[keep] for name in self.__slots__))
 
     def at_least(self, width: FloatArray) -> "PaddedEdges":
         """Return the edges with a padding of at least `width` (e,) metres."""
@@ -85,6 +84,7 @@ class PaddedEdges:
             start + high[:, None] * along,
             self.padding[row],
             self.edge[row],
+            self.turns[row],
         )
 
     def around(self, point: FloatArray) -> "PaddedEdges":
@@ -96,7 +96,8 @@ class PaddedEdges:
         extra = np.zeros(len(self.edge))
         order = np.argsort(self.edge, kind="stable")
         np.maximum.at(extra, order[np.searchsorted(self.edge, edges, sorter=order)], by)
-        return replace(self, padding=self.padding + extra)
+        padding = self.padding + extra
+        return replace(self, padding=padding, turns=np.where(extra > 0, padding, self.turns))
 
     def widened(self, places: FloatArray, by: FloatArray, reach: float) -> "PaddedEdges":
         """Return the edges, with more padding on the parts within reach (m) of places (n, 2).
@@ -115,6 +116,7 @@ class PaddedEdges:
             np.concatenate([self.end, self.start[edge] + high[:, None] * axis]),
             np.concatenate([self.padding, self.padding[edge] + by[place]]),
             np.concatenate([self.edge, self.edge[edge]]),
+            np.concatenate([self.turns, self.padding[edge] + by[place]]),
         )
 
 
@@ -197,7 +199,8 @@ class PaddingModel:
             padding[edges] = np.maximum(padding[edges], needed)
         padding = np.where(own >= 0, own, beside)
         chosen = np.flatnonzero(padding >= 0)
-        return PaddedEdges(self._edges[chosen, 0], self._edges[chosen, 1], padding[chosen], chosen)
+        start, end, needed = self._edges[chosen, 0], self._edges[chosen, 1], padding[chosen]
+        return PaddedEdges(start, end, needed, chosen, needed)
 
     def shortfall(
         self, path: Visits, windows: FloatArray, channel: Channel, padded: PaddedEdges

@@ -19,7 +19,7 @@ from pipeline.formats.figures.artists import PLAIN_PT, POINTS_PER_INCH, SMALL_PT
 from pipeline.formats.figures.chart_map import WIDTH_PT
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.text import distance, percent
+from pipeline.formats.shared.text import at_most_percent, clearance, distance
 from renew.voyage.fuel import speeds_along
 
 # Number of drawn turns to either side, and of points of each.
@@ -74,13 +74,13 @@ def turns_figure(result: RunResult, season: str, width_pt: float | None = None) 
     axes.set_xlim(low[0] - room, high[0] + room, auto=True)
     axes.set_ylim(bottom, high[1] + room, auto=True)
     axes.set_aspect("equal", adjustable="datalim")
-    no_go = f"no-go zone,\n{distance(found.gap * scale)} off"
+    no_go = f"no-go zone,\n{clearance(found.gap * scale)} off"
     # Beside the plot, where no turn crosses them.
     for text, level, side in (
         (no_go, -gap, "top")
         if -gap > bottom
         else (f"\N{DOWNWARDS ARROW} {no_go}", bottom, "bottom"),
-        (f"padding\n{distance(found.padding * scale)}", padding - gap, "bottom"),
+        (f"soft no-go zone\n{clearance(found.padding * scale)}", padding - gap, "bottom"),
     ):
         axes.annotate(
             text,
@@ -126,7 +126,7 @@ def reach_figure(result: RunResult, season: str, width_pt: float | None = None) 
     draw_reaches(axes, [("", reach_m / unit_m, COLOURS["other"])], risk)
     for value, name, colour in (
         (float(np.quantile(reach_m, 1 - risk)), "quantile", "other"),
-        (found.padding * scale, "padding", "soft"),
+        (found.turns * scale, "padding for turns", "soft"),
         (found.gap * scale, "route to no-go zone", "best"),
     ):
         axes.axvline(
@@ -217,11 +217,11 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     `scale` is true metres to a planar metre.
     """
     reach_m = np.asarray(tightest.reaches, dtype=float) * scale
-    padding_m, gap_m = tightest.padding * scale, tightest.gap * scale
-    beyond = float((reach_m > padding_m).mean())
+    padding_m, gap_m = tightest.turns * scale, tightest.gap * scale
+    beyond = at_most_percent(float((reach_m > padding_m).mean()))
     marks = [
         _Mark(float(np.median(reach_m)), "median", "ink"),
-        _Mark(padding_m, "padding", "other", f", exceeded by {percent(beyond)}"),
+        _Mark(padding_m, "padding for turns", "other", f", exceeded by {beyond}"),
         _Mark(gap_m, "route to no-go zone", "best"),
     ]
     furthest_m = max(float(reach_m.max()), padding_m)
@@ -259,7 +259,7 @@ class _Mark(NamedTuple):
 def _draw_mark(axes: Axes, mark: _Mark, unit_m: float, height: float) -> None:
     """Draw a mark as a line up to its text, at a share of the panel's height."""
     x, (_, end) = mark.value_m / unit_m, axes.get_xlim()
-    text = f"{mark.name} {distance(mark.value_m)}{mark.remark}"
+    text = f"{mark.name} {clearance(mark.value_m)}{mark.remark}"
     if x <= end:
         axes.axvline(x, 0, height, color=COLOURS[mark.role], linewidth=1.8, zorder=3)
     else:

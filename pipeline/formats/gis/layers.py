@@ -282,6 +282,7 @@ def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
             "homotopy": [r.metrics.homotopy for r in ranked],
             "padding_min_m": [p.min(initial=np.inf) for p in paddings],
             "padding_max_m": [p.max(initial=-np.inf) for p in paddings],
+            "turns_max_m": [scale * r.route.turn_padding.max(initial=-np.inf) for r in ranked],
         },
     )
 

@@ -225,7 +225,7 @@ def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
     if ends:
         remarks.append(
             f"The {' and the '.join(ends)} lie{'s' if len(ends) == 1 else ''} in the soft no-go "
-            "zone, as harbours do; inside it, a hard-over turn is not guaranteed to be safe."
+            "zone, as harbours do; planning simulates no hard-over turn around there."
         )
     if best.metrics.land_m > 0:
         remarks.append(

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.formats.shared import text
-from pipeline.formats.shared.text import fuel
 from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
 
 # Difference, as a share, below which two lengths, or two figures of fuel, are printed alike.
@@ -59,7 +58,7 @@ class SeasonFacts:
         """Say in one sentence why the best route is the one to take."""
         rival = self.rival
         if rival is None:
-            return "because no other class has a route."
+            return "because no other class that was planned has a route."
         if self.is_still or (self.lacks_current and self.best.length_m <= rival.length_m):
             return f"because {self._still(rival)}."
         if self.best.fuel > rival.fuel:  # the sampled method
@@ -132,7 +131,7 @@ class SeasonFacts:
         saved = self.best.optimality_gap / (1 + self.best.optimality_gap)
         return (
             "The side is not proven: it is only known that no way on any side saves more than "
-            f"{text.percent(saved)}."
+            f"{text.at_most_percent(saved)}."
         )
 
     def verdict(self) -> tuple[str, ...]:
@@ -140,7 +139,7 @@ class SeasonFacts:
         best, others = self.best, self.routes[1:]
         sentences = [self._comparison(self.rival)] if self.rival else []
         if not others:
-            sentences.append("It is the only class that has a route.")
+            sentences.append("No other class that was planned has a route.")
         if certain := self.certainty():
             sentences.append(certain)
         shorter = [r for r in others if r.length_m < best.length_m * (1 - _SAME_LENGTH)]
@@ -249,7 +248,7 @@ def clock_text(worth: ClockWorth) -> str:
         return f"{sailed} There is no useful bound on what a better route could save."
     return (
         f"{sailed} No route within the chart saves more than "
-        f"{text.percent(1 - worth.bound / worth.best)}."
+        f"{text.at_most_percent(1 - worth.bound / worth.best)}."
     )
 
 
@@ -281,8 +280,8 @@ def _bound(best: RouteMetrics) -> str:
     bound = best.fuel / (1 + best.optimality_gap)
     return (
         "By the same law of fuel no route within the chart, of any class and however close "
-        f"to {best.no_go_name}, needs less than {fuel(bound)}; this one is within "
-        f"{text.percent(best.optimality_gap)} of that bound."
+        f"to {best.no_go_name}, needs less than {text.fuel(bound, least=True)}; this one is "
+        f"within {text.at_most_percent(best.optimality_gap)} of that bound."
     )
 
 

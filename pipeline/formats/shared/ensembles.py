@@ -117,17 +117,17 @@ def _sentences(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Itera
         p90, cvar = (found.statistic(name, 1) for name in ("p90", "cvar90"))
         most = ""
         if regret > _NOTHING * mean:
-            share = text.percent(regret / mean)
+            share = text.at_most_percent(regret / mean)
             most = f" Where it is most wrong, another route needs {share} of that less."
         worst = ""
         if found.has_quantiles:
             worst = (
-                f", and at most {text.percent(p90 / mean - 1)} more in nine members of ten; the "
-                f"worst tenth needs {text.percent(cvar / mean - 1)} more"
+                f", and at most {text.at_most_percent(p90 / mean - 1)} more in nine members of ten"
+                f"; the worst tenth needs {text.percent(cvar / mean - 1)} more"
             )
         yield f"The route taken needs {text.fuel(mean)} on average{worst}.{most}"
         if found.waiting_saves > _NOTHING * mean:
-            worth = text.percent(found.waiting_saves / mean)
+            worth = text.at_most_percent(found.waiting_saves / mean)
             yield (
                 f"To know the member before the side is chosen would save {worth} on average: "
                 "waiting for a better forecast is worth no more than that to this choice."

@@ -6,6 +6,7 @@ depends on them. Besides the usual formats there are `{x:distance}` and `{x:hour
 `{list:, /3/ and # more}` for a list of which only three entries are named.
 """
 
+import math
 import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -88,6 +89,7 @@ _FORMATTER = _Formatter()
 _FORMATS: Mapping[str, Callable[[Any], str]] = {
     "box": text.box,
     "distance": text.distance,
+    "at most": lambda value: f"{text.rounded_up(value, 2):g}",
     "at most hours": text.at_most_hours,
     "clearance": text.clearance,
     "hours": text.hours,
@@ -133,17 +135,19 @@ def _least_water(
 ) -> str:
     when = "" if at is None else f", at {_moment(at)}"
     hours = _from_until(begin, until, "")
+    least, early, late = (text.rounded_down(one, 1) for one in (least_m, early_m, late_m))
     enough = f" There is enough water{hours}" if hours else " There is enough water at any time"
     return (
-        f"the best route has {least_m:.1f} m under the keel where that is least, {place.text}"
-        f"{when}; early {early_m:.1f} m, late {late_m:.1f} m.{enough}"
+        f"the best route has {least} m under the keel where that is least, {place.text}"
+        f"{when}; early {early} m, late {late} m.{enough}"
     )
 
 
 def _tide_too_low(area: str, need_m: float, begin: _Moment, until: _Moment) -> str:
     hours = _from_until(begin, until, " at no time of the next 30 days")
+    need = f"{text.rounded_up(need_m, 2):g} m"
     return (
-        f"a way of less fuel leads over {area}, which needs {need_m:.2f} m of tide; there is enough"
+        f"a way of less fuel leads over {area}, which needs {need} of tide; there is enough"
         f"{hours}: the routes keep off it (best without waiting)"
     )
 
@@ -159,8 +163,9 @@ def _water_shut_for_hours(
     shut = f"shut {_first(times, ', ', '3', ' and # more times')}"
     return (
         f"{share:.1%} of the water is shut for some hours by a current as fast as the vessel "
-        f"({speed_m_s:g} m/s); where it is strongest, up to {most_m_s:.2f} m/s at {place.text}, "
-        f"{shut if times else 'before the vessel departs'}: routes are the best without waiting"
+        f"({speed_m_s:g} m/s); where it is strongest, up to {text.rounded_up(most_m_s, 2):g} m/s "
+        f"at {place.text}, {shut if times else 'before the vessel departs'}: routes are the best "
+        "without waiting"
     )
 
 
@@ -182,8 +187,8 @@ def _crossing(length_m: float, place: Place, routes: Sequence[int]) -> str:
 def _current_lacking(share: float, distance_m: float) -> str:
     return (
         f"the current has no data for {f'{share:.0%}' if share >= 0.01 else 'less than 1%'} of the "
-        f"region's water, up to {distance_m / 1000:.0f} km from the nearest value: it was filled "
-        "from the water around"
+        f"region's water, up to {math.ceil(distance_m / 1000)} km from the nearest "
+        "value: it was filled from the water around"
     )
 
 
@@ -202,10 +207,10 @@ def _island(island: str, place: Place, **_: object) -> str:
 
 
 def _side_left_out(island: str, place: Place, ratio: float, of: str) -> str:
-    times = f"{text.rounded_down(ratio, 1):.1f} times as"
+    least = f"{text.rounded_down(ratio, 2):g} times as" if ratio >= 1.01 else "as"
     need = {
-        "fuel": f"needs at least {times} much fuel as the best route",
-        "length": f"is at least {times} long as the shortest way",
+        "fuel": f"needs at least {least} much fuel as the best route",
+        "length": f"is at least {least} long as the shortest way",
     }
     return (
         f"the far side of {_island(island, place)} is not planned: by a bound on a coarse grid, a "
@@ -272,7 +277,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"tidal streams are the sum of {text.count(len(names), 'constituent', 'constituents')} "
         f"({_first(names, ', ', '8', ' and # more')})"
         f"{' and the mean of their file' if has_mean else ''}, every {step_min:g} min, within "
-        f"{error_m_s:.2f} m/s in between; wind and rivers are not in them"
+        f"{text.rounded_up(error_m_s, 2):g} m/s in between; wind and rivers are not in them"
     ),
     "tide-too-low": _tide_too_low,
     "tide-unknown": "water as at {place} is deep enough for some hours only, and no station counts "
@@ -282,7 +287,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "unit-assumed": "{variable} has no unit: m/s is assumed",
     "unit-converted": "{variable} is in {unit}: converted to m/s",
     "water-shut": "in {share:.1%} of the water the current is as fast as the vessel "
-    "({speed_m_s:g} m/s) or faster, up to {most_m_s:.2f} m/s at {place}: no route leads through it",
+    "({speed_m_s:g} m/s) or faster, up to {most_m_s:at most} m/s at {place}: no route leads there",
     "water-shut-for-hours": _water_shut_for_hours,
     "zeros-are-land": "zeros in the file are treated as land",
     # What was chosen.
@@ -297,6 +302,11 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "planner.clearance (--clearance) sets another, and 0 means none",
     "offing-yields": "the best route keeps less than the offing of {offing_m:,.0f} m for "
     "{length_m:distance} in narrows, at least {least_m:clearance} at {place}",
+    "room-kept": lambda turns_m, offing_m: (
+        f"hard-over turns beside the best route need a padding of up to {math.ceil(turns_m):,} m, "
+        f"and the offing is {offing_m:,.0f} m: the "
+        f"{'offing' if turns_m <= offing_m else 'wider of them'} decides how close it comes"
+    ),
     "region-chosen": _region_chosen,
     "side-left-out": _side_left_out,
     "region-opened": "region widened to {bounds:box}, because no way joins start and goal in a "

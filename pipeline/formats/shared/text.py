@@ -33,7 +33,7 @@ _DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0
 # unit.
 _FUEL_UNITS = ((1e9, 1e9, "billion"), (1e6, 1e6, "million"), (1e5, 1e3, "thousand"))
 # Part of the last decimal place that counts as the value's own rounding error.
-_EXACT = 1e-4
+_EXACT = 1e-6
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -77,19 +77,23 @@ def clearance(metres: float | None) -> str:
     if metres is None or not math.isfinite(metres):
         return ABSENT
     unit = 1000.0 if metres >= _KILOMETRES_FROM_M else 1.0
-    magnitude = math.floor(math.log10(metres / unit)) if metres > 0 else 0
-    decimals = max(0, 2 - magnitude)
-    return f"{rounded_down(metres / unit, decimals):,.{decimals}f} {'km' if unit > 1 else 'm'}"
+    return f"{number(_digits_down(metres / unit, 3), 3)} {'km' if unit > 1 else 'm'}"
 
 
 def rounded_down(value: float, decimals: int) -> float:
     """Round a lower limit down, so that it stays a lower limit."""
-    return math.floor(value * 10.0**decimals + _EXACT) / 10.0**decimals
+    return float(np.floor(value * 10.0**decimals + _EXACT) / 10.0**decimals)
 
 
 def rounded_up(value: float, decimals: int) -> float:
     """Round an upper limit up, so that it stays an upper limit."""
-    return math.ceil(value * 10.0**decimals - _EXACT) / 10.0**decimals
+    return float(np.ceil(value * 10.0**decimals - _EXACT) / 10.0**decimals)
+
+
+def _digits_down(value: float, digits: int) -> float:
+    """Round a lower limit down to significant digits, or to units if it has more of these."""
+    magnitude = math.floor(math.log10(value)) if 0 < value < math.inf else 0
+    return rounded_down(value, max(0, digits - 1 - magnitude))
 
 
 def speed_range(slowest: float, fastest: float) -> tuple[str, str]:
@@ -101,10 +105,10 @@ def speed_range(slowest: float, fastest: float) -> tuple[str, str]:
     return (f"{low:.2f}", f"{high:.2f}") if low < high else (plain(slowest), plain(slowest))
 
 
-def fuel(value: float) -> str:
-    """Format fuel to four digits: 695.6, 16.82 million."""
+def fuel(value: float, *, least: bool = False) -> str:
+    """Format fuel to four digits: 695.6, 16.82 million; the `least` that is needed rounded down."""
     unit, name = fuel_unit(value)
-    return f"{number(value / unit)} {name}".rstrip()
+    return f"{number(_digits_down(value / unit, 4) if least else value / unit)} {name}".rstrip()
 
 
 def fuel_unit(value: float) -> tuple[float, str]:
@@ -139,8 +143,6 @@ def hours(seconds: float) -> str:
 
 def at_most_hours(seconds: float) -> str:
     """Format a duration as `hours` does, rounded up: it is the longest that is possible."""
-    if not math.isfinite(seconds):
-        return ABSENT
     unit = _HOUR_S if seconds >= _HOUR_S else _MINUTE_S if seconds >= 2 * _MINUTE_S else 1.0
     return hours(rounded_up(seconds / unit, 1) * unit)
 
@@ -160,12 +162,12 @@ def percent(share: float, digits: int = 1) -> str:
 
 def at_least_percent(share: float) -> str:
     """Format a share as a percentage, rounded down: at least 2.3 %."""
-    return percent(rounded_down(100 * share, 1) / 100) if math.isfinite(share) else ABSENT
+    return percent(rounded_down(100 * share, 1) / 100)
 
 
 def at_most_percent(share: float) -> str:
     """Format a share as a percentage, rounded up: at most 2.4 %."""
-    return percent(rounded_up(100 * share, 1) / 100) if math.isfinite(share) else ABSENT
+    return percent(rounded_up(100 * share, 1) / 100)
 
 
 def share(value: float) -> str:
@@ -174,8 +176,8 @@ def share(value: float) -> str:
 
 
 def gap_figure(share: float) -> str:
-    """Format an optimality gap: 4.9 %, or "no useful bound"."""
-    return "no useful bound" if share > USEFUL_GAP else percent(share)
+    """Format an optimality gap, rounded up: 4.9 %, or "no useful bound"."""
+    return "no useful bound" if share > USEFUL_GAP else at_most_percent(share)
 
 
 def capitalised(text: str) -> str:
@@ -221,10 +223,10 @@ def zone_text(zone: Zone) -> str:
 def kept_gap_text(share: float) -> str:
     """Say in a sentence how near a route is to the bound on routes that are as safe."""
     if share > USEFUL_GAP:
-        return "There is no useful bound for routes that keep the same clearance."
+        return "There is no useful bound for routes that keep the same offing."
     return (
-        f"Any route that keeps the same clearance, and the least padding that hard-over turns ask "
-        f"for on any heading, saves at most {percent(share / (1 + share))}."
+        f"Any route that keeps the same offing, and the least padding that hard-over turns ask for "
+        f"on any heading, saves at most {at_most_percent(share / (1 + share))}."
     )
 
 
@@ -235,10 +237,10 @@ def gap_text(shares: GapShares, no_go: str) -> str:
     if whole > USEFUL_GAP:
         return "The bound on fuel is too loose here to split the optimality gap into parts."
     return (
-        f"Of the optimality gap of {percent(whole)}, the chart's simplification, margin and offing "
-        f"cause {percent(shares.chart)}, the room for hard-over turns (padding) "
-        f"{percent(shares.padding)}, {tide}and the bound itself {percent(shares.bound)}: even "
-        f"among routes that only stay off the {no_go} none was found nearer to the bound."
+        f"Of the optimality gap of {at_most_percent(whole)}, the chart's simplification, margin "
+        f"and offing cause {percent(shares.chart)}, the room for hard-over turns (padding) "
+        f"{percent(shares.padding)}, {tide}and the bound itself {at_most_percent(shares.bound)}: "
+        f"even among routes that only stay off the {no_go} none was found nearer to the bound."
     )
 
 

@@ -130,7 +130,7 @@ def _over_members(row: Row) -> Row:
 
     def share(name: str, base: float = 0.0) -> str:
         value = row[f"members_{name}"]
-        return "–" if value is None or not mean else text.percent(value / mean - base)
+        return "–" if value is None or not mean else text.at_most_percent(value / mean - base)
 
     return {
         "case": row["case"],
@@ -142,7 +142,7 @@ def _over_members(row: Row) -> Row:
             "CVaR, above the mean": share("cvar90_fuel", 1.0),
             "Regret, at most": share("regret"),
             "Waiting saves": share("waiting_saves"),
-            "Gap": "–" if row["members_gap"] is None else text.percent(row["members_gap"]),
+            "Gap": "–" if row["members_gap"] is None else text.gap_figure(row["members_gap"]),
         },
         "left_out": row["members_left_out"],
     }

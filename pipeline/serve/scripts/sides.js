@@ -7,7 +7,7 @@ const SEASON_COLOURS = 6;
 const DAY_S = 86400;
 
 const percent = (share) => `${formatDecimals(100 * share, 1)} %`;
-const gapText = (gap) => (gap === null ? "not proven" : gap > 1 ? "no useful bound" : percent(gap));
+const gapText = (gap) => (gap === null ? "not proven" : gap > 1 ? "no useful bound" : percent(Math.ceil(1000 * gap - 1e-6) / 1000));
 const moment = (text) => `${text.slice(0, 16).replace("T", " ")} UTC`;
 
 /** A duration: 2.3 days from two days on, else hours. */

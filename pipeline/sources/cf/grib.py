@@ -121,7 +121,7 @@ def require_library() -> None:
         import eccodes  # noqa: F401 - only to see whether it can be loaded
     except (ImportError, RuntimeError):
         raise ValueError(
-            "it is GRIB, and ecCodes is not installed; pip install 'renew-planner[grib]', or "
+            "it is GRIB, and ecCodes is not installed; pip install eccodes eccodeslib, or "
             "convert it, as with `cdo -f nc copy`"
         ) from None
 

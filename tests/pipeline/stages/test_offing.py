@@ -20,6 +20,7 @@ from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.choose import (
     narrows_notes,
     offing_m,
+    room_notes,
     with_offing,
 )
 from pipeline.stages.places import plane_scene
@@ -92,6 +93,21 @@ def test_the_length_with_reduced_offing_is_reported(gap_m: float) -> None:
 def test_where_the_offing_has_room_it_does_not_yield() -> None:
     scene, options = a_wall(200.0), PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1)
     assert narrows_notes(scene, [plan_season(scene, "calm", options)], options) == ()
+
+
+def test_what_the_room_is_for_is_told_by_what_turns_need() -> None:
+    """The turns' part is what a plan without an offing pads at most, on the same edges."""
+    scene = a_wall(200.0)
+    for clearance in (40.0, 0.5):
+        options = PlannerOptions(clearance=clearance, classes=1)
+        (note,) = room_notes(scene, [plan_season(scene, "calm", options)], options)
+        values: dict[str, Any] = dict(note.values)
+        bare = plan_season(scene, "calm", PlannerOptions(classes=1)).ranked_routes[0]
+        assert values["turns_m"] == pytest.approx(bare.padding_used[:, 4].max(), rel=1e-6)
+        assert values["offing_m"] == clearance
+        assert ("the offing decides" in note_text(note)) == (clearance > 5)
+    plain = PlannerOptions(clearance=40.0, classes=1, padding="none")
+    assert room_notes(scene, [plan_season(scene, "calm", plain)], plain) == ()
 
 
 def test_a_clearance_that_is_given_is_never_reduced() -> None:

@@ -195,4 +195,4 @@ for asked in (lambda: renew.Tide({"M2": (1.0, 0.0)}, 1.5, epoch), lambda: speeds
     assert heights == "[1.5]"
     assert len(refused) == 2
     for line in refused:
-        assert line.endswith("pyfes, which is not installed; pip install 'renew-planner[tides]'")
+        assert line.endswith("pyfes, which is not installed; pip install 'pyfes<2026.10'")

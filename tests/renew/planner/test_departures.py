@@ -207,7 +207,7 @@ def test_an_arrival_that_cannot_be_made_says_what_would_do() -> None:
         renew.plan(CHART, TIDE, PAPER_VESSEL, START, GOAL, departure=400.0, arrive_by=500.0)
     message = str(caught.value)
     assert f"arrives at {400 + _duration(400.0):.4g}"[:14] in message
-    departure, speed = _numbers_after(message, "leave at "), _numbers_after(message, "makes ")
+    departure, speed = _numbers_after(message, "leave before "), _numbers_after(message, "makes ")
     assert departure + _duration(departure) <= 500.0
     faster = replace(PAPER_VESSEL, speed=speed * 1.01)
     plan = renew.plan(CHART, TIDE, faster, START, GOAL, departure=400.0)

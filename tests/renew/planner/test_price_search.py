@@ -152,7 +152,7 @@ def test_a_deadline_that_cannot_be_made_says_what_would_do() -> None:
     assert f"arrives at {earliest:.4g}"[:14] in message
     speed = float(message.split("reach ")[1].split(maxsplit=1)[0])
     assert speed == pytest.approx(distance / 60 - 0.1 * along, rel=0.01)
-    departure = float(message.split("leave at ")[1].split(maxsplit=1)[0])
+    departure = float(message.split("leave before ")[1].split(maxsplit=1)[0])
     assert departure == pytest.approx(60 - earliest, abs=0.5)
 
 

@@ -28,7 +28,8 @@ def padded_edges(seed: int) -> PaddedEdges:
     rng = np.random.default_rng(seed)
     start = rng.uniform(0, 10, (12, 2))
     end = start + rng.normal(0, 2, (12, 2))
-    return PaddedEdges(start, end, rng.uniform(0, 3, 12), rng.permutation(30)[:12])
+    padding = rng.uniform(0, 3, 12)
+    return PaddedEdges(start, end, padding, rng.permutation(30)[:12], padding / 2)
 
 
 @settings(max_examples=20)
@@ -49,6 +50,10 @@ def test_an_edge_that_is_named_twice_grows_by_the_larger_figure() -> None:
     expected[[7, 2]] += [1.5, 2.0]
     assert grown.padding.tolist() == expected.tolist()
     assert grown.edge.tolist() == padded.edge.tolist()
+    # What has grown has grown for turns, and all of its padding is needed for them.
+    turns = padded.turns.copy()
+    turns[[7, 2]] = expected[[7, 2]]
+    assert grown.turns.tolist() == turns.tolist()
 
 
 def always(channel: Channel) -> FloatArray:

@@ -35,7 +35,8 @@ def shores(chart: renew.Chart, padding: float) -> PaddedEdges:
     rings = [shapely.get_coordinates(island.exterior) for island in chart.no_go]
     start = np.concatenate([ring[:-1] for ring in rings])
     end = np.concatenate([ring[1:] for ring in rings])
-    return PaddedEdges(start, end, np.full(len(start), padding), np.arange(len(start)) + 7)
+    widths = np.full(len(start), padding)
+    return PaddedEdges(start, end, widths, np.arange(len(start)) + 7, widths)
 
 
 def verify(path: FloatArray, voyage: Voyage, padded: PaddedEdges) -> dict[int, float]:
@@ -108,7 +109,8 @@ def test_turns_around_a_start_inside_the_padding_are_not_held_against_it() -> No
 def test_without_land_there_is_nothing_to_touch() -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [])
     voyage = voyage_on(chart)
-    none = PaddedEdges(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), np.empty(0, dtype=np.int64))
+    ends, width = np.empty((0, 2)), np.empty(0)
+    none = PaddedEdges(ends, ends, width, np.empty(0, dtype=np.int64), width)
     assert not verify(np.array([voyage.start, voyage.goal]), voyage, none)
 
 

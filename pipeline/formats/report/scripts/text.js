@@ -49,7 +49,7 @@ function formatClearance(metres) {
   let [unit, name, decimals] = metres >= 1000 ? [1000, "km"] : [1, "m"];
   if (units.nautical && metres >= MILES_FROM_M) [unit, name, decimals] = [MILE_M, "NM", metres >= 10 * MILE_M ? 1 : 2];
   if (decimals === undefined) decimals = metres > 0 ? Math.max(0, 2 - Math.floor(Math.log10(metres / unit))) : 2;
-  const down = Math.floor((metres / unit) * 10 ** decimals + 1e-4) / 10 ** decimals;
+  const down = Math.floor((metres / unit) * 10 ** decimals + 1e-6) / 10 ** decimals;
   return `${formatDecimals(down, decimals)} ${name}`;
 }
 

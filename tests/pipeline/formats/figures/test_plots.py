@@ -146,11 +146,14 @@ def bars(axes: Axes) -> list[tuple[FloatArray, FloatArray]]:
     return [patch.get_data()[:2] for patch in axes.findobj(StepPatch)]
 
 
-def tight(padding: float, gap: float, reaches: FloatArray) -> renew.Tightest:
+def tight(
+    padding: float, gap: float, reaches: FloatArray, turns: float | None = None
+) -> renew.Tightest:
     """A tightest place with given values."""
     edge = np.array([[0.0, gap], [1.0, gap]])
     still = np.zeros((len(reaches), 2))
-    return renew.Tightest(np.zeros(2), edge, 0.0, padding, gap, reaches, still[:, 0], still)
+    turns = padding if turns is None else turns
+    return renew.Tightest(np.zeros(2), edge, 0.0, padding, turns, gap, reaches, still[:, 0], still)
 
 
 def test_the_histogram_holds_every_turn_and_marks_the_padding() -> None:
@@ -165,8 +168,15 @@ def test_the_histogram_holds_every_turn_and_marks_the_padding() -> None:
         assert line[:, 0] == pytest.approx(place)
     text = text_of(axes)
     assert "median 2.00 km" in text
-    assert "padding 2.90 km, exceeded by 5.0 %" in text
+    assert "padding for turns 2.90 km, exceeded by 5.0 %" in text
     assert "route to no-go zone 3.20 km" in text
+
+
+def test_an_offing_is_not_taken_for_what_turns_need() -> None:
+    reaches = np.linspace(1.0, 3.0, 401)
+    (axes,) = padding_figure(tight(700.0, 800.0, reaches, turns=2.901), 1.0).axes
+    assert "padding for turns 2.90 m, exceeded by 5.0 %" in text_of(axes)
+    assert "700" not in text_of(axes)
 
 
 def test_a_distant_coast_is_only_written_so_that_bars_stay_readable() -> None:

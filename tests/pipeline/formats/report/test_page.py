@@ -88,8 +88,11 @@ def test_every_class_is_in_its_seasons_table(page: Page, result: RunResult) -> N
             assert row["Time"] == f"{m.duration_s / 3600:.1f} h"
             assert row["Clearance"] == texts.clearance(m.clearance_m)
             assert row["Turns that met land"] == f"{m.collisions} of {m.trials}"
-            assert row["Optimality gap"] == f"{100 * m.optimality_gap:.1f} %"
-            assert row["At the clearance kept"] == f"{100 * m.gap_at_clearance:.1f} %"
+            for column, gap in (
+                ("Optimality gap", m.optimality_gap),
+                ("At the clearance kept", m.gap_at_clearance),
+            ):
+                assert row[column] == f"{math.ceil(1000 * gap) / 10:.1f} %"  # an upper limit
             assert row["Class"] == m.homotopy
             if m.rank > 1:
                 excess = 100 * (m.fuel / metrics[0].fuel - 1)

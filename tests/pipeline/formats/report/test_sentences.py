@@ -94,7 +94,7 @@ def test_the_only_class_and_its_collisions_are_stated() -> None:
     alone = replace(BEST, collisions=7, clearance_m=math.inf, optimality_gap=math.nan)
     assert SeasonFacts([alone]).rival is None
     text = " ".join(SeasonFacts([alone]).verdict())
-    assert "the only class" in text
+    assert "No other class that was planned has a route." in text
     assert "no land to keep clear of; 7 of 1,430 simulated hard-over turns met land" in text
     assert "saved" not in text
 
@@ -128,7 +128,7 @@ def test_the_reason_is_length_or_the_current() -> None:
         "because it is 200.0 km shorter than the best way east of island 1, although "
         "the current adds 0.25 m/s to its speed and adds 0.30 m/s to the other's."
     )
-    assert SeasonFacts([BEST]).because() == "because no other class has a route."
+    assert SeasonFacts([BEST]).because() == "because no other class that was planned has a route."
     alike = replace(shorter, duration_s=1_200_000 / 1.25)
     assert SeasonFacts([BEST, alike]).because() == (
         "because it is 200.0 km shorter than the best way east of island 1, and the current adds "

@@ -129,6 +129,17 @@ def test_in_still_water_a_speed_over_ground_is_the_vessels_own() -> None:
         assert points.speed_m_s[:-1] == pytest.approx(result.scene.vessel.speed, rel=1e-6)
 
 
+def test_across_a_fifth_of_the_speed_a_leg_takes_two_per_cent_longer_than_projected() -> None:
+    """outputs/README.md says so: the drift of the plan doesn't count what heading into it costs."""
+    leg, across = np.array([(0.0, 0.0), (1e4, 0.0)]), renew.UniformCurrent(0.0, 1.0)
+    vessel = renew.Vessel(speed=5.0, turn_rate=0.3, length=7.0)
+    made, planned = (
+        renew.fuel(leg, across, vessel, drift=drift) for drift in ("crab", "projected")
+    )
+    assert made / planned == pytest.approx((1 - 0.2**2) ** -0.5, rel=1e-9)
+    assert made / planned == pytest.approx(1.02, abs=1e-3)
+
+
 def test_chosen_speeds_keep_the_planned_arrival() -> None:
     result = chosen_speeds.planned()
     for points in season_waypoints(result, "chosen"):

@@ -77,7 +77,7 @@ def test_the_report_explains_no_go_areas_once(with_depths: RunResult) -> None:
 def test_the_terminal_speaks_of_no_go_areas(with_depths: RunResult, tmp_path: Path) -> None:
     text = terminal(with_depths, tmp_path)
     assert not said(text.splitlines())
-    assert "clear of no-go areas, km" in text
+    assert "clear of no-go areas</th>" in text
     assert "stay off the no-go areas" in text
     assert all("met no-go areas" in note for note in note_texts(safety_notes(with_depths)))
 
@@ -107,7 +107,7 @@ def test_figures_speak_of_no_go_areas(with_depths: RunResult, kind: Kind) -> Non
 
 def test_a_chart_of_land_speaks_of_land(result: RunResult, tmp_path: Path) -> None:
     assert "Distance to land" in render(gather(result))
-    assert "clear of land, km" in terminal(result, tmp_path)
+    assert "clear of land</th>" in terminal(result, tmp_path)
     assert result.land_label == "land"
 
 

@@ -359,7 +359,7 @@ def test_without_the_library_the_extra_is_named(
 ) -> None:
     path = write_grib(tmp_path / "sea.grb", days)
     monkeypatch.setitem(sys.modules, "eccodes", None)
-    with pytest.raises(ValueError, match=r"it is GRIB, .* pip install 'renew-planner\[grib\]'"):
+    with pytest.raises(ValueError, match=r"it is GRIB, .* pip install eccodes eccodeslib"):
         open_dataset(path)
 
 
