@@ -1,5 +1,6 @@
 """A component of a current in a file: its variable, unit, axes and time steps."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +9,8 @@ from typing import TYPE_CHECKING
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf import axes
-from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.dataset import check_values
+from pipeline.sources.cf.times import TimeSteps, read_steps, step_method
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -76,6 +77,9 @@ def read_component(
     if "lon" not in by_role or "lat" not in by_role:
         raise ValueError(axes.grid_fault(dataset, array))
     fixed: dict[str, int] = {}
+    # A level may also be a variable without a dimension.
+    scalars = [name for name, one in dataset.variables.items() if not one.dims]
+    roles |= {name: role for name in scalars if (role := axes.axis_role(dataset, name)) == "level"}
     for dim, role in roles.items():
         if role == "level":
             fixed[str(dim)], level_notes = axes.surface_level(dataset, str(dim))
@@ -83,17 +87,18 @@ def read_component(
         elif not role:
             fixed[str(dim)] = _place_along(array, str(dim), index)
     time = by_role.get("time", "")
+    named = (*map(str, dataset.attrs.values()), file.name)
     return Component(
         file=file,
         name=name,
         time=time,
         lat=by_role["lat"],
         lon=by_role["lon"],
-        fixed=fixed,
+        fixed={dim: at for dim, at in fixed.items() if dim in array.dims},
         unit_m_s=unit_m_s,
-        steps=axes.read_steps(*axes.time_axis(dataset, time))
-        if time and not along
-        else TimeSteps(),
+        steps=TimeSteps()
+        if along or not time
+        else read_steps(*axes.time_axis(dataset, time), **step_method(array, time, named)),
         lons_deg=axes.coordinate_axis(dataset, by_role["lon"], period=360.0),
         lats_deg=axes.coordinate_axis(dataset, by_role["lat"]),
         notes=tuple(notes),
@@ -108,7 +113,8 @@ def _place_along(array: "xr.DataArray", dim: str, index: tuple[str, int] | None)
         return at
     raise ValueError(
         f"{array.name} has the dimension {dim} ({size}), which is neither time, depth, latitude "
-        f"nor longitude; keep one index of it, or plan in all with members = {{ along = '{dim}' }}"
+        f"nor longitude; {axes.SWAP}; or keep one index of it; or, of an ensemble, "
+        f"plan in all with members = {{ along = '{dim}' }}"
     )
 
 
@@ -117,7 +123,7 @@ def _unit_m_s(array: "xr.DataArray") -> tuple[float, list[Note]]:
     units = str(array.attrs.get("units", "")).strip()
     if not units:
         return 1.0, [Note.of("unit-assumed", variable=str(array.name))]
-    plain = units.lower().translate(str.maketrans("", "", " .^*"))
+    plain = re.sub(r"sec\b", "s", units.lower().translate(str.maketrans("", "", " .^*")))
     for unit_m_s, spellings in _UNITS_M_S.items():
         if plain in spellings:
             converted = Note.of("unit-converted", variable=str(array.name), unit=units)

@@ -343,8 +343,9 @@ def _one_grid(fields: Sequence[Field]) -> Grid:
     grid = grids.pop()
     if grid.kind != _REGULAR:
         raise ValueError(
-            f"its grid is of the kind {grid.kind}, not along latitude and longitude; put it on a "
-            "regular grid first, as with `cdo -f nc remapbil,r1440x720`"
+            f"its grid is of the kind {grid.kind}, not along latitude and longitude; turn "
+            "components along its lines to east and north (uvRelativeToGrid = 1, as with `cdo "
+            "rotuvb`), and then put them on a regular grid, as with `cdo -f nc remapbil,r1440x720`"
         )
     if math.prod(grid.shape) > _MAX_NODES:
         raise ValueError(
