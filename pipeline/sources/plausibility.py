@@ -233,7 +233,8 @@ def _assess_changed_gaps(changed: dict[str, int], labels: Sequence[str]) -> Asse
     """Assess whether fields have data in the same cells; `changed`: time → cells that differ."""
     faults = [
         f"{cells} cells have data either at {label} or at {labels[0]}, not at both: its land and "
-        "its gaps must be the same at all times"
+        "its gaps must be the same at all times: fill them in time, as with xarray's "
+        "`interpolate_na`, and take cells that still have some out of all times"
         for label, cells in changed.items()
     ]
     return Assessment(_first_few(faults))

@@ -107,8 +107,8 @@ def surface_level(dataset: "xr.Dataset", dim: str) -> tuple[int, list[Note]]:
     index = int(levels.argmax() if up == "up" else levels.argmin())
     depth_m = abs(float(levels[index]))
     if not is_depth:
-        is_alone = levels.size == 1 and depth_m > 0
-        return index, [Note.of("level-assumed", level=dim, value=float(levels[index]))] * is_alone
+        assumed = Note.of("level-assumed", level=dim, value=float(levels[index]))
+        return index, [assumed] * (levels.size == 1)
     if depth_m > _MAX_DEPTH_M:
         raise ValueError(
             f"its uppermost level ({dim}) is {depth_m:g} m deep; give currents of the surface"

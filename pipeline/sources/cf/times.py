@@ -244,7 +244,7 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
     if name not in _CALENDARS:
         raise ValueError(
             f"its calendar is {name!r}, which is not the real one; convert it, as with "
-            "`cdo setcalendar,standard`"
+            "xarray's `convert_calendar('standard')`"
         )
     zone = str(time.attrs.get("time_zone", ""))
     if zone.lower() not in _UTC:
