@@ -48,13 +48,13 @@ def axis_role(dataset: "xr.Dataset", dim: str) -> str:
     attributes = dataset[dim].attrs if dim in dataset.variables else {}
     standard = str(attributes.get("standard_name", ""))
     units = str(attributes.get("units", ""))
+    if standard.startswith(("grid_", "projection_")):
+        return ""  # of a turned grid, or in metres
     for kind, long in (("lon", "longitude"), ("lat", "latitude")):
         if standard == long or units in _DEGREES[kind]:
             return kind
     if standard == "time" or " since " in units or attributes.get("axis") == "T":
         return "time"
-    if standard.startswith(("grid_", "projection_")):
-        return ""  # of a turned grid, or in metres
     is_vertical = standard.startswith(("depth", "model_level", *_UPWARD))
     if is_vertical or "positive" in attributes or attributes.get("axis") == "Z":
         return "level"

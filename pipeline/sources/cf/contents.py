@@ -206,6 +206,8 @@ def _groups_hint(files: Sequence[Path]) -> str:
         return ""
     if not groups:
         return ""
+    if "Group_F" in groups:
+        return "; it is an S-100 file, which is not read: give its currents as NetCDF"
     listed = ", ".join(groups[:_MAX_GROUPS])
     return f"; groups ({listed}) are not read: take one out, as with `ncks -G : -g {groups[0]}`"
 

@@ -343,8 +343,8 @@ def _one_grid(fields: Sequence[Field]) -> Grid:
     grid = grids.pop()
     if grid.kind != _REGULAR:
         raise ValueError(
-            f"its grid is of the kind {grid.kind}: if it is turned, turn the components to east and "
-            "north first (`cdo rotuvb`); then put them on `cdo -f nc remapbil,r1440x720`'s grid"
+            f"its grid is of the kind {grid.kind}; make it NetCDF, as with `cdo -f nc copy`, and "
+            "go on as in docs/how-to/own-currents.md, 'A turned grid'"
         )
     if math.prod(grid.shape) > _MAX_NODES:
         raise ValueError(
