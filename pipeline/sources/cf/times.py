@@ -138,8 +138,9 @@ def step_method(array: "xr.DataArray", dim: str, names: Iterable[str]) -> dict[s
         raise ValueError(f"{array.name} is neither of a time nor a mean ({methods}); give such")
     by = "" if said is None else {"mean": said[0], "point": "point"}[said[1]]
     for name in filter(None, map(_ID.search, names)):
+        by = by or {"m": name[0], "i": "point"}[name[4]]
         width = int(name[2]) * _LENGTHS[name[1] + name[3]]
-        return {"by": by or {"m": name[0], "i": "point"}[name[4]], "width": width}
+        return {"by": by, "width": None if by == "point" else width}
     return {"by": by}
 
 
@@ -173,12 +174,13 @@ def _placed(steps: TimeSteps) -> TimeSteps:
     if length == MONTH:
         labels = tuple(moment.strftime("%Y-%m") for moment in moments)
     elif by and all(abs(one) <= slack for one in early):
-        return steps
+        return replace(steps, width=length)
     elif not by or timedelta(1) % length or any(abs(one - length / 2) > slack for one in early):
         how = f"instants, as it does not say of which time they are means{f' ({by})' * bool(by)}"
         return replace(steps, notes=(Note.of("steps-read", how=how),))
     how = f"means ({by}), each for the middle of the time that begins at its stamp"
-    return replace(steps, moments=middles, labels=labels, notes=(Note.of("steps-read", how=how),))
+    notes = (Note.of("steps-read", how=how),)
+    return replace(steps, moments=middles, labels=labels, width=length or None, notes=notes)
 
 
 def merge_steps(files: Sequence[TimeSteps]) -> tuple[TimeSteps, tuple[tuple[int, int], ...]]:
