@@ -77,9 +77,10 @@ def read_component(
     if "lon" not in by_role or "lat" not in by_role:
         raise ValueError(axes.grid_fault(dataset, array))
     fixed: dict[str, int] = {}
-    # A level may also be a variable without a dimension.
-    scalars = [name for name, one in dataset.variables.items() if not one.dims]
-    roles |= {name: role for name in scalars if (role := axes.axis_role(dataset, name)) == "level"}
+    # A level, or the time, may also be a variable without a dimension.
+    scalars = [str(name) for name, one in dataset.variables.items() if not one.dims]
+    roles |= {name: "level" for name in scalars if axes.axis_role(dataset, name) == "level"}
+    times = [name for name in scalars if dataset[name].attrs.get("standard_name") == "time"]
     for dim, role in roles.items():
         if role == "level":
             fixed[str(dim)], level_notes = axes.surface_level(dataset, str(dim))
@@ -87,6 +88,7 @@ def read_component(
         elif not role:
             fixed[str(dim)] = _place_along(array, str(dim), index)
     time = by_role.get("time", "")
+    clock = "" if along else time or next(iter(times), "")
     named = (*map(str, dataset.attrs.values()), file.name)
     return Component(
         file=file,
@@ -96,9 +98,9 @@ def read_component(
         lon=by_role["lon"],
         fixed={dim: at for dim, at in fixed.items() if dim in array.dims},
         unit_m_s=unit_m_s,
-        steps=TimeSteps()
-        if along or not time
-        else read_steps(*axes.time_axis(dataset, time), **step_method(array, time, named)),
+        steps=read_steps(*axes.time_axis(dataset, clock), **step_method(array, clock, named))
+        if clock
+        else TimeSteps(),
         lons_deg=axes.coordinate_axis(dataset, by_role["lon"], period=360.0),
         lats_deg=axes.coordinate_axis(dataset, by_role["lat"]),
         notes=tuple(notes),

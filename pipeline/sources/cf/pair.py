@@ -75,10 +75,9 @@ def _pairs(variables: set[_Variable]) -> Iterator[_Pair]:
     """Find pairs by their standard names and, of variables without one, by their names."""
     for names in (*_STANDARD_NAMES, ("", "")):
         u, v = ({name.lower(): (of, name) for of, name in variables if of == own} for own in names)
-        if names[0] and len(u) == len(v) == 1:
-            yield *u.values(), *v.values()
-            continue
         known = [(u[one], v[other]) for one, other in _VARIABLE_NAMES if one in u and other in v]
+        if names[0] and len(u) == len(v) == 1:
+            known = list(zip(u.values(), v.values(), strict=True))
         if names[0] and u and v and not known:
             listed = ", ".join(sorted(name for _, name in (*u.values(), *v.values())))
             raise ValueError(

@@ -70,9 +70,9 @@ class Case:
 
 
 def at(
-    hours: FloatArray = HOURS,
+    hours: Any = HOURS,  # noqa: ANN401 - any array of numbers
     *,
-    stamps: FloatArray | None = None,
+    stamps: Any = None,  # noqa: ANN401 - as above
     units: str = "hours since 2024-03-15 00:00:00",
     names: tuple[str, str] = ("uo", "vo"),
     standard: tuple[str, str] = (EASTWARD, NORTHWARD),
@@ -393,6 +393,10 @@ CASES: dict[str, Case] = {
     ),
     "largest": Case(
         lambda: at(about={"cell_methods": "time: maximum"}), refused="nor a mean (time: maximum)"
+    ),
+    "one time without a dimension": Case(
+        lambda: attribute("time", "standard_name", "time")(at()).isel(time=8),
+        refused="one time step, 2024-03-15",
     ),
     # Zones.
     "6 h behind": Case(in_zone("2024-3-15 0:0:0 -6:00", -6)),
