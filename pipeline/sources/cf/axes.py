@@ -89,11 +89,10 @@ def surface_level(dataset: "xr.Dataset", dim: str) -> tuple[int, list[Note]]:
         levels = np.atleast_1d(coordinate_values(dataset, dim))
     if not np.isfinite(levels).all():
         raise ValueError(f"{dim} has levels that are no finite numbers; correct them")
-    standard, unit, up = (
-        str(attributes.get(key, "")).lower() for key in ("standard_name", "units", "positive")
-    )
-    is_named_depth = "depth" in (standard, dim[:5].lower())
-    is_depth = unit in _METRES or (not unit and is_named_depth)
+    keys = ("standard_name", "units", "positive")
+    standard, unit, up = (str(attributes.get(key, "")).strip().lower() for key in keys)
+    is_depth = unit in _METRES or (not unit and standard == "depth")
+    is_named_depth = is_depth and "depth" in (standard, dim[:5].lower())
     if not up and (standard.startswith(_UPWARD) or levels.max() <= 0):
         up = "up"
     elif not up and (is_named_depth or levels.size == 1):

@@ -74,7 +74,9 @@ def read_component(
             raise ValueError(f"{name} has no dimension {along!r}; give it along {along}, lat, lon")
         roles[along] = "time"
     by_role = {role: str(dim) for dim, role in roles.items() if role}
-    if "lon" not in by_role or "lat" not in by_role:
+    mapping = dataset.variables.get(array.attrs.get("grid_mapping", ""))
+    is_turned = mapping is not None and "rotated" in mapping.attrs.get("grid_mapping_name", "")
+    if "lon" not in by_role or "lat" not in by_role or is_turned:
         raise ValueError(axes.grid_fault(dataset, array))
     fixed: dict[str, int] = {}
     # A level, or the time, may also be a variable without a dimension.

@@ -248,9 +248,10 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
             f"its calendar is {name!r}, which is not the real one; convert it, as with "
             "xarray's `convert_calendar('standard')`"
         )
-    zone = str(time.attrs.get("time_zone", ""))
-    if zone.lower() not in _UTC:
-        raise ValueError(f"{time.name} is in the zone {zone!r}; give its times in UTC")
+    for key in ("time_zone", "timezone", "long_name"):
+        zone = str(time.attrs.get(key, ""))
+        if "local" in zone.lower() or (key != "long_name" and zone.lower() not in _UTC):
+            raise ValueError(f"{time.name} is in the zone {zone!r}; give its times in UTC")
     half = timedelta(microseconds=500_000)
     try:
         said = _UNITS.fullmatch(" ".join(units.split()))

@@ -275,6 +275,20 @@ def on_rotated_pole() -> Sea:
     )
 
 
+def with_mapping(data: Sea) -> Sea:
+    """Give the components a mapping with a pole of its own, whatever the axes say."""
+    about = {"grid_mapping_name": "rotated_latitude_longitude"}
+    for name in ("uo", "vo"):
+        data[name].attrs["grid_mapping"] = "pole"
+    return data.assign(pole=((), 0, about))
+
+
+def without_mapping(array: xr.DataArray) -> xr.DataArray:
+    """Take the mapping away."""
+    attributes = {key: own for key, own in array.attrs.items() if key != "grid_mapping"}
+    return array.drop_attrs().assign_attrs(attributes)
+
+
 UP, DOWN = {"positive": "up"}, {"positive": "down"}
 NUMBER = {"standard_name": "model_level_number", "units": "1"}
 SIGMA = {"standard_name": "ocean_sigma_coordinate"}
@@ -418,6 +432,17 @@ CASES: dict[str, Case] = {
         refused="zone 'EST'",
         follow=to_utc(-5),
     ),
+    "the zone of timezone": Case(
+        lambda: attribute("time", "timezone", "America/Lima")(in_zone("2024-03-15 00:00", -5)()),
+        refused="zone 'America/Lima'",
+        follow=to_utc(-5),
+    ),
+    "local time": Case(
+        lambda: attribute("time", "long_name", "Local time")(in_zone("2024-03-15 00:00", -5)()),
+        refused="zone 'Local time'",
+        follow=to_utc(-5),
+    ),
+    "time_zone UTC": Case(lambda: attribute("time", "time_zone", "UTC")(at())),
     "Julian": Case(in_julian, refused="convert_calendar('standard')", follow=converted),
     # Levels.
     "numbers upwards": Case(levels([1, 2, 3, 4, 5], 4, "lev", **NUMBER, **UP)),
@@ -447,6 +472,12 @@ CASES: dict[str, Case] = {
     "elevations": Case(levels([-50, -10, 0], 2, units="m", **UP)),
     "depths from below": Case(levels([50, 10, 0.5], 2, units="m", **DOWN)),
     "depths without direction": Case(levels([0.5, 10], 0, units="m")),
+    "depths without attributes": Case(
+        levels([1, 2, 3], 2), refused="drop=True", follow=alone(2, "depth")
+    ),
+    "numbered depths": Case(
+        levels([1, 2, 3], 2, units="level"), refused="drop=True", follow=alone(2, "depth")
+    ),
     "metres without direction": Case(
         levels([10, 5, 0], 2, "lev", units="m"), refused="drop=True", follow=_TOP
     ),
@@ -478,6 +509,11 @@ CASES: dict[str, Case] = {
         said="as east and north, although sea_water_x_velocity",
     ),
     "a pole of its own": Case(on_rotated_pole, refused="'A turned grid'"),
+    "a mapping of its own": Case(
+        lambda: with_mapping(at()),
+        refused="'A turned grid'",
+        follow=lambda data: data.drop_vars("pole").map(without_mapping),
+    ),
     "index dimensions": Case(
         lambda: auxiliary(lat="y", lon="x"),
         refused="swap_dims",
