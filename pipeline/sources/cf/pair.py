@@ -55,14 +55,11 @@ def find_pair(datasets: "Sequence[xr.Dataset]") -> tuple[_Pair, tuple[Note, ...]
     }
     pairs = list(_pairs({of for of, texts in said.items() if not any(map(_is_other, texts))}))
     if not pairs:
-        listed = ", ".join(
-            f"{name} ({'; '.join(said[standard, name]) or 'no standard name'})"
-            for standard, name in sorted(said)
-        )
+        listed = [f"{of[1]} ({'; '.join(said[of]) or 'no standard name'})" for of in sorted(said)]
         raise ValueError(
-            f"it has no pair of current components among {listed or 'no variables at all'}; needed "
-            f"are the standard names {' and '.join(_STANDARD_NAMES[0])}, or variables called "
-            f"{', '.join('/'.join(names) for names in _VARIABLE_NAMES)}, which nothing calls wind, "
+            f"it has no pair of current components among {', '.join(listed) or 'no variables'}; "
+            f"needed are the standard names {' and '.join(_STANDARD_NAMES[0])}, or variables "
+            f"called {', '.join(map('/'.join, _VARIABLE_NAMES))}, which nothing calls wind, "
             "ice or waves: give a file of currents, or correct its names"
         )
     text = {of: " ".join((of[1], *texts)).lower() for of, texts in said.items()}

@@ -1,6 +1,7 @@
 """Time steps of files: their moments, or months of a climatology, and the reference time."""
 
 import calendar
+import contextlib
 import itertools
 import re
 from collections.abc import Iterable, Sequence
@@ -43,7 +44,6 @@ _UNITS = re.compile(
 _UTC = ("utc", "gmt", "z", "zulu", "none", "")
 # Global attributes that hold the reference time: CF's name for it, Copernicus Marine's, and others.
 _ATTRIBUTES = ("forecast_reference_time", "bulletin_date", "forecast_reference", "reference_time")
-_DIGITS = re.compile(r"(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2})?)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,8 +176,12 @@ def _placed(steps: TimeSteps) -> TimeSteps:
     elif by and all(abs(one) <= slack for one in early):
         return replace(steps, width=length)
     elif not by or timedelta(1) % length or any(abs(one - length / 2) > slack for one in early):
-        how = f"instants, as it does not say of which time they are means{f' ({by})' * bool(by)}"
-        return replace(steps, notes=(Note.of("steps-read", how=how),))
+        why = (
+            f"they are means ({by}), but stamped at odd times"
+            if by
+            else "nothing says that they are means"
+        )
+        return replace(steps, notes=(Note.of("steps-read", how=f"instants: {why}"),))
     how = f"means ({by}), each for the middle of the time that begins at its stamp"
     notes = (Note.of("steps-read", how=how),)
     return replace(steps, moments=middles, labels=labels, width=length or None, notes=notes)
@@ -306,11 +310,7 @@ def _from_variable(dataset: "xr.Dataset") -> datetime | None:
 def _from_attributes(dataset: "xr.Dataset") -> datetime | None:
     """Read a global attribute; None where none holds a time."""
     for name in _ATTRIBUTES:
-        found = _DIGITS.search(str(dataset.attrs.get(name, "")))
-        if found:
-            year, month, day, hour, minute = (int(digits or 0) for digits in found.groups())
-            try:
-                return datetime(year, month, day, hour, minute, tzinfo=UTC)
-            except ValueError:
-                continue
+        with contextlib.suppress(ValueError):
+            found = datetime.fromisoformat(str(dataset.attrs.get(name, "")).removesuffix(" UTC"))
+            return found.astimezone(UTC) if found.tzinfo else found.replace(tzinfo=UTC)
     return None

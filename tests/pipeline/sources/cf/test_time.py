@@ -14,7 +14,7 @@ from pipeline.formats.shared.note_words import note_text
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import period
 from pipeline.sources.cf.slices import select_steps
-from pipeline.sources.cf.times import TimeSteps, merge_steps, read_steps
+from pipeline.sources.cf.times import TimeSteps, merge_steps, read_steps, reference_time
 
 HOUR = timedelta(hours=1)
 
@@ -245,3 +245,19 @@ def test_files_that_overlap_or_differ_in_kind_are_refused() -> None:
         merge_steps([days("2024-07-01", 2), read(range(1, 13), "month")])
     with pytest.raises(ValueError, match="their order is unknown"):
         merge_steps([read_steps(None, None), read_steps(None, None)])
+
+
+@pytest.mark.parametrize(
+    ("text", "hour"),
+    [
+        ("2024-03-15T06:00Z", 6),
+        ("2024-03-15 06:00:00", 6),
+        ("2024-03-15 06:00:00 UTC", 6),
+        ("20240315T06", 6),
+        ("2024-03-15T00:00-06:00", 6),
+        ("15 March", None),
+    ],
+)
+def test_a_reference_time_counts_in_its_zone(text: str, hour: int | None) -> None:
+    found = reference_time([xr.Dataset(attrs={"bulletin_date": text})])
+    assert found == (None if hour is None else datetime(2024, 3, 15, hour, tzinfo=UTC))
