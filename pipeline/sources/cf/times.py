@@ -176,11 +176,7 @@ def _placed(steps: TimeSteps) -> TimeSteps:
     elif by and all(abs(one) <= slack for one in early):
         return replace(steps, width=length)
     elif not by or timedelta(1) % length or any(abs(one - length / 2) > slack for one in early):
-        why = (
-            f"they are means ({by}), but stamped at odd times"
-            if by
-            else "nothing says that they are means"
-        )
+        why = f"means ({by}) at odd stamps" if by else "nothing says that they are means"
         return replace(steps, notes=(Note.of("steps-read", how=f"instants: {why}"),))
     how = f"means ({by}), each for the middle of the time that begins at its stamp"
     notes = (Note.of("steps-read", how=how),)
