@@ -79,7 +79,9 @@ def fit(
     with reported_errors():
         import numpy as np
 
+        from pipeline.formats.shared.note_words import note_texts
         from pipeline.machine.files import whole_file
+        from pipeline.sources.cf.contents import find_files, read_contents
         from pipeline.sources.cf.streams import WEAK_SHARE
         from pipeline.sources.tides.fit import fit_files
 
@@ -89,6 +91,9 @@ def fit(
         if not folder.is_dir() or (folder / out.name).is_dir():
             raise RequestError(f"--out: {shown(out)} can't be a file; name one in a folder")
         found = fit_files(series)
+        contents = read_contents(find_files(series))
+        for text in note_texts([*contents.notes, *contents.steps.notes]):
+            typer.echo(f"note: {text}", err=True)
         try:
             with whole_file(folder / out.name) as file:
                 # Names are written as characters: if a file with strings is opened twice at a time,

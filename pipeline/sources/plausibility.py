@@ -11,7 +11,8 @@ divergence, and divergence as shear and strain. So among the field as it is and 
 right one diverges least. The four combinations of derivatives come from Okubo (1970), the standard
 error from a delete-one jackknife over blocks (Efron and Stein 1981). Two wrong signs can't be
 detected, as they leave the size of the divergence unchanged. A quarter turn is never certain
-either, as waves and tides diverge more than they rotate.
+either, as waves and tides diverge more than they rotate; nor is a variant that diverges hardly
+less than a quarter turn. Nothing is judged where all water moves along one line, as in a strait.
 """
 
 from collections.abc import Iterable, Sequence
@@ -132,13 +133,11 @@ def assess_directions(field: Field) -> Assessment:
         or variant.certainty < _WARNING_CERTAINTY
     ):
         return Assessment()
-    message = (
-        f"{variant.name}: corrected, the water would converge and diverge less (by a contrast of "
-        f"{variant.contrast:.2f}, {min(variant.certainty, 99):.0f} standard errors)"
-    )
+    message = f"{variant.name}: corrected, the water would converge and diverge less"
     if variant.name == ROTATED:
         waves = ", or it is waves and tides more than currents"
         return Assessment((), (f"perhaps {message}{waves}",))
+    message += f" (contrast {variant.contrast:.2f}, {variant.certainty:.0f} standard errors)"
     if variant.certainty >= _FAULT_CERTAINTY:
         return Assessment((message,))
     return Assessment((), (f"perhaps {message}",))
@@ -234,7 +233,8 @@ def _assess_changed_gaps(changed: dict[str, int], labels: Sequence[str]) -> Asse
     """Assess whether fields have data in the same cells; `changed`: time → cells that differ."""
     faults = [
         f"{cells} cells have data either at {label} or at {labels[0]}, not at both: its land and "
-        "its gaps must be the same at all times"
+        "its gaps must be the same at all times: fill them in time, as with xarray's "
+        "`interpolate_na`, and take cells that still have some out of all times"
         for label, cells in changed.items()
     ]
     return Assessment(_first_few(faults))
@@ -244,6 +244,10 @@ def _assess_changed_gaps(changed: dict[str, int], labels: Sequence[str]) -> Asse
 _BLOCKS_PER_SIDE = 6
 # Least number of blocks with moving water: with fewer the standard error means nothing.
 _MIN_BLOCKS = 8
+# Multiple of a variant's divergence up to which a quarter turn's is hardly larger (real fields have
+# 1.5), and share of squared speeds across the main direction up to which all water moves along one
+# line (0.12).
+_TIE, _STRAIGHT_SHARE = 1.2, 0.05
 # Least number of corners between four cells of moving water.
 _MIN_CORNERS = 40
 
@@ -270,8 +274,10 @@ ROTATED = "the components are swapped and one has the wrong sign"
 def likeliest_variant(field: Field) -> Variant | None:
     """Return the variant that diverges least; None if the field itself does, or data are few."""
     own = _divergence(field, field.u, field.v) ** 2
+    velocities = np.stack([field.u[~field.gap], field.v[~field.gap]])
+    across, along = np.linalg.eigvalsh(velocities @ velocities.T)
     moving = np.isfinite(own) & (_variation(field) > 0)
-    if np.count_nonzero(moving) < _MIN_CORNERS:
+    if np.count_nonzero(moving) < _MIN_CORNERS or across <= _STRAIGHT_SHARE * along:
         return None
     block = _block_numbers(own.shape)[moving]
     candidates = {
@@ -285,6 +291,8 @@ def likeliest_variant(field: Field) -> Variant | None:
     }
     own_sums = _block_sums(block, own[moving])
     name = min(sums, key=lambda name: float(sums[name].sum()))
+    if sums[ROTATED].sum() <= _TIE * sums[name].sum():
+        name = ROTATED
     if sums[name].sum() >= own_sums.sum():
         return None
     return _variant(name, own_sums, sums[name])

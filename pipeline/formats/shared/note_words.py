@@ -263,12 +263,15 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{'no current was used' if left_out else _NO_FIGURE}: real fuel and times may "
         "differ, and no choice of a way is proven"
     ),
+    "level-assumed": "the only level, {level} = {value:g}, is taken for the surface",
     "member-left-out": "a member of the current was left out: {reason}",
     "current-without-tide": "the currents are without tide",
     "constants-old": "the harmonic constants come from currents of {begin:%Y-%m-%d} to "
     "{end:%Y-%m-%d}, {years:.0f} years from the departure: channels and banks may have moved",
+    "pair-taken": "the current is {u} and {v} of the file, {why:; }",
     "source-passed-over": "{reason}",
     "steps-are-means": "its time steps are means of a {step}, without the tide",
+    "steps-read": "the file's time steps are read as {how}",
     "steps-sparse": "{count:time step stands|time steps stand} for all of {asked: to }: "
     "{steps: to }",
     "still-water": "planned without currents, in still water",

@@ -1,5 +1,6 @@
 """A component of a current in a file: its variable, unit, axes and time steps."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,8 +9,8 @@ from typing import TYPE_CHECKING
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf import axes
-from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.dataset import check_values
+from pipeline.sources.cf.times import TimeSteps, read_steps, step_method
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -73,9 +74,15 @@ def read_component(
             raise ValueError(f"{name} has no dimension {along!r}; give it along {along}, lat, lon")
         roles[along] = "time"
     by_role = {role: str(dim) for dim, role in roles.items() if role}
-    if "lon" not in by_role or "lat" not in by_role:
+    mapping = dataset.variables.get(array.attrs.get("grid_mapping", ""))
+    is_turned = mapping is not None and "rotated" in mapping.attrs.get("grid_mapping_name", "")
+    if "lon" not in by_role or "lat" not in by_role or is_turned:
         raise ValueError(axes.grid_fault(dataset, array))
     fixed: dict[str, int] = {}
+    # A level, or the time, may also be a variable without a dimension.
+    scalars = [str(name) for name, one in dataset.variables.items() if not one.dims]
+    roles |= {name: "level" for name in scalars if axes.axis_role(dataset, name) == "level"}
+    times = [name for name in scalars if dataset[name].attrs.get("standard_name") == "time"]
     for dim, role in roles.items():
         if role == "level":
             fixed[str(dim)], level_notes = axes.surface_level(dataset, str(dim))
@@ -83,16 +90,18 @@ def read_component(
         elif not role:
             fixed[str(dim)] = _place_along(array, str(dim), index)
     time = by_role.get("time", "")
+    clock = "" if along else time or next(iter(times), "")
+    named = (*map(str, dataset.attrs.values()), file.name)
     return Component(
         file=file,
         name=name,
         time=time,
         lat=by_role["lat"],
         lon=by_role["lon"],
-        fixed=fixed,
+        fixed={dim: at for dim, at in fixed.items() if dim in array.dims},
         unit_m_s=unit_m_s,
-        steps=axes.read_steps(*axes.time_axis(dataset, time))
-        if time and not along
+        steps=read_steps(*axes.time_axis(dataset, clock), **step_method(array, clock, named))
+        if clock
         else TimeSteps(),
         lons_deg=axes.coordinate_axis(dataset, by_role["lon"], period=360.0),
         lats_deg=axes.coordinate_axis(dataset, by_role["lat"]),
@@ -108,7 +117,8 @@ def _place_along(array: "xr.DataArray", dim: str, index: tuple[str, int] | None)
         return at
     raise ValueError(
         f"{array.name} has the dimension {dim} ({size}), which is neither time, depth, latitude "
-        f"nor longitude; keep one index of it, or plan in all with members = {{ along = '{dim}' }}"
+        f"nor longitude; {axes.SWAP}; or keep one index of it; or, of an ensemble, "
+        f"plan in all with members = {{ along = '{dim}' }}"
     )
 
 
@@ -117,7 +127,7 @@ def _unit_m_s(array: "xr.DataArray") -> tuple[float, list[Note]]:
     units = str(array.attrs.get("units", "")).strip()
     if not units:
         return 1.0, [Note.of("unit-assumed", variable=str(array.name))]
-    plain = units.lower().translate(str.maketrans("", "", " .^*"))
+    plain = re.sub(r"sec\b", "s", units.lower().translate(str.maketrans("", "", " .^*")))
     for unit_m_s, spellings in _UNITS_M_S.items():
         if plain in spellings:
             converted = Note.of("unit-converted", variable=str(array.name), unit=units)

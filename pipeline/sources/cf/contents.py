@@ -20,28 +20,14 @@ from pipeline.errors import RequestError
 from pipeline.machine.paths import NOT_THERE, shown, unreadable_reason
 from pipeline.model import Note
 from pipeline.sources.cf import axes
-from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.component import Component, read_component, require_one_grid
 from pipeline.sources.cf.dataset import fatal_files, groups_of, open_dataset
+from pipeline.sources.cf.pair import find_pair
+from pipeline.sources.cf.times import TimeSteps, merge_steps, reference_time
 
 if TYPE_CHECKING:
     import xarray as xr
 
-# Standard names of eastward components and their partners, and pairs of names for variables without
-# a standard name; the first found is used.
-_STANDARD_NAMES = tuple(
-    (name, name.replace("eastward", "northward").replace("_x_", "_y_"))
-    for name in (
-        "eastward_sea_water_velocity",
-        "surface_eastward_sea_water_velocity",
-        "eastward_sea_water_velocity_assuming_no_tide",
-        "sea_water_x_velocity",
-        "surface_sea_water_x_velocity",
-        "surface_geostrophic_eastward_sea_water_velocity",
-        "geostrophic_eastward_sea_water_velocity",
-    )
-)
-_VARIABLE_NAMES = (("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("utotal", "vtotal"))
 # Parts of harmonic constants (u_re and u_im are those of u), and the dimension that they are along.
 _PARTS, _CONSTITUENT = ("re", "im"), "constituent"
 _REMEDY = "give a NetCDF, GRIB or Zarr file"
@@ -139,9 +125,10 @@ def _contents(
     """Return the contents of open files; RequestError as in `read_contents`."""
     if any("u_re" in dataset.data_vars for dataset in datasets.values()):
         return _constants(files, datasets)
-    pair = _component_pair(list(datasets.values()))
-    if isinstance(pair, str):
-        raise RequestError(f"{name_of(files)}: {pair}{_groups_hint(files)}")
+    try:
+        pair, notes = find_pair(list(datasets.values()))
+    except ValueError as error:
+        raise RequestError(f"{name_of(files)}: {error}{_groups_hint(files)}") from None
     faults: list[str] = []
     found: tuple[list[Component], list[Component]] = ([], [])
     for (standard, name), components in zip(pair, found, strict=True):
@@ -155,7 +142,7 @@ def _contents(
     if faults:
         raise RequestError(list(dict.fromkeys(faults)))
     try:
-        return _combined(datasets, *found, _kind_notes(pair))
+        return _combined(datasets, *found, notes)
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}") from None
 
@@ -211,43 +198,6 @@ def name_of(files: Sequence[Path]) -> str:
     return f"{files[0].name}{more}"
 
 
-def _component_pair(
-    datasets: "Sequence[xr.Dataset]",
-) -> tuple[tuple[str, str], tuple[str, str]] | str:
-    """Find the two components, (standard name, name) each; or name the variables there are."""
-    variables = {
-        (str(array.attrs.get("standard_name", "")), str(name))
-        for dataset in datasets
-        for name, array in dataset.data_vars.items()
-        if array.ndim >= 2
-    }
-    for pair in _STANDARD_NAMES:
-        names = [
-            sorted(name for standard, name in variables if standard == wanted) for wanted in pair
-        ]
-        if not all(names):
-            continue
-        if all(len(candidates) == 1 for candidates in names):
-            return (pair[0], names[0][0]), (pair[1], names[1][0])
-        for u, v in _VARIABLE_NAMES:
-            if u in names[0] and v in names[1]:
-                return (pair[0], u), (pair[1], v)
-        listed = ", ".join(names[0] + names[1])
-        return f"several variables are {pair[0]} or its partner ({listed}); keep one pair of them"
-    without = {name.lower(): (standard, name) for standard, name in variables if not standard}
-    for u, v in _VARIABLE_NAMES:
-        if u in without and v in without:
-            return without[u], without[v]
-    listed = ", ".join(
-        f"{name} ({standard or 'no standard name'})" for standard, name in sorted(variables)
-    )
-    return (
-        f"it has no pair of current components among {listed or 'no variables at all'}; needed are "
-        f"the standard names {' and '.join(_STANDARD_NAMES[0])}, or variables called "
-        f"{', '.join('/'.join(names) for names in _VARIABLE_NAMES)}"
-    )
-
-
 def _groups_hint(files: Sequence[Path]) -> str:
     """Say that the variables may be in groups, if the first file has any."""
     try:
@@ -256,16 +206,10 @@ def _groups_hint(files: Sequence[Path]) -> str:
         return ""
     if not groups:
         return ""
+    if "Group_F" in groups:
+        return "; it is an S-100 file, which is not read: give its currents as NetCDF"
     listed = ", ".join(groups[:_MAX_GROUPS])
     return f"; groups ({listed}) are not read: take one out, as with `ncks -G : -g {groups[0]}`"
-
-
-def _kind_notes(pair: tuple[tuple[str, str], tuple[str, str]]) -> tuple[Note, ...]:
-    """Note that the current is only geostrophic, or lacks the tide, by the variables' names."""
-    standard, name = pair[0]
-    if "geostrophic" in standard or name == "ugos":
-        return (Note.of("current-geostrophic"),)
-    return (Note.of("current-without-tide"),) if "no_tide" in standard else ()
 
 
 def _combined(
@@ -278,7 +222,7 @@ def _combined(
     first = u[0]
     require_one_grid([*u, *v])
     (u_steps, u_index), (v_steps, v_index) = (
-        axes.merge_steps([one.steps for one in components]) for components in (u, v)
+        merge_steps([one.steps for one in components]) for components in (u, v)
     )
     if u_steps != v_steps:
         raise ValueError(
@@ -296,5 +240,5 @@ def _combined(
         v_index=v_index,
         notes=tuple(dict.fromkeys([*notes, *(note for one in (*u, *v) for note in one.notes)])),
         attributes={str(k): str(v) for k, v in next(iter(datasets.values())).attrs.items()},
-        reference_time=axes.reference_time(datasets.values()),
+        reference_time=reference_time(datasets.values()),
     )

@@ -38,8 +38,7 @@ _FIRST_LOCAL_TABLE = 128
 _NAMES = {_EAST: "uo", _NORTH: "vo"}
 _NEEDED = "the components of a current: 49 and 50 in GRIB 1, 10/1/2 and 10/1/3 in GRIB 2"
 _REGULAR = "regular_ll"
-# Depth of each kind of level, m per unit of the level. A lone level of another kind counts as the
-# surface.
+# Depth of each kind of level, m per unit. A lone level of another kind counts as the surface.
 _DEPTHS_M = dict.fromkeys(("surface", "meanSea", "oceanSurface"), 0.0)
 _DEPTHS_M |= dict.fromkeys(("depthBelowSea", "depthBelowSeaLayer"), 1.0)
 _DEPTH = {"standard_name": "depth", "units": "m", "positive": "down"}
@@ -47,8 +46,7 @@ _DEPTH = {"standard_name": "depth", "units": "m", "positive": "down"}
 _NO_CENTRES = (255, 65535)
 # Largest number of nodes of a field: 512 MB.
 _MAX_NODES = 64 << 20
-# Difference between the step of an axis and the one stated, as a share: edition 1 rounds to
-# millidegrees.
+# Difference between an axis's step and the one stated, as a share: edition 1 has millidegrees.
 _STEP_SHARE = 0.05
 # Number of other parameters, and of kinds of level, that a message names.
 _MAX_NAMES = 4
@@ -288,27 +286,29 @@ def as_dataset(path: Path, contents: Contents) -> "xr.Dataset":
             f"it has only one component at {_moment(min(lacking))}; give both for the same times"
         )
     newest = max(field.reference for field in fields)
+    since = {"standard_name": "time", "bounds": "periods", **_SINCE}
+    level, value = fields[0].level
+    about: dict[str, str] = {"positive": "down"}
+    if level in _DEPTHS_M:
+        level, value, about = "depth", fields[0].depth_m, _DEPTH
     coordinates: dict[str, Any] = {
-        "time": ("time", np.array(times[_EAST], float), {"standard_name": "time", **_SINCE}),
-        "depth": ("depth", [fields[0].depth_m], _DEPTH),
+        "time": ("time", np.array(times[_EAST], float), since),
+        level: (level, [value], about),
         "latitude": ("latitude", np.linspace(*grid.lats), {"units": "degrees_north"}),
         "longitude": ("longitude", np.linspace(*grid.lons), {"units": "degrees_east"}),
         "reference": ((), newest, {"standard_name": "forecast_reference_time", **_SINCE}),
     }
     variables = {
         _NAMES[component]: xr.Variable(
-            ("time", "depth", "latitude", "longitude"),
+            ("time", level, "latitude", "longitude"),
             _lazy(path, own),
             {"standard_name": f"{component}_sea_water_velocity", "units": "m s-1"},
         )
         for component, own in series.items()
     }
-    periods = [(field.begin, field.time) for field in series[_EAST]]
-    if any(begin < end for begin, end in periods):
-        coordinates["time"][2]["bounds"] = "periods"
-        variables["periods"] = xr.Variable(("time", "side"), np.array(periods, float))
-    about = {"institution": contents.centre} if contents.centre else {}
-    return xr.Dataset(variables, coordinates, about)
+    periods = np.array([(field.begin, field.time) for field in series[_EAST]], float)
+    variables["periods"] = xr.Variable(("time", "side"), periods)
+    return xr.Dataset(variables, coordinates, {"institution": contents.centre})
 
 
 def _uppermost(contents: Contents) -> list[Field]:
@@ -343,8 +343,8 @@ def _one_grid(fields: Sequence[Field]) -> Grid:
     grid = grids.pop()
     if grid.kind != _REGULAR:
         raise ValueError(
-            f"its grid is of the kind {grid.kind}, not along latitude and longitude; put it on a "
-            "regular grid first, as with `cdo -f nc remapbil,r1440x720`"
+            f"its grid is of the kind {grid.kind}; make it NetCDF, as with `cdo -f nc copy`, and "
+            "go on as in docs/how-to/own-currents.md, 'A turned grid'"
         )
     if math.prod(grid.shape) > _MAX_NODES:
         raise ValueError(

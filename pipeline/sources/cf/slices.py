@@ -13,8 +13,8 @@ import renew
 from pipeline.model import Note
 from pipeline.scenario.season import Season, TimeMethod
 from pipeline.scenario.times import Period
-from pipeline.sources.cf.axes import TimeSteps, label
 from pipeline.sources.cf.contents import Contents
+from pipeline.sources.cf.times import TimeSteps, label
 from renew.inputs.tide import arguments, speeds
 
 # Steps that are further apart than this multiple of the median interval have a hole between them.
@@ -139,14 +139,14 @@ def _nearest(steps: TimeSteps, moment: datetime) -> SelectedSlices:
             f"it has {steps.span}, none within {within} of {label(moment)}; "
             "set the season's 'valid' to what it has"
         )
-    return SelectedSlices(({index: 1.0},), steps.labels[index])
+    return SelectedSlices(({index: 1.0},), steps.labels[index], steps.notes)
 
 
 def _linear(steps: TimeSteps, moment: datetime) -> SelectedSlices:
     """Select the two steps around a moment, with the weights of linear interpolation."""
     after = int(np.searchsorted([own.timestamp() for own in steps.moments], moment.timestamp()))
     if after < len(steps.moments) and steps.moments[after] == moment:
-        return SelectedSlices(({after: 1.0},), steps.labels[after])
+        return SelectedSlices(({after: 1.0},), steps.labels[after], steps.notes)
     if not 0 < after < len(steps.moments):
         raise ValueError(
             f"it has {steps.span}, which do not lie on both sides of {label(moment)}; set the "
@@ -158,7 +158,7 @@ def _linear(steps: TimeSteps, moment: datetime) -> SelectedSlices:
             f"it has no steps between {label(earlier)} and {label(later)}; give a file that has"
         )
     share = (moment - earlier) / (later - earlier)
-    return SelectedSlices(({after - 1: 1 - share, after: share},), label(moment))
+    return SelectedSlices(({after - 1: 1 - share, after: share},), label(moment), steps.notes)
 
 
 def _of_constants(
@@ -226,6 +226,7 @@ def _all_steps(contents: Contents, period: Period) -> SelectedSlices:
         times_s=tuple(times[first : last + 1].tolist()),
         labels=labels,
         valid=f"{labels[0]}/{labels[-1]}",
+        notes=steps.notes,
     )
 
 

@@ -33,12 +33,18 @@ from pipeline.machine.store import file_hash
 from pipeline.scenario.catalogue import CopernicusSpec, StepKind, StepLength
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import Period
+from pipeline.sources.cf.times import MONTH, middle_of_step, step_around
 from pipeline.sources.copernicus.client import LOGIN, NO_ANSWER, without_secrets
 
 _BY_HOUR = "%Y-%m-%dT%H"
 _LABEL_FORMATS = {"month": "%Y-%m", "day": "%Y-%m-%d", "6 hours": _BY_HOUR, "hour": _BY_HOUR}
 _SPOKEN = {"month": "a month", "day": "a day", "6 hours": "6 hours", "hour": "an hour"}
-_HOURS: dict[StepLength, int] = {"day": 24, "6 hours": 6, "hour": 1}
+_LENGTHS: dict[StepLength, timedelta] = {
+    "month": MONTH,
+    "day": timedelta(days=1),
+    "6 hours": timedelta(hours=6),
+    "hour": timedelta(hours=1),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,21 +61,16 @@ class TimeResolution:
 
     def start(self, moment: datetime) -> datetime:
         """Return the start of the step that a moment lies in."""
-        day = moment.replace(hour=0, minute=0, second=0, microsecond=0)
-        if self.length == "month":
-            return day.replace(day=1)
-        hours = _HOURS[self.length]
-        return day + timedelta(hours=moment.hour // hours * hours)
+        return step_around(moment, _LENGTHS[self.length])[0]
 
     def next_start(self, start: datetime) -> datetime:
         """Return the start of the step that follows."""
-        if self.length == "month":
-            return (start + timedelta(days=31)).replace(day=1)
-        return start + timedelta(hours=_HOURS[self.length])
+        return step_around(start, _LENGTHS[self.length])[1]
 
     def valid_time(self, start: datetime) -> datetime:
         """Return the time for which a step's field is valid: the middle of a mean."""
-        return start if self.kind == "instant" else start + (self.next_start(start) - start) / 2
+        is_instant = self.kind == "instant"
+        return start if is_instant else middle_of_step(start, _LENGTHS[self.length])
 
 
 @dataclass(frozen=True, slots=True)

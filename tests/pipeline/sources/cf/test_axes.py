@@ -31,7 +31,10 @@ def _with_old_bounds() -> xr.Dataset:
 
 
 BAD: dict[str, tuple[Callable[[], xr.Dataset], list[str]]] = {
-    "curvilinear": (_curvilinear, ["curvilinear (nav_lon is along y, x)", "cdo remapbil"]),
+    "curvilinear": (
+        _curvilinear,
+        ["curvilinear (nav_lon is along y, x)", "turn components", "'A turned grid'"],
+    ),
     "too deep": (
         lambda: at_levels([92.3, 109.7], "m", "down"),
         ["uppermost level (depth) is 92.3 m deep", "surface"],

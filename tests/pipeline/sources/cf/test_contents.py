@@ -69,7 +69,7 @@ def test_what_a_reader_should_know_is_noted(tmp_path: Path) -> None:
     ):
         path = write(tmp_path / f"{variant[:2]}.nc", VARIANTS[variant]())
         assert any(text in note for note in note_texts(read_contents((path,)).notes)), variant
-    for variant in ("as usual", "u and v", "levels in metres"):
+    for variant in ("as usual", "levels in metres"):
         path = write(tmp_path / f"{variant[:2]}.nc", VARIANTS[variant]())
         assert read_contents((path,)).notes == ()
     deep = read_contents((write(tmp_path / "deep.nc", at_levels([15.0], "m", "down")),))
@@ -137,7 +137,7 @@ BAD: dict[str, tuple[Callable[[], xr.Dataset], list[str]]] = {
         [
             "no pair of current components among zos (no standard name), thetao (sea_water_pot",
             "eastward_sea_water_velocity and northward_sea_water_velocity",
-            "uo/vo, ugos/vgos, u/v, utotal/vtotal",
+            "utotal/vtotal, uo/vo, ugos/vgos, u/v, water_u/water_v",
         ],
     ),
     "one component": (lambda: dataset(SEA)[["uo"]], ["uo (eastward_sea_water_velocity)"]),

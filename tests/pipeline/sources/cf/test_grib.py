@@ -83,6 +83,8 @@ def test_a_grib_file_gives_what_the_same_netcdf_file_does(
     with open_dataset(grib) as data:
         packed = days.copy(data={name: data[name].isel(depth=0).values for name in ("uo", "vo")})
     assert np.nanmax(np.abs(packed.uo - days.uo)) < 1e-6
+    for name in packed.data_vars:
+        packed[name].attrs["cell_methods"] = "time: point"
     packed.to_netcdf(tmp_path / "sea.nc", engine="netcdf4")
     seasons: list[dict[str, object]] = [
         {},
@@ -367,3 +369,16 @@ def test_parameters_of_the_test_files_differ() -> None:
     """Else a wind could pass for a current."""
     for edition in (1, 2):
         assert len({numbers[edition] for numbers in PARAMETERS.values()}) == len(PARAMETERS)
+
+
+@EDITIONS
+def test_a_lone_level_of_another_kind_is_named(
+    tmp_path: Path, days: xr.Dataset, edition: int
+) -> None:
+    """Programs for sailors write currents on many kinds of level; some models on the floor."""
+    kind = "heightAboveGround" if edition == 1 else "seaBottom"
+    keys: dict[str, float | str] = {"typeOfLevel": kind} | ({"level": 10} if edition == 1 else {})
+    grid = current(write_grib(tmp_path / "lone.grb", days, edition, **keys))
+    (note,) = [one for one in grid.notes if one.kind == "level-assumed"]
+    assert note.is_decision
+    assert note_texts([note])[0].startswith(f"the only level, {kind} = ")

@@ -13,9 +13,9 @@ import xarray as xr
 from hypothesis import given, strategies as st
 
 from pipeline.geo.lonlat import Bounds
-from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.contents import Contents, read_contents
 from pipeline.sources.cf.grid import FieldReader, coverage_faults, find_window
+from pipeline.sources.cf.times import TimeSteps
 from tests.pipeline.sources.cf.sample_files import BOX, LAT, LON, SEA, read
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
