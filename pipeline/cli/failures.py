@@ -18,6 +18,7 @@ import typer
 
 from pipeline.cli.terminal import say
 from pipeline.errors import PipelineError, RequestError
+from pipeline.texts import clean
 
 MESSAGE = "stopped; finished stages are kept, run again to continue"
 # Time for the main thread to clean up, s. Then the process ends, the system releases its locks, and
@@ -190,7 +191,7 @@ def _unexpected(error: Exception) -> str:
     fields = {
         "error": "unexpected",
         "type": type(error).__name__,
-        "message": " ".join(str(error).split())[:_MAX_MESSAGE],
+        "message": clean(str(error), _MAX_MESSAGE),
         "where": [f"{_short(frame.filename)}:{frame.lineno}" for frame in frames],
         "version": program_version(),
         "report": _REPORT,

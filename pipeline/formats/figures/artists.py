@@ -158,9 +158,9 @@ def patch(areas: shapely.Geometry | Geometries, **style: object) -> PathPatch:
 
 
 def drawable(text: str, limit: int = 60) -> str:
-    """Return a shortened text that the default font can draw, without control characters."""
+    """Return a shortened text that the default font can draw."""
     known = _glyphs()
-    shown = "".join(c if c.isprintable() and ord(c) in known else "\N{WHITE SQUARE}" for c in text)
+    shown = "".join(c if ord(c) in known else "\N{WHITE SQUARE}" for c in text)
     return shortened(shown, limit)
 
 

@@ -26,6 +26,7 @@ from pipeline.scenario.season import Currents, Season
 from pipeline.scenario.strict import Point
 from pipeline.stages.fetch import with_max_hours
 from pipeline.stages.seasons.cluster import Fleet
+from pipeline.texts import clean
 
 # Largest number of cases in a slice; neighbours stay together, because they share a current.
 _LARGEST_SLICE = 64
@@ -84,7 +85,7 @@ class Preparation:
     def failed(self, task: ChartTask | CurrentTask, error: Exception) -> None:
         """Record why a chart or current can't be made."""
         kind = "" if isinstance(error, PipelineError) else f"{type(error).__name__}: "
-        self.failures[task.path] = kind + " ".join(str(error).split())
+        self.failures[task.path] = kind + clean(str(error))
         self.on_done()
 
 

@@ -63,15 +63,8 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
         return (), [f"{shown(path)} can't be read as CSV: {error}; save it as CSV in UTF-8"]
     keys = (*(_PLANE if is_planar else _LONLAT), "name")
     head = [cell.strip() for cell in rows[0]] if rows else []
-    found = [f"unknown column {one!r}: {near_miss(one, keys)}" for one in head if one not in keys]
-    if lacking := [key for key in keys if key not in head]:
-        found.append(f"has no column {', '.join(lacking)}; the columns are {_columns(is_planar)}")
-    if len(head) == 1 and ";" in head[0]:
-        found = ["is separated by ';'; separate by commas, with points in numbers: 119.90,10.00"]
-    if found:
+    if found := _head_faults(head, keys):
         return (), [f"{path.name}, row 1: {fault}" for fault in found]
-    if len(set(head)) < len(head):
-        return (), [f"{path.name}, row 1: a column comes twice; leave one out"]
     pairs, faults = [], list[str]()
     for number, cells in enumerate(rows[1:], start=2):
         if not any(cell.strip() for cell in cells):
@@ -88,6 +81,18 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
     if not pairs and not faults:
         faults.append(f"{path.name} has no pairs; add a row for each below the header")
     return tuple(pairs), faults
+
+
+def _head_faults(head: Sequence[str], keys: Sequence[str]) -> list[str]:
+    """Return the faults of a header; no column is dropped unread."""
+    if len(head) == 1 and ";" in head[0]:
+        return ["is separated by ';'; separate by commas, with points in numbers: 119.90,10.00"]
+    faults = [f"unknown column {one!r}: {near_miss(one, keys)}" for one in head if one not in keys]
+    if lacking := [key for key in keys if key not in head]:
+        faults.append(f"has no column {', '.join(lacking)}; the columns are {', '.join(keys)}")
+    if len(set(head)) < len(head):
+        faults.append("a column comes twice; leave one out")
+    return faults
 
 
 def _size_reason(path: Path) -> str:

@@ -200,7 +200,7 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
         u_index=index,
         v_index=index,
         notes=tuple(dict.fromkeys(note for one in (*u, *v) for note in one.notes)),
-        attributes={str(k): str(v) for k, v in dataset.attrs.items()},
+        attributes=dict(dataset.attrs),
         constituents=names,
     )
 
@@ -295,6 +295,6 @@ def _combined(
         u_index=u_index,
         v_index=v_index,
         notes=tuple(dict.fromkeys([*notes, *(note for one in (*u, *v) for note in one.notes)])),
-        attributes={str(k): str(v) for k, v in next(iter(datasets.values())).attrs.items()},
+        attributes=dict(next(iter(datasets.values())).attrs),
         reference_time=axes.reference_time(datasets.values()),
     )

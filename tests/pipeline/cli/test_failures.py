@@ -37,7 +37,7 @@ def quick(tmp_path: Path) -> str:
     ("asked", "said"),
     [
         ("~nosuchuser/x.toml", "home folder that does not exist"),
-        ("a\0b.toml", "NUL character"),
+        ("a\0b.toml", "U+0000"),
         ("x" * 5000 + "/y.toml", "too long"),
         ("\udcff.toml", "not UTF-8"),
         ("/dev/null", "is a device"),
@@ -100,7 +100,7 @@ def test_an_output_that_cannot_be_a_folder(
     ("path", "said"),
     [
         ("~nosuchuser/x", "home folder that does not exist"),
-        ("./a\0b", "NUL character"),
+        ("./a\0b", "U+0000"),
         ("./" + "x" * 5000, "too long"),
         ("./" + "x/" * 2500, "too long"),
         ("/dev/null", "is a device"),

