@@ -124,6 +124,10 @@ class StageError(PipelineError):
     """A stage failed though the request is valid: exit code 1, finished stages are kept."""
 
 
+class MachineError(StageError):
+    """The machine failed, as by a full disk: no other source of data does better."""
+
+
 def one_line(error: BaseException) -> str:
     """Return an error's text in one line, for an unexpected error with its type and place."""
     text = clean(str(error))

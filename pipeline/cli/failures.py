@@ -4,6 +4,7 @@ import _thread
 import contextlib
 import json
 import os
+import re
 import signal
 import sys
 import threading
@@ -17,7 +18,7 @@ from types import FrameType
 import typer
 
 from pipeline.cli.terminal import say
-from pipeline.errors import PipelineError, RequestError
+from pipeline.errors import MachineError, PipelineError, RequestError
 from pipeline.texts import clean
 
 MESSAGE = "stopped; finished stages are kept, run again to continue"
@@ -37,6 +38,17 @@ _UNEXPECTED = 3
 _FRAMES = 6
 # Maximum length of an error's text, in characters.
 _MAX_MESSAGE = 500
+# Errors of Python and of libraries that are the machine's, and what to do.
+_SIGNS = {
+    "memory": re.compile(
+        r"MemoryError|bad_alloc|allocate memory|new thread|failed to map"
+    ),
+    "clock": re.compile(r"timestamp (too large|out of range)|timestamps before 1980"),
+}
+_MACHINE = {
+    "memory": "error: the memory ran out: free some, or raise the limit of this job (ulimit -v)",
+    "clock": "error: this machine's clock gives no usable date: set it, and run again",
+}
 _REPORT = "see CONTRIBUTING.md of the project, or SECURITY.md if untrusted input can cause it"
 _DISTRIBUTION = "renew-planner"
 
@@ -161,7 +173,19 @@ def exit_code_of(error: BaseException) -> int:
     """Return the exit code of a command that ended with this error."""
     if isinstance(error, PipelineError):
         return error.exit_code
-    return exit_code(error) if isinstance(error, KeyboardInterrupt) else _UNEXPECTED
+    if isinstance(error, KeyboardInterrupt):
+        return exit_code(error)
+    return MachineError.exit_code if _machine_kind(error) else _UNEXPECTED
+
+
+def _machine_kind(error: BaseException | None) -> str:
+    """Say what of the machine an unexpected error is about, a key of _MACHINE; "" if nothing."""
+    while error is not None:
+        text = f"{type(error).__name__}: {error}"
+        if found := next((kind for kind, sign in _SIGNS.items() if sign.search(text)), ""):
+            return found
+        error = error.__cause__ or error.__context__
+    return ""
 
 
 @contextlib.contextmanager
@@ -181,8 +205,8 @@ def reported_errors() -> Iterator[None]:
         typer.echo(MESSAGE, err=True)
         raise typer.Exit(exit_code(error)) from None
     except Exception as error:  # noqa: BLE001 - reported as unexpected
-        typer.echo(_unexpected(error), err=True)
-        raise typer.Exit(_UNEXPECTED) from None
+        say(_MACHINE[kind] if (kind := _machine_kind(error)) else _unexpected(error), err=True)
+        raise typer.Exit(exit_code_of(error)) from None
 
 
 def _unexpected(error: Exception) -> str:

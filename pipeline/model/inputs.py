@@ -75,6 +75,7 @@ DECIDED = frozenset(
         "climatology-stands-in",
         "current-at-depth",
         "current-stands-in",
+        "forecasts-overlap",
         "still-water",
         "time-assumed",
         "unit-assumed",

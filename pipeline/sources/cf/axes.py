@@ -10,7 +10,7 @@ times; units of speed would need pint in addition.
 import calendar
 import itertools
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values, reading
+from pipeline.sources.cf.overlaps import Step, latest_steps
 from pipeline.sources.current_field import SURFACE_DEPTH_M
 from pipeline.texts import clean
 
@@ -263,8 +264,10 @@ def read_steps(time: "xr.DataArray | None", bounds: FloatArray | None) -> TimeSt
     return TimeSteps(tuple(stamps), labels=labels)
 
 
-def merge_steps(files: Sequence[TimeSteps]) -> tuple[TimeSteps, tuple[tuple[int, int], ...]]:
-    """Merge the steps of several files in their order in time.
+def merge_steps(
+    files: Sequence[TimeSteps], references: Sequence[datetime | None] = ()
+) -> tuple[TimeSteps, tuple[Step, ...]]:
+    """Merge the steps of several files in their order in time; see `latest_steps`.
 
     Also returns for each step the number of its file, and its index there.
 
@@ -281,10 +284,10 @@ def merge_steps(files: Sequence[TimeSteps]) -> tuple[TimeSteps, tuple[tuple[int,
         if len(index) > 1:
             raise ValueError("its files give no time, so their order is unknown; add their times")
         return TimeSteps(), tuple(index)
-    times: dict[tuple[int, int], Any] = {
+    times: dict[Step, Any] = {
         (file, i): (files[file].months or files[file].moments)[i] for file, i in index
     }
-    index.sort(key=times.__getitem__)
+    index = latest_steps(sorted(index, key=times.__getitem__), times, references or [None])
     repeated = [
         files[file].labels[i]
         for (file, i), following in itertools.pairwise(index)
@@ -364,11 +367,9 @@ def _month_start(moment: datetime) -> datetime:
     return moment.replace(day=1, hour=0, minute=0, second=0, microsecond=0)
 
 
-def reference_time(datasets: "Iterable[xr.Dataset]") -> datetime | None:
-    """Return the newest reference time (aware, UTC) of open files; None if a file has none."""
-    times = [_from_variable(dataset) or _from_attributes(dataset) for dataset in datasets]
-    known = [time for time in times if time is not None]
-    return max(known) if known and len(known) == len(times) else None
+def reference_time(dataset: "xr.Dataset") -> datetime | None:
+    """Return the reference time (aware, UTC) of an open file; None if it has none."""
+    return _from_variable(dataset) or _from_attributes(dataset)
 
 
 def _from_variable(dataset: "xr.Dataset") -> datetime | None:

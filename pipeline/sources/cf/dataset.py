@@ -83,6 +83,8 @@ def reading() -> Iterator[None]:
         warnings.simplefilter("ignore")
         try:
             yield
+        except MemoryError:
+            raise
         except Exception as error:  # noqa: BLE001 - any kind, from five libraries
             reason = clean(str(error), _MAX_REASON) or type(error).__name__
             raise ValueError(f"it can't be read: {reason}; fetch it again") from None

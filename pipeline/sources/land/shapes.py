@@ -233,7 +233,7 @@ def reading(what: str, remedy: str) -> Iterator[list[str]]:
         warnings.simplefilter("always")
         try:
             yield issued
-        except PipelineError:
+        except (PipelineError, MemoryError):
             raise
         except Exception as error:
             raise RequestError(f"{what} can't be read ({one_line(error)}); {remedy}") from error
