@@ -40,9 +40,7 @@ _FRAMES = 6
 _MAX_MESSAGE = 500
 # Errors of Python and of libraries that are the machine's, and what to do.
 _SIGNS = {
-    "memory": re.compile(
-        r"MemoryError|bad_alloc|allocate memory|new thread|failed to map"
-    ),
+    "memory": re.compile(r"MemoryError|bad_alloc|allocate memory|new thread|failed to map"),
     "clock": re.compile(r"timestamp (too large|out of range)|timestamps before 1980"),
 }
 _MACHINE = {

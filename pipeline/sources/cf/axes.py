@@ -103,7 +103,7 @@ def time_axis(dataset: "xr.Dataset", dim: str) -> "tuple[xr.DataArray | None, Fl
             return None, None
         raise ValueError(f"{dim} has {dataset.sizes[dim]} steps without times; add the coordinate")
     values = np.atleast_1d(coordinate_values(dataset, dim))
-    time = dataset[dim].copy(data=values.reshape(dataset[dim].shape))
+    time = dataset[dim].copy(deep=False, data=values.reshape(dataset[dim].shape))
     return time, _bounds(dataset, dim, values.size)
 
 

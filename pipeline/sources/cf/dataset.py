@@ -21,6 +21,7 @@ import struct
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
+from inspect import signature
 from pathlib import Path
 from signal import Signals
 from typing import TYPE_CHECKING, Any
@@ -108,16 +109,20 @@ def open_dataset(path: Path) -> "xr.Dataset":
         raise ValueError("it is neither NetCDF, Zarr nor GRIB; convert it to NetCDF")
     try:
         with reading():
-            sizes = {
-                str(name): variable.size
-                for name, variable in store.get_variables().items()
-                if tuple(variable.dims) == (name,)
-            }
-        for name, size in sizes.items():
-            _check_axis_size(name, size)
-        _check_names(store.get_variables())
+            variables = store.get_variables()
+        for name, variable in variables.items():
+            if tuple(variable.dims) == (name,):
+                _check_axis_size(str(name), variable.size)
+        _check_names(variables)
         with reading():
-            dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False)
+            # Indexes take half the time where files are many, and nothing here looks them up.
+            known = signature(xr.open_dataset).parameters
+            fast = {"create_default_indexes": False} if "create_default_indexes" in known else {}
+            dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False, **fast)
+            # Of many files xarray keeps some open: what is read of each is read while it is.
+            for variable in dataset.variables.values():
+                if variable.ndim < 2 and variable.size <= _MAX_VALUES:
+                    variable.load()
     except ValueError:
         store.close()
         raise
