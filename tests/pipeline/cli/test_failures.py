@@ -247,7 +247,7 @@ def test_clean_says_what_it_freed(
     kept = CliRunner().invoke(app, ["clean", "--output", output])
     assert kept.stdout.startswith("Freed 0.0 MB (0 files); ")
     assert land.exists()
-    cleaned = CliRunner().invoke(app, ["clean", "--output", output, "--all"])
+    cleaned = CliRunner().invoke(app, ["clean", "--output", output, "--all", "--yes"])
     assert "; 0.0 MB remain in" in cleaned.stdout
     assert "The world's land was removed from the user's cache, too (2.0 MB)" in cleaned.stdout
     assert not land.exists()
