@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ def test_the_later_forecast_wins_in_its_span_and_a_note_says_so(tmp_path: Path) 
 
 
 def test_steps_between_those_of_a_later_forecast_give_way_too() -> None:
-    at = datetime(2026, 11, 21)
+    at = REFERENCE
     hours = {(0, i): i for i in range(9)} | {(1, i): 4 + 3 * i for i in range(3)}
     times = {step: at + timedelta(hours=hour) for step, hour in hours.items()}
     index = sorted(times, key=times.__getitem__)
