@@ -16,9 +16,10 @@ from pipeline._types import FloatArray
 from pipeline.formats.figures.map_marks import SpeedScale, speed_scale
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import shortened, xml_environment
+from pipeline.formats.shared.text import xml_environment
 from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
 from pipeline.geo.projection import Projection
+from pipeline.texts import clean
 
 # Width, metres on paper or screen, at which a map opens.
 _MAP_WIDTH_M = 0.25
@@ -369,7 +370,7 @@ def inert(text: str) -> str:
 
 def one_line(text: str, limit: int = _MAX_TITLE_LENGTH) -> str:
     """Shorten a text for QGIS to at most `limit` characters."""
-    return shortened(inert(text), limit)
+    return clean(inert(text), limit)
 
 
 def literal(text: str) -> str:

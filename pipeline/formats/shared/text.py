@@ -182,11 +182,6 @@ def capitalised(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}"
 
 
-def shortened(text: str, limit: int) -> str:
-    """Cut a text to at most `limit` characters, the last of which is then "…"."""
-    return text if len(text) <= limit else f"{text[: limit - 1]}…"
-
-
 def speed_over_ground(metrics: RouteMetrics) -> float:
     """Return the mean speed over ground, m/s; NaN without a duration."""
     return metrics.length_m / metrics.duration_s if metrics.duration_s > 0 else math.nan

@@ -116,8 +116,8 @@ def open_dataset(path: Path) -> "xr.Dataset":
         _check_names(variables)
         with reading():
             # Indexes take half the time where files are many, and nothing here looks them up.
-            known = signature(xr.open_dataset).parameters
-            fast = {"create_default_indexes": False} if "create_default_indexes" in known else {}
+            known = signature(xr.open_dataset).parameters.keys()
+            fast: dict[str, Any] = dict.fromkeys({"create_default_indexes"} & known, False)
             dataset = xr.open_dataset(store, decode_times=False, decode_timedelta=False, **fast)
             # Of many files xarray keeps some open: what is read of each is read while it is.
             for variable in dataset.variables.values():
@@ -126,7 +126,8 @@ def open_dataset(path: Path) -> "xr.Dataset":
     except ValueError:
         store.close()
         raise
-    for owner in (dataset, *dataset.variables.values()):
+    owners: tuple[Any, ...] = (dataset, *dataset.variables.values())
+    for owner in owners:
         owner.attrs = {clean(str(key)): clean(str(value)) for key, value in owner.attrs.items()}
     return dataset
 
