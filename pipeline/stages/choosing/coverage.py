@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from pipeline.scenario.season import Season, source_name
 from pipeline.scenario.strict import Point
 from pipeline.sources.haven_file import read_havens
 from pipeline.sources.land.shapes import box_around
+from pipeline.sources.land.vector import open_layer
 from pipeline.sources.registry import charted_land, current_source
 from pipeline.stages.choosing.region_choice import DirectLine
 from pipeline.stages.places import avoided_zones, lakes_text, not_in_water
@@ -28,7 +30,6 @@ from pipeline.stages.places import avoided_zones, lakes_text, not_in_water
 _AROUND_DEG = 1e-3
 # Latitude beyond which no region reaches, degrees.
 _MAX_LATITUDE = 89.0
-_WORLD = shapely.box(-180, -_MAX_LATITUDE, 180, _MAX_LATITUDE)
 # Distance around a position within which the quick check searches for water, m.
 _LOOK_M = 20_000.0
 
@@ -89,13 +90,16 @@ def require_whole_files(scenario: Scenario) -> None:
     if scenario.is_planar:
         return
     faults = Faults()
-    region = _WORLD if scenario.region is None else scenario.region.shape
-    faults.collect(lambda: avoided_zones(scenario, region))
+    region = least_region(*scenario.stops.values())
+    if scenario.region is not None:
+        region = scenario.region.shape
+        faults.collect(lambda: avoided_zones(scenario, region))
+    for area in scenario.avoid if scenario.region is None else ():
+        faults.collect(partial(open_layer, Path(area.path), "", ""))
     if (havens := scenario.havens) is not None:
         faults.collect(lambda: read_havens(Path(havens.path)))
     if scenario.chart.depths or any(source.path for source in scenario.chart.source):
-        near = least_region(*scenario.stops.values()) if scenario.region is None else region
-        faults.collect(lambda: charted_land(scenario).land(near))
+        faults.collect(lambda: charted_land(scenario).land(region))
     if faults.lines:
         raise RequestError(faults.lines)
 

@@ -6,11 +6,17 @@ import json
 import os
 import subprocess
 import sys
+import time
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner
 
+from pipeline.cli.failures import exit_code_of, reported_errors
 from pipeline.cli.main import app
 from tests.pipeline.processes import QUICK, ROOT, renew
 from tests.pipeline.small_region import small_region
@@ -282,3 +288,34 @@ def test_long_words_are_not_repeated_whole(words: list[str]) -> None:
     ended = CliRunner().invoke(app, words)
     assert ended.exit_code == 2
     assert max(map(len, ended.stderr.splitlines())) <= 500
+
+
+def _zip_of_1975() -> None:
+    zipfile.ZipInfo("a", (1975, 1, 1, 0, 0, 0))
+
+
+def _library_that_does_not_fit() -> None:
+    reason = OSError("libx.so: failed to map segment from shared object")
+    raise ImportError("x can't be imported") from reason
+
+
+@pytest.mark.parametrize(
+    ("fail", "said"),
+    [
+        (lambda: np.empty(1 << 60, np.int8), "the memory ran out"),
+        (lambda: [0] * (1 << 60), "the memory ran out"),
+        (_library_that_does_not_fit, "the memory ran out"),
+        (_zip_of_1975, "this machine's clock"),
+        (lambda: time.sleep(1e300), "this machine's clock"),
+    ],
+)
+def test_memory_and_clock_are_named(
+    fail: Callable[[], object], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.Exit) as ended, reported_errors():
+        fail()
+    assert ended.value.exit_code == 1
+    assert said in capsys.readouterr().err
+    cause = ended.value.__context__
+    assert cause is not None
+    assert exit_code_of(cause) == 1  # as the monitoring service is told

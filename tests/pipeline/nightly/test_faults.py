@@ -10,13 +10,16 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pipeline.errors import MachineError, StageError
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import BusyError
+from pipeline.nightly.planning.planning import CurrentTask, Preparation
 from pipeline.nightly.request.config import load_config
+from pipeline.stages.seasons.cluster import Fleet
 from tests.pipeline.nightly.killed_nights import (
     cases_at_work,
     cases_done,
@@ -248,3 +251,26 @@ def test_a_rerun_with_fifty_files_touches_none(tmp_path: Path) -> None:
     assert "nothing to do" in run_to_the_end(file, output)
     assert {path: path.stat().st_mtime_ns for path in output.rglob("*")}.items() <= before.items()
     assert {path: path.stat().st_mtime_ns for path in held} == before
+
+
+def test_currents_whose_workers_die_are_no_lack_of_currents(
+    tmp_path: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where each needs more memory than a worker has: code 1, which is told."""
+    write_forecast(tmp_path / "currents" / "a.nc")
+    config = load_config(region_night(tmp_path, departures=1), tmp_path / "out")
+    run = Fleet.run
+
+    def deadly_for_currents(self: Fleet, work: Any, check: Any) -> None:  # noqa: ANN401 - as they are
+        if isinstance(work, Preparation) and isinstance(work.tasks[0], CurrentTask):
+            for task in work.tasks:
+                work.died(task)
+        else:
+            run(self, work, check)
+
+    monkeypatch.setattr(Fleet, "run", deadly_for_currents)
+    with pytest.raises(
+        StageError, match=r"no current could be prepared: .*out of memory"
+    ) as caught:
+        run_night(config, scheduler=cluster)
+    assert caught.value.exit_code == 1
