@@ -42,5 +42,5 @@ def test_the_latest_of_many_forecasts_is_found_at_once() -> None:
     """Each of 2,000 daily files has ten days: of all but the last the first day is left."""
     starts = np.arange(2_000)
     times = {(int(file), day): int(file) + day for file in starts for day in range(10)}
-    left = latest_steps(sorted(times, key=times.__getitem__), times, starts.astype(float) + 1)
+    left = latest_steps(sorted(times, key=times.__getitem__), times, list(starts + 1))
     assert left == [(file, 0) for file in range(1_999)] + [(1_999, day) for day in range(10)]
