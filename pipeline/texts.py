@@ -28,9 +28,13 @@ def clean(text: str, limit: int = 2000) -> str:
 
     What a terminal obeys becomes U+FFFD; what can't be seen is dropped.
     """
-    seen = _UNSEEN.sub("", _CONTROLS.sub("\N{REPLACEMENT CHARACTER}", text[: 4 * limit]))
-    line = " ".join(unicodedata.normalize("NFC", seen).split())
+    line = " ".join(unicodedata.normalize("NFC", seen(text[: 4 * limit])).split())
     return line if len(line) <= limit else f"{line[: limit - 1]}…"
+
+
+def seen(text: str) -> str:
+    """Return a text of several lines without what a terminal obeys or doesn't show."""
+    return _UNSEEN.sub("", _CONTROLS.sub("\N{REPLACEMENT CHARACTER}", text))
 
 
 def acts(name: str) -> str:

@@ -38,14 +38,12 @@ _UNEXPECTED = 3
 _FRAMES = 6
 # Maximum length of an error's text, in characters.
 _MAX_MESSAGE = 500
-# Errors of Python and of libraries that are the machine's, and what to do.
-_SIGNS = {
-    "memory": re.compile(r"MemoryError|bad_alloc|allocate memory|new thread|failed to map"),
-    "clock": re.compile(r"timestamp (too large|out of range)|timestamps before 1980"),
-}
+# Signs of errors of Python and of libraries that are the machine's, and what to do.
 _MACHINE = {
-    "memory": "error: the memory ran out: free some, or raise the limit of this job (ulimit -v)",
-    "clock": "error: this machine's clock gives no usable date: set it, and run again",
+    r"MemoryError|bad_alloc|allocate memory|new thread|failed to map": "the memory ran out: free "
+    "some, or raise the limit of this job (ulimit -v)",
+    r"timestamp (too large|out of range)|timestamps before 1980": "this machine's clock gives no "
+    "usable date: set it, and run again",
 }
 _REPORT = "see CONTRIBUTING.md of the project, or SECURITY.md if untrusted input can cause it"
 _DISTRIBUTION = "renew-planner"
@@ -173,15 +171,15 @@ def exit_code_of(error: BaseException) -> int:
         return error.exit_code
     if isinstance(error, KeyboardInterrupt):
         return exit_code(error)
-    return MachineError.exit_code if _machine_kind(error) else _UNEXPECTED
+    return MachineError.exit_code if _machine_fault(error) else _UNEXPECTED
 
 
-def _machine_kind(error: BaseException | None) -> str:
-    """Say what of the machine an unexpected error is about, a key of _MACHINE; "" if nothing."""
+def _machine_fault(error: BaseException | None) -> str:
+    """Say what of the machine an unexpected error is about, with the remedy; "" if nothing."""
     while error is not None:
         text = f"{type(error).__name__}: {error}"
-        if found := next((kind for kind, sign in _SIGNS.items() if sign.search(text)), ""):
-            return found
+        if found := [said for sign, said in _MACHINE.items() if re.search(sign, text)]:
+            return f"error: {found[0]}"
         error = error.__cause__ or error.__context__
     return ""
 
@@ -203,7 +201,7 @@ def reported_errors() -> Iterator[None]:
         typer.echo(MESSAGE, err=True)
         raise typer.Exit(exit_code(error)) from None
     except Exception as error:  # noqa: BLE001 - reported as unexpected
-        say(_MACHINE[kind] if (kind := _machine_kind(error)) else _unexpected(error), err=True)
+        typer.echo(_machine_fault(error) or _unexpected(error), err=True)
         raise typer.Exit(exit_code_of(error)) from None
 
 

@@ -39,6 +39,7 @@ from pipeline.cli.usage import BriefRefusals, Command
 from pipeline.cli.watch import watch
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
+from pipeline.texts import seen
 
 if TYPE_CHECKING:
     from pipeline.scenario.model import Scenario
@@ -228,7 +229,7 @@ def show(
 
         path = catalogue.entry_path(name)
         catalogue.read_toml(path)
-        typer.echo(path.read_text(encoding="utf-8"), nl=False)
+        typer.echo(seen(path.read_text(encoding="utf-8")), nl=False)
 
 
 @app.command(cls=Command)

@@ -274,6 +274,13 @@ def test_each_refusal_that_quotes_a_file_is_clean(tmp_path: Path, trick: str) ->
         assert not _shown(text), ascii(text)
 
 
+def test_a_file_that_is_shown_does_not_act(tmp_path: Path) -> None:
+    text = "# \u202ea\x9b31m\x7f\u200b\nname = 'x'  # \u2066b\n\tindent = 1\n"
+    (tmp_path / "shown.toml").write_text(text.replace("\x7f", ""))
+    done = CliRunner().invoke(app, ["show", str(tmp_path / "shown.toml")])
+    assert done.stdout == "# a\ufffd31m\nname = 'x'  # b\n\tindent = 1\n"
+
+
 @pytest.mark.parametrize("trick", ["a\x1b]0;x\x07", "a\u202eb", "a\x9bb", "a\u200bb", "a\nb"])
 def test_a_file_with_such_a_name_is_refused(tmp_path: Path, trick: str) -> None:
     """Its name would get into notes, credits and results; where a pattern finds it, too."""

@@ -269,8 +269,6 @@ def test_currents_whose_workers_die_are_no_lack_of_currents(
             run(self, work, check)
 
     monkeypatch.setattr(Fleet, "run", deadly_for_currents)
-    with pytest.raises(
-        StageError, match=r"no current could be.*out of memory"
-    ) as caught:
+    with pytest.raises(StageError, match=r"no current could be.*out of memory") as caught:
         run_night(config, scheduler=cluster)
     assert caught.value.exit_code == 1
