@@ -104,7 +104,7 @@ def require_consent() -> None:
 
     Raises typer.Abort if the answer is no.
     """
-    from pipeline.sources.land.osm import user_cache
+    from renew._compiled import user_cache
 
     folder = user_cache()
     if folder is None or not any(folder.glob("*.shoreline*")):

@@ -90,7 +90,8 @@ def _stored(path: Path) -> Iterator[str]:
     """Yield the texts of a GeoPackage, or of a NetCDF file's attributes."""
     if path.suffix == ".nc":
         with netCDF4.Dataset(path) as data:
-            for owner in (data, *data.variables.values()):
+            owners: list[Any] = [data, *data.variables.values()]
+            for owner in owners:
                 yield from (str(owner.getncattr(key)) for key in owner.ncattrs())
         return
     with sqlite3.connect(path) as database:
@@ -257,12 +258,9 @@ def test_each_refusal_that_quotes_a_file_is_clean(tmp_path: Path, trick: str) ->
     (tmp_path / "keys.toml").write_text(text)
     (tmp_path / "bad.toml").write_bytes(f"a = {trick}".encode(errors="replace"))
     said = list[str]()
-    for read in (
-        lambda: load_scenario(str(tmp_path / "keys.toml")),
-        lambda: load_scenario(str(tmp_path / "bad.toml")),
-    ):
+    for name in ("keys.toml", "bad.toml"):
         with pytest.raises(PipelineError) as caught:
-            read()
+            load_scenario(str(tmp_path / name))
         said.append(str(caught.value))
     _, faults = read_pairs(tmp_path / "pairs.csv", is_planar=False)
     said += PipelineError("\n".join(fault.replace("\n", " ") for fault in faults)).args

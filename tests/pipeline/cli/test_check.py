@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from pipeline.cli.main import app
-from pipeline.sources.land import osm
+from renew._compiled import user_cache
 from tests.pipeline.small_region import small_region
 
 _SEASON = "[[seasons]]\nname = 'now'\nvalid = '2024-07'\ncurrents = ['still']\n"
@@ -76,7 +76,7 @@ def land_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A cache of the user with one shoreline in it."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
-    folder = osm.user_cache()
+    folder = user_cache()
     assert folder is not None
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "gshhg-1-1.shoreline").write_bytes(b"x" * 100)

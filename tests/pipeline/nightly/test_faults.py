@@ -17,7 +17,8 @@ import pytest
 from pipeline.errors import MachineError, StageError
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import BusyError
-from pipeline.nightly.planning.planning import CurrentTask, Preparation
+from pipeline.nightly.planning.chart import CurrentTask
+from pipeline.nightly.planning.planning import Preparation
 from pipeline.nightly.request.config import load_config
 from pipeline.stages.seasons.cluster import Fleet
 from tests.pipeline.nightly.killed_nights import (
@@ -262,7 +263,7 @@ def test_currents_whose_workers_die_are_no_lack_of_currents(
     run = Fleet.run
 
     def deadly_for_currents(self: Fleet, work: Any, check: Any) -> None:  # noqa: ANN401 - as they are
-        if isinstance(work, Preparation) and isinstance(work.tasks[0], CurrentTask):
+        if isinstance(work, Preparation) and isinstance([*work.tasks][0], CurrentTask):
             for task in work.tasks:
                 work.died(task)
         else:
