@@ -263,7 +263,7 @@ def test_currents_whose_workers_die_are_no_lack_of_currents(
     run = Fleet.run
 
     def deadly_for_currents(self: Fleet, work: Any, check: Any) -> None:  # noqa: ANN401 - as they are
-        if isinstance(work, Preparation) and isinstance([*work.tasks][0], CurrentTask):
+        if isinstance(work, Preparation) and isinstance(next(iter(work.tasks)), CurrentTask):
             for task in work.tasks:
                 work.died(task)
         else:
