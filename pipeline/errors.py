@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Self, TypeVar
 
+from pipeline.texts import clean
+
 # Largest number of faults in a message, of characters in a fault, and of characters in a word.
 _MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
 # From this number of faults that are equal except for their place, only the first is reported, with
@@ -58,7 +60,7 @@ def condensed(faults: Iterable[str]) -> tuple[str, ...]:
     if len(lines) > _MAX_FAULTS:
         more = len(lines) - (_MAX_FAULTS - 1)
         lines[_MAX_FAULTS - 1 :] = [f"and {more:,} more faults; mend these first"]
-    return tuple(shortened(" ".join(line.split())) for line in lines)
+    return tuple(clean(shortened(line)) for line in lines)
 
 
 def _once(faults: Sequence[str]) -> str:
@@ -75,7 +77,7 @@ class PipelineError(Exception):
     exit_code = 1
 
     def __init__(self, text: str = "") -> None:
-        super().__init__("\n".join(shortened(line) for line in text.splitlines()))
+        super().__init__("\n".join(clean(shortened(line)) for line in text.split("\n") if line))
 
 
 class RequestError(PipelineError):
@@ -122,9 +124,13 @@ class StageError(PipelineError):
     """A stage failed though the request is valid: exit code 1, finished stages are kept."""
 
 
+class MachineError(StageError):
+    """The machine failed, as by a full disk: no other source of data does better."""
+
+
 def one_line(error: BaseException) -> str:
     """Return an error's text in one line, for an unexpected error with its type and place."""
-    text = " ".join(str(error).split())
+    text = clean(str(error))
     if isinstance(error, PipelineError):
         return text
     frames = traceback.extract_tb(error.__traceback__)

@@ -33,6 +33,7 @@ from pipeline.stages.seasons.one_season import OnStep, ignore_step
 from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import SimplifiedLand, simplify
 from pipeline.stages.write import load_libraries, write
+from pipeline.texts import clean
 
 Stage = Literal["fetch", "simplify", "project", "choose", "plan", "compare", "cover", "write"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
@@ -338,7 +339,7 @@ class _Stages:
         try:
             yield say
         except Exception as error:
-            self.on_event(Event(stage, "failed", detail=str(error).replace("\n", "; ")))
+            self.on_event(Event(stage, "failed", detail=clean(str(error).replace("\n", "; "))))
             raise
         self.timings[stage] = time.perf_counter() - started
         self.on_event(Event(stage, "done", seconds=self.timings[stage]))

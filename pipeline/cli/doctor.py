@@ -19,6 +19,7 @@ from pipeline.errors import PipelineError
 from pipeline.machine.interpreters import begun
 from pipeline.machine.paths import folder_to_write
 from pipeline.sources.copernicus.client import PASSWORD, USERNAME, has_account, login_fault
+from pipeline.texts import clean
 
 _REINSTALL = "install the package again"
 # Time limit for answers of the service and the scheduler, s.
@@ -85,7 +86,7 @@ def guarded(what: str, check: Callable[[], Finding]) -> Finding:
     except PipelineError as error:  # its text ends with the remedy
         return Finding("fault", what, str(error))
     except Exception as error:  # noqa: BLE001 - a broken installation may raise anything
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        reason = clean(f"{type(error).__name__}: {error}")[:200]
         return Finding("fault", what, f"the check failed ({reason})", _REINSTALL)
 
 
@@ -140,7 +141,7 @@ def check_scheduler(address: str | None, output: Path) -> Finding:
     try:
         answers = _worker_states(address, folder)
     except Exception as error:  # noqa: BLE001 - libraries raise many kinds
-        reason = " ".join(str(error).split())[:120] or "no answer in time"
+        reason = clean(str(error))[:120] or "no answer in time"
         detail = f"{address} does not answer ({reason})"
         return Finding("fault", what, detail, "check the address, and that the scheduler runs")
     if not answers:
@@ -188,7 +189,7 @@ def differences(here: dict[str, str], answers: Mapping[str, object]) -> list[str
     wrong = []
     for worker, there in answers.items():
         if not isinstance(there, dict):
-            wrong.append(f"{worker} can't run this program ({' '.join(str(there).split())[:120]})")
+            wrong.append(f"{worker} can't run this program ({clean(str(there))[:120]})")
             continue
         wrong += [
             f"{worker} has {key} {there.get(key)}, here it is {value}"

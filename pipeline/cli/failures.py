@@ -4,6 +4,7 @@ import _thread
 import contextlib
 import json
 import os
+import re
 import signal
 import sys
 import threading
@@ -17,7 +18,8 @@ from types import FrameType
 import typer
 
 from pipeline.cli.terminal import say
-from pipeline.errors import PipelineError, RequestError
+from pipeline.errors import MachineError, PipelineError, RequestError
+from pipeline.texts import clean
 
 MESSAGE = "stopped; finished stages are kept, run again to continue"
 # Time for the main thread to clean up, s. Then the process ends, the system releases its locks, and
@@ -36,6 +38,13 @@ _UNEXPECTED = 3
 _FRAMES = 6
 # Maximum length of an error's text, in characters.
 _MAX_MESSAGE = 500
+# Signs of errors of Python and of libraries that are the machine's, and what to do.
+_MACHINE = {
+    r"MemoryError|bad_alloc|allocate memory|new thread|failed to map": "the memory ran out: free "
+    "some, or raise the limit of this job (ulimit -v)",
+    r"timestamp (too large|out of range)|timestamps before 1980": "this machine's clock gives no "
+    "usable date: set it, and run again",
+}
 _REPORT = "see CONTRIBUTING.md of the project, or SECURITY.md if untrusted input can cause it"
 _DISTRIBUTION = "renew-planner"
 
@@ -160,7 +169,19 @@ def exit_code_of(error: BaseException) -> int:
     """Return the exit code of a command that ended with this error."""
     if isinstance(error, PipelineError):
         return error.exit_code
-    return exit_code(error) if isinstance(error, KeyboardInterrupt) else _UNEXPECTED
+    if isinstance(error, KeyboardInterrupt):
+        return exit_code(error)
+    return MachineError.exit_code if _machine_fault(error) else _UNEXPECTED
+
+
+def _machine_fault(error: BaseException | None) -> str:
+    """Say what of the machine an unexpected error is about, with the remedy; "" if nothing."""
+    while error is not None:
+        text = f"{type(error).__name__}: {error}"
+        if found := [said for sign, said in _MACHINE.items() if re.search(sign, text)]:
+            return f"error: {found[0]}"
+        error = error.__cause__ or error.__context__
+    return ""
 
 
 @contextlib.contextmanager
@@ -180,8 +201,8 @@ def reported_errors() -> Iterator[None]:
         typer.echo(MESSAGE, err=True)
         raise typer.Exit(exit_code(error)) from None
     except Exception as error:  # noqa: BLE001 - reported as unexpected
-        typer.echo(_unexpected(error), err=True)
-        raise typer.Exit(_UNEXPECTED) from None
+        typer.echo(_machine_fault(error) or _unexpected(error), err=True)
+        raise typer.Exit(exit_code_of(error)) from None
 
 
 def _unexpected(error: Exception) -> str:
@@ -190,7 +211,7 @@ def _unexpected(error: Exception) -> str:
     fields = {
         "error": "unexpected",
         "type": type(error).__name__,
-        "message": " ".join(str(error).split())[:_MAX_MESSAGE],
+        "message": clean(str(error), _MAX_MESSAGE),
         "where": [f"{_short(frame.filename)}:{frame.lineno}" for frame in frames],
         "version": program_version(),
         "report": _REPORT,

@@ -2,10 +2,13 @@
 
 import json
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+import typer
 
 from pipeline.errors import RequestError
 from pipeline.scenario import catalogue
@@ -94,6 +97,25 @@ def _runs_offline(season: Season) -> bool:
         if source.adapter == "embedded-table" and source.season_for(season) is not None:
             return True
     return False
+
+
+def require_consent() -> None:
+    """Ask before the land cache is removed, which is the user's; RequestError without a terminal.
+
+    Raises typer.Abort if the answer is no.
+    """
+    from renew._compiled import user_cache
+
+    folder = user_cache()
+    if folder is None or not any(folder.glob("*.shoreline*")):
+        return
+    what = (
+        f"--all also removes the world's land in {folder}, which all projects of this "
+        "user share; the next plan makes it again in some seconds"
+    )
+    if not sys.stdin.isatty():
+        raise RequestError(f"{what}: add --yes, or leave out --all")
+    typer.confirm(f"{what}. Remove it?", abort=True)
 
 
 def freed(output: Path, *, older: str, everything: bool) -> str:

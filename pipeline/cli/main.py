@@ -39,6 +39,7 @@ from pipeline.cli.usage import BriefRefusals, Command
 from pipeline.cli.watch import watch
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
+from pipeline.texts import seen
 
 if TYPE_CHECKING:
     from pipeline.scenario.model import Scenario
@@ -228,20 +229,21 @@ def show(
 
         path = catalogue.entry_path(name)
         catalogue.read_toml(path)
-        typer.echo(path.read_text(encoding="utf-8"), nl=False)
+        typer.echo(seen(path.read_text(encoding="utf-8")), nl=False)
 
 
 @app.command(cls=Command)
 def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")]) -> None:
-    """List all faults of a scenario's file; also check that its start and goal are in water."""
+    """List all faults of a scenario's file and of the files that it names; check start and goal."""
     with reported_errors(), still_at_work():
         from pipeline.scenario.loading import load_scenario
 
         found = load_scenario(file)
         # After loading, so that faults in the file are reported at once.
-        from pipeline.stages.choosing.coverage import require_sailable
+        from pipeline.stages.choosing.coverage import require_sailable, require_whole_files
 
         require_sailable(found)
+        require_whole_files(found)
         seasons = ", ".join(season.name for season in found.seasons)
         typer.echo(f"{found.name}: valid ({seasons}; {_vessel(found)}; 1:{found.scale:g})")
 
@@ -263,11 +265,17 @@ def clean(
         bool,
         typer.Option("--all", help="Remove everything that can be computed or downloaded again."),
     ] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="With --all, don't ask about the user's land cache.")
+    ] = False,
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
-    with reported_errors(), still_at_work():
-        from pipeline.cli.listing import freed
+    with reported_errors():
+        from pipeline.cli.listing import freed, require_consent
 
+        if everything and not yes:
+            require_consent()
+    with reported_errors(), still_at_work():
         say(freed(output, older=older, everything=everything))
 
 

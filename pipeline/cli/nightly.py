@@ -56,7 +56,10 @@ def check(
         if faults := pairs_on_land(loaded, cases):
             raise RequestError(faults)
         sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in cases.blocks)
-        typer.echo(f"{loaded.path.name}: valid, {len(cases):,} cases ({sizes})")
+        typer.echo(
+            f"{loaded.path.name}: valid, {len(cases):,} cases ({sizes}); files of currents and of "
+            "voyages may still come, and are opened when the night runs"
+        )
 
 
 @app.command(cls=Command)

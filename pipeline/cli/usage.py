@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from typer.core import TyperCommand, TyperGroup
 
 from pipeline.errors import RequestError, shortened
+from pipeline.texts import clean
 
 # Contexts, formatters and parameters have the type Any here: they are click's, or typer's own copy
 # of click's, depending on typer's version.
@@ -178,4 +179,4 @@ def _is_of_usage(error: Exception) -> bool:
 
 def _message(error: Exception) -> str:
     """Return an error's message on one line."""
-    return shortened(" ".join(error.format_message().split()))  # type: ignore[attr-defined]
+    return clean(shortened(error.format_message()))  # type: ignore[attr-defined]

@@ -33,6 +33,7 @@ from pipeline.formats.shared.route_profile import coast_index, cumulative, steps
 from pipeline.formats.shared.text import duration as duration_text, to_minute, write_json
 from pipeline.model import DepartureChoice, RouteMetrics
 from pipeline.scenario.loading import scenario_text
+from pipeline.texts import cell
 
 # Fields of RouteMetrics in their order, and their columns. Fuel and length_planner_m are in the
 # planner's scaled units, every other `_m` in true metres.
@@ -74,7 +75,7 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, An
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, columns)
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows({key: cell(one) for key, one in row.items()} for row in rows)
 
 
 def utc_text(moment: datetime) -> str:

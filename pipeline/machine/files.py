@@ -24,7 +24,7 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import IO
 
-from pipeline.errors import StageError
+from pipeline.errors import MachineError
 
 UNFINISHED = ".tmp"
 """Suffix of files that are being written."""
@@ -32,11 +32,11 @@ UNFINISHED = ".tmp"
 
 @contextlib.contextmanager
 def needed(what: str, remedy: str) -> Iterator[None]:
-    """Turn an OSError in the `with` block into a StageError: what fails, the reason, a remedy."""
+    """Turn an OSError in the `with` block into a MachineError: what fails, the reason, a remedy."""
     try:
         yield
     except OSError as error:
-        raise StageError(f"{what}: {error.strerror or error}; {remedy}") from error
+        raise MachineError(f"{what}: {error.strerror or error}; {remedy}") from error
 
 
 def writing(folder: Path) -> contextlib.AbstractContextManager[None]:

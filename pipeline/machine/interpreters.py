@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import IO, TypeVar
 
 ValueT = TypeVar("ValueT")
 
@@ -103,7 +103,7 @@ def run_python(
     arguments: Sequence[str], stdin: str, limit_s: float, stop: threading.Event | None = None
 ) -> ProcessResult:
     """Run an interpreter with some input; kill it and its children after the limit or at `stop`."""
-    deadline, text = time.monotonic() + limit_s, stdin or None
+    deadline = time.monotonic() + limit_s
     with subprocess.Popen(  # noqa: S603 - the arguments are this package's own
         python_command(*arguments),
         stdin=subprocess.PIPE,
@@ -114,12 +114,13 @@ def run_python(
         env=python_environment(),
         start_new_session=True,
     ) as process:
+        threading.Thread(target=_feed, args=(process.stdin, stdin), daemon=True).start()
+        process.stdin = None
         try:
             while time.monotonic() < deadline and not (stop and stop.is_set()):
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    stdout, stderr = process.communicate(text, timeout=_PAUSE_S)
+                    stdout, stderr = process.communicate(timeout=_PAUSE_S)
                     return ProcessResult(process.returncode, stdout, stderr)
-                text = None  # it is taken at the first call
         except BaseException:
             _kill_session(process)
             raise
@@ -128,6 +129,12 @@ def run_python(
         with contextlib.suppress(subprocess.TimeoutExpired):
             _, stderr = process.communicate(timeout=_DRAIN_S)
         return ProcessResult(None, "", stderr)
+
+
+def _feed(pipe: IO[str], text: str) -> None:
+    """Write a process's input: `communicate` drops what a pipe does not hold at its first call."""
+    with contextlib.suppress(OSError), pipe:
+        pipe.write(text)
 
 
 def _kill_session(process: subprocess.Popen[str]) -> None:

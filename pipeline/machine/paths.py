@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
+from pipeline.texts import acts, clean
 
 # Neither files nor folders: reading one may wait for ever, or never end.
 _OTHER_KINDS = (
@@ -124,18 +125,13 @@ def folder_to_write(path: Path, key: str) -> Path:
 
 def shown(path: str | Path) -> str:
     """Write a path in a message: printable, and no longer than a line or two."""
-    name = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in os.fspath(path))
-    return name if len(name) <= _MAX_SHOWN else f"{name[:_MAX_SHOWN]}…"
+    return clean(os.fspath(path), _MAX_SHOWN)
 
 
 def unusable_reason(name: str) -> str:
     """Say why a text can't be a path, with the remedy; empty when it can."""
-    if "\0" in name:
-        return "has a NUL character in its name; give the path of a file"
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return "has a name that is not UTF-8; rename it"
+    if found := acts(name):
+        return f"has in its name {found}; rename it"
     try:
         Path(name).expanduser()
     except RuntimeError:

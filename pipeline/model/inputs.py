@@ -18,6 +18,7 @@ from pipeline.geo.lonlat import Bounds, DepthCover, KnownCells, position_text
 from pipeline.model.depths import DepthArea, TidalWater
 from pipeline.model.ensemble import MemberGrid
 from pipeline.scenario.season import Season
+from pipeline.texts import clean
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +55,9 @@ class Note:
 
     @classmethod
     def of(cls, kind: str, **values: object) -> "Note":
-        """Return a note with its values."""
-        return cls(kind, tuple(values.items()))
+        """Return a note with its values; texts among them may quote a file or a library."""
+        cleaned = ((k, clean(v) if isinstance(v, str) else v) for k, v in values.items())
+        return cls(kind, tuple(cleaned))
 
     @property
     def is_decision(self) -> bool:
@@ -73,6 +75,7 @@ DECIDED = frozenset(
         "climatology-stands-in",
         "current-at-depth",
         "current-stands-in",
+        "forecasts-overlap",
         "level-assumed",
         "pair-taken",
         "steps-read",

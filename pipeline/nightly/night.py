@@ -26,6 +26,7 @@ from pipeline.nightly.request.config import NightConfig
 from pipeline.nightly.request.expansion import expand, pairs_on_land
 from pipeline.nightly.request.newest_currents import Newest, base_of, newest_currents
 from pipeline.nightly.voyages import VOYAGES_FILE, SailedVoyage, planned_again, write_voyages
+from pipeline.texts import clean
 
 if TYPE_CHECKING:
     from pipeline.nightly.planning.planning import Planning
@@ -372,8 +373,7 @@ class _Night:
         try:
             yield
         except Exception as error:
-            detail = str(error).replace("\n", "; ")
-            self._event(NightEvent(stage, "failed", detail))
+            self._event(NightEvent(stage, "failed", clean(str(error).replace("\n", "; "))))
             raise
         finally:
             self.seconds[stage] = time.perf_counter() - begun

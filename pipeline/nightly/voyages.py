@@ -11,6 +11,7 @@ from pipeline.errors import PipelineError, RequestError
 from pipeline.nightly.outcome import ACT, LOOK, SAME
 from pipeline.nightly.request.config import NightConfig, VoyageSpec
 from pipeline.scenario.strict import looks_like_path
+from pipeline.texts import cell
 from pipeline.underway.reports import Fix, last_fix
 from pipeline.voyage.positions import Position
 
@@ -135,7 +136,7 @@ def write_voyages(voyages: Sequence[SailedVoyage], path: Path) -> None:
         for row in rows:
             writer.writerow(
                 {
-                    key: "" if isinstance(one, float) and not math.isfinite(one) else one
+                    key: "" if isinstance(one, float) and not math.isfinite(one) else cell(one)
                     for key, one in row.items()
                 }
             )

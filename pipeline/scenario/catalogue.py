@@ -63,10 +63,6 @@ EXAMPLE = "`renew show palawan-season` prints one to start from"
 SECTIONS: tuple[Section, ...] = ("scenarios", "vessels", "sources")
 
 
-# Direction marks, embeddings, overrides and isolates, which can make a text look like another one.
-_BIDI = dict.fromkeys([0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A)])
-
-
 # Largest size of a file, bytes: checking it takes seconds, and some 200 times as much memory.
 _MAX_TOML_BYTES = 4 << 20
 
@@ -305,23 +301,12 @@ def read_toml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise RequestError(f"{path} can't be read: {error.strerror}; check the path") from None
     try:
-        table: dict[str, Any] = _without_bidi(tomllib.loads(text))
+        table: dict[str, Any] = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
         raise RequestError(f"{path} is not TOML: {error}; {EXAMPLE}") from None
     except RecursionError:
         raise RequestError(f"{path} is nested too deeply for a scenario; {EXAMPLE}") from None
     return table
-
-
-def _without_bidi(value: Any) -> Any:  # noqa: ANN401 - whatever TOML can hold
-    """Drop the characters that turn the direction of text round, in keys and values."""
-    if isinstance(value, str):
-        return value.translate(_BIDI)
-    if isinstance(value, list):
-        return [_without_bidi(one) for one in value]
-    if isinstance(value, dict):
-        return {_without_bidi(key): _without_bidi(one) for key, one in value.items()}
-    return value
 
 
 def unknown(kind: str, value: str, known: Iterable[str]) -> str:

@@ -22,10 +22,12 @@ from pydantic import (
     Strict,
     ValidationError,
     ValidationInfo,
+    field_validator,
 )
 
 from pipeline.errors import Fault, RequestError
 from pipeline.machine.paths import resolved, shown as shown_path, unusable_reason
+from pipeline.texts import clean
 
 if TYPE_CHECKING:
     from pydantic.config import JsonDict
@@ -57,6 +59,11 @@ def _describe(schema: dict[str, Any], model: type[BaseModel]) -> None:
         schema["properties"][key]["description"] = text
 
 
+def cleaned(value: object) -> object:
+    """Clean a text of a table; other values stay."""
+    return clean(value) if isinstance(value, str) else value
+
+
 class StrictModel(BaseModel):
     """A frozen table that refuses unknown keys and numbers that are not finite.
 
@@ -66,6 +73,7 @@ class StrictModel(BaseModel):
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, json_schema_extra=_describe
     )
+    _clean_texts = field_validator("*")(cleaned)
 
 
 def unit(name: str) -> "JsonDict":

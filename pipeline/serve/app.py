@@ -5,11 +5,13 @@ import contextlib
 import io
 import zipfile
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Path as InPath, Query, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
+from starlette.exceptions import HTTPException
 
 from pipeline.errors import PipelineError, RequestError, StageError
 from pipeline.scenario import catalogue
@@ -69,10 +71,17 @@ def _add_errors(app: FastAPI) -> None:
         status = next(status for kind, status in _STATUS.items() if isinstance(error, kind))
         return JSONResponse({"faults": str(error).splitlines()}, status_code=status)
 
+    async def unknown(_: Request, error: Exception) -> Response:
+        assert isinstance(error, HTTPException)  # noqa: S101 - it is called with no other
+        return refused(error.status_code, error.detail, error.headers)
+
     app.add_exception_handler(RequestValidationError, invalid)
+    app.add_exception_handler(HTTPException, unknown)
     app.add_exception_handler(PipelineError, failed)
 
 
+_GONE = 404, "there is no such file; if it was removed, plan the voyage again"
+_ANY, _POLICY = "application/octet-stream", "content-security-policy"
 # The status of each error's answer, the particular ones first.
 _STATUS: dict[type[PipelineError], int] = {
     TooLargeError: 413,
@@ -211,23 +220,21 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
     @app.get("/api/plan/{identity}/files/{name}", response_model=None)
     async def one_file(identity: _Identity, name: str) -> Response:
         """Download one file of a plan."""
-        plan = plans.get(identity)
-        if plan is None or plan.directory is None or name not in plan.files:
-            return refused(404, "there is no such file")
-        return FileResponse(
-            plan.directory / name, media_type="application/octet-stream", filename=name
+        found = _files(plans, identity, name)
+        return (
+            refused(*_GONE) if not found else FileResponse(found[0], filename=name, media_type=_ANY)
         )
 
     @app.get("/api/plan/{identity}/files.zip", response_model=None)
     def all_files(identity: _Identity) -> Response:
         """Download all files of a plan."""
         plan = plans.get(identity)
-        if plan is None or plan.directory is None:
-            return refused(404, "the plan has no files")
+        if plan is None or not (found := _files(plans, identity)):
+            return refused(*_GONE)
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            for name in plan.files:
-                archive.write(plan.directory / name, f"{plan.name}/{name}")
+            for file in found:
+                archive.write(file, f"{plan.name}/{file.name}")
         kept = f'attachment; filename="{plan.name}.zip"'
         return Response(
             packed.getvalue(),
@@ -238,14 +245,17 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
     @app.get("/plan/{identity}/report.html", include_in_schema=False, response_model=None)
     async def report(identity: _Identity) -> Response:
         """Show a plan's report, shut in: its scripts reach nothing of this server."""
-        plan = plans.get(identity)
-        if plan is None or plan.directory is None or "report.html" not in plan.files:
-            return refused(404, "there is no such report")
-        return FileResponse(
-            plan.directory / "report.html",
-            media_type="text/html",
-            headers={"content-security-policy": REPORT_POLICY},
-        )
+        found, headers = _files(plans, identity, "report.html"), {_POLICY: REPORT_POLICY}
+        return FileResponse(found[0], headers=headers) if found else refused(*_GONE)
+
+
+def _files(plans: Plans, identity: str, name: str = "") -> list[Path]:
+    """Return the files of a plan, or one of them; none if any is gone."""
+    plan = plans.get(identity)
+    if plan is None or plan.directory is None:
+        return []
+    files = [plan.directory / one for one in plan.files if one == (name or one)]
+    return files if all(file.is_file() for file in files) else []
 
 
 def _add_given(app: FastAPI, files: GivenFiles) -> None:

@@ -114,8 +114,9 @@ class GivenFiles:
                 file.write(chunk)
         if not size:
             raise RequestError(f"{name} is empty; give a file with content")
-        self._bytes += size
-        return self._named(digest, name, size)
+        found = self._named(digest, name, size)
+        self._bytes += size if found.id not in self._files else 0
+        return found
 
     def _named(self, digest: "hashlib._Hash", name: str, size: int) -> GivenFile:
         """Return the file with a content; its name is part of its id, as its ending says a lot."""

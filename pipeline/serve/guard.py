@@ -10,7 +10,7 @@ Every request passes here first. What fails reaches neither a file nor a plan:
 """
 
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs
@@ -191,6 +191,6 @@ def _with_defaults(headers: Iterable[tuple[bytes, bytes]]) -> Iterable[tuple[byt
             yield name.encode(), value.encode()
 
 
-def refused(status: int, fault: str) -> Response:
+def refused(status: int, fault: str, headers: Mapping[str, str] | None = None) -> Response:
     """Return a refusal with its reason."""
-    return JSONResponse({"faults": [fault]}, status_code=status)
+    return JSONResponse({"faults": [fault]}, status_code=status, headers=headers)

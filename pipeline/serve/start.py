@@ -1,13 +1,16 @@
 """Start the server: open a port of this machine, print the first address, answer until Ctrl-C."""
 
+import asyncio
 import contextlib
 import socket
 import webbrowser
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.errors import RequestError
 from pipeline.machine.paths import folder_to_write
@@ -22,8 +25,10 @@ USUAL_PORT = 8137
 """The port where none is asked for, if it is free."""
 # Folder, inside the output folder, of the files that the page is given.
 _GIVEN = ".given"
-# Connections at a time: a browser opens six; more are refused with 503.
+# Connections at a time: a browser opens six. For another, the oldest without a request is closed.
 _MAX_CONNECTIONS = 200
+# Seconds in which the head of a request must come.
+_HEAD_S = 10.0
 # Seconds that answers in progress have at the end.
 _GRACE_S = 2
 _GB = 1_000_000_000
@@ -85,11 +90,48 @@ def serve(
             log_level="warning",
             access_log=False,
             server_header=False,
-            limit_concurrency=_MAX_CONNECTIONS,
+            http=_Connection,
+            limit_concurrency=_MAX_CONNECTIONS + 1,
             timeout_graceful_shutdown=_GRACE_S,
         )
         server = _Server(config, lambda: _say(keys.address, on_ready, opens=opens))
         server.run(sockets=[opened])
+
+
+class _Connection(H11Protocol):
+    """A connection that is closed if no request comes in time, or when others need its place."""
+
+    _open: ClassVar[dict["_Connection", None]] = {}  # the oldest first
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Make room, and wait for a request."""
+        super().connection_made(transport)
+        if len(self._open) >= _MAX_CONNECTIONS:
+            next(filter(_Connection.is_idle, self._open), self).end_if_idle()
+        self._open[self] = None
+        self._head = self.loop.call_later(_HEAD_S, self.end_if_idle)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._open.pop(self, None)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Take a part of a request; the head of the next one has its own time."""
+        super().data_received(data)
+        if not self.is_idle() or self._head.when() < self.loop.time():
+            self._head.cancel()
+            self._head = self.loop.call_later(_HEAD_S, self.end_if_idle)
+
+    def is_idle(self) -> bool:
+        """Whether there is no request whose answer is not complete."""
+        return self.cycle is None or self.cycle.response_complete  # type: ignore[redundant-expr]
+
+    def end_if_idle(self) -> None:
+        """Close the connection, unless a request is at work."""
+        if self.is_idle():
+            self._open.pop(self, None)
+            self.transport.abort()
 
 
 class _Server(uvicorn.Server):

@@ -12,6 +12,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.machine.paths import require_readable
 from pipeline.sources.land import shapes
+from pipeline.texts import clean
 
 _LONLAT = "OGC:CRS84"
 # Largest number of havens: a bound on the time to each is worked out on a grid.
@@ -53,7 +54,7 @@ def read_havens(path: Path) -> tuple[HavenPoint, ...]:
     column = next((at for at, one in enumerate(fields) if one in shapes.NAME_COLUMNS), None)
     names = [None] * len(points) if column is None else list(values[column])
     found = tuple(
-        HavenPoint(str(name).strip() if name else f"haven {number}", lon, lat)
+        HavenPoint(clean(str(name or ""), shapes.MAX_NAME) or f"haven {number}", lon, lat)
         for number, (name, (lon, lat)) in enumerate(
             zip(names, lonlat.tolist(), strict=True), start=1
         )

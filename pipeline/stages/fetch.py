@@ -17,7 +17,7 @@ import shapely
 from shapely.geometry import Polygon
 
 from pipeline._types import BoolArray, FloatArray
-from pipeline.errors import RequestError, StageError
+from pipeline.errors import MachineError, RequestError, StageError
 from pipeline.formats.shared.note_words import note_text
 from pipeline.formats.shared.text import season_text
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
@@ -222,6 +222,8 @@ class Fetcher:
                 try:
                     folder = self.store.folder(DOWNLOADS)
                     grid = source.current(self.region.shape, season, self.dry_land, folder)
+                except MachineError:
+                    raise
                 except (StageError, RequestError) as error:
                     was_asked = was_asked or isinstance(error, StageError)
                     passed_over.append(PassedOver(name, "; ".join(str(error).splitlines())))

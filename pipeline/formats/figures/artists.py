@@ -30,8 +30,8 @@ from pipeline._types import ArrayLike, FloatArray, Geometries
 from pipeline.formats.figures.map_marks import scale_bar_m
 from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import shortened
 from pipeline.geo.projection import Projection
+from pipeline.texts import clean
 
 POINTS_PER_INCH = 72.0
 SMALL_PT, PLAIN_PT = 8.2, 9.5
@@ -158,10 +158,10 @@ def patch(areas: shapely.Geometry | Geometries, **style: object) -> PathPatch:
 
 
 def drawable(text: str, limit: int = 60) -> str:
-    """Return a shortened text that the default font can draw, without control characters."""
+    """Return a shortened text that the default font can draw."""
     known = _glyphs()
-    shown = "".join(c if c.isprintable() and ord(c) in known else "\N{WHITE SQUARE}" for c in text)
-    return shortened(shown, limit)
+    shown = "".join(c if ord(c) in known else "\N{WHITE SQUARE}" for c in text)
+    return clean(shown, limit)
 
 
 def in_season_colour(drawn: Artist, colour: str) -> None:

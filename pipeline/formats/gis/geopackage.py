@@ -44,7 +44,7 @@ from pipeline.formats.gis.qgis import (
     SeasonView,
     Style,
     View,
-    clean,
+    inert,
     lonlat_system,
     map_crs,
     one_line,
@@ -160,7 +160,7 @@ def qgz(
         pages=[_page(name, *size_mm, crs) for name, size_mm in _PAGES_MM.items()],
         water=bytes.fromhex(COLOURS["water"].removeprefix("#")),
         result=result,
-        credits=clean("\n".join(line for text in texts for line in textwrap.wrap(text, _WRAP))),
+        credits=inert("\n".join(line for text in texts for line in textwrap.wrap(text, _WRAP))),
         licences=dict.fromkeys(credit.licence for credit in result.credits if credit.licence),
     )
     stamp = result.created.timetuple()[:6]

@@ -1,7 +1,6 @@
 """How QGIS shows a run: the view of the map, its symbols and labels, and its XML by templates."""
 
 import base64
-import re
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,9 +16,10 @@ from pipeline._types import FloatArray
 from pipeline.formats.figures.map_marks import SpeedScale, speed_scale
 from pipeline.formats.shared.palette import season_colour
 from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import XML_FORBIDDEN, shortened, xml_environment, xml_text
+from pipeline.formats.shared.text import xml_environment
 from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
 from pipeline.geo.projection import Projection
+from pipeline.texts import clean
 
 # Width, metres on paper or screen, at which a map opens.
 _MAP_WIDTH_M = 0.25
@@ -363,26 +363,20 @@ def rendered(template: str, **values: object) -> str:
     return _environment().get_template(template).render(values).lstrip()
 
 
-def clean(text: str) -> str:
-    """Return a text that is plain to XML and to QGIS, which evaluates text between [% and %]."""
-    return xml_text(text).replace("[%", "[\N{WORD JOINER}%")
+def inert(text: str) -> str:
+    """Return a text in which QGIS finds nothing to evaluate, as it does between [% and %]."""
+    return text.replace("[%", "[ %")
 
 
 def one_line(text: str, limit: int = _MAX_TITLE_LENGTH) -> str:
-    """Clean text on one line, of at most `limit` characters."""
-    return shortened(" ".join(clean(text).split()), limit)
+    """Shorten a text for QGIS to at most `limit` characters."""
+    return clean(inert(text), limit)
 
 
 def literal(text: str) -> str:
     """Write text as a string of QGIS's expression language."""
-    parts = re.split(f"({XML_FORBIDDEN.pattern})", text)
-    terms = [
-        f"char({ord(part)})"
-        if index % 2
-        else "'" + part.replace("\\", "\\\\").replace("'", "''").replace("\n", "\\n") + "'"
-        for index, part in enumerate(parts)
-    ]
-    return " || ".join(term for term in terms if term != "''") or "''"
+    escaped = text.replace("\\", "\\\\").replace("'", "''").replace("\n", "\\n")
+    return f"'{escaped}'"
 
 
 @cache
@@ -390,10 +384,10 @@ def _environment() -> Environment:
     """Load the templates."""
     loaded = xml_environment("pipeline.formats.gis")
     loaded.filters.update(
-        clean=clean,
+        inert=inert,
         g=lambda value: f"{value:g}",
         # Escaped, because QGIS may show the text as HTML.
-        html=lambda text: clean(text).replace("<", "&lt;"),
+        html=lambda text: inert(text).replace("<", "&lt;"),
         title_line=one_line,
         uuid=lambda name: f"{{{uuid.uuid5(uuid.NAMESPACE_URL, f'renew:{name}')}}}",
     )

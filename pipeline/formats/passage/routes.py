@@ -43,7 +43,6 @@ from pipeline.formats.shared.text import (
     route_summary,
     speed_over_ground,
     xml_environment,
-    xml_text,
 )
 from pipeline.geo.projection import densified
 from pipeline.model import RouteMetrics
@@ -81,14 +80,13 @@ def gpx_document(
     """Return the file of some routes of a season, at least one, and tracks."""
     gpx = gpxpy.gpx.GPX()
     gpx.creator = "RENEW"
-    gpx.name = xml_text(document_title(result, found[0].ranked.season))
+    gpx.name = document_title(result, found[0].ranked.season)
     known = limits_text(result, found[0].ranked.metrics)
-    gpx.description = xml_text(
-        " ".join(part for part in (result.scenario.description, known, attribution(result)) if part)
-    )
+    parts = (result.scenario.description, known, attribution(result))
+    gpx.description = " ".join(filter(None, parts))
     gpx.author_name = "RENEW"
     # gpxpy escapes text between tags, but leaves attributes to its caller.
-    gpx.copyright_author = saxutils.escape(xml_text(attribution(result)), {'"': "&quot;"})
+    gpx.copyright_author = saxutils.escape(attribution(result), {'"': "&quot;"})
     gpx.copyright_year = str(result.created.year)
     gpx.time = result.created
     gpx.nsmap = {"opencpn": _OPENCPN}
@@ -101,8 +99,8 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
     """Return waypoints of a route, each describing the leg that leaves it."""
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
-        name=xml_text(route_name(ranked, result)),
-        description=xml_text(_summary(points.metrics, result)),
+        name=route_name(ranked, result),
+        description=_summary(points.metrics, result),
         number=ranked.rank,
     )
     for index, (longitude, latitude) in enumerate(points.lonlat):
@@ -111,7 +109,7 @@ def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> 
             latitude=float(latitude),
             longitude=wrapped_longitude(longitude),
             time=None if departure is None else time_after(departure, points.time_s[index]),
-            name=xml_text(name),
+            name=name,
             description=leg_text(points, index) if index + 1 < count else "end of the route",
         )
         if index:  # as in RTZ, a waypoint has the speed of the leg that leads to it
@@ -160,8 +158,8 @@ def _track(
         for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
     ]
     track = gpxpy.gpx.GPXTrack(
-        name=xml_text(f"{route_name(ranked, result)}, as planned"),
-        description=xml_text(_summary(ranked.metrics, result)),
+        name=f"{route_name(ranked, result)}, as planned",
+        description=_summary(ranked.metrics, result),
     )
     track.segments = [segment]
     return track

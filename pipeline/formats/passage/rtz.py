@@ -26,7 +26,8 @@ from pipeline.formats.passage.waypoints import (
 )
 from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.result import RunResult, route_caveats
-from pipeline.formats.shared.text import duration, shortened, turns_text, xml_environment
+from pipeline.formats.shared.text import duration, turns_text, xml_environment
+from pipeline.texts import clean
 
 _Attributes: TypeAlias = dict[str, str]
 
@@ -95,11 +96,11 @@ def rtz_text(
             version=version,
             form=VERSIONS[version],
             info={
-                "routeName": _shortened(name),
+                "routeName": clean(name, _MAX_TEXT_LENGTH),
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
                 **({"vesselName": vessel} if (vessel := vessel_name(result)) else {}),
-                "optimizationMethod": _shortened(method),
+                "optimizationMethod": clean(method, _MAX_TEXT_LENGTH),
             },
             waypoints=list(_waypoints(points)),
             schedule=list(_schedule(points, departure)),
@@ -154,12 +155,7 @@ def _provenance(result: RunResult, points: Waypoints) -> _Attributes:
         "credits": attribution(result),
         "created": f"{result.created:%Y-%m-%dT%H:%M:%SZ}",
     }
-    return {name: _shortened(text) for name, text in texts.items()}
-
-
-def _shortened(text: str) -> str:
-    """Cut text to the maximum length."""
-    return shortened(text, _MAX_TEXT_LENGTH)
+    return {name: clean(text, _MAX_TEXT_LENGTH) for name, text in texts.items()}
 
 
 def _miles(metres: float) -> str:

@@ -263,6 +263,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"{'no current was used' if left_out else _NO_FIGURE}: real fuel and times may "
         "differ, and no choice of a way is proven"
     ),
+    "forecasts-overlap": "{count:time step gives|time steps give} way to a later forecast, "
+    "the latest of {reference:%Y-%m-%d %H:%M} UTC",
     "level-assumed": "the only level, {level} = {value:g}, is taken for the surface",
     "member-left-out": "a member of the current was left out: {reason}",
     "current-without-tide": "the currents are without tide",

@@ -3,7 +3,6 @@
 import errno
 import json
 import math
-import re
 import shutil
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
@@ -185,11 +184,6 @@ def capitalised(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}"
 
 
-def shortened(text: str, limit: int) -> str:
-    """Cut a text to at most `limit` characters, the last of which is then "…"."""
-    return text if len(text) <= limit else f"{text[: limit - 1]}…"
-
-
 def speed_over_ground(metrics: RouteMetrics) -> float:
     """Return the mean speed over ground, m/s; NaN without a duration."""
     return metrics.length_m / metrics.duration_s if metrics.duration_s > 0 else math.nan
@@ -306,8 +300,6 @@ def season_text(season: str) -> str:
 
 # Characters in an attribute that a reader of XML would take for other white space.
 _WHITE_SPACE = {"\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
-XML_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that XML 1.0 can't write, among them lone halves of a surrogate pair."""
 
 # Free space, bytes, below which a failed write means a full disk; more than SQLite's journal.
 _FULL_BELOW_BYTES = 16 * 2**20
@@ -322,24 +314,17 @@ def write_json(path: Path, content: object, indent: int | None = 2) -> None:
 def json_value(value: Any) -> Any:  # noqa: ANN401 - any value in, one that JSON knows out
     """Convert a value, and everything nested in it, for JSON.
 
-    NumPy's types become Python's, numbers that are not finite become None, texts encodable.
+    NumPy's types become Python's, numbers that are not finite become None.
     """
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    if isinstance(value, str):
-        return encodable_text(value)
     if isinstance(value, dict):
         return {key: json_value(item) for key, item in value.items()}
     if isinstance(value, list):
         return [json_value(item) for item in value]
     return value
-
-
-def encodable_text(text: str) -> str:
-    """Replace lone halves of a surrogate pair, which no encoding has, by U+FFFD."""
-    return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
 def environment(
@@ -363,7 +348,7 @@ def environment(
 
 @cache
 def xml_environment(package: str) -> "Environment":
-    """Load a package's templates of XML; characters that XML forbids are replaced."""
+    """Load a package's templates of XML."""
     return environment(package, finalize=_escaped)
 
 
@@ -371,15 +356,10 @@ def _escaped(value: object) -> Markup:
     """Escape a value for an attribute or an element, unless it is XML already."""
     if isinstance(value, Markup):
         return value
-    text = escape(xml_text(str(value)))
+    text = escape(str(value))
     for character, reference in _WHITE_SPACE.items():
         text = text.replace(character, Markup(reference))  # noqa: S704 - our own
     return text
-
-
-def xml_text(text: str) -> str:
-    """Replace characters that XML forbids by U+FFFD; markup is not escaped here."""
-    return XML_FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 def os_error(path: Path, error: Exception) -> OSError:

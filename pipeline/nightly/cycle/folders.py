@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pipeline.errors import StageError
+from pipeline.errors import MachineError
 from pipeline.machine.files import file_lock, flush, flush_tree
 from pipeline.nightly.outcome import BusyError
 from pipeline.nightly.request.newest_currents import base_of, cycle_time, is_cycle, revision
@@ -171,13 +171,14 @@ class Cycles:
 
 @contextlib.contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Turn an OSError in the `with` block into a StageError with a remedy."""
+    """Turn an OSError in the `with` block into a MachineError with a remedy."""
     try:
         yield
     except OSError as error:
         remedy = _REMEDIES.get(error.errno or 0, "free some space, and run again to continue")
         place = error.filename if remedy == _MOVE and error.filename else folder
-        raise StageError(f"can't write in {place}: {error.strerror or error}; {remedy}") from error
+        what = f"can't write in {place}"
+        raise MachineError(f"{what}: {error.strerror or error}; {remedy}") from error
 
 
 def _age(path: Path) -> tuple[float, int, str]:

@@ -24,6 +24,7 @@ from pipeline.machine.store import file_hash
 from pipeline.nightly.cycle.folders import RECORD, Cycles, writing
 from pipeline.nightly.cycle.part_files import Row
 from pipeline.nightly.outcome import ACT, DONE, LOOK, LOOK_CODE, OUTCOMES
+from pipeline.texts import clean
 
 CASES_FILE = "cases.parquet"
 _COLUMNS = ["status", "side", "island", "class", "fuel", "arrival", "geometry"]
@@ -147,7 +148,7 @@ def _table_fault(path: Path) -> str:
     except FileNotFoundError as error:
         return _unreadable(error)
     except (OSError, pa.ArrowException) as error:
-        return f"is damaged: {' '.join(str(error).split())[:100]}"
+        return f"is damaged: {clean(str(error))[:100]}"
     return ""
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import PipelineError
+from pipeline.errors import MachineError, PipelineError, StageError
 from pipeline.machine.store import Store, artefact_key, read_checked
 from pipeline.nightly.cycle.forecasts import Forecasts
 from pipeline.nightly.cycle.part_files import Partial, gaps, part_path, write_part
@@ -26,9 +26,12 @@ from pipeline.scenario.season import Currents, Season
 from pipeline.scenario.strict import Point
 from pipeline.stages.fetch import with_max_hours
 from pipeline.stages.seasons.cluster import Fleet
+from pipeline.texts import clean
 
 # Largest number of cases in a slice; neighbours stay together, because they share a current.
 _LARGEST_SLICE = 64
+# What begins a failure that is not about the data.
+_BROKEN = "broken: "
 _DIED = (
     "its worker died (out of memory, which memory_gb limits for local workers, or a crash of the "
     "interpreter)"
@@ -78,13 +81,15 @@ class Preparation:
     def died(self, task: ChartTask | CurrentTask) -> None:
         """Record the failure of a task that killed its worker."""
         kind = "chart" if isinstance(task, ChartTask) else "current"
-        self.failures[task.path] = f"preparing its {kind} failed: {_DIED}"
+        self.failures[task.path] = f"{_BROKEN}preparing its {kind} failed: {_DIED}"
         self.on_done()
 
     def failed(self, task: ChartTask | CurrentTask, error: Exception) -> None:
-        """Record why a chart or current can't be made."""
-        kind = "" if isinstance(error, PipelineError) else f"{type(error).__name__}: "
-        self.failures[task.path] = kind + " ".join(str(error).split())
+        """Record why a chart or current can't be made; a failure of the machine ends the night."""
+        if isinstance(error, MachineError):
+            raise error
+        kind = "" if isinstance(error, PipelineError) else f"{_BROKEN}{type(error).__name__}: "
+        self.failures[task.path] = kind + clean(str(error))
         self.on_done()
 
 
@@ -114,6 +119,8 @@ class Planning:
         ------
         ComeAgainError
             No current is available yet.
+        StageError
+            No current could be prepared, for other reasons than its data.
         """
         examples = [self.cases[first] for first, _ in self.cases.chart_ranges()]
         charts = [
@@ -152,8 +159,10 @@ class Planning:
         failed = self.failures.keys()
         make(one for one in currents if not {one.path, one.chart_path} & failed)
         if currents and all(one.path in self.failures for one in currents):
-            reasons = dict.fromkeys(self.failures[one.path] for one in currents)
-            raise ComeAgainError(f"no currents are there yet: {'; '.join(reasons)}")
+            reasons = "; ".join(dict.fromkeys(self.failures[one.path] for one in currents))
+            if _BROKEN in reasons:
+                raise StageError(f"no current could be prepared: {reasons}")
+            raise ComeAgainError(f"no currents are there yet: {reasons}")
 
     def plan(self, workers: Fleet, share: Share) -> None:
         """Plan the cases of a share that no part file contains yet."""

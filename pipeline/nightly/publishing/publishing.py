@@ -27,6 +27,7 @@ from pipeline.nightly.planning.planning import Planning
 from pipeline.nightly.planning.worker import PLANNED
 from pipeline.nightly.publishing import tables
 from pipeline.nightly.publishing.page import PAGE_FILE, write_page
+from pipeline.texts import clean
 
 ITEM_FILE = "item.json"
 _VERSION = "1.1.0"
@@ -165,7 +166,7 @@ class Publishing:
                 (self.folder / ITEM_FILE).write_text(text, encoding="utf-8")
             except pa.ArrowException as error:
                 raise StageError(
-                    f"a file in {self.folder} can't be read ({' '.join(str(error).split())}); run "
+                    f"a file in {self.folder} can't be read ({clean(str(error))}); run "
                     "again: damaged parts are planned again"
                 ) from error
         return published
@@ -209,7 +210,7 @@ class Publishing:
                 faults.append(f"{PAGE_FILE} has no end")
             (self.folder / tables.CHANGES_FILE).read_text(encoding="utf-8")
         except (OSError, ValueError, pa.ArrowException, sqlite3.Error) as error:
-            faults.append(f"a file does not open: {' '.join(str(error).split())}")
+            faults.append(f"a file does not open: {clean(str(error))}")
         return faults
 
     def _counted(self, cases: Path, seconds: float) -> Published:

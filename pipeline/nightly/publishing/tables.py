@@ -27,6 +27,7 @@ from pipeline.nightly.cycle.part_files import (
 )
 from pipeline.nightly.cycle.results import LookBack
 from pipeline.nightly.request.newest_currents import cycle_time
+from pipeline.texts import cell
 
 ROUTES_FILE = "routes.parquet"
 # Rows per row group: few, because a whole group is read to look up one case.
@@ -162,7 +163,7 @@ def _spelled(value: object) -> object:
         return value.strftime("%Y-%m-%dT%H:%M:%SZ")
     if isinstance(value, float):
         return f"{value:.9g}"
-    return "" if value is None else value
+    return "" if value is None else cell(value)
 
 
 def write_geopackage(routes_path: Path, path: Path, reference: datetime | None) -> None:

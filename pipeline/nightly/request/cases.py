@@ -24,7 +24,7 @@ from pipeline.nightly.request.config import Departure, NightConfig
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
-from pipeline.scenario.strict import Name, Point
+from pipeline.scenario.strict import Name, Point, near_miss
 from pipeline.sources.registry import charted_land
 
 _LONLAT = ("start_lon", "start_lat", "goal_lon", "goal_lat")
@@ -63,12 +63,8 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
         return (), [f"{shown(path)} can't be read as CSV: {error}; save it as CSV in UTF-8"]
     keys = (*(_PLANE if is_planar else _LONLAT), "name")
     head = [cell.strip() for cell in rows[0]] if rows else []
-    lacking = [key for key in keys if key not in head]
-    if lacking:
-        fault = f"has no column {', '.join(lacking)}; the columns are {_columns(is_planar)}"
-        return (), [f"{path.name}, row 1: {fault}"]
-    if len(set(head)) < len(head):
-        return (), [f"{path.name}, row 1: a column comes twice; leave one out"]
+    if found := _head_faults(head, keys):
+        return (), [f"{path.name}, row 1: {fault}" for fault in found]
     pairs, faults = [], list[str]()
     for number, cells in enumerate(rows[1:], start=2):
         if not any(cell.strip() for cell in cells):
@@ -85,6 +81,18 @@ def read_pairs(path: Path, *, is_planar: bool) -> tuple[tuple[Pair, ...], list[s
     if not pairs and not faults:
         faults.append(f"{path.name} has no pairs; add a row for each below the header")
     return tuple(pairs), faults
+
+
+def _head_faults(head: Sequence[str], keys: Sequence[str]) -> list[str]:
+    """Return the faults of a header; no column is dropped unread."""
+    if len(head) == 1 and ";" in head[0]:
+        return ["is separated by ';'; separate by commas, with points in numbers: 119.90,10.00"]
+    faults = [f"unknown column {one!r}: {near_miss(one, keys)}" for one in head if one not in keys]
+    if lacking := [key for key in keys if key not in head]:
+        faults.append(f"has no column {', '.join(lacking)}; the columns are {', '.join(keys)}")
+    if len(set(head)) < len(head):
+        faults.append("a column comes twice; leave one out")
+    return faults
 
 
 def _size_reason(path: Path) -> str:

@@ -3,6 +3,7 @@
 import glob
 import os
 import re
+from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -246,7 +247,7 @@ class _Expansion:
 
     def _refuse_repeated(self, key: str, names: Sequence[str]) -> None:
         """Add a fault for each name that occurs twice."""
-        for name in dict.fromkeys(name for name in names if names.count(name) > 1):
+        for name in (name for name, count in Counter(names).items() if count > 1):
             self._fault(key, f"{name!r} comes twice; leave one out")
 
 

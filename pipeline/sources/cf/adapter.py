@@ -236,7 +236,7 @@ def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:
 
 def _credit(contents: Contents) -> Credit:
     """Return the credit from the files' global attributes."""
-    given = {key.lower(): " ".join(value.split()) for key, value in contents.attributes.items()}
+    given = {key.lower(): value for key, value in contents.attributes.items()}
     name = given.get("title") or f"{name_of(contents.files)}, user's file"
     text = [given[key] for key in ("title", "institution", "credit", "source") if given.get(key)]
     doi = _DOI.search(" ".join(given.get(k, "") for k in ("doi", "id", "references", "license")))

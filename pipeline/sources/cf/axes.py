@@ -15,6 +15,7 @@ from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values, reading
 from pipeline.sources.current_field import SURFACE_DEPTH_M
+from pipeline.texts import clean
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -122,7 +123,7 @@ def time_axis(dataset: "xr.Dataset", dim: str) -> "tuple[xr.DataArray | None, Fl
             return None, None
         raise ValueError(f"{dim} has {dataset.sizes[dim]} steps without times; add the coordinate")
     values = np.atleast_1d(coordinate_values(dataset, dim))
-    time = dataset[dim].copy(data=values.reshape(dataset[dim].shape))
+    time = dataset[dim].copy(deep=False, data=values.reshape(dataset[dim].shape))
     return time, _bounds(dataset, dim, values.size)
 
 
@@ -176,7 +177,8 @@ def coordinate_names(dataset: "xr.Dataset", dim: str) -> tuple[str, ...]:
     if dim in dataset.variables and dataset.variables[dim].ndim == 1:
         with reading():
             values = dataset.variables[dim].values.tolist()
-    names = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in values]
+    texts = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in values]
+    names = [clean(one) if isinstance(one, str) else one for one in texts]
     if not names or not all(isinstance(one, str) for one in names):
         raise ValueError(f"{dim} has no names; add the coordinate: ['M2', 'S2', …]")
     if len({one.upper() for one in names}) < len(names):

@@ -187,7 +187,7 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
         u_index=index,
         v_index=index,
         notes=tuple(dict.fromkeys(note for one in (*u, *v) for note in one.notes)),
-        attributes={str(k): str(v) for k, v in dataset.attrs.items()},
+        attributes=dict(dataset.attrs),
         constituents=names,
     )
 
@@ -221,9 +221,15 @@ def _combined(
     """Combine both components of all files; ValueError where they don't match each other."""
     first = u[0]
     require_one_grid([*u, *v])
+    references = {file: reference_time(dataset) for file, dataset in datasets.items()}
     (u_steps, u_index), (v_steps, v_index) = (
-        merge_steps([one.steps for one in components]) for components in (u, v)
+        merge_steps([one.steps for one in parts], [references[one.file] for one in parts])
+        for parts in (u, v)
     )
+    known = [time for time in references.values() if time is not None]
+    newest = max(known) if len(known) == len(references) else None
+    if (count := sum(len(one.steps.labels) for one in u) - len(u_index)) > 0:
+        notes = (*notes, Note.of("forecasts-overlap", count=count, reference=newest))
     if u_steps != v_steps:
         raise ValueError(
             f"the components have different times: {u_steps.span}, and {v_steps.span}; give both "
@@ -239,6 +245,6 @@ def _combined(
         u_index=u_index,
         v_index=v_index,
         notes=tuple(dict.fromkeys([*notes, *(note for one in (*u, *v) for note in one.notes)])),
-        attributes={str(k): str(v) for k, v in next(iter(datasets.values())).attrs.items()},
-        reference_time=reference_time(datasets.values()),
+        attributes=dict(next(iter(datasets.values())).attrs),
+        reference_time=newest,
     )

@@ -14,6 +14,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values
+from pipeline.sources.cf.overlaps import Step, latest_steps
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -183,8 +184,10 @@ def _placed(steps: TimeSteps) -> TimeSteps:
     return replace(steps, moments=middles, labels=labels, width=length or None, notes=notes)
 
 
-def merge_steps(files: Sequence[TimeSteps]) -> tuple[TimeSteps, tuple[tuple[int, int], ...]]:
-    """Merge the steps of several files in their order in time.
+def merge_steps(
+    files: Sequence[TimeSteps], references: Sequence[datetime | None] = ()
+) -> tuple[TimeSteps, tuple[Step, ...]]:
+    """Merge the steps of several files in their order in time; see `latest_steps`.
 
     Also returns for each step the number of its file, and its index there.
 
@@ -201,10 +204,10 @@ def merge_steps(files: Sequence[TimeSteps]) -> tuple[TimeSteps, tuple[tuple[int,
         if len(index) > 1:
             raise ValueError("its files give no time, so their order is unknown; add their times")
         return TimeSteps(), tuple(index)
-    times: dict[tuple[int, int], Any] = {
+    times: dict[Step, Any] = {
         (file, i): (files[file].months or files[file].moments)[i] for file, i in index
     }
-    index.sort(key=times.__getitem__)
+    index = latest_steps(sorted(index, key=times.__getitem__), times, references or [None])
     repeated = [
         files[file].labels[i]
         for (file, i), following in itertools.pairwise(index)
@@ -283,11 +286,9 @@ def _month_names(months: Sequence[int]) -> tuple[str, ...]:
     return tuple(calendar.month_name[month] for month in months)
 
 
-def reference_time(datasets: "Iterable[xr.Dataset]") -> datetime | None:
-    """Return the newest reference time (aware, UTC) of open files; None if a file has none."""
-    times = [_from_variable(dataset) or _from_attributes(dataset) for dataset in datasets]
-    known = [time for time in times if time is not None]
-    return max(known) if known and len(known) == len(times) else None
+def reference_time(dataset: "xr.Dataset") -> datetime | None:
+    """Return the reference time (aware, UTC) of an open file; None if it has none."""
+    return _from_variable(dataset) or _from_attributes(dataset)
 
 
 def _from_variable(dataset: "xr.Dataset") -> datetime | None:

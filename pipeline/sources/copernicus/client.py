@@ -25,6 +25,7 @@ from typing import Any
 from urllib.parse import quote, quote_plus, urlsplit
 
 from pipeline.machine.interpreters import end_with_parent, run_python
+from pipeline.texts import clean
 
 USERNAME = "COPERNICUSMARINE_SERVICE_USERNAME"
 PASSWORD = "COPERNICUSMARINE_SERVICE_PASSWORD"  # noqa: S105 - the variable's name
@@ -162,7 +163,7 @@ def answer_request() -> int:
             answer = _download(request, log)
     except Exception as error:  # noqa: BLE001 - any error is reported; the parent decides
         lacking = "".join(f"; the service lacks its {axis}" for axis in sorted(log.missing_axes))
-        answer = {"error": type(error).__name__, "said": f"{' '.join(str(error).split())}{lacking}"}
+        answer = {"error": type(error).__name__, "said": f"{clean(str(error))}{lacking}"}
     if answer is None:
         return NO_ANSWER
     json.dump(answer, sys.stdout)

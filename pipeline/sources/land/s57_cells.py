@@ -17,7 +17,15 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.sources.land.shapes import MAX_LONLAT, near_box, reading, repaired, vector_library
+from pipeline.sources.land.shapes import (
+    MAX_LONLAT,
+    MAX_NAME,
+    near_box,
+    reading,
+    repaired,
+    vector_library,
+)
+from pipeline.texts import clean
 
 # Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
 # zones of confidence, restrictions, names.
@@ -66,7 +74,7 @@ class Objects:
         values = self.columns.get(name)
         if values is None:
             return [""] * len(self.geometry)
-        return ["" if value is None else str(value) for value in values]
+        return ["" if value is None else clean(str(value), MAX_NAME) for value in values]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,9 +153,9 @@ def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell 
         read = {name: _objects(base, name, box) for name in sorted(layers.intersection(classes))}
     return Cell(
         name=base.stem,
-        edition=str(identification["DSID_EDTN"]),
-        update=str(identification["DSID_UPDN"]),
-        issued=_iso_date(str(identification["DSID_ISDT"])),
+        edition=clean(str(identification["DSID_EDTN"])),
+        update=clean(str(identification["DSID_UPDN"])),
+        issued=_iso_date(clean(str(identification["DSID_ISDT"]))),
         scale=int(str(identification["DSPM_CSCL"])),
         covered=shapely.union_all(covered),
         datum=_DATUMS.get(sdat := str(identification["DSPM_SDAT"]), f"datum {sdat} of S-57"),

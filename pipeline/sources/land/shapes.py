@@ -26,6 +26,7 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection
 from pipeline.model import Note, PlaceName
 from pipeline.scenario.strict import near_miss
+from pipeline.texts import clean
 
 # Distance outside the region's bounds up to which the chart is used, m: land outside may reach in
 # once it is buffered or gaps are closed, and a map needs its surroundings.
@@ -42,6 +43,8 @@ _QUADRANT_SEGMENTS = 4
 _GRID_DEG = 1e-7
 NAME_COLUMNS = ("name", "objnam")
 """Columns that hold names of land, in lower case: the usual one, and the one of S-57 charts."""
+MAX_NAME = 100
+"""Length to which a name in a file is cut, characters."""
 
 
 def box_around(region: shapely.Polygon, beyond_m: float = BEYOND_M) -> shapely.Polygon:
@@ -178,7 +181,7 @@ def named_places(names: Sequence[object], geometries: Geometries) -> Iterator[Pl
     """
     for name, geometry in zip(names, geometries, strict=True):
         parts = extract_polygons(geometry)
-        text = " ".join(str(name).split()) if isinstance(name, str) else ""
+        text = clean(name, MAX_NAME) if isinstance(name, str) else ""
         if not text or not len(parts):
             continue
         largest = parts[shapely.area(parts).argmax()]
@@ -230,7 +233,7 @@ def reading(what: str, remedy: str) -> Iterator[list[str]]:
         warnings.simplefilter("always")
         try:
             yield issued
-        except PipelineError:
+        except (PipelineError, MemoryError):
             raise
         except Exception as error:
             raise RequestError(f"{what} can't be read ({one_line(error)}); {remedy}") from error
@@ -241,8 +244,7 @@ def reading(what: str, remedy: str) -> Iterator[list[str]]:
 
 def one_line(message: object) -> str:
     """Write a library's message in one line, without its own functions and options."""
-    text = _ADVICE.sub("", _FUNCTION.sub("", " ".join(str(message).split())))
-    return text if len(text) <= _MAX_REASON else f"{text[:_MAX_REASON]}…"
+    return clean(_ADVICE.sub("", _FUNCTION.sub("", clean(str(message)))), _MAX_REASON)
 
 
 def unread_reason(wkb: bytes) -> str:

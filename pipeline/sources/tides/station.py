@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 import renew
 from pipeline.errors import RequestError
@@ -165,6 +165,7 @@ class _Loose(BaseModel):
     """A table in a format that others define: unused keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+    _clean_texts = field_validator("*")(strict.cleaned)
 
 
 class _EntryRow(_Loose):

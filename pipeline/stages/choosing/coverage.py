@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import shapely
 
 import renew
 from pipeline._types import Geometries
-from pipeline.errors import RequestError
+from pipeline.errors import Faults, RequestError
 from pipeline.formats.shared.note_words import MORE_CURRENTS
 from pipeline.geo.lonlat import Bounds, common_bounds
 from pipeline.geo.projection import Projection
@@ -18,10 +19,12 @@ from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season, source_name
 from pipeline.scenario.strict import Point
+from pipeline.sources.haven_file import read_havens
 from pipeline.sources.land.shapes import box_around
+from pipeline.sources.land.vector import open_layer
 from pipeline.sources.registry import charted_land, current_source
 from pipeline.stages.choosing.region_choice import DirectLine
-from pipeline.stages.places import lakes_text, not_in_water
+from pipeline.stages.places import avoided_zones, lakes_text, not_in_water
 
 # Smallest margin of a region around its stops, degrees (about 100 m).
 _AROUND_DEG = 1e-3
@@ -77,6 +80,28 @@ def require_sailable(scenario: Scenario) -> None:
     """Raise RequestError if no source covers a season or a stop lies on land."""
     if faults := [*uncovered_seasons(scenario), *endpoints_on_land(scenario)]:
         raise RequestError(faults)
+
+
+def require_whole_files(scenario: Scenario) -> None:
+    """Raise RequestError if a file of the scenario's charts, areas or havens can't be used.
+
+    The currents' files are opened by `require_sailable`, and so are those of the tide.
+    """
+    if scenario.is_planar:
+        return
+    faults = Faults()
+    region = least_region(*scenario.stops.values())
+    if scenario.region is not None:
+        region = scenario.region.shape
+        faults.collect(lambda: avoided_zones(scenario, region))
+    for area in scenario.avoid if scenario.region is None else ():
+        faults.collect(partial(open_layer, Path(area.path), "", ""))
+    if (havens := scenario.havens) is not None:
+        faults.collect(lambda: read_havens(Path(havens.path)))
+    if scenario.chart.depths or any(source.path for source in scenario.chart.source):
+        faults.collect(lambda: charted_land(scenario).land(region))
+    if faults.lines:
+        raise RequestError(faults.lines)
 
 
 def covered_by_currents(

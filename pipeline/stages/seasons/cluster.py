@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from pipeline.errors import StageError
 from pipeline.machine.interpreters import begun, cores, ignoring_working_directory
 from pipeline.machine.store import artefact_key
+from pipeline.texts import clean
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster
@@ -104,7 +105,7 @@ def refuse_unfit_workers(client: "Client", address: str, path: Path) -> None:
     try:
         answers = begun(ask).result(_WORKERS_ANSWER_S)
     except Exception as error:
-        reason = " ".join(str(error).split()) or f"no answer within {_WORKERS_ANSWER_S:g} s"
+        reason = clean(str(error)) or f"no answer within {_WORKERS_ANSWER_S:g} s"
         raise StageError(
             f"workers of the Dask scheduler at {address!r} do not answer ({reason}); restart them"
         ) from error
@@ -112,7 +113,7 @@ def refuse_unfit_workers(client: "Client", address: str, path: Path) -> None:
     for worker, answer in answers.items():
         if isinstance(answer, BaseException):
             answer = (  # noqa: PLW2901
-                f"can't run RENEW ({type(answer).__name__}: {' '.join(str(answer).split())}); "
+                f"can't run RENEW ({type(answer).__name__}: {clean(str(answer))}); "
                 "install the same version on all machines"
             )
         if answer:
@@ -368,7 +369,7 @@ def _client(address: str) -> "Iterator[Client]":
         scheduler_workers(address, _ANSWER_S)  # a client would try to connect for long
         client = begun(connect).result(2 * _ANSWER_S)
     except Exception as error:
-        reason = " ".join(str(error).split()) or f"no answer within {_ANSWER_S:g} s"
+        reason = clean(str(error)) or f"no answer within {_ANSWER_S:g} s"
         raise StageError(
             f"no Dask scheduler answers at {address!r} ({reason}); {_REMEDY}"
         ) from error

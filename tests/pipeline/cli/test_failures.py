@@ -6,11 +6,17 @@ import json
 import os
 import subprocess
 import sys
+import time
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner
 
+from pipeline.cli.failures import exit_code_of, reported_errors
 from pipeline.cli.main import app
 from tests.pipeline.processes import QUICK, ROOT, renew
 from tests.pipeline.small_region import small_region
@@ -37,7 +43,7 @@ def quick(tmp_path: Path) -> str:
     ("asked", "said"),
     [
         ("~nosuchuser/x.toml", "home folder that does not exist"),
-        ("a\0b.toml", "NUL character"),
+        ("a\0b.toml", "U+0000"),
         ("x" * 5000 + "/y.toml", "too long"),
         ("\udcff.toml", "not UTF-8"),
         ("/dev/null", "is a device"),
@@ -100,7 +106,7 @@ def test_an_output_that_cannot_be_a_folder(
     ("path", "said"),
     [
         ("~nosuchuser/x", "home folder that does not exist"),
-        ("./a\0b", "NUL character"),
+        ("./a\0b", "U+0000"),
         ("./" + "x" * 5000, "too long"),
         ("./" + "x/" * 2500, "too long"),
         ("/dev/null", "is a device"),
@@ -247,7 +253,7 @@ def test_clean_says_what_it_freed(
     kept = CliRunner().invoke(app, ["clean", "--output", output])
     assert kept.stdout.startswith("Freed 0.0 MB (0 files); ")
     assert land.exists()
-    cleaned = CliRunner().invoke(app, ["clean", "--output", output, "--all"])
+    cleaned = CliRunner().invoke(app, ["clean", "--output", output, "--all", "--yes"])
     assert "; 0.0 MB remain in" in cleaned.stdout
     assert "The world's land was removed from the user's cache, too (2.0 MB)" in cleaned.stdout
     assert not land.exists()
@@ -282,3 +288,34 @@ def test_long_words_are_not_repeated_whole(words: list[str]) -> None:
     ended = CliRunner().invoke(app, words)
     assert ended.exit_code == 2
     assert max(map(len, ended.stderr.splitlines())) <= 500
+
+
+def _zip_of_1975() -> None:
+    zipfile.ZipInfo("a", (1975, 1, 1, 0, 0, 0))
+
+
+def _library_that_does_not_fit() -> None:
+    reason = OSError("libx.so: failed to map segment from shared object")
+    raise ImportError("x can't be imported") from reason
+
+
+@pytest.mark.parametrize(
+    ("fail", "said"),
+    [
+        (lambda: np.empty(1 << 60, np.int8), "the memory ran out"),
+        (lambda: [0] * (1 << 60), "the memory ran out"),
+        (_library_that_does_not_fit, "the memory ran out"),
+        (_zip_of_1975, "this machine's clock"),
+        (lambda: time.sleep(1e300), "this machine's clock"),
+    ],
+)
+def test_memory_and_clock_are_named(
+    fail: Callable[[], object], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.Exit) as ended, reported_errors():
+        fail()
+    assert ended.value.exit_code == 1
+    assert said in capsys.readouterr().err
+    cause = ended.value.__context__
+    assert cause is not None
+    assert exit_code_of(cause) == 1  # as the monitoring service is told

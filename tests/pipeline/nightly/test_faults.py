@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from pipeline.errors import StageError
+from pipeline.errors import MachineError, StageError
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import BusyError
+from pipeline.nightly.planning.chart import CurrentTask
+from pipeline.nightly.planning.planning import Preparation
 from pipeline.nightly.request.config import load_config
+from pipeline.stages.seasons.cluster import Fleet
 from tests.pipeline.nightly.killed_nights import (
     cases_at_work,
     cases_done,
@@ -82,6 +88,33 @@ def test_a_disk_that_is_full(tmp_path: Path, cluster: str) -> None:
         assert len(rows(disk / "out")) == 16
     finally:
         subprocess.run(["umount", "-l", str(disk)], check=True)  # noqa: S607 - of util-linux
+
+
+@pytest.mark.parametrize("size_kb", [32, 64, 128])
+def test_a_full_disk_is_no_lack_of_currents(tmp_path: Path, cluster: str, size_kb: int) -> None:
+    """Where land and currents are stored, a full disk fails the night: code 1, which is told."""
+    write_forecast(tmp_path / "currents" / "a.nc")
+    config = load_config(region_night(tmp_path, departures=1), tmp_path / "disk" / "out")
+    with small_disk(tmp_path / "disk", size_kb), pytest.raises(MachineError) as caught:
+        run_night(config, scheduler=cluster)
+    assert caught.value.exit_code == 1
+    assert "No space left on device; free some space" in str(caught.value)
+
+
+@contextlib.contextmanager
+def small_disk(folder: Path, size_kb: int) -> Iterator[None]:
+    """Mount a disk of some kilobytes."""
+    folder.mkdir()
+    mount = shutil.which("mount")
+    if mount is None or os.geteuid() != 0:
+        pytest.skip("needs to be root, to mount a small tmpfs")
+    command = [mount, "-t", "tmpfs", "-o", f"size={size_kb}k", "tmpfs", str(folder)]
+    if subprocess.run(command, check=False).returncode:
+        pytest.skip("may not mount a tmpfs here")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)  # noqa: S607 - of util-linux
 
 
 def test_an_output_that_is_read_only(tmp_path: Path, cluster: str) -> None:
@@ -219,3 +252,24 @@ def test_a_rerun_with_fifty_files_touches_none(tmp_path: Path) -> None:
     assert "nothing to do" in run_to_the_end(file, output)
     assert {path: path.stat().st_mtime_ns for path in output.rglob("*")}.items() <= before.items()
     assert {path: path.stat().st_mtime_ns for path in held} == before
+
+
+def test_currents_whose_workers_die_are_no_lack_of_currents(
+    tmp_path: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where each needs more memory than a worker has: code 1, which is told."""
+    write_forecast(tmp_path / "currents" / "a.nc")
+    config = load_config(region_night(tmp_path, departures=1), tmp_path / "out")
+    run = Fleet.run
+
+    def deadly_for_currents(self: Fleet, work: Any, check: Any) -> None:  # noqa: ANN401 - as they are
+        if isinstance(work, Preparation) and isinstance(next(iter(work.tasks)), CurrentTask):
+            for task in work.tasks:
+                work.died(task)
+        else:
+            run(self, work, check)
+
+    monkeypatch.setattr(Fleet, "run", deadly_for_currents)
+    with pytest.raises(StageError, match=r"no current could be.*out of memory") as caught:
+        run_night(config, scheduler=cluster)
+    assert caught.value.exit_code == 1

@@ -11,11 +11,12 @@ from shapely.geometry import Polygon
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, Evaluation, Land
+from pipeline.texts import clean
 
 SCRIPT = "<script>alert(1)</script>'; DROP TABLE routes; -- \"&\\ [% 1 + 1 %]"
 _RIVER = "\u0646\u0647\u0631\U0001f30a"  # Arabic, right to left, and a wave
-ODD = f"|layername=no_go|option:X=1|subset=1 \x07\x1b ../..\u202e{_RIVER}{'x' * 300}"
-BAD_CREDIT = Credit("Bad & worse", "land", f"© {SCRIPT} \x07 {ODD}", "<b>none</b>")
+ODD = clean(f"|layername=no_go|option:X=1|subset=1 \x07\x1b ../..\u202e{_RIVER}{'x' * 300}")
+BAD_CREDIT = Credit("Bad & worse", "land", f"© {SCRIPT} {ODD}", "<b>none</b>")
 
 
 def renamed(result: RunResult, names: Mapping[str, str]) -> RunResult:

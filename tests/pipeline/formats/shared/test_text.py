@@ -73,11 +73,6 @@ def test_formats(formatted: str, expected: str) -> None:
     assert formatted == expected
 
 
-def test_long_texts_are_shortened() -> None:
-    assert texts.shortened("abcd", 4) == "abcd"
-    assert texts.shortened("abcde", 4) == "abc…"
-
-
 @given(st.floats(1e-6, 1e12))
 def test_a_number_keeps_its_first_digits(value: float) -> None:
     assert float(texts.number(value).replace(",", "")) == pytest.approx(value, rel=5.1e-4)

@@ -259,5 +259,5 @@ def test_files_that_overlap_or_differ_in_kind_are_refused() -> None:
     ],
 )
 def test_a_reference_time_counts_in_its_zone(text: str, hour: int | None) -> None:
-    found = reference_time([xr.Dataset(attrs={"bulletin_date": text})])
+    found = reference_time(xr.Dataset(attrs={"bulletin_date": text}))
     assert found == (None if hour is None else datetime(2024, 3, 15, hour, tzinfo=UTC))

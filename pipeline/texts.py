@@ -1,0 +1,54 @@
+"""Texts from outside: names in charts, attributes, keys of TOML, messages of libraries, cells.
+
+They end on a terminal, in XML, in a spreadsheet. Each passes `clean` where it comes in, so no
+output has to look again.
+"""
+
+import re
+import unicodedata
+
+# Controls, halves of surrogate pairs and what is no character: terminals obey some (escape
+# sequences set titles and the clipboard), and XML can't hold them.
+_CONTROLS = re.compile("[\0-\x08\x0e-\x1b\x7f-\x84\x86-\x9f\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]")
+# Format characters of Unicode (Cf) that turn the direction of text round or can't be seen. Joiners
+# (U+200C, U+200D) stay, as Persian, Indic scripts and emoji need them.
+_UNSEEN = re.compile(
+    "[\xad\u061c\u180e\u200b\u200e\u200f\u202a-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
+    "\U000e0000-\U000e007f]"
+)
+# Ends of lines, and tabs.
+_LINES = re.compile("[\t-\r\x1c-\x1f\x85\u2028\u2029]")
+# What a spreadsheet takes for a formula at the beginning of a cell.
+_FORMULA = tuple("=+-@\t\r\uff1d\uff0b\uff0d\uff20")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+
+
+def clean(text: str, limit: int = 2000) -> str:
+    """Return a text on one line, composed (NFC), of at most `limit` characters.
+
+    What a terminal obeys becomes U+FFFD; what can't be seen is dropped.
+    """
+    line = " ".join(unicodedata.normalize("NFC", seen(text[: 4 * limit])).split())
+    return line if len(line) <= limit else f"{line[: limit - 1]}…"
+
+
+def seen(text: str) -> str:
+    """Return a text of several lines without what a terminal obeys or doesn't show."""
+    return _UNSEEN.sub("", _CONTROLS.sub("\N{REPLACEMENT CHARACTER}", text))
+
+
+def acts(name: str) -> str:
+    """Say which character of a file's name `clean` would take out; empty if there is none."""
+    found = _CONTROLS.search(name) or _UNSEEN.search(name) or _LINES.search(name)
+    if found is None:
+        return ""
+    if "\ud800" <= found[0] <= "\udfff":
+        return "a byte that is not UTF-8"
+    return f"U+{ord(found[0]):04X}, which acts on screens"
+
+
+def cell(value: object) -> object:
+    """Return a value for a CSV file; a text that a spreadsheet takes for a formula gets a '."""
+    if not isinstance(value, str) or len(value) < 2 or _NUMBER.fullmatch(value):
+        return value
+    return f"'{value}" if value.startswith(_FORMULA) else value

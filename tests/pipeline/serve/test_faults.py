@@ -1,0 +1,118 @@
+"""What is half sent, gone, twice or nowhere: the page answers others, and in one form."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.serve import files
+from pipeline.serve.files import GivenFiles
+from tests.pipeline.serve.client import Server, serving
+
+
+def test_half_sent_requests_keep_nobody_out(server: Server) -> None:
+    """More than the server takes, none with a token: a program with one is answered at once."""
+    with contextlib.ExitStack() as held:
+        for i in range(450):
+            one = held.enter_context(socket.create_connection(("127.0.0.1", server.port)))
+            one.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: " + b"a" * (i % 7))
+            if i % 50 == 49:
+                begun = time.monotonic()
+                assert server.ask("GET", "/api/plan").status == 200
+                assert time.monotonic() - begun < 5
+
+
+def test_a_request_whose_head_does_not_come_is_closed(server: Server) -> None:
+    with socket.create_connection(("127.0.0.1", server.port)) as connection:
+        connection.settimeout(30)
+        connection.sendall(b"GET /api/plan HTTP/1.1\r\n")
+        begun = time.monotonic()
+        with contextlib.suppress(ConnectionResetError):
+            assert connection.recv(100) == b""
+        assert 5 < time.monotonic() - begun < 20
+
+
+def test_a_slow_file_of_one_with_the_token_is_taken(server: Server) -> None:
+    """Its head came in time, and its body may take longer than that."""
+    lines = (
+        "POST /api/files?name=slow.nc HTTP/1.1",
+        f"Host: 127.0.0.1:{server.port}",
+        f"Authorization: Bearer {server.token}",
+        "Content-Length: 2",
+    )
+    with socket.create_connection(("127.0.0.1", server.port)) as connection:
+        connection.sendall(("\r\n".join(lines) + "\r\n\r\na").encode())
+        time.sleep(12)
+        connection.sendall(b"b")
+        assert connection.recv(100).split()[1] == b"201"
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status"),
+    [
+        ("GET", "/nowhere", 404),
+        ("GET", "/api/nowhere", 404),
+        ("PUT", "/api/plan", 405),
+        ("DELETE", "/", 405),
+        ("GET", f"/api/plan/{'0' * 32}", 404),
+        ("GET", "/api/land/9/9/9999", 404),
+    ],
+)
+def test_every_refusal_has_one_form(server: Server, method: str, path: str, status: int) -> None:
+    answer = server.ask(method, path)
+    assert answer.status == status
+    assert set(answer.json) == {"faults"}
+    assert all(isinstance(fault, str) and fault for fault in answer.json["faults"])
+    assert status != 405 or answer.headers["allow"]
+
+
+@pytest.mark.parametrize("body", [b"{", b"\xff\xfe", b'{"start": "\xed\xa0\x80"}', b'"\\ud800"'])
+def test_bad_json_has_the_form_of_other_faults(server: Server, body: bytes) -> None:
+    answer = server.ask("POST", "/api/plan", body)
+    assert answer.status in {400, 422}
+    assert set(answer.json) == {"faults"}
+
+
+def test_files_that_are_gone_are_named_so(tmp_path: Path, rehearsed: None) -> None:
+    del rehearsed
+    with serving(tmp_path / "outputs") as server:
+        plan = server.ended(server.begin(server.island()))
+        (folder,) = (path for path in server.output.iterdir() if not path.name.startswith("."))
+        (folder / "report.html").unlink()
+        identity = plan["id"]
+        for path in (f"/api/plan/{identity}/files/report.html", f"/plan/{identity}/report.html"):
+            answer = server.ask("GET", path)
+            assert answer.status == 404
+            assert "if it was removed, plan the voyage again" in answer.json["faults"][0]
+        answer = server.ask("GET", f"/api/plan/{identity}/files.zip")
+        assert (answer.status, set(answer.json)) == (404, {"faults"})
+        assert server.ask("GET", f"/api/plan/{identity}/files/metrics.csv").status == 200
+        server.process.terminate()
+        assert "Traceback" not in server.process.communicate(timeout=30)[1]
+
+
+async def _send(given: GivenFiles, content: bytes) -> dict[str, Any]:
+    async def chunks() -> Any:  # noqa: ANN401 - an iterator of bytes
+        yield content
+
+    found = await given.receive("a.nc", chunks())
+    return {"id": found.id, "size": found.size}
+
+
+@pytest.mark.anyio
+async def test_a_file_that_is_sent_twice_counts_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(files, "_MAX_ALL_BYTES", 1_000)
+    given = GivenFiles(tmp_path)
+    sent = [await _send(given, b"x" * 400) for _ in range(5)]
+    assert len({json.dumps(one) for one in sent}) == 1
+    await _send(given, b"y" * 400)
+    with pytest.raises(files.TooLargeError, match="no room is left"):
+        await _send(given, b"z" * 400)
