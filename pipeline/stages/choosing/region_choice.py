@@ -25,6 +25,7 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.errors import PipelineError
 from pipeline.formats.shared.result import RunResult
+from pipeline.geo.coast import inner_land
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
 from pipeline.geo.projection import Projection
 from pipeline.machine.interpreters import cores
@@ -246,6 +247,8 @@ def _within(bounds: Bounds, limits: Bounds) -> Bounds:
 # region's area: three cells.
 _CELLS = 16_000
 _WIDTH = 3 / math.sqrt(_CELLS)
+# Tolerance of the land there, as a share of a cell's side.
+_FINE = 1 / 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,7 +333,9 @@ def _wide_scene(bounds: Bounds, result: RunResult, store: Store) -> Scene | None
     polygons = np.array(fetched.land.polygons, dtype=object)
     large = polygons[shapely.area(polygons) >= region.shape.area / _CELLS]
     land = extract_polygons(repaired(projection.geometry_to_plane(large))[0])
-    chart = renew.Chart(extent_polygon(region.shape, projection), land)
+    extent = extent_polygon(region.shape, projection)
+    # Less land makes the bound no higher: coasts finer than the bound's cells would take minutes.
+    chart = renew.Chart(extent, inner_land(land, math.sqrt(extent.area / _CELLS) * _FINE, 0.0))
     return replace(
         result.scene,
         chart=chart,
