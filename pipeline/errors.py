@@ -114,6 +114,27 @@ class Faults:
             return None
 
 
+class LateFaults:
+    """Unexpected errors after the plan, one line each; what was found before them is written."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def attempt(self, what: str, work: Callable[[], _Value], otherwise: _Value) -> _Value:
+        """Do a part of the work; after an unexpected error, keep its line and return another value.
+
+        Errors of the disk and expected ones pass.
+        """
+        try:
+            return work()
+        except (PipelineError, OSError):
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever it is, the plan is worth its files
+            line = f"{what} failed, and the rest is written; please report this: {one_line(error)}"
+            self.lines += [line] * (line not in self.lines)
+            return otherwise
+
+
 class NoWayError(RequestError):
     """No season has a way from start to goal in the region; a wider region may have one."""
 

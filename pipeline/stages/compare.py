@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 import renew
+from pipeline.errors import LateFaults
 from pipeline.formats.shared.departures_and_speeds import speed_notes
 from pipeline.formats.shared.ensembles import ensemble_notes
 from pipeline.formats.shared.result import RunResult, addressed
@@ -34,16 +35,20 @@ def compare(
     planned: Artefact[Planned],
     store: Store,
     say: Say,
+    late: LateFaults,
 ) -> Artefact[RunResult]:
-    """Name each route's way, and find the straits that are shut.
+    """Name each route's way, and find the straits that are shut; what fails is left out.
 
     Returns the result with its notes on choices, data, land and routes.
     """
     options, scene = chosen.scenario.planner, chosen.scene.value
     plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
-    named = with_way_names(planned.value.evaluation, scene, plans, chosen.data.fetched.land.places)
+    unnamed, places = planned.value.evaluation, chosen.data.fetched.land.places
+    name = partial(with_way_names, unnamed, scene, plans, places)
+    named = late.attempt("naming the ways", name, unnamed)
     found = partial(shut_straits, scene, land.value.simplified, plans, options)
-    straits = in_thread(partial(store.artefact, "straits", tuple, inputs, found)).value
+    find = partial(store.artefact, "straits", tuple, inputs, found)
+    straits = late.attempt("the search for shut straits", lambda: in_thread(find).value, ())
     result = RunResult(
         chosen.scenario,
         chosen.data.fetched,
@@ -57,9 +62,9 @@ def compare(
         straits,
         chosen.choices,
     )
-    said = (*speed_notes(result), *replanned_notes(result), *ensemble_notes(result))
+    said = late.attempt("what is said of the result", partial(_said, result), ())
     result = replace(result, choices=(*chosen.notes, *said))
-    notes = _notes(result)
+    notes = late.attempt("notes on the routes", partial(_notes, result), ())
     for note in notes:
         say(note)
     every = (*chosen.notes, *chosen.data.fetched.notes, *land.value.notes, *notes)
@@ -74,12 +79,15 @@ def bounds_of_sides(result: Artefact[RunResult], store: Store) -> tuple[SideBoun
     return store.artefact("sides", tuple, (result.key, options.drift), bounds).value
 
 
+def _said(result: RunResult) -> tuple[Note, ...]:
+    """Return the notes on speeds, on members and on a voyage planned again."""
+    return (*speed_notes(result), *replanned_notes(result), *ensemble_notes(result))
+
+
 def _notes(result: RunResult) -> tuple[Note, ...]:
     """Return the notes on the routes, on speeds and on unknowns."""
     return (
-        *speed_notes(result),
-        *ensemble_notes(result),
-        *replanned_notes(result),
+        *_said(result),
         *safety_notes(result),
         *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),

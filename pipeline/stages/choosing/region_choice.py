@@ -64,6 +64,8 @@ _MAX_ISLANDS = 5
 _DIRECT_POINTS = 1000
 # Latitude beyond which a region does not reach, degrees: the pole itself has no longitude.
 _MAX_LATITUDE = 89.0
+MAX_WIDTH = 179.5
+"""Width up to which a region is widened, degrees: a chart must not meet itself round the world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,11 +219,12 @@ def _islands_between(direct: DirectLine, grid: WaterGrid) -> list[int]:
 
 
 def widened_by(bounds: Bounds, metres: float) -> Bounds:
-    """Return bounds with a margin in metres, without the poles."""
+    """Return bounds with a margin in metres, without the poles, and over half the world at most."""
     west, south, east, north = bounds
     up = metres / METRES_PER_DEGREE
     south, north = max(south - up, -_MAX_LATITUDE), min(north + up, _MAX_LATITUDE)
     aside = up / math.cos(math.radians(max(abs(south), abs(north))))
+    aside = min(aside, max(0.0, (MAX_WIDTH - (east - west)) / 2))
     return west - aside, south, east + aside, north
 
 
