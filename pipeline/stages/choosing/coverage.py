@@ -29,6 +29,8 @@ _AROUND_DEG = 1e-3
 _MAX_LATITUDE = 89.0
 # Distance around a position within which the quick check searches for water, m.
 _LOOK_M = 20_000.0
+# Margin around land, m, that a way out of water keeps there: about the accuracy of most charts.
+_MARGIN_M = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +180,7 @@ def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat:
             f"nearest water; {remedy}"
         )
     here = shapely.Point(projection.to_plane((lon, lat)))
-    return not_in_water(scenario, name, here, chart, projection)
+    return not_in_water(scenario, name, here, chart, projection, margin_m=_MARGIN_M)
 
 
 def _remedy(source: LandSource, lon: float, lat: float) -> str:
