@@ -33,7 +33,7 @@ from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import AvoidedArea, ChartSource, Plane
 from pipeline.scenario.season import Season
-from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.sources.land.shapes import in_plane
 from pipeline.sources.land.vector import VectorFile
 from renew.errors import Strait
 
@@ -226,9 +226,7 @@ def shut_areas(
 ) -> dict[str, tuple[renew.ShutArea, ...]]:
     """Return each season's shut areas in the plane, with hours in s since its first departure."""
     shut = [zone for zone in zones if zone.kind == "shut"]
-    planar = projection.geometry_to_plane(np.array([zone.area for zone in shut], dtype=object))
-    # Polygons that are valid in degrees may be invalid in the plane.
-    polygons = [shapely.union_all(extract_polygons(repaired(one)[0])) for one in planar[:, None]]
+    polygons = [shapely.union_all(in_plane([zone.area], projection)) for zone in shut]
     return {
         season.name: tuple(
             renew.ShutArea(

@@ -15,6 +15,7 @@ from pipeline import model
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import capitalised, gap_figure, planner_text, season_name
+from pipeline.geo.projection import MAX_EDGE_M
 from pipeline.model import ShoreCrossing
 from pipeline.model.inputs import Note, Place, of_seasons
 from pipeline.scenario.model import Scenario
@@ -167,7 +168,7 @@ class RunResult:
         """Return zones of some kinds that lie at least partly in the chart, with planar areas."""
         zones = [zone for zone in self.fetched.land.zones if zone.kind in kinds]
         areas = self.scene.projection.geometry_to_plane(
-            np.array([zone.area for zone in zones], dtype=object)
+            np.array([zone.area for zone in zones], dtype=object), MAX_EDGE_M
         )
         inside = shapely.relate_pattern(areas, self.scene.chart.extent, "T********")
         return tuple(

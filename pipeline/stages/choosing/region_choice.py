@@ -33,7 +33,7 @@ from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Note, Place, Scene, SeasonPlan
 from pipeline.scenario.region import Region
 from pipeline.sources.current_field import LandMask
-from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.sources.land.shapes import in_plane
 from pipeline.stages.choosing.water_grid import Cell, GridPath, LonLat, WaterGrid
 from pipeline.stages.comparing.islands import island_places
 from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across
@@ -335,7 +335,7 @@ def _wide_scene(bounds: Bounds, result: RunResult, store: Store) -> Scene | None
     projection = Projection.for_region(region.shape, wide.scale)
     polygons = np.array(fetched.land.polygons, dtype=object)
     large = polygons[shapely.area(polygons) >= region.shape.area / _CELLS]
-    land = extract_polygons(repaired(projection.geometry_to_plane(large))[0])
+    land = in_plane(large, projection)
     extent = extent_polygon(region.shape, projection)
     # Less land makes the bound no higher: coasts finer than the bound's cells would take minutes.
     chart = renew.Chart(extent, inner_land(land, math.sqrt(extent.area / _CELLS) * _FINE, 0.0))
