@@ -62,8 +62,8 @@ _DETOUR = 1 / math.cos(math.pi / 8)
 _MAX_ISLANDS = 5
 # Number of points on the direct line.
 _DIRECT_POINTS = 1000
-# Latitude beyond which a region does not reach, degrees: the pole itself has no longitude.
-_MAX_LATITUDE = 89.0
+MAX_LATITUDE = 89.0
+"""Latitude beyond which a region does not reach, degrees: the pole itself has no longitude."""
 MAX_WIDTH = 179.5
 """Width up to which a region is widened, degrees: a chart must not meet itself round the world."""
 
@@ -222,7 +222,7 @@ def widened_by(bounds: Bounds, metres: float) -> Bounds:
     """Return bounds with a margin in metres, without the poles, and over half the world at most."""
     west, south, east, north = bounds
     up = metres / METRES_PER_DEGREE
-    south, north = max(south - up, -_MAX_LATITUDE), min(north + up, _MAX_LATITUDE)
+    south, north = max(south - up, -MAX_LATITUDE), min(north + up, MAX_LATITUDE)
     aside = up / math.cos(math.radians(max(abs(south), abs(north))))
     aside = min(aside, max(0.0, (MAX_WIDTH - (east - west)) / 2))
     return west - aside, south, east + aside, north
