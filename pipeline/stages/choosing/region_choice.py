@@ -30,7 +30,7 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bou
 from pipeline.geo.projection import Projection
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import Note, Place, Scene, SeasonPlan
+from pipeline.model import Note, Place, PlaceName, Scene, SeasonPlan
 from pipeline.scenario.region import Region
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land.shapes import in_plane
@@ -289,11 +289,13 @@ def bounded_sides(
     # As a rule all sides were found in one search.
     searched = dict.fromkeys(side.searched for side in sides if known[side] is None)
     scenes = {bounds: _wide_scene(bounds, made.value, store) for bounds in searched}
+    places = {bounds: island_places(scene) for bounds, scene in scenes.items() if scene}
 
     def bounded(side: FarSide) -> BoundedSide:
         found = known[side]
         if found is None:
-            found = _bounded(side, scenes[side.searched], made.value)
+            at = side.searched
+            found = _bounded(side, scenes[at], places.get(at, ()), made.value)
             store.save("far-sides", keys[side], found)
         return found
 
@@ -307,7 +309,9 @@ def are_on_both_sides(paths: Sequence[FloatArray], place: LonLat) -> bool:
     return bool(np.ptp([bearing[-1] - bearing[0] for bearing in bearings]) > math.pi)
 
 
-def _bounded(side: FarSide, scene: Scene | None, result: RunResult) -> BoundedSide:
+def _bounded(
+    side: FarSide, scene: Scene | None, places: Sequence[PlaceName], result: RunResult
+) -> BoundedSide:
     """Find a far side's name and bound in a wide scene; neither without a scene."""
     if scene is None:
         return BoundedSide(side, "", math.nan)
@@ -317,7 +321,7 @@ def _bounded(side: FarSide, scene: Scene | None, result: RunResult) -> BoundedSi
         # Only a season whose bound is lower than the others' matters.
         enough = min(ratios, default=math.inf)
         ratios += _fuel_ratio(side, island, plan, scene, result, enough)
-    return BoundedSide(side, _name(island, scene), min(ratios, default=math.nan))
+    return BoundedSide(side, _name(island, scene, places), min(ratios, default=math.nan))
 
 
 def _wide_scene(bounds: Bounds, result: RunResult, store: Store) -> Scene | None:
@@ -350,10 +354,10 @@ def _wide_scene(bounds: Bounds, result: RunResult, store: Store) -> Scene | None
     )
 
 
-def _name(island: shapely.Point, scene: Scene) -> str:
+def _name(island: shapely.Point, scene: Scene, places: Sequence[PlaceName]) -> str:
     """Return the catalogue's name of the island that holds a point, or ""."""
     outlines = [outline for outline in scene.land if outline.intersects(island)]
-    for place in island_places(scene):
+    for place in places:
         point = shapely.Point(scene.projection.to_plane(np.array([place.lon, place.lat])))
         if shapely.intersects(outlines, point).any():
             return place.name
