@@ -13,6 +13,7 @@ _MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
 _MIN_ALIKE, _MAX_PLACES = 4, 3
 _LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
 _Value = TypeVar("_Value")
+_Other = TypeVar("_Other")
 
 
 def shortened(text: str) -> str:
@@ -120,7 +121,7 @@ class LateFaults:
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def attempt(self, what: str, work: Callable[[], _Value], otherwise: _Value) -> _Value:
+    def attempt(self, what: str, work: Callable[[], _Value], otherwise: _Other) -> _Value | _Other:
         """Do a part of the work; after an unexpected error, keep its line and return another value.
 
         Errors of the disk and expected ones pass.
