@@ -15,6 +15,7 @@ _MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
 _MIN_ALIKE, _MAX_PLACES = 4, 3
 _LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
 _Value = TypeVar("_Value")
+_Other = TypeVar("_Other")
 
 
 def shortened(text: str) -> str:
@@ -114,6 +115,27 @@ class Faults:
         except RequestError as error:
             self.lines += error.faults
             return None
+
+
+class LateFaults:
+    """Unexpected errors after the plan, one line each; what was found before them is written."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def attempt(self, what: str, work: Callable[[], _Value], otherwise: _Other) -> _Value | _Other:
+        """Do a part of the work; after an unexpected error, keep its line and return another value.
+
+        Errors of the disk and expected ones pass.
+        """
+        try:
+            return work()
+        except (PipelineError, OSError):
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever it is, the plan is worth its files
+            line = f"{what} failed, and the rest is written; please report this: {one_line(error)}"
+            self.lines += [line] * (line not in self.lines)
+            return otherwise
 
 
 class NoWayError(RequestError):

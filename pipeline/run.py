@@ -5,9 +5,11 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal, get_args
 
+from pipeline.errors import LateFaults, StageError
 from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.formats.shared.result import RunResult, addressed
 from pipeline.formats.shared.text import clearance, environment, season_name, season_text
@@ -70,6 +72,7 @@ class Outcome:
     directory: Path
     fresh: bool
     seconds: float
+    late_faults: tuple[str, ...] = ()
 
     @property
     def scenario(self) -> Scenario:
@@ -98,7 +101,7 @@ class Outcome:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """One line for each failed season, and for each route that crosses the original land."""
+        """One line for each failed season, each route over the original land, and late fault."""
         seasons = [f"{season_text(p.season)}: {p.failure}" for p in self.plans if p.failure]
         over_land = [
             f"{season_text(row.season)}: route {row.rank} crosses {row.land_m:.0f} m of the "
@@ -107,7 +110,7 @@ class Outcome:
             for row in self.evaluation.routes
             if row.land_m > 0
         ]
-        return (*seasons, *over_land)
+        return (*seasons, *over_land, *self.late_faults)
 
     @property
     def exit_code(self) -> int:
@@ -173,12 +176,14 @@ def run(
             asked = (offline, strict, scheduler, limit_s, on_step, on_result or ignore)
             stages = _Stages(held.store, beside, on_event or ignore, compiled, *asked)
             result = stages.result(scenario)
-        bounds = beside.submit(bounds_of_sides, result, held.store)
+        bound = partial(bounds_of_sides, result, held.store)
+        bounds = beside.submit(stages.late.attempt, "the bound on other sides", bound, ())
         result = replace(result, value=replace(result.value, side_bounds=bounds.result))
         fresh = stages.write(result, held.directory)
         stages.on_result(result.value)
         held.record_origin()
-        return Outcome(result.value, held.directory, fresh, time.perf_counter() - started)
+        took, late = time.perf_counter() - started, tuple(stages.late.lines)
+        return Outcome(result.value, held.directory, fresh, took, late)
 
 
 def prepare(scenario: Scenario, output: Path, *, offline: bool = False) -> None:
@@ -210,6 +215,8 @@ def planned_scenario(
         with first_compilation() as compiled:
             stages = _Stages(held.store, beside, on_event or ignore, compiled, offline)
             result = stages.result(scenario)
+        if stages.late.lines:
+            raise StageError("\n".join(stages.late.lines))
         yield result.value
 
 
@@ -228,6 +235,7 @@ class _Stages:
     on_step: OnStep = ignore_step
     on_result: Callable[[RunResult], None] = ignore
     timings: dict[str, float] = field(default_factory=dict)
+    late: LateFaults = field(default_factory=LateFaults)
 
     def result(self, asked: Scenario) -> Artefact[RunResult]:
         """Run all stages except "write", in the scenario's region or in a chosen one."""
@@ -235,11 +243,13 @@ class _Stages:
             made = self._in_region(asked, ())
         else:
             self.on_event(Event("choose", "part", detail="the region"))
-            made = search_region(asked, self.store, self._in_region, offline=self.offline)
+            made = search_region(
+                asked, self.store, self._in_region, self.late, offline=self.offline
+            )
         if asked.havens is None:
             return made
         with self._stage("cover", asked) as say:
-            return cover(made, self.store, say)
+            return self.late.attempt("the cover", partial(cover, made, self.store, say), made)
 
     def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Artefact[RunResult]:
         """Run all stages except "write" in the scenario's region, with notes on its choice."""
@@ -249,7 +259,7 @@ class _Stages:
         for plan in planned.value.plans:
             self.timings[f"plan {plan.season}"] = plan.seconds
         with self._stage("compare", chosen.scenario) as say:
-            made = compare(chosen, land, planned, self.store, say)
+            made = compare(chosen, land, planned, self.store, say, self.late)
         self.on_result(made.value)
         return made
 
@@ -321,8 +331,9 @@ class _Stages:
             if self._is_written(written, directory):
                 return False
             timed = replace(result.value, timings=dict(self.timings))
-            files = write(timed, directory, self._say_file)
-            self.store.save("write", written, {file.name: file_hash(file) for file in files})
+            files = write(timed, directory, self._say_file, self.late)
+            if not self.late.lines:
+                self.store.save("write", written, {file.name: file_hash(file) for file in files})
             return True
 
     @contextlib.contextmanager

@@ -81,6 +81,34 @@ def inner_land(polygons: Geometries, tolerance_m: float, margin_m: float) -> Geo
     return _polygons_of(simplified(_polygons_of(shrunk), cut_m).areas)
 
 
+# Number of vertices above which a polygon is halved; the dimensions of an area.
+_SMALL, _AREA = 256, 2
+
+
+def in_small_pieces(polygons: Geometries) -> Geometries:
+    """Return polygons of few vertices that make up others: to cut a continent takes milliseconds.
+
+    Pieces of one polygon meet along straight lines.
+    """
+    is_small = shapely.get_num_coordinates(polygons) <= _SMALL
+    if is_small.all():
+        return polygons
+    west, south, east, north = shapely.bounds(polygons[~is_small]).T
+    is_wide = east - west > north - south
+    x, y = (
+        np.where(is_wide, (west + east) / 2, east),
+        np.where(is_wide, north, (south + north) / 2),
+    )
+    other_x, other_y = np.where(is_wide, x, west), np.where(is_wide, south, y)
+    halves = np.concatenate(
+        [shapely.box(west, south, x, y), shapely.box(other_x, other_y, east, north)]
+    )
+    cut = shapely.intersection(np.tile(polygons[~is_small], 2), halves)
+    parts = _polygons_of(cut)
+    pieces = parts[shapely.get_dimensions(parts) == _AREA]  # a corner on the cut leaves a point
+    return np.concatenate([polygons[is_small], in_small_pieces(pieces)])
+
+
 def _united(areas: Geometries) -> Geometries:
     """Unite areas that overlap; the polygons returned are disjoint."""
     # Much faster than one union of all: most polygons are far from each other.

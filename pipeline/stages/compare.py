@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 import renew
+from pipeline.errors import LateFaults
 from pipeline.formats.shared.departures_and_speeds import speed_notes
 from pipeline.formats.shared.ensembles import ensemble_notes
 from pipeline.formats.shared.result import RunResult, addressed, unsafe_notes
@@ -34,16 +35,20 @@ def compare(
     planned: Artefact[Planned],
     store: Store,
     say: Say,
+    late: LateFaults,
 ) -> Artefact[RunResult]:
-    """Name each route's way, and find the straits that are shut.
+    """Name each route's way, and find the straits that are shut; what fails is left out.
 
     Returns the result with its notes on choices, data, land and routes.
     """
     options, scene = chosen.scenario.planner, chosen.scene.value
     plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
-    named = with_way_names(planned.value.evaluation, scene, plans, chosen.data.fetched.land.places)
+    unnamed, places = planned.value.evaluation, chosen.data.fetched.land.places
+    name = partial(with_way_names, unnamed, scene, plans, places)
+    named = late.attempt("naming the ways", name, unnamed)
     found = partial(shut_straits, scene, land.value.simplified, plans, options)
-    straits = in_thread(partial(store.artefact, "straits", tuple, inputs, found)).value
+    find = partial(store.artefact, "straits", tuple, inputs, found)
+    straits = late.attempt("the search for shut straits", lambda: in_thread(find).value, ())
     result = RunResult(
         chosen.scenario,
         chosen.data.fetched,
@@ -57,10 +62,9 @@ def compare(
         straits,
         chosen.choices,
     )
-    room = room_notes(result.scene, result.plans, result.scenario.planner)
-    said = (*speed_notes(result), *replanned_notes(result), *ensemble_notes(result), *room)
+    said = late.attempt("what is said of the result", partial(_said, result), ())
     result = replace(result, choices=addressed((*chosen.notes, *said), result.scenario))
-    notes = (*said, *_notes(result))
+    notes = (*said, *late.attempt("notes on the routes", partial(_notes, result), ()))
     for note in notes:
         say(note)
     every = (*chosen.notes, *chosen.data.fetched.notes, *land.value.notes, *notes)
@@ -73,6 +77,16 @@ def bounds_of_sides(result: Artefact[RunResult], store: Store) -> tuple[SideBoun
     run, options = result.value, result.value.scenario.planner
     bounds = partial(side_bounds, run.scene, run.plans, run.evaluation, options)
     return store.artefact("sides", tuple, (result.key, options.drift), bounds).value
+
+
+def _said(result: RunResult) -> tuple[Note, ...]:
+    """Return the notes on speeds, members, a voyage planned again, and room for turns."""
+    return (
+        *speed_notes(result),
+        *replanned_notes(result),
+        *ensemble_notes(result),
+        *room_notes(result.scene, result.plans, result.scenario.planner),
+    )
 
 
 def _notes(result: RunResult) -> tuple[Note, ...]:

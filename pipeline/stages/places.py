@@ -33,7 +33,7 @@ from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import AvoidedArea, ChartSource, Plane
 from pipeline.scenario.season import Season
-from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.sources.land.shapes import in_plane
 from pipeline.sources.land.vector import VectorFile
 from renew.errors import Strait
 
@@ -52,43 +52,66 @@ def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projecti
     NoWayError is raised if a wider region might connect them.
     """
     water = shapely.get_parts(chart.water)
-    faults: list[str] = []
-    bodies: list[set[int]] = []
-    for name, given in scenario.stops.items():
-        xy = np.asarray(given, dtype=float) if scenario.is_planar else projection.to_plane(given)
-        here = shapely.Point(xy)
+    bodies, dry = dict[str, set[int]](), dict[str, shapely.Point]()
+    given_places = np.array(list(scenario.stops.values()), dtype=float)
+    planar = given_places if scenario.is_planar else projection.to_plane(given_places)
+    places = dict(zip(scenario.stops, shapely.points(planar), strict=True))
+    for (name, given), here in zip(scenario.stops.items(), places.values(), strict=True):
         inside = set(np.flatnonzero(shapely.covers(water, here)).tolist())
         if not inside and given == scenario.start and scenario.under_way is not None:
             # In the margin around land the plan begins in the nearest water.
             near = shapely.covers(chart.open_water, here)
             inside = {int(shapely.distance(water, here).argmin())} if near else inside
         if inside:
-            bodies.append(inside)
+            bodies[name] = inside
         else:
-            faults.append(not_in_water(scenario, name, here, chart, projection))
-    if faults:
-        raise RequestError(faults)
-    for name, body in zip(scenario.stops, bodies, strict=True):
-        if not body & bodies[0]:
-            apart = water[[min(bodies[0]), min(body)]]
+            dry[name] = here
+    if dry:
+        wet = [places[name] for name in bodies]
+        raise RequestError(
+            [not_in_water(scenario, name, dry[name], chart, projection, wet) for name in dry]
+        )
+    (start, first), *others = bodies.items()
+    for other, body in others:
+        if not body & first:
+            apart = water[[min(first), min(body)]]
             # A wider region does not connect water that land encloses.
             open_ended = not scenario.is_planar and all(_reaches_edge(one, chart) for one in apart)
-            text = _not_connected(scenario, name, apart[0], projection, is_open_ended=open_ended)
+            small = int(shapely.area(apart).argmin())  # as a rule a pocket: it is left
+            moved, kept = ((start, other), (other, start))[small]
+            roomy = _with_room(apart[1 - small], scenario, chart, [places[kept]])
+            distance, place = _nearest_water(scenario, places[moved], roomy, projection)
+            text = (
+                f"{other} = {list(scenario.stops[other])} lies in another body of water than "
+                f"{start} = {list(scenario.stops[start])}: no water connects them in this chart. "
+                f"The nearest water that joins the {kept} is {distance} from the {moved}, at "
+                f"{place}; move the {moved} there" + ", or widen the region" * open_ended
+            )
             raise (NoWayError if open_ended else RequestError)([text])
 
 
 def not_in_water(
-    scenario: Scenario, name: str, here: shapely.Point, chart: renew.Chart, projection: Projection
+    scenario: Scenario,
+    name: str,
+    here: shapely.Point,
+    chart: renew.Chart,
+    projection: Projection,
+    wet: Sequence[shapely.Point] = (),
+    margin_m: float = 0.0,
 ) -> str:
-    """Return a message with the distance from a stop to the nearest water, and its position."""
-    distance, place = _nearest_water(scenario, here, chart.water, projection)
+    """Return a message with the distance from a stop to the nearest water, and its position.
+
+    The water joins the stops that are `wet`, with room for the vessel beyond a margin, if any does.
+    """
+    roomy = _with_room(chart.water, scenario, chart, wet, margin_m / projection.scale)
+    distance, place = _nearest_water(scenario, here, roomy, projection)
     obstacle = "land" if scenario.is_planar else "land, or within the margin around it"
     if scenario.chart.depths:
         obstacle = "land or water too shallow for the vessel, or within the margin around them"
     return (
         f"{name} = {list(scenario.stops[name])} lies on {obstacle}, {distance} from the "
-        f"nearest water at {place}; move it there, or further out if the vessel needs room to turn"
-        f"{lakes_text(scenario)}"
+        f"nearest water with a way out at {place}; move it there, or further out if the vessel "
+        f"needs more room to turn{lakes_text(scenario)}"
     )
 
 
@@ -124,25 +147,25 @@ def _reaches_edge(body: shapely.Geometry, chart: renew.Chart) -> bool:
     return bool(shapely.dwithin(body, chart.extent.exterior, 2 * chart.precision))
 
 
-def _not_connected(
+def _with_room(
+    water: shapely.Geometry,
     scenario: Scenario,
-    name: str,
-    body: shapely.Geometry,
-    projection: Projection,
-    *,
-    is_open_ended: bool,
-) -> str:
-    """Return a message with the position in the start's body of water nearest to another stop."""
-    place_given = scenario.stops[name]
-    xy = np.asarray(place_given, dtype=float)
-    here = shapely.Point(xy if scenario.is_planar else projection.to_plane(xy))
-    distance, place = _nearest_water(scenario, here, body, projection)
-    return (
-        f"{name} = {list(place_given)} lies in another body of water than "
-        f"start = {list(scenario.start)}: no water connects them in this chart. The start's body "
-        f"of water comes within {distance} of the {name}, at {place}; move the {name} there"
-        + (", or widen the region" if is_open_ended else "")
-    )
+    chart: renew.Chart,
+    stops: Sequence[shapely.Point],
+    margin: float = 0.0,
+) -> shapely.Geometry:
+    """Return the parts of water that join stops and the chart's edge, with room to turn on the way.
+
+    Where there are none, the parts that do one of the two, or else all the water.
+    """
+    vessel, edge = planner_vessel(scenario.fastest_vessel), chart.extent.exterior
+    width = margin + 2 * vessel.turning_radius
+    parts = shapely.get_parts(shapely.buffer(water, -width, quad_segs=_QUADRANT_SEGMENTS))
+    for ends in ([*stops, edge], [edge], stops):
+        joins = shapely.dwithin(parts[:, None], np.array(ends, dtype=object), 2 * width)
+        if len(ends) and (chosen := joins.all(axis=1)).any():
+            return shapely.multipolygons(parts[chosen])
+    return water
 
 
 def _nearest_water(
@@ -203,9 +226,7 @@ def shut_areas(
 ) -> dict[str, tuple[renew.ShutArea, ...]]:
     """Return each season's shut areas in the plane, with hours in s since its first departure."""
     shut = [zone for zone in zones if zone.kind == "shut"]
-    planar = projection.geometry_to_plane(np.array([zone.area for zone in shut], dtype=object))
-    # Polygons that are valid in degrees may be invalid in the plane.
-    polygons = [shapely.union_all(extract_polygons(repaired(one)[0])) for one in planar[:, None]]
+    polygons = [shapely.union_all(in_plane([zone.area], projection)) for zone in shut]
     return {
         season.name: tuple(
             renew.ShutArea(

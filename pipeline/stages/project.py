@@ -33,7 +33,7 @@ from pipeline.model.planning import speed_choices
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.interpolation import bilinear
-from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tides.zones import stations_of
 from pipeline.stages.members import from_source, stirred
 from pipeline.stages.places import (
@@ -48,9 +48,10 @@ from pipeline.stages.tides import tidal_depths
 
 # Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees
 # is curved in the plane. An edge is halved only until it sags less, and at most _MAX_HALVINGS
-# times, because each corner becomes a vertex of the triangulation.
+# times, because each corner becomes a vertex of the triangulation. Nor may it sag as far as land is
+# fetched beyond the region: in between, land would be water.
 _MAX_SAG = 2e-3
-_MAX_HALVINGS = 3
+_MAX_HALVINGS = 6
 # Nodes of the planner's current per cell of the source, along each axis; see `planar_current`.
 _NODES_PER_CELL = 2
 # Node spacing is limited as if no cell were narrower than its height divided by this number,
@@ -118,17 +119,13 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
     region = scenario.region.shape
     projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
     charted = fetched.land
-    no_go, inner_land, land, second_shore = (
+    no_go, inner_land = (
         projection.geometry_to_plane(np.array(polygons, dtype=object))
-        for polygons in (
-            simplified.polygons,
-            simplified.inner_polygons,
-            charted.polygons,
-            charted.second_shore,
-        )
+        for polygons in (simplified.polygons, simplified.inner_polygons)
     )
-    # Polygons that are valid in degrees may be invalid in the plane; a union of them may fail.
-    land, second_shore = (extract_polygons(repaired(one)[0]) for one in (land, second_shore))
+    land, second_shore = (
+        in_plane(polygons, projection) for polygons in (charted.polygons, charted.second_shore)
+    )
     chart = renew.Chart(extent_polygon(region, projection), no_go, land=inner_land)
     check_endpoints(scenario, chart, projection)
     _ = chart.open_water  # worked out before it is stored: each season's bound needs it
@@ -186,7 +183,8 @@ def extent_polygon(region: shapely.Polygon, projection: Projection) -> shapely.P
     """Project a region, and divide the edges that would sag too much."""
     corners = shapely.get_coordinates(region.exterior)
     planar = projection.to_plane(corners)
-    allowed = _MAX_SAG * float(np.hypot(*(planar.max(axis=0) - planar.min(axis=0))))
+    diagonal = float(np.hypot(*(planar.max(axis=0) - planar.min(axis=0))))
+    allowed = min(_MAX_SAG * diagonal, BEYOND_M / 2 / projection.scale)
     ring: list[FloatArray] = []
     for begin, end in itertools.pairwise(corners):
         parts = 1

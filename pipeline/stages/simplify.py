@@ -23,17 +23,14 @@ from pipeline._types import FloatArray, Geometries
 from pipeline.errors import StageError
 from pipeline.geo.coast import OpenWater, covering_land, inner_land, opened
 from pipeline.geo.lonlat import position_text
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import MAX_EDGE_M, Projection
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import Land, Note, Place, Simplified, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
-from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.sources.land.shapes import extract_polygons, in_plane
 from pipeline.stages.places import unsimplified
 
-# Longer edges are divided before projection, m. An edge that is straight in degrees is curved in
-# the plane: an edge of 5 km at 70 degrees of latitude deviates by 1.3 m.
-_MAX_EDGE_M = 5_000.0
 # Extent of land beyond the region's edge, as a share of the region's diagonal: more than the edge
 # can move when the next stage approximates a curved edge by straight ones.
 _OVERLAP = 3e-3
@@ -178,7 +175,7 @@ class _Area:
         cls, region: shapely.Polygon, plane: Projection, endpoints: Sequence[tuple[float, float]]
     ) -> "_Area":
         """Project a region and its endpoints (lon/lat degrees)."""
-        extent = plane.geometry_to_plane(region, _MAX_EDGE_M)
+        extent = plane.geometry_to_plane(region, MAX_EDGE_M)
         shapely.prepare(extent)
         xmin, ymin, xmax, ymax = extent.bounds
         return cls(
@@ -262,10 +259,7 @@ def _planar_land(
     polygons: Sequence[shapely.Polygon], plane: Projection, window: shapely.Polygon
 ) -> Geometries:
     """Project and repair the land, and clip it to the window."""
-    # Repair before long edges are divided, because dividing alone would drop half of a figure of
-    # eight, and again afterwards.
-    degrees, _ = repaired(np.array(polygons, dtype=object))
-    planar = shapely.get_parts(repaired(plane.geometry_to_plane(degrees, _MAX_EDGE_M))[0])
+    planar = in_plane(polygons, plane)
     shapely.prepare(window)
     planar = planar[shapely.intersects(window, planar)]
     crosses = ~shapely.covers(window, planar)

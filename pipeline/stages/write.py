@@ -12,9 +12,10 @@ import os
 import re
 import unicodedata
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
-from pipeline.errors import StageError
+from pipeline.errors import LateFaults, StageError
 from pipeline.formats.shared.result import RunResult
 from pipeline.machine.files import replacing
 from pipeline.machine.interpreters import seldom_collecting
@@ -45,7 +46,10 @@ _REMEDIES = {
 
 
 def write(
-    result: RunResult, directory: Path, on_file: Callable[[str], None] | None = None
+    result: RunResult,
+    directory: Path,
+    on_file: Callable[[str], None] | None = None,
+    late: LateFaults | None = None,
 ) -> tuple[Path, ...]:
     """Write all output files of a run into `directory`, which is created if needed.
 
@@ -60,6 +64,8 @@ def write(
         The run's own folder; see `output_directory`.
     on_file
         Called before each file is written, with its name and number: "report.html (3 of 12)".
+    late
+        Takes the unexpected errors of single files, which are left out; by default they are raised.
 
     Returns
     -------
@@ -84,8 +90,15 @@ def write(
             for number, (name, writer) in enumerate(formats.items(), start=1):
                 if on_file is not None:
                     on_file(f"{name} ({number} of {len(formats)})")
-                writer(result, staging / name)
-                written.append(staging / name)
+                make = partial(_made, writer, result, staging / name)
+                if (
+                    make()
+                    if late is None
+                    else late.attempt(f"writing {name}", make, otherwise=False)
+                ):
+                    written.append(staging / name)
+                else:
+                    (staging / name).unlink(missing_ok=True)
             write_manifest(result, staging / MANIFEST, written)
     except OSError as error:
         remedy = _REMEDIES.get(error.errno or 0) or f"{error.strerror or error}: resolve this"
@@ -93,6 +106,12 @@ def write(
             f"write: cannot write the results to {directory}: {remedy}, {_ELSEWHERE}"
         ) from error
     return (*(directory / path.name for path in written), directory / MANIFEST)
+
+
+def _made(writer: Format, result: RunResult, path: Path) -> bool:
+    """Write a file; it is there then."""
+    writer(result, path)
+    return True
 
 
 def load_libraries() -> None:

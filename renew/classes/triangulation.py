@@ -284,6 +284,14 @@ def overpowered_water(voyage: Voyage) -> shapely.Geometry:
     return shapely.multipolygons(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
 
 
+def overpowering_below(strength: float, error: float) -> float:
+    """Return the vessel's speed (m/s) up to which a current counts as overpowering.
+
+    The current's `strength` and its table's `error` are in m/s.
+    """
+    return min(max(strength / _AT_MOST, strength + error), strength / _AT_LEAST)
+
+
 def _at_least(x: FloatArray, y: FloatArray, values: FloatArray, level: float) -> shapely.Geometry:
     """Return where values (ny, nx) at nodes, linear between them, are a level or more."""
     contours = contour_generator(x, y, values, fill_type=FillType.OuterOffset)

@@ -8,8 +8,10 @@ shape in m/s along the plane's axes. Fields that change with time are in
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from functools import wraps
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -51,6 +53,12 @@ class CurrentField(ABC):
     A steady field defines the call alone. A field that changes also defines `velocity` and
     `slice_times`.
     """
+
+    def __init_subclass__(cls) -> None:
+        """Have a user's own field work on copies; the package's own fields write into nothing."""
+        for name in ("__call__", "velocity", "samples", "statistics"):
+            if name in vars(cls) and not cls.__module__.startswith("renew."):
+                setattr(cls, name, _on_copies(vars(cls)[name]))
 
     @abstractmethod
     def __call__(self, points: FloatArray) -> FloatArray:
@@ -115,6 +123,19 @@ class CurrentField(ABC):
         return velocity.reshape(len(points), -1, 2)
 
 
+def _on_copies(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a method that gets copies of its arguments, and whose answers are copies.
+
+    So the planner's arrays stay as they are, whatever the method writes into, now or later.
+    """
+
+    @wraps(method)
+    def copied(self: CurrentField, *given: object, **named: object) -> object:
+        return deepcopy(method(self, *deepcopy(given), **deepcopy(named)))
+
+    return copied
+
+
 CurrentLike: TypeAlias = CurrentField | Callable[["FloatArray"], "FloatArray"]
 
 
@@ -163,8 +184,9 @@ def as_field(current: CurrentLike) -> CurrentField:
 
 
 def checked_velocity(points: FloatArray, answer: object) -> FloatArray:
-    """Check and return velocities (..., 2) that a function returned for points (..., 2)."""
-    velocity = as_floats("current: what the function returned", answer)
+    """Check velocities (..., 2) that a function returned for points (..., 2); return a copy."""
+    # The function may return a buffer that its next call writes into.
+    velocity = as_floats("current: what the function returned", answer).copy()
     if velocity.shape != points.shape:
         raise ParameterError(
             f"current: for points of shape {points.shape} the function returned shape "
@@ -189,7 +211,7 @@ class FunctionCurrent(CurrentField):
         """Velocity of the wrapped function."""
         points = np.asarray(points, dtype=float)
         try:
-            velocity = self.function(points)
+            velocity = self.function(points.copy())  # it may write into what it gets
         except (TypeError, ValueError, LookupError, ArithmeticError) as error:
             raise ParameterError(
                 f"current: asked for its velocity at points of shape {points.shape}, the function "

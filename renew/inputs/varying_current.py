@@ -79,7 +79,8 @@ class VaryingCurrent(CurrentField):
         """Velocity (..., 2) at points (..., 2) and times (...), s; held outside its span."""
         points = np.asarray(points, dtype=float)
         times = np.clip(np.broadcast_to(time, points.shape[:-1]), self._times[0], self._times[-1])
-        return checked_velocity(points, (self._function or self._between)(points, times))
+        # A function may write into what it gets.
+        return checked_velocity(points, (self._function or self._between)(points.copy(), times))
 
     @property
     def slice_times(self) -> FloatArray:

@@ -22,8 +22,8 @@ import shapely
 
 from renew._types import BoolArray, FloatArray
 from renew.classes.dual_graph import Channel
-from renew.classes.triangulation import Triangulation
-from renew.errors import InfeasibleError, Text
+from renew.classes.triangulation import Triangulation, overpowering_below
+from renew.errors import InfeasibleError, Text, UnreachableError
 from renew.kernels.current_table import overpowered_spells, velocities, velocity
 from renew.kernels.viterbi import TOO_STRONG, slowness
 from renew.paths.sections import sections_of
@@ -188,6 +188,29 @@ def with_hours(error: _Error, hours: tuple[OverpoweredHours, ...]) -> _Error:
     longer = type(error)(f"{{0}}. The current shuts its way at {{1}}{more}", error.text, shut)
     longer.strait, longer.blocked = error.strait, error.blocked
     return longer
+
+
+def overpowered_error(channel: Channel, voyage: Voyage) -> UnreachableError:
+    """Return the error for a voyage all of whose ways overpowered water shuts; a channel is one."""
+    line = shapely.LineString(channel.rough_path(voyage.start, voyage.goal))
+    points, table = shapely.get_coordinates(line.segmentize(line.length / _PIECES)), voyage.table
+    speeds = [
+        np.linalg.norm(velocities(table, points, np.full(len(points), time)), axis=1)
+        for time in table.times
+    ]
+    weakest = np.min(speeds, axis=0)
+    at, most = int(weakest.argmax()), float(weakest.max())
+    digits = 10.0 ** (2 - math.floor(math.log10(most)))
+    enough = math.ceil(digits * overpowering_below(most, table.error)) / digits
+    least = "" if table.is_steady else "no less than "
+    return UnreachableError(
+        f"the current shuts all ways from {{0}} to {{1}}: on the shortest it runs at {least}"
+        f"{most:.3g} m/s at {{2}}, and the vessel makes {voyage.vessel.speed:.3g} m/s through "
+        f"water. Take a vessel of {enough:.3g} m/s, or move one of the two",
+        voyage.start,
+        voyage.goal,
+        points[at],
+    )
 
 
 class _PathPoints(NamedTuple):

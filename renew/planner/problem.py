@@ -17,8 +17,10 @@ from renew.classes.triangulation import (
     triangulate,
     triangulation_of,
 )
+from renew.errors import UnreachableError
 from renew.inputs.options import PlanOptions
 from renew.paths.corridor import SLACK
+from renew.planner.hindrances import overpowered_error
 from renew.turns.least_padding import voyage_at_clearance
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.voyage import Voyage
@@ -140,14 +142,18 @@ class Problem:
 
     def _scout(self, voyage: Voyage, clearance: float) -> ClassEnumerator:
         """Return the enumerator of a voyage, or a part of it, without via points."""
-        slack = SLACK * voyage.vessel.turning_radius
-        return ClassEnumerator.of(
-            voyage,
-            self.triangulation,
-            self.all_rays,
-            self.options.order,
-            clearance=clearance + slack,
-        )
+        slack, rays = SLACK * voyage.vessel.turning_radius, self.all_rays
+        order, water = self.options.order, self.triangulation
+        try:
+            return ClassEnumerator.of(voyage, water, rays, order, clearance=clearance + slack)
+        except UnreachableError:
+            if self.closed is None and not self.overpowered_water.is_empty:
+                # Where land separates the two, this raises the same error.
+                open_water = triangulation_of(voyage.chart)
+                ways = ClassEnumerator.of(voyage, open_water, rays, "length").channels(1)
+                for way in ways:
+                    raise overpowered_error(way, voyage) from None
+            raise
 
     @cached_property
     def _scouts(self) -> dict[float, ClassEnumerator | ViaEnumerator]:

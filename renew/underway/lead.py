@@ -164,12 +164,14 @@ def _unwound(rows: FloatArray, before: FloatArray) -> FloatArray:
 
 
 def _joined(rows: FloatArray, tail: Route, planner: ClassPlanner) -> Route:
-    """Return the route that begins with rows (m, 4) and continues with another route, the tail."""
+    """Return the route that begins with rows (m, 4) and continues with another route, the tail.
+
+    Fuel and times are those of its whole path by Eq. 4, as of every route.
+    """
     problem = planner.problem
     voyage, lead = problem.voyage, rows[:-1]
     path = np.vstack([lead[:, 1:3], tail.path])
-    spent = float(tail.times[0]) - voyage.departure
-    fuel = tail.fuel + voyage.vessel.fuel_rate * spent
+    times, fuel = voyage.arrivals(path), voyage.fuel(path)
     flown = shapely.LineString(path[: len(lead) + 1])
     land = voyage.chart.hard_no_go
     near = float(shapely.distance(flown, land)) if voyage.chart.no_go else np.inf
@@ -180,8 +182,8 @@ def _joined(rows: FloatArray, tail: Route, planner: ClassPlanner) -> Route:
         fuel=fuel,
         length=float(shapely.LineString(path).length),
         clearance=min(near, tail.clearance),
-        duration=tail.duration + spent,
-        times=np.concatenate([lead[:, 0], tail.times]),
+        duration=float(times[-1] - times[0]),
+        times=times,
         speeds=np.concatenate([np.full(len(lead), voyage.vessel.speed), tail.speeds]),
         fuel_bound=problem.fuel_bound,
         homotopy=name(problem.word(path)),

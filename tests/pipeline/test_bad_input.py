@@ -203,7 +203,9 @@ def test_start_on_land_says_how_far_and_where_water_is(
     text = with_line(ACROSS, "[118.40, 10.20]", "[118.70, 9.85]")
     line = only(run(tmp_path, text, across_outputs))
     assert "start = [118.7, 9.85] lies on land" in line
-    found = re.search(r"([\d.]+) km from the nearest water at \[([\d.]+), ([\d.]+)\]", line)
+    found = re.search(
+        r"([\d.]+) km from the nearest water with a way out at \[([\d.]+), ([\d.]+)\]", line
+    )
     assert found is not None
     away_km, lon, lat = (float(number) for number in found.groups())
     # The suggested place is water on the original chart, and a start from there is accepted.
@@ -231,10 +233,18 @@ def test_goal_in_another_body_of_water(tmp_path: Path, across_outputs: Path) -> 
     text = with_line(ACROSS, "[118.60, 10.30]", "[119.10, 9.40]")
     line = only(run(tmp_path, text, across_outputs))
     assert "goal = [119.1, 9.4] lies in another body of water than start = [118.4, 10.2]" in line
-    assert re.search(
-        r"within [\d.]+ km of the goal, at \[118\.\d+, 9\.\d+\]; move the goal there, or widen",
+    found = re.search(
+        r"joins the (start|goal) is [\d.]+ km from the (goal|start), at (\[[\d., ]+\]); move the "
+        r"(goal|start) there, or widen",
         line,
     )
+    assert found is not None
+    kept, moved, place, there = found.groups()
+    assert moved == there != kept
+    stop = {"start": "[118.40, 10.20]", "goal": "[119.10, 9.40]"}[moved]
+    followed = with_line(with_line(text, stop, place), "across", "followed")
+    code, lines = run(tmp_path, followed, across_outputs)
+    assert not any("another body" in line for line in lines), (code, lines)
 
 
 def test_overpowering_current_at_the_start(tmp_path: Path) -> None:

@@ -10,15 +10,19 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+import renew
 from pipeline.errors import RequestError, StageError
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Scenario
+from pipeline.voyage.one_line import voyage_scenario
+from pipeline.voyage.request import VoyageRequest
 from tests.pipeline.formats import small_run
 from tests.tree import tree
 
@@ -104,6 +108,59 @@ def test_every_stage_is_reported(first: Path) -> None:
     begun = [event.stage for event in events if event.status == "begun"]
     assert begun == ["fetch", "simplify", "project", "choose", "plan", "compare", "write"]
     assert [event.stage for event in events if event.status == "done" and not event.season] == begun
+
+
+def test_a_fault_after_the_plan_is_said_and_loses_no_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(what: str) -> Callable[..., None]:
+        def raises(*_: object) -> None:
+            raise renew.GeometryError(f"the fault of {what}")
+
+        return raises
+
+    late = {
+        "pipeline.run.bounds_of_sides": "bounds",
+        "pipeline.stages.compare.with_way_names": "names",
+        "pipeline.stages.compare.shut_straits": "straits",
+        "pipeline.stages.compare.waiting_notes": "notes",
+        "pipeline.formats.tables.write_metrics": "a file",
+    }
+    with monkeypatch.context() as patched:
+        for name, what in late.items():
+            patched.setattr(name, fails(what))
+        outcome = run(single_gyre(classes=4), tmp_path)
+    said = "; ".join(outcome.failures)
+    for what in ("bounds", "names", "straits", "notes", "a file"):
+        assert f"the fault of {what}" in said, said
+    assert outcome.exit_code == 1
+    folder = tmp_path / "single-gyre"
+    names = {path.name for path in folder.iterdir()}
+    assert {"routes.gpkg", "report.html", "manifest.json", "scenario.toml"} <= names
+    assert "metrics.csv" not in names
+    assert "metrics.csv" not in json.loads((folder / "manifest.json").read_text())["outputs"]
+    # Without the faults the next run writes what was left out.
+    again = run(single_gyre(classes=4), tmp_path)
+    assert (again.exit_code, again.fresh) == (0, True)
+    assert (folder / "metrics.csv").is_file()
+
+
+def test_a_fault_beyond_the_chosen_region_loses_no_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise ValueError("the fault of the wide scene")
+
+    monkeypatch.setattr("pipeline.stages.choosing.region.bounded_sides", fails)
+    options = {"positions": ("119.0E 8.6N", "119.4E 8.6N"), "vessel": "usv-7m"}
+    request = VoyageRequest.of_options({**options, "currents": ("still",)})
+    scenario, _ = voyage_scenario(request)
+    outcome = run(scenario, tmp_path, offline=True)
+    (said,) = outcome.failures
+    assert "the bound on ways outside the region failed" in said
+    assert "the fault of the wide scene" in said
+    assert outcome.result.routes
+    assert (outcome.directory / "routes.gpkg").is_file()
 
 
 def test_a_missing_scheduler_is_a_failure_with_a_remedy(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
 from pipeline.formats.shared.text import capitalised, gap_figure, planner_text, season_name
 from pipeline.formats.shared.unknowns import NO_SHARE, crossing_notes, route_notes, strait_notes
+from pipeline.geo.projection import MAX_EDGE_M
 from pipeline.model.inputs import Note, of_seasons
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
@@ -178,7 +179,7 @@ class RunResult:
         """Return zones of some kinds that lie at least partly in the chart, with planar areas."""
         zones = [zone for zone in self.fetched.land.zones if zone.kind in kinds]
         areas = self.scene.projection.geometry_to_plane(
-            np.array([zone.area for zone in zones], dtype=object)
+            np.array([zone.area for zone in zones], dtype=object), MAX_EDGE_M
         )
         inside = shapely.relate_pattern(areas, self.scene.chart.extent, "T********")
         return tuple(

@@ -23,7 +23,7 @@ from shapely import affinity
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.errors import PipelineError, RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import MAX_EDGE_M, Projection
 from pipeline.model import Note, PlaceName
 from pipeline.scenario.strict import near_miss
 from pipeline.texts import clean
@@ -111,6 +111,16 @@ def repaired(geometries: Geometries, is_valid: BoolArray | None = None) -> tuple
             geometries[chosen], method="structure", keep_collapsed=keeps_collapsed
         )
     return valid, int((is_invalid & is_area).sum())
+
+
+def in_plane(polygons: Sequence[shapely.Geometry] | Geometries, plane: Projection) -> Geometries:
+    """Return the valid polygons of areas (lon/lat degrees) in a plane, long edges divided.
+
+    They are repaired before, because dividing alone would drop half of a figure of eight, and
+    afterwards, because what is valid in degrees may be invalid in the plane.
+    """
+    degrees, _ = repaired(np.array(polygons, dtype=object))
+    return extract_polygons(repaired(plane.geometry_to_plane(degrees, MAX_EDGE_M))[0])
 
 
 def repair_note(name: str, count: int) -> tuple[Note, ...]:

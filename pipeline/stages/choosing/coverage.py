@@ -23,15 +23,15 @@ from pipeline.sources.haven_file import read_havens
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.land.vector import open_layer
 from pipeline.sources.registry import charted_land, current_source
-from pipeline.stages.choosing.region_choice import DirectLine
+from pipeline.stages.choosing.region_choice import MAX_LATITUDE, DirectLine
 from pipeline.stages.places import avoided_zones, lakes_text, not_in_water
 
 # Smallest margin of a region around its stops, degrees (about 100 m).
 _AROUND_DEG = 1e-3
-# Latitude beyond which no region reaches, degrees.
-_MAX_LATITUDE = 89.0
 # Distance around a position within which the quick check searches for water, m.
 _LOOK_M = 20_000.0
+# Margin around land, m, that a way out of water keeps there: about the accuracy of most charts.
+_MARGIN_M = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ def least_region(*stops: Point) -> shapely.Polygon:
 
 
 def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
-    """Yield a message for each reason why no source covers some seasons in time and space.
+    """Yield a message for each reason why no region or source covers some seasons and stops.
 
     The area is the region or, without one, the stops. Each caller that plans calls this first,
     because loading a scenario file does not check the sources.
@@ -60,6 +60,12 @@ def uncovered_seasons(scenario: Scenario) -> Iterator[str]:
         return
     stops = scenario.stops.values()
     region = least_region(*stops) if scenario.region is None else scenario.region.shape
+    for name, (lon, lat) in scenario.stops.items() if scenario.region is None else ():
+        if abs(lat) > MAX_LATITUDE:
+            yield (
+                f"{name} = {[lon, lat]} lies beyond {MAX_LATITUDE:g} degrees of latitude, where no "
+                "region is chosen; move it away from the pole, or give a [region]"
+            )
     lacking: dict[str, list[str]] = {}
     for season in scenario.seasons:
         sources = map(current_source, season.currents)
@@ -118,7 +124,7 @@ def covered_by_currents(
         No season has a usable source; the message has a line for each reason.
     """
     middle = (direct.start[0] + direct.goal[0]) / 2
-    world = (max(middle - 180, -180), -_MAX_LATITUDE, min(middle + 180, 360), _MAX_LATITUDE)
+    world = (max(middle - 180, -180), -MAX_LATITUDE, min(middle + 180, 360), MAX_LATITUDE)
     found = Coverage(world, ("", "", "", ""))
     reasons: dict[str, list[str]] = {}
     for season in seasons:
@@ -203,7 +209,7 @@ def _on_land(scenario: Scenario, source: LandSource, name: str, lon: float, lat:
             f"nearest water; {remedy}"
         )
     here = shapely.Point(projection.to_plane((lon, lat)))
-    return not_in_water(scenario, name, here, chart, projection)
+    return not_in_water(scenario, name, here, chart, projection, margin_m=_MARGIN_M)
 
 
 def _remedy(source: LandSource, lon: float, lat: float) -> str:

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.errors import NoWayError, PipelineError
+from pipeline.errors import LateFaults, NoWayError, PipelineError
 from pipeline.formats.shared.result import RunResult
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
@@ -21,6 +22,7 @@ from pipeline.sources.registry import charted_land
 from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
 from pipeline.stages.choosing.region_choice import (
     FAR_WAY,
+    MAX_WIDTH,
     BoundedSide,
     DirectLine,
     FarSide,
@@ -189,6 +191,7 @@ def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) 
     up = metres / METRES_PER_DEGREE
     widest = max(abs(bounds[1]), abs(bounds[3]))
     aside = up / float(np.cos(np.radians(min(widest, 89.0))))
+    aside = min(aside, max(0.0, (MAX_WIDTH - (bounds[2] - bounds[0])) / 2))
     moves = (-aside, -up, aside, up)
     west, south, east, north = (
         round(bound + move, 3) if side in sides else bound
@@ -200,7 +203,12 @@ def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) 
 
 
 def search_region(
-    asked: Scenario, store: Store, run_in_region: RunInRegion, *, offline: bool
+    asked: Scenario,
+    store: Store,
+    run_in_region: RunInRegion,
+    late: LateFaults,
+    *,
+    offline: bool,
 ) -> Artefact[RunResult]:
     """Return the result in a region that is widened until no best route comes near its edge.
 
@@ -210,6 +218,8 @@ def search_region(
         A chart scenario without a region.
     run_in_region
         Plans a scenario with its region, given the notes on the region.
+    late
+        Takes the unexpected errors after the first region with a way; its result is kept then.
 
     Raises
     ------
@@ -222,26 +232,45 @@ def search_region(
         chosen_region(asked, store, offline=offline), asked, run_in_region
     )
     for _ in range(_MAX_WIDENINGS):
-        wider = wider_region(region, _best_paths(made.value)) or _with_cheap_sides(
-            region, bounded_sides(region.far_sides, made, store)
-        )
+        look = partial(_wider_or_cheaper, region, made, store)
+        wider = late.attempt(_BEYOND, look, None)
         if wider is None:
             break
+        run = partial(run_in_region, wider.complete(asked), wider.notes)
         try:
-            made = run_in_region(wider.complete(asked), wider.notes)
+            again = late.attempt("planning in a wider region", run, None)
         except PipelineError:
             break
-        region = wider
+        if again is None:
+            break
+        region, made = wider, again
+    limits = late.attempt(_BEYOND, partial(_limits, region, made, store), ())
+    result = made.value
+    fetched = replace(result.fetched, notes=(*result.fetched.notes, *limits))
+    return replace(made, value=replace(result, fetched=fetched, choices=(*result.choices, *limits)))
+
+
+_BEYOND = "the bound on ways outside the region"
+
+
+def _wider_or_cheaper(
+    region: ChosenRegion, made: Artefact[RunResult], store: Store
+) -> ChosenRegion | None:
+    """Widen a region where a best route is near its edge, or for cheap sides beyond it."""
+    return wider_region(region, _best_paths(made.value)) or _with_cheap_sides(
+        region, bounded_sides(region.far_sides, made, store)
+    )
+
+
+def _limits(region: ChosenRegion, made: Artefact[RunResult], store: Store) -> tuple[Note, ...]:
+    """Return notes on the edges that best routes come near, and on the sides that are left out."""
     paths = [made.value.scene.projection.to_lonlat(one.route.path) for one in made.value.routes]
     unplanned = (
         side for side in region.largest if not are_on_both_sides(paths, (side.lon, side.lat))
     )
     sides = dict.fromkeys([*region.far_sides, *unplanned])
     left_out = (side.note for side in bounded_sides(tuple(sides), made, store))
-    limits = (*edge_notes(region, _best_paths(made.value)), *left_out)
-    result = made.value
-    fetched = replace(result.fetched, notes=(*result.fetched.notes, *limits))
-    return replace(made, value=replace(result, fetched=fetched, choices=(*result.choices, *limits)))
+    return (*edge_notes(region, _best_paths(made.value)), *left_out)
 
 
 def _with_cheap_sides(region: ChosenRegion, sides: Sequence[BoundedSide]) -> ChosenRegion | None:

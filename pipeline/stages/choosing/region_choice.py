@@ -25,14 +25,15 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.errors import PipelineError
 from pipeline.formats.shared.result import RunResult
+from pipeline.geo.coast import inner_land
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
 from pipeline.geo.projection import Projection
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import Note, Place, Scene, SeasonPlan
+from pipeline.model import Note, Place, PlaceName, Scene, SeasonPlan
 from pipeline.scenario.region import Region
 from pipeline.sources.current_field import LandMask
-from pipeline.sources.land.shapes import extract_polygons, repaired
+from pipeline.sources.land.shapes import in_plane
 from pipeline.stages.choosing.water_grid import Cell, GridPath, LonLat, WaterGrid
 from pipeline.stages.comparing.islands import island_places
 from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across
@@ -61,8 +62,10 @@ _DETOUR = 1 / math.cos(math.pi / 8)
 _MAX_ISLANDS = 5
 # Number of points on the direct line.
 _DIRECT_POINTS = 1000
-# Latitude beyond which a region does not reach, degrees: the pole itself has no longitude.
-_MAX_LATITUDE = 89.0
+MAX_LATITUDE = 89.0
+"""Latitude beyond which a region does not reach, degrees: the pole itself has no longitude."""
+MAX_WIDTH = 179.5
+"""Width up to which a region is widened, degrees: a chart must not meet itself round the world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,11 +219,12 @@ def _islands_between(direct: DirectLine, grid: WaterGrid) -> list[int]:
 
 
 def widened_by(bounds: Bounds, metres: float) -> Bounds:
-    """Return bounds with a margin in metres, without the poles."""
+    """Return bounds with a margin in metres, without the poles, and over half the world at most."""
     west, south, east, north = bounds
     up = metres / METRES_PER_DEGREE
-    south, north = max(south - up, -_MAX_LATITUDE), min(north + up, _MAX_LATITUDE)
+    south, north = max(south - up, -MAX_LATITUDE), min(north + up, MAX_LATITUDE)
     aside = up / math.cos(math.radians(max(abs(south), abs(north))))
+    aside = min(aside, max(0.0, (MAX_WIDTH - (east - west)) / 2))
     return west - aside, south, east + aside, north
 
 
@@ -246,6 +250,8 @@ def _within(bounds: Bounds, limits: Bounds) -> Bounds:
 # region's area: three cells.
 _CELLS = 16_000
 _WIDTH = 3 / math.sqrt(_CELLS)
+# Tolerance of the land there, as a share of a cell's side.
+_FINE = 1 / 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,11 +289,13 @@ def bounded_sides(
     # As a rule all sides were found in one search.
     searched = dict.fromkeys(side.searched for side in sides if known[side] is None)
     scenes = {bounds: _wide_scene(bounds, made.value, store) for bounds in searched}
+    places = {bounds: island_places(scene) for bounds, scene in scenes.items() if scene}
 
     def bounded(side: FarSide) -> BoundedSide:
         found = known[side]
         if found is None:
-            found = _bounded(side, scenes[side.searched], made.value)
+            at = side.searched
+            found = _bounded(side, scenes[at], places.get(at, ()), made.value)
             store.save("far-sides", keys[side], found)
         return found
 
@@ -301,7 +309,9 @@ def are_on_both_sides(paths: Sequence[FloatArray], place: LonLat) -> bool:
     return bool(np.ptp([bearing[-1] - bearing[0] for bearing in bearings]) > math.pi)
 
 
-def _bounded(side: FarSide, scene: Scene | None, result: RunResult) -> BoundedSide:
+def _bounded(
+    side: FarSide, scene: Scene | None, places: Sequence[PlaceName], result: RunResult
+) -> BoundedSide:
     """Find a far side's name and bound in a wide scene; neither without a scene."""
     if scene is None:
         return BoundedSide(side, "", math.nan)
@@ -311,7 +321,7 @@ def _bounded(side: FarSide, scene: Scene | None, result: RunResult) -> BoundedSi
         # Only a season whose bound is lower than the others' matters.
         enough = min(ratios, default=math.inf)
         ratios += _fuel_ratio(side, island, plan, scene, result, enough)
-    return BoundedSide(side, _name(island, scene), min(ratios, default=math.nan))
+    return BoundedSide(side, _name(island, scene, places), min(ratios, default=math.nan))
 
 
 def _wide_scene(bounds: Bounds, result: RunResult, store: Store) -> Scene | None:
@@ -329,8 +339,10 @@ def _wide_scene(bounds: Bounds, result: RunResult, store: Store) -> Scene | None
     projection = Projection.for_region(region.shape, wide.scale)
     polygons = np.array(fetched.land.polygons, dtype=object)
     large = polygons[shapely.area(polygons) >= region.shape.area / _CELLS]
-    land = extract_polygons(repaired(projection.geometry_to_plane(large))[0])
-    chart = renew.Chart(extent_polygon(region.shape, projection), land)
+    land = in_plane(large, projection)
+    extent = extent_polygon(region.shape, projection)
+    # Less land makes the bound no higher: coasts finer than the bound's cells would take minutes.
+    chart = renew.Chart(extent, inner_land(land, math.sqrt(extent.area / _CELLS) * _FINE, 0.0))
     return replace(
         result.scene,
         chart=chart,
@@ -342,10 +354,10 @@ def _wide_scene(bounds: Bounds, result: RunResult, store: Store) -> Scene | None
     )
 
 
-def _name(island: shapely.Point, scene: Scene) -> str:
+def _name(island: shapely.Point, scene: Scene, places: Sequence[PlaceName]) -> str:
     """Return the catalogue's name of the island that holds a point, or ""."""
     outlines = [outline for outline in scene.land if outline.intersects(island)]
-    for place in island_places(scene):
+    for place in places:
         point = shapely.Point(scene.projection.to_plane(np.array([place.lon, place.lat])))
         if shapely.intersects(outlines, point).any():
             return place.name

@@ -4,6 +4,7 @@ The scenario beside those results is run once more, as far as its plan; the stor
 unless it was pruned. Land and current must be those of the results, by their hashes.
 """
 
+import json
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,8 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.records import current_hash, land_hash
+from pipeline.formats.records import current_hash, land_hash, without_folders
+from pipeline.formats.shared.text import json_value
 from pipeline.geo.projection import Projection
 from pipeline.machine.paths import shown
 from pipeline.machine.store import Artefact, artefact_key
@@ -33,13 +35,30 @@ from renew.underway.way_ahead import abeam
 _FURTHEST_M = 50_000.0
 # Length of the step by which a true heading is turned into one of the plane, m.
 _STEP_M = 100.0
+# Keys of a scenario on which the plan does not depend.
+_MAY_DIFFER = ("havens", "outputs", "title")
 _GEOD = pyproj.Geod(ellps="WGS84")
 
 
 def scenario_before(voyage: UnderWay) -> Scenario:
-    """Return the scenario whose plan the vessel sails, as it lies beside the results."""
-    folder = finished_season(Path(voyage.results), voyage.season).folder
-    return load_scenario(str(folder / "scenario.toml"))
+    """Return the scenario whose plan the vessel sails, as it lies beside the results.
+
+    Raises
+    ------
+    RequestError
+        It was edited since the run, so that its plan is not the one that is sailed.
+    """
+    finished = finished_season(Path(voyage.results), voyage.season)
+    file, ran = finished.folder / "scenario.toml", finished.scenario
+    scenario = load_scenario(str(file))
+    now = json.loads(json.dumps(without_folders(json_value(scenario.model_dump(mode="json")))))
+    if edited := [key for key in now if key not in _MAY_DIFFER and now[key] != ran.get(key)]:
+        raise RequestError(
+            f"RESULTS: {shown(file)} has another {', '.join(edited)} than the scenario that was "
+            "run: its plan is not the one that is sailed. Put back what manifest.json has under "
+            "scenario_as_run, or plan from here by renew go"
+        )
+    return scenario
 
 
 def season_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:

@@ -209,12 +209,15 @@ def narrow_gaps(
     from scipy.cluster.hierarchy import DisjointSet
 
     bodies = shapely.get_parts(shapely.disjoint_subset_union_all(land))
-    lines, owner = _close_pairs(bodies, widest_m)
+    close, owner = _close_pairs(bodies, widest_m)
     parts, bounds = DisjointSet(range(len(bodies))), shapely.bounds(bodies).reshape(-1, 2, 2)
     found = []
-    for line, pair in zip(lines, owner.tolist(), strict=True):
+    for coasts, pair in zip(close, owner.tolist(), strict=True):
         one, other = (parts[body] for body in pair)
-        if one != other and is_shut(line):
+        if one == other:
+            continue
+        line = shapely.get_coordinates(shapely.shortest_line(*coasts))
+        if is_shut(line):
             both = bounds[[one, other]]
             found.append(Gap(line, float(np.linalg.norm(np.diff(both, axis=1), axis=-1).min())))
             parts.merge(one, other)
@@ -222,27 +225,30 @@ def narrow_gaps(
     return found
 
 
-def _close_pairs(bodies: Geometries, widest_m: float) -> tuple[FloatArray, IndexArray]:
-    """Return the shortest lines (n, 2, 2) between bodies that are close, and both bodies (n, 2).
+def _close_pairs(bodies: Geometries, widest_m: float) -> tuple[Geometries, IndexArray]:
+    """Return the closest pieces of coast (n, 2) of bodies that are close, and the bodies (n, 2).
 
-    The shortest lines come first.
+    The closest bodies come first.
     """
     pieces, owner = _pieces(bodies)
     if not len(pieces):
-        return np.empty((0, 2, 2)), np.empty((0, 2), dtype=np.intp)
-    one, other = shapely.STRtree(pieces).query(pieces, predicate="dwithin", distance=widest_m)
+        return np.empty((0, 2), dtype=object), np.empty((0, 2), dtype=np.intp)
+    # By their boxes first: nearly all close pieces are neighbours on one coast.
+    boxes = shapely.box(*(shapely.bounds(pieces) + widest_m * _OUTWARDS).T)
+    one, other = shapely.STRtree(pieces).query(boxes)
     differ = owner[one] < owner[other]
     one, other = one[differ], other[differ]
     apart = shapely.distance(pieces[one], pieces[other])
+    near = apart <= widest_m
+    one, other, apart = one[near], other[near], apart[near]
     order = np.lexsort((apart, owner[other], owner[one]))
     pairs = np.stack([owner[one[order]], owner[other[order]]], axis=-1)
     is_first = np.ones(len(pairs), dtype=bool)
     is_first[1:] = (pairs[1:] != pairs[:-1]).any(axis=1)
     nearest = order[is_first]
     nearest = nearest[np.argsort(apart[nearest], kind="stable")]
-    lines = shapely.shortest_line(pieces[one[nearest]], pieces[other[nearest]])
-    ends = np.stack([owner[one[nearest]], owner[other[nearest]]], axis=-1)
-    return shapely.get_coordinates(lines).reshape(-1, 2, 2), ends
+    both = np.stack([one[nearest], other[nearest]], axis=-1)
+    return pieces[both], owner[both]
 
 
 def _pieces(bodies: Geometries) -> tuple[Geometries, IndexArray]:

@@ -12,6 +12,7 @@ from shapely import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import FloatArray, Geometries
+from pipeline.geo.coast import in_small_pieces
 from pipeline.machine.interpreters import cores
 from pipeline.model import (
     Evaluation,
@@ -204,8 +205,8 @@ class _StraitFinder:
 
     @cached_property
     def _no_go(self) -> Geometries:
-        """The hard no-go zone: disjoint polygons."""
-        return np.array(self.scene.chart.no_go, dtype=object)
+        """The hard no-go zone: disjoint polygons, the large ones in pieces."""
+        return in_small_pieces(np.array(self.scene.chart.no_go, dtype=object))
 
     @cached_property
     def _tree(self) -> shapely.STRtree:

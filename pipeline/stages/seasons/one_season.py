@@ -118,7 +118,7 @@ def plan_season(
                 "further, raise its max_hours if they do, or depart earlier"
             )
         is_uncovered = isinstance(error, renew.UncoveredError)
-        if not all(are_late) and not is_uncovered:
+        if causes and not all(are_late) and not is_uncovered:
             failure += "; these are keys of [planner]; renew go has the option --clearance"
         is_shut = (
             isinstance(error, renew.UnreachableError)

@@ -40,7 +40,7 @@ def test_endpoints_in_water_and_far_from_the_chart_have_no_fault(chart: Path) ->
 def test_both_endpoints_on_land_are_reported_with_the_nearest_water(chart: Path) -> None:
     faults = endpoints_on_land(scenario((30.01, 10.5), (30.275, 10.5), chart))
     assert [fault.split()[0] for fault in faults] == ["start", "goal"]
-    assert "1.1 km from the nearest water at [29.99" in faults[0]
+    assert "1.2 km from the nearest water with a way out at [29.99" in faults[0]
     assert "more than 20 km from the nearest water" in faults[1]
 
 

@@ -15,7 +15,9 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, CurrentGrid, Simplified
+from pipeline.scenario.region import Region
 from pipeline.sources.interpolation import fill_gaps
+from pipeline.sources.land.shapes import box_around
 from pipeline.stages.project import extent_polygon, planar_current, project
 from tests.pipeline.formats import small_run
 
@@ -50,6 +52,35 @@ def test_the_extent_has_few_corners_and_follows_the_region(region: shapely.Polyg
     dense = projection.geometry_to_plane(shapely.segmentize(region, 0.05))
     xmin, ymin, xmax, ymax = extent.bounds
     assert extent.hausdorff_distance(dense) < 0.003 * np.hypot(xmax - xmin, ymax - ymin)
+
+
+# Half round the world: an edge along a parallel is an arc in the plane.
+ARCTIC = shapely.box(120, 72, 240, 80)
+
+
+@pytest.mark.parametrize(
+    "region", [ARCTIC, shapely.box(0, 45, 179, 60), shapely.box(60, -75, 239, -55)]
+)
+def test_no_chart_reaches_beyond_the_land_that_is_fetched(region: shapely.Polygon) -> None:
+    projection = Projection.for_region(region)
+    beyond = projection.geometry_to_lonlat(extent_polygon(region, projection), 10_000.0)
+    assert box_around(region).covers(beyond)
+
+
+def test_land_that_is_cut_along_a_parallel_does_not_reach_beyond_it_in_the_plane() -> None:
+    """A straight line from end to end would be 800 km off, over the sea north of Siberia."""
+    coast = shapely.box(110, 60, 250, 71)
+    asked = small_run.scenario()
+    ends = {"start": (130.0, 73.0), "goal": (230.0, 73.0), "scale": 1.0}
+    arctic = asked.model_copy(update={**ends, "region": Region(bbox=ARCTIC.bounds)})
+    got = small_run.fetched(asked)
+    land = replace(got.land, polygons=(coast,), second_shore=(coast,))
+    open_sea = Simplified((), (), 0, 0, 0.0, 0.0)
+    scene = project(arctic, replace(got, land=land, currents=()), open_sea)
+    sea = [(lon, 72.05) for lon in range(121, 240)]
+    for polygons in (scene.land, scene.second_shore):
+        for place in scene.projection.to_plane(sea):
+            assert not shapely.intersects_xy(np.array(polygons), *place).any()
 
 
 def test_palawans_extent_has_at_most_twelve_corners() -> None:

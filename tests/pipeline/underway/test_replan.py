@@ -233,12 +233,30 @@ def _other_plan(folder: Path) -> None:
     file.write_text(file.read_text().replace("clearance = 100.0", "clearance = 120.0"))
 
 
+def _same_best_route(folder: Path) -> None:
+    file = folder / "outputs" / "strait" / "scenario.toml"
+    edited = file.read_text().replace("classes = 2", "classes = 1")
+    assert edited != file.read_text()
+    file.write_text(edited)
+
+
+def _other_version(folder: Path) -> None:
+    file = folder / "outputs" / "strait" / "strait-tide.geojson"
+    content = json.loads(file.read_text())
+    for one in content["features"]:
+        if one["properties"].get("feature") == "route":
+            one["properties"]["fuel"] *= 1.01
+    file.write_text(json.dumps(content))
+
+
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
         (_cut, "is damaged"),
         (_other_current, "was planned with another current"),
-        (_other_plan, "made again from its scenario it needs"),
+        (_other_plan, "has another planner than the scenario that was run"),
+        (_same_best_route, "has another planner than the scenario that was run"),
+        (_other_version, "made again from its scenario it needs"),
     ],
 )
 def test_results_that_are_not_what_they_were_are_refused(

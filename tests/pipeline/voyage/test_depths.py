@@ -103,7 +103,7 @@ def test_a_start_in_shallow_water_is_refused_with_the_nearest_deep_water(
         )  # fmt: skip
     (fault,) = caught.value.faults
     assert fault.startswith("start = [-40.005, 35.03] lies on land or water too shallow")
-    place = re.search(r"nearest water at \[(.*), (.*)\]; move it there", fault)
+    place = re.search(r"nearest water with a way out at \[(.*), (.*)\]; move it there", fault)
     assert place is not None
     here = shapely.Point(*map(float, place.groups()))
     assert not SHOAL.union(ISLAND).buffer(0.002).contains(here)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -67,8 +70,25 @@ def test_a_chart_blocked_by_it_is_unreachable() -> None:
         strong = np.exp(-(((points[..., 0] - 50) / 15) ** 4))
         return np.stack([np.zeros_like(strong), -2 * strong], axis=-1)
 
-    with pytest.raises(renew.UnreachableError, match="separates them"):
+    with pytest.raises(
+        renew.UnreachableError,
+        match=r"the current shuts all ways .* runs at 2 m/s at \(5.*, 50\) m, and the vessel makes "
+        r"1 m/s .* Take a vessel of 2\.0\d m/s",
+    ) as refused:
         renew.plan(CHART, stream, PAPER_VESSEL, (10, 50), (90, 50))
+    enough = float(re.findall(r"a vessel of ([\d.]+) m/s", str(refused.value))[0])
+    faster = replace(PAPER_VESSEL, speed=enough)
+    assert renew.plan(CHART, stream, faster, (10, 50), (90, 50), padding="none").routes
+    # A strait's stream that turns: what it never falls below counts.
+    turning = renew.VaryingCurrent([0, 500], [stream, lambda points: 0.8 * stream(points)])
+    with pytest.raises(renew.UnreachableError, match=r"runs at no less than 1\.6 m/s"):
+        renew.plan(CHART, turning, PAPER_VESSEL, (10, 50), (90, 50))
+
+
+def test_land_and_not_the_current_is_said_to_separate_them() -> None:
+    chart = renew.Chart(box(0, 0, 100, 100), [box(70, -1, 75, 101)])
+    with pytest.raises(renew.UnreachableError, match="the no-go zone separates them"):
+        renew.plan(chart, race, PAPER_VESSEL, (10, 50), (90, 50))
 
 
 @pytest.mark.parametrize(("name", "first"), [("start", 0), ("goal", 1)])

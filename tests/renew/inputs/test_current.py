@@ -10,7 +10,8 @@ from hypothesis import given
 from scipy.interpolate import RegularGridInterpolator
 
 import renew
-from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent, seeds
+from renew._types import FloatArray
+from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent, seeds, single_gyre
 
 
 @given(seed=seeds)
@@ -85,3 +86,98 @@ def test_a_callable_is_checked() -> None:
         renew.fuel(path, lambda points: np.full(points.shape, np.nan), PAPER_VESSEL)
     still = renew.fuel(path, np.zeros_like, PAPER_VESSEL)
     assert still == pytest.approx(10)
+
+
+def _polite(points: FloatArray) -> FloatArray:
+    """Return the published single gyre's current."""
+    return single_gyre()[1](points)
+
+
+def _scribbling(points: FloatArray) -> FloatArray:
+    """Return it in the array of the points."""
+    points[...] = _polite(points)
+    return points
+
+
+class _Reusing:
+    """Returns it in buffers that are overwritten by the next call."""
+
+    def __init__(self) -> None:
+        self._buffers: list[FloatArray] = []
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Spoil what was returned before."""
+        for buffer in self._buffers:
+            buffer[...] = 7.0
+        self._buffers.append(_polite(points))
+        return self._buffers[-1]
+
+
+class _OwnField(renew.CurrentField):
+    """A field of the user's own that does both."""
+
+    def __init__(self) -> None:
+        self._reusing = _Reusing()
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Return a buffer, and write into the points."""
+        velocity = self._reusing(points)
+        points[...] = 0.0
+        return velocity
+
+
+def _routes(current: object) -> list[tuple[object, ...]]:
+    """Return what a plan in a current finds, exactly."""
+    plan = renew.plan(
+        single_gyre()[0],
+        current,  # type: ignore[arg-type]
+        PAPER_VESSEL,
+        np.array([10.0, 10.0]),
+        np.array([90.0, 90.0]),
+        classes=4,
+    )
+    return [(one.homotopy, one.fuel, one.clearance, one.path.tobytes()) for one in plan.routes]
+
+
+_TIMES = [0.0, 1000.0]
+
+
+@pytest.mark.parametrize(
+    ("rude", "well_behaved"),
+    [
+        (_scribbling, _polite),
+        (_Reusing(), _polite),
+        (_OwnField(), _polite),
+        (
+            renew.VaryingCurrent(_TIMES, [_scribbling, _Reusing()]),
+            renew.VaryingCurrent(_TIMES, [_polite, _polite]),
+        ),
+        (
+            renew.VaryingCurrent(_TIMES, lambda points, times: _scribbling(points) + _zero(times)),
+            renew.VaryingCurrent(_TIMES, lambda points, _: _polite(points)),
+        ),
+    ],
+    ids=["writes", "reuses", "own field", "slices", "function of time"],
+)
+def test_a_function_may_write_into_what_it_gets_and_gave(
+    rude: object, well_behaved: object
+) -> None:
+    assert _routes(rude) == _routes(well_behaved)
+
+
+def _zero(times: FloatArray) -> float:
+    """Spoil the times."""
+    if times.shape:
+        times[...] = 0.0
+    return 0.0
+
+
+def test_members_may_write_into_what_they_get() -> None:
+    def planned(*members: object) -> renew.EnsemblePlan:
+        chart, start, goal = single_gyre()[0], np.array([10.0, 10.0]), np.array([90.0, 90.0])
+        return renew.plan_ensemble(chart, members, PAPER_VESSEL, start, goal, classes=2)  # type: ignore[arg-type]
+
+    weak = renew.UniformCurrent(0.1, 0.0)
+    rude, polite = planned(_scribbling, weak), planned(_polite, weak)
+    assert rude.best.path.tobytes() == polite.best.path.tobytes()
+    assert rude.best.clearance == polite.best.clearance

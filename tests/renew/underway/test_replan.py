@@ -14,6 +14,7 @@ from shapely import Polygon, box
 
 import renew
 from renew._types import FloatArray
+from renew.inputs.options import Drift
 from tests import clock_oracle
 from tests.moving_waters import moving_scene
 from tests.oracles import grid_dijkstra, tighten
@@ -242,6 +243,29 @@ def test_inside_v_it_leaves_by_about_the_nearest_way(depth: float) -> None:
     assert inside.length <= depth + 2.5 * PAPER_VESSEL.turning_radius
     assert shapely.distance(shapely.LineString(found.best.path), chart.hard_no_go) > 0
     assert found.best.starts_in_soft_no_go
+
+
+@pytest.mark.parametrize("heading", [None, 0.0, 2.5])
+@pytest.mark.parametrize("across", [0.0, 0.35])
+@pytest.mark.parametrize("drift", ["projected", "crab"])
+def test_its_fuel_is_that_of_its_own_path(
+    drift: Drift,
+    across: float,
+    heading: float | None,
+) -> None:
+    chart = renew.Chart(box(0, 0, 200, 60), [box(40, 0, 160, 20)])
+    steady = renew.UniformCurrent(0.1, across)
+    turning = renew.VaryingCurrent([0.0, 900.0], [steady, renew.UniformCurrent(-0.3, across)])
+    for current in (steady, turning):
+        plan = renew.plan(chart, current, PAPER_VESSEL, (20.0, 30.0), TO, drift=drift)
+        # Inside the soft no-go zone, which it leaves first; and off the plan in open water.
+        for at in ((70.0, plan.best.soft_no_go.bounds[3] - 1.0), (70.0, 45.0)):
+            best = renew.replan(plan, at, 60.0, heading=heading).best
+            assert best is not None
+            alone = renew.fuel(best.path, current, PAPER_VESSEL, drift=drift, departure=60.0)
+            assert best.fuel == pytest.approx(alone, rel=1e-9)
+            assert best.times[-1] - 60.0 == pytest.approx(best.duration, rel=1e-9)
+            assert len(best.times) == len(best.path)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from pipeline.errors import RequestError
+from pipeline.scenario.loading import load_scenario
+from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
-from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
+from pipeline.stages.choosing.coverage import Coverage, covered_by_currents, require_covered
 from pipeline.stages.choosing.region_choice import DirectLine
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
@@ -84,3 +86,18 @@ def test_without_any_current_the_error_says_why_and_what_would_do(tmp_path: Path
 def test_a_season_without_currents_does_not_stop_the_others(tmp_path: Path) -> None:
     found = covered(tmp_path, season("2024-05", GLORYS), season("2024-07", EMBEDDED))
     assert found.bounds == pytest.approx((114.75, 6.75, 123.25, 14.25))
+
+
+def test_stops_at_the_pole_need_a_region_of_their_own() -> None:
+    table = load_scenario("palawan-usv").model_dump(mode="json")
+    still = [{"name": "still", "currents": ["still"]}]
+    ends = {"start": (10.0, 89.5), "goal": (20.0, -89.6), "seasons": still}
+    asked = Scenario.model_validate({**table, "region": None, **ends})
+    with pytest.raises(RequestError) as caught:
+        require_covered(asked)
+    assert [fault.split(" lies beyond 89 degrees")[0] for fault in caught.value.faults] == [
+        "start = [10.0, 89.5]",
+        "goal = [20.0, -89.6]",
+    ]
+    region = {"bbox": (-60.0, 87.0, 60.0, 90.0)}
+    require_covered(Scenario.model_validate({**table, **ends, "region": region, "goal": (20, 88)}))

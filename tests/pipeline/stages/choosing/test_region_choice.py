@@ -10,7 +10,9 @@ import pytest
 import shapely
 from hypothesis import given, strategies as st
 
+from pipeline.geo.projection import Projection
 from pipeline.sources.current_field import LandMask
+from pipeline.stages.choosing.region import grown, opened
 from pipeline.stages.choosing.region_choice import (
     DirectLine,
     choose_region,
@@ -18,6 +20,7 @@ from pipeline.stages.choosing.region_choice import (
     widened_by,
 )
 from pipeline.stages.choosing.water_grid import WaterGrid
+from pipeline.stages.project import extent_polygon
 from tests.strategies import examples
 
 WORLD = (-180.0, -89.0, 360.0, 89.0)
@@ -109,6 +112,42 @@ def test_a_margin_in_metres_is_that_on_the_ground() -> None:
     assert GEOD.inv(10, 61, west, 61)[2] >= 50_000
     assert GEOD.inv(10, 60, 10, south)[2] == pytest.approx(50_000, rel=0.01)
     assert GEOD.inv(12, 61, 12, north)[2] == pytest.approx(50_000, rel=0.01)
+
+
+def is_a_chart(bounds: tuple[float, float, float, float]) -> bool:
+    """Whether bounds keep off the poles, span half the world at most, and have a valid outline."""
+    west, south, east, north = bounds
+    outline = extent_polygon(shapely.box(*bounds), Projection.for_region(shapely.box(*bounds)))
+    return east - west <= 180 and south > -90 and north < 90 and outline.is_valid
+
+
+@given(
+    lon=st.floats(-180, 180),
+    lat=st.floats(-88.5, 88.5),
+    width=st.floats(0.01, 179),
+    height=st.floats(0.01, 20),
+    metres=st.floats(2_000, 2e7),
+)
+def test_no_margin_reaches_round_the_world_or_over_a_pole(
+    lon: float, lat: float, width: float, height: float, metres: float
+) -> None:
+    bounds = (lon, max(-88.9, lat - height), lon + width, lat)
+    assert is_a_chart(rounded_outward(widened_by(bounds, metres)))
+    assert is_a_chart(opened(bounds, metres, (-540.0, -89.0, 540.0, 89.0)))
+    assert is_a_chart(grown(bounds, range(4), metres, (-540.0, -89.0, 540.0, 89.0)))
+
+
+def test_a_search_from_a_fjord_in_the_far_north_does_not_go_round_the_world() -> None:
+    # A goal inside land has no way on any grid, so that the search grows as far as it may.
+    searched: list[tuple[float, float, float, float]] = []
+
+    def mask_of(bounds: tuple[float, float, float, float]) -> LandMask:
+        searched.append(bounds)
+        return mask(shapely.box(15, 60, 25, 75))
+
+    choose_region(DirectLine.between((12.88, 68.02), (20.0, 68.64)), mask_of, WORLD)
+    assert len(searched) > 1
+    assert all(map(is_a_chart, searched))
 
 
 @pytest.mark.gate_share(2)
