@@ -17,6 +17,7 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
+from pipeline.sources.land.self_contained import require_self_contained
 from pipeline.sources.land.shapes import MAX_LONLAT, near_box, reading, repaired, vector_library
 
 # Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
@@ -135,6 +136,7 @@ def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell 
 
     remedy = "fetch the cell and its updates again"
     with reading(str(base), remedy) as issued:
+        require_self_contained(base)
         layers = {str(name) for name, _ in pyogrio.list_layers(base)}
         identification = _identification(base)
         coverage, _ = _objects(base, "M_COVR", box)

@@ -199,22 +199,22 @@ _HARMLESS = re.compile(r"Measured \(M\) geometry types|Several features with id"
 _MAX_REASON = 200
 
 
-# GDAL's drivers that take a file's content for a command: to read other files or addresses, to
-# start a program, or to load a library.
-_FOLLOWERS = (
-    *("ADBC", "AmigoCloud", "Carto", "CSW", "EEDA", "Elasticsearch", "GDALG", "GPSBabel", "HTTP"),
-    *("NGW", "OAPIF", "OGCAPI", "OGR_VRT", "PLSCENES", "VRT", "WFS"),
-)
+# GDAL's drivers that are used: each reads a file and its sidecar files alone. Of its others, some
+# take a file's content for a command: to read other files or addresses, to start a program.
+_DRIVERS = {"CSV", "ESRI Shapefile", "FlatGeobuf", "GPKG", "GPX", "GeoJSON", "LIBKML", "S57"}
+# No file is a reason to ask the network: libcurl refuses such a proxy before it opens a socket.
+_NO_NETWORK = {"GDAL_HTTP_PROXY": "none://"}
 
 
 @cache
 def vector_library() -> ModuleType:
-    """Import pyogrio, and remove GDAL's drivers that take a file's content for a command."""
+    """Import pyogrio, with those of GDAL's drivers alone that follow nothing in a file."""
     pyogrio = import_module("pyogrio")
     from pyogrio._ogr import _register_drivers  # it has no public function for this
 
     # GDAL looks at this option when it registers its drivers, which importing pyogrio does.
-    pyogrio.set_gdal_config_options({"GDAL_SKIP": ",".join(_FOLLOWERS)})
+    unused = sorted(set(pyogrio.list_drivers()) - _DRIVERS)
+    pyogrio.set_gdal_config_options({"GDAL_SKIP": ",".join(unused), **_NO_NETWORK})
     _register_drivers()
     return pyogrio
 

@@ -1,4 +1,4 @@
-"""Land from the user's own vector file: GeoPackage, GeoJSON, Shapefile, anything that GDAL reads.
+"""Land from the user's own vector file: GeoPackage, GeoJSON, Shapefile and a few others.
 
 In any CRS; invalid rings are repaired, and points and lines (rocks, breakwaters, a coast given as
 lines) are buffered by a radius that the user gives. Facts that the file does not state (which of
@@ -25,6 +25,7 @@ from pipeline.model import Credit, Land, Note, PlaceName
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land import shapes
+from pipeline.sources.land.self_contained import require_self_contained
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an
@@ -269,6 +270,7 @@ def open_layer(path: Path, name: str, crs: str) -> VectorLayer:
     """
     pyogrio = shapes.vector_library()
     with shapes.reading_chart(path) as issued:
+        require_self_contained(path)
         name = shapes.layer_name(path, name)
         known = shapes.crs_of(path, name, crs)
         numbers, extents = pyogrio.read_bounds(path, layer=name)
@@ -302,12 +304,9 @@ class VectorFile:
         files = self._files
         with shapes.reading_chart(self.path):
             for file in files:
-                # A file geodatabase is a folder.
-                for part in sorted(file.rglob("*")) if file.is_dir() else [file]:
-                    if part.is_file():
-                        digest.update(part.name.encode())
-                        with part.open("rb") as content:
-                            digest.update(hashlib.file_digest(content, "sha256").digest())
+                digest.update(file.name.encode())
+                with file.open("rb") as content:
+                    digest.update(hashlib.file_digest(content, "sha256").digest())
         entry = self.entry.model_dump_json() if self.entry else ""
         return ("vector", self.source.model_dump_json(), entry, digest.hexdigest())
 
@@ -315,7 +314,8 @@ class VectorFile:
     def _files(self) -> tuple[Path, ...]:
         """The file and its sidecar files, such as .dbf and .prj, which GDAL reads too."""
         pattern = f"{glob.escape(self.path.stem)}.*"
-        files = tuple(sorted({self.path, *self.path.parent.glob(pattern)}))
+        beside = (file for file in self.path.parent.glob(pattern) if not file.is_dir())
+        files = tuple(sorted({self.path, *beside}))
         require_readable(files, self.path.name)
         return files
 
