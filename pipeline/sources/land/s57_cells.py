@@ -175,8 +175,14 @@ def _identification(base: Path) -> dict[str, object]:
 
 
 def _check(base: Path, identification: Mapping[str, object]) -> None:
-    """Refuse a cell that violates the product specification, or is not up to date."""
+    """Refuse a cell that is cancelled, not up to date, or violates the product specification."""
     faults = []
+    # B.1, 5.7: an update that cancels a cell has the edition 0.
+    if str(identification["DSID_EDTN"]).strip() == "0":
+        faults.append(
+            f"{base.name}: the cell is cancelled (edition 0); remove it, and fetch the cells that "
+            "replace it"
+        )
     applied = int(str(identification["DSID_UPDN"]))
     last = int(cell_files(base)[-1].suffix[1:])
     if applied < last:
