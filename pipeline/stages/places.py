@@ -169,26 +169,30 @@ def area_identities(scenario: Scenario) -> tuple[object, ...]:
     return tuple((area.model_dump(mode="json"), _file(area).identity) for area in scenario.avoid)
 
 
-def avoided_zones(scenario: Scenario, region: shapely.Polygon) -> tuple[Zone, ...]:
-    """Return the avoided areas near a region (lon/lat degrees), in the scenario's order.
+def avoided_zones(
+    scenario: Scenario, region: shapely.Polygon
+) -> tuple[tuple[Zone, ...], tuple[Note, ...]]:
+    """Return the avoided areas near a region (lon/lat degrees), in their order, and notes on them.
 
     Raises
     ------
     RequestError
         A file can't be read, or has no area near the region; all faults are listed.
     """
-    zones, faults = list[Zone](), list[str]()
+    zones, notes, faults = list[Zone](), list[Note](), list[str]()
     for at, area in enumerate(scenario.avoid):
         try:
-            polygons = _file(area).land(region).polygons
+            land = _file(area).land(region)
         except RequestError as error:
             faults += [f"avoid[{at}]: {fault}" for fault in error.faults]
             continue
-        shape = shapely.union_all(np.array(polygons, dtype=object))
+        shape = shapely.union_all(np.array(land.polygons, dtype=object))
+        # How accurate a coast is does not matter here.
+        notes += (note for note in land.notes if note.kind != "accuracy-assumed")
         zones.append(Zone("shut", Path(area.path).stem, hours_text(area), shape))
     if faults:
         raise RequestError(faults)
-    return tuple(zones)
+    return tuple(zones), tuple(notes)
 
 
 def hours_text(area: AvoidedArea) -> str:
@@ -261,7 +265,8 @@ def known_clocks(scenario: Scenario) -> Mapping[str, datetime]:
 
 def _file(area: AvoidedArea) -> VectorFile:
     """Return the reader of an area's file."""
-    return VectorFile(Path(area.path), ChartSource(path=area.path))
+    keys = area.model_dump(exclude={"from", "begin", "until"})
+    return VectorFile(Path(area.path), ChartSource(**keys))
 
 
 def _seconds(moment: datetime | None, begin: datetime | None, otherwise: float) -> float:

@@ -222,6 +222,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     # The chart.
     "accuracy-assumed": "{source}: its coast is assumed to be accurate to {accuracy_m:g} m, as no "
     "accuracy is given (accuracy_m)",
+    "joined-at-180": "{source}: {count:part has|parts have} an edge longer than 180 degrees of "
+    "longitude, and {count:was|were} taken to cross 180 degrees there",
     "areas-repaired": "{source}: {count:area was invalid and was|areas were invalid and were} "
     "repaired (rings that cross or touch themselves)",
     "chart-no-go": "no-go: all water except where the chart gives a depth of "

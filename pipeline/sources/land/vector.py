@@ -42,19 +42,6 @@ _MAX_NUMBERS = 3
 
 
 @dataclass(frozen=True)
-class NearbyFeatures:
-    """Valid geometries near a box, without collections, in its longitudes.
-
-    `repaired` counts the geometries that were invalid and have been repaired. `notes` tell which
-    features were left out, and what is doubtful about the others.
-    """
-
-    geometry: Geometries
-    repaired: int
-    notes: tuple[Note, ...]
-
-
-@dataclass(frozen=True)
 class VectorLayer:
     """A layer of a file, and its CRS; made by :func:`open_layer`.
 
@@ -69,21 +56,42 @@ class VectorLayer:
     extents: FloatArray
     warnings: tuple[str, ...]
 
-    def near(self, box: shapely.Polygon) -> NearbyFeatures:
-        """Return the geometries near a box; RequestError for damaged ones."""
+    def near(self, box: shapely.Polygon) -> tuple[Geometries, tuple[Note, ...]]:
+        """Return valid geometries near a box, without collections, in its longitudes, and notes.
+
+        Raises RequestError for damaged ones.
+        """
         found: list[Geometries] = [np.empty(0, dtype=object)]
-        total = 0
+        total, notes = 0, list[Note]()
         with shapes.reading_chart(self.path) as issued:
-            for window in self._windows(box):
-                if not self._meets(window):
-                    continue
-                valid, count = shapes.repaired(self._read(window))
+            for window, parts in self._parts(box, notes):
+                valid, count = shapes.repaired(parts)
                 total += count
                 shapely.prepare(window)
                 crosses = ~shapely.covers(window, valid)
                 valid[crosses] = shapely.intersection(valid[crosses], window)
                 found.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
-        return NearbyFeatures(np.concatenate(found), total, tuple(self._notes(issued)))
+        repairs = shapes.repair_note(self.path.name, total)
+        return np.concatenate(found), (*repairs, *notes, *self._notes(issued))
+
+    def _parts(
+        self, box: shapely.Polygon, notes: list[Note]
+    ) -> Iterator[tuple[shapely.Polygon, Geometries]]:
+        """Yield windows in the file's CRS, and the parts near them; add a note on changed ones."""
+        # The bounds of a feature that jumps at 180 degrees say nothing.
+        _, south, _, north = box.bounds
+        left, bottom, right, top = self.extents
+        is_wide = self._is_lonlat & (right - left > shapes.HALF_TURN)
+        wide = self.numbers[is_wide & (bottom <= north) & (top >= south)]
+        for window in self._windows(box):
+            if self._meets(window):
+                yield window, self._read(wide, bbox=window.bounds)
+        if wide.size:
+            parts, is_joined = shapes.joined_at_180(self._read(wide[:0], fids=wide))
+            near, index = shapes.near_box(parts, box)
+            if count := np.unique(index[is_joined[index]]).size:
+                notes.append(Note.of("joined-at-180", source=self.path.name, count=count))
+            yield box, near
 
     def places(self, box: shapely.Polygon) -> tuple[PlaceName, ...]:
         """Return the names of areas near a box, where the layer has a column of names."""
@@ -130,7 +138,7 @@ class VectorLayer:
                 self.path,
                 f"has coordinates that are impossible in its CRS ({self.crs.name}): feature "
                 f"{self.numbers[first]} lies in {west:g} to {east:g}, {south:g} to {north:g}; "
-                'correct it, or name the right CRS with crs = "EPSG:…"',
+                'correct it, or name the right CRS in a scenario, crs = "EPSG:…"',
             )
 
     @cached_property
@@ -192,21 +200,18 @@ class VectorLayer:
             for turn in (-360.0, 0.0, 360.0):
                 yield shapely.box(west + turn, south, east + turn, north)
             return
-        import pyproj
-
         to_crs = pyproj.Transformer.from_crs(_LONLAT, self.crs, always_xy=True)
         west, south, east, north = box.bounds
         bounds = to_crs.transform_bounds(west, south, east, north, densify_pts=_PIECES_PER_SIDE)
         self._check_covered(np.array(bounds))
         yield shapely.box(*bounds)
 
-    def _read(self, window: shapely.Polygon) -> Geometries:
-        """Read the geometries whose bounds meet a window, unchanged but without collections."""
-        pyogrio = shapes.vector_library()
-        _, numbers, wkb, _ = pyogrio.raw.read(
-            self.path, layer=self.name, columns=[], bbox=window.bounds, return_fids=True
+    def _read(self, but: IndexArray, **which: object) -> Geometries:
+        """Read some of the geometries, unchanged but without collections; leave out features."""
+        _, numbers, wkb, _ = shapes.vector_library().raw.read(
+            self.path, layer=self.name, columns=[], return_fids=True, **which
         )
-        present = np.flatnonzero([one is not None for one in wkb])
+        present = np.flatnonzero(~np.isin(numbers, but) & np.not_equal(wkb, None))
         numbers, wkb = np.asarray(numbers)[present], wkb[present]
         with np.errstate(invalid="ignore"):
             geometry = shapely.from_wkb(wkb, on_invalid="ignore")
@@ -235,13 +240,11 @@ class VectorLayer:
             raise shapes.chart_fault(
                 self.path,
                 f"is in a CRS ({self.crs.name}) that does not cover the region: name the right one "
-                'with crs = "EPSG:…"',
+                'in a scenario, crs = "EPSG:…"',
             )
 
     def _to_lonlat(self, geometry: Geometries, box: shapely.Polygon) -> Geometries:
         """Transform geometries to lon/lat degrees, within 180 degrees of the middle of a box."""
-        import pyproj
-
         to_lonlat = pyproj.Transformer.from_crs(self.crs, _LONLAT, always_xy=True)
         west, south, east, north = box.bounds
 
@@ -343,15 +346,17 @@ class VectorFile:
         box = shapes.box_around(region)
         require_readable(self._files, self.path.name)
         layer = open_layer(self.path, self.source.layer, self.source.crs)
-        found = layer.near(box)
-        if len(found.geometry) == 0:
+        found, notes = layer.near(box)
+        if len(found) == 0:
             raise self._nothing_near(layer)
-        repairs = shapes.repair_note(self.path.name, found.repaired)
+        is_given = self.entry or self.source.accuracy_m is not None
+        figures = {"source": self.path.name, "accuracy_m": _ASSUMED_ACCURACY_M}
+        assumed = () if is_given else (Note.of("accuracy-assumed", **figures),)
         return Land(
-            polygons=tuple(self._areas(found.geometry).tolist()),
+            polygons=tuple(self._areas(found).tolist()),
             credits=(self.credit,),
             accuracy_m=self.accuracy_m,
-            notes=(*repairs, *found.notes, *self._accuracy_note()),
+            notes=(*notes, *assumed),
             places=layer.places(box),
         )
 
@@ -370,7 +375,7 @@ class VectorFile:
             raise shapes.chart_fault(
                 self.path,
                 f"has {' and '.join(counts)} near the region, which are not areas: make polygons "
-                "of them, or give the radius in metres that is no-go around them: "
+                "of them, or give the radius in metres that is no-go around them in a scenario: "
                 f'{{ path = "{self.path.name}", radius_m = 20 }}',
             )
         grown = shapes.buffered(thin, self.source.radius_m or 0.0)
@@ -387,12 +392,5 @@ class VectorFile:
         return shapes.chart_fault(
             self.path,
             f"has nothing near the region (its bounds in {layer.crs.name}: {listed}): leave it "
-            "out, or name the right CRS if that is wrong",
+            "out, or if that is wrong, name the right CRS in a scenario",
         )
-
-    def _accuracy_note(self) -> tuple[Note, ...]:
-        """Say that an accuracy is assumed, if so."""
-        if self.entry or self.source.accuracy_m is not None:
-            return ()
-        name, accuracy_m = self.path.name, _ASSUMED_ACCURACY_M
-        return (Note.of("accuracy-assumed", source=name, accuracy_m=accuracy_m),)

@@ -184,7 +184,10 @@ def test_a_cancelled_cell_is_refused(boston: Path) -> None:
     head = int(last[:5])
     body = head + int(last[head + 12 : head + 17])
     general = last[body:].split(b"\x1e")[1].replace(b"\x1f4\x1f5\x1f", b"\x1f0\x1f6\x1f")
-    fields = (b"0001", b"\x01\x00\x1e"), (b"DSID", general.replace(b"SCD.005", b"SCD.006") + b"\x1e")
+    fields = (
+        (b"0001", b"\x01\x00\x1e"),
+        (b"DSID", general.replace(b"SCD.005", b"SCD.006") + b"\x1e"),
+    )
     entries, at = b"", 0
     for tag, content in fields:
         entries += tag + f"{len(content):03d}{at:03d}".encode()
