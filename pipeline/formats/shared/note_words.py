@@ -365,6 +365,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "and turn at another time than planned",
     "straits-shut": "{count:strait is|straits are} shut by margin or padding; the widest, at "
     "{widest}, is {width_m:distance} wide, and {needed_m:distance} are needed",
+    "unlisted-land": "OpenStreetMap has land where routes cross water of this chart; check these "
+    "places on an official chart: {crossings:; /8/; and # shorter}",
     "waits-at-anchor": lambda place, begin, until: (
         f"the vessel lies at anchor at {place.text}{_from_until(begin, until, '')}"
     ),

@@ -211,7 +211,8 @@ class VectorLayer:
         _, numbers, wkb, _ = shapes.vector_library().raw.read(
             self.path, layer=self.name, columns=[], return_fids=True, **which
         )
-        present = np.flatnonzero(~np.isin(numbers, but) & np.not_equal(wkb, None))
+        is_there = np.array([one is not None for one in wkb], dtype=bool)
+        present = np.flatnonzero(is_there & ~np.isin(numbers, but))
         numbers, wkb = np.asarray(numbers)[present], wkb[present]
         with np.errstate(invalid="ignore"):
             geometry = shapely.from_wkb(wkb, on_invalid="ignore")
