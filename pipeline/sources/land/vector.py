@@ -351,13 +351,13 @@ class VectorFile:
         if len(found) == 0:
             raise self._nothing_near(layer)
         is_given = self.entry or self.source.accuracy_m is not None
-        figures = {"source": self.path.name, "accuracy_m": _ASSUMED_ACCURACY_M}
-        assumed = () if is_given else (Note.of("accuracy-assumed", **figures),)
+        name, accuracy_m = self.path.name, _ASSUMED_ACCURACY_M
+        assumed = Note.of("accuracy-assumed", source=name, accuracy_m=accuracy_m)
         return Land(
             polygons=tuple(self._areas(found).tolist()),
             credits=(self.credit,),
             accuracy_m=self.accuracy_m,
-            notes=(*notes, *assumed),
+            notes=notes if is_given else (*notes, assumed),
             places=layer.places(box),
         )
 
