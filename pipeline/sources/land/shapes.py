@@ -321,11 +321,8 @@ def layer_name(path: Path, name: str) -> str:
     return name or names[0]
 
 
-def crs_of(path: Path, layer: str, crs: str) -> pyproj.CRS:
-    """Return CRS of a layer: the one given, or the file's own."""
-    pyogrio = vector_library()
-
-    given = crs or pyogrio.read_info(path, layer=layer)["crs"]
+def crs_of(path: Path, given: str | None) -> pyproj.CRS:
+    """Return the CRS of a layer, given as text."""
     if not given:
         raise chart_fault(
             path,

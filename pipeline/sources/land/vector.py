@@ -10,7 +10,7 @@ import hashlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +47,7 @@ class VectorLayer:
 
     `numbers` (n,) are the numbers of the features in the file. `extents` (4, n) are the bounds of
     the features in the layer's CRS, and NaN for features without a geometry. `warnings` are GDAL's.
+    `fields` are names of columns.
     """
 
     path: Path
@@ -55,12 +56,10 @@ class VectorLayer:
     numbers: IndexArray
     extents: FloatArray
     warnings: tuple[str, ...]
+    fields: tuple[str, ...] = ()
 
     def near(self, box: shapely.Polygon) -> tuple[Geometries, tuple[Note, ...]]:
-        """Return valid geometries near a box, without collections, in its longitudes, and notes.
-
-        Raises RequestError for damaged ones.
-        """
+        """Return valid parts of geometries near a box, in its longitudes, and notes."""
         found: list[Geometries] = [np.empty(0, dtype=object)]
         total, notes = 0, list[Note]()
         with shapes.reading_chart(self.path) as issued:
@@ -99,8 +98,8 @@ class VectorLayer:
         found: list[PlaceName] = []
         # Its warnings were already given when the areas themselves were read.
         with shapes.reading_chart(self.path):
-            columns = pyogrio.read_info(self.path, layer=self.name)["fields"]
-            column = next((one for one in columns if one.casefold() in shapes.NAME_COLUMNS), None)
+            named = (one for one in self.fields if one.casefold() in shapes.NAME_COLUMNS)
+            column = next(named, None)
             for window in self._windows(box) if column is not None else ():
                 _, _, wkb, (names,) = pyogrio.raw.read(
                     self.path, layer=self.name, columns=[column], bbox=window.bounds
@@ -263,22 +262,23 @@ class VectorLayer:
         return np.asarray(shapely.transform(geometry, transform))
 
 
-def open_layer(path: Path, name: str, crs: str) -> VectorLayer:
+@lru_cache(maxsize=4)
+def open_layer(path: Path, name: str, crs: str, version: tuple[int, ...]) -> VectorLayer:
     """Open a layer by its name, or the only one; in the CRS given, or else the file's own.
 
-    Raises
-    ------
-    RequestError
-        No vector file; no such layer, or several to choose from; no CRS, or an unknown one;
-        coordinates outside the CRS.
+    RequestError where file, layer, CRS or coordinates can't be used. A version of the file is
+    opened once, as GDAL reads all of some formats each time.
     """
+    del version
     pyogrio = shapes.vector_library()
     with shapes.reading_chart(path) as issued:
         require_self_contained(path)
         name = shapes.layer_name(path, name)
-        known = shapes.crs_of(path, name, crs)
-        numbers, extents = pyogrio.read_bounds(path, layer=name)
-    layer = VectorLayer(path, name, known, np.asarray(numbers), np.asarray(extents), tuple(issued))
+        info = pyogrio.read_info(path, layer=name)
+        known = shapes.crs_of(path, crs or info["crs"])
+        numbers, extents = map(np.asarray, pyogrio.read_bounds(path, layer=name))
+    fields = tuple(map(str, info["fields"]))
+    layer = VectorLayer(path, name, known, numbers, extents, tuple(issued), fields)
     with shapes.reading_chart(path):
         layer.check()
     return layer
@@ -346,7 +346,8 @@ class VectorFile:
         """Return the land near a region (lon/lat degrees)."""
         box = shapes.box_around(region)
         require_readable(self._files, self.path.name)
-        layer = open_layer(self.path, self.source.layer, self.source.crs)
+        version = tuple(file.stat().st_mtime_ns for file in self._files)
+        layer = open_layer(self.path, self.source.layer, self.source.crs, version)
         found, notes = layer.near(box)
         if len(found) == 0:
             raise self._nothing_near(layer)

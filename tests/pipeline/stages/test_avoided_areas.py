@@ -197,6 +197,21 @@ def test_what_a_message_about_an_area_proposes_works(tmp_path: Path) -> None:
     assert shapely.area(zones[0].area) > 0
 
 
+def test_an_area_of_very_many_vertices_is_covered_by_one_of_few(tmp_path: Path) -> None:
+    write_tide(tmp_path)
+    turn = np.linspace(0, 2 * np.pi, 200_001)[:-1]
+    radius = 0.02 + 0.002 * np.sin(9 * turn) + 1e-4 * np.sin(2001 * turn)
+    lon, lat = -40.0 + radius * np.cos(turn), 35.03 + radius * np.sin(turn)
+    area = shapely.Polygon(np.stack([lon, lat], axis=-1))
+    (tmp_path / "wide.geojson").write_text(shapely.to_geojson(area))
+    data = scenario_data(tmp_path, avoid=[{"path": "wide.geojson"}])
+    ((zone,), _) = avoided_zones(parse_scenario(data, tmp_path), shapely.box(-41, 34, -39, 36))
+    assert zone.area.covers(area)
+    assert shapely.get_num_coordinates(zone.area) < 20_000
+    # Half a thousandth of its width of 4 km, and mitred corners.
+    assert area.buffer(5e-5).covers(zone.area)
+
+
 def test_a_scenario_spells_its_areas_as_it_reads_them(tmp_path: Path) -> None:
     write_tide(tmp_path)
     scenario = parse_scenario(scenario_data(tmp_path), tmp_path)
