@@ -4,6 +4,7 @@ GDAL fetches a GeoJSON's CRS that is a link, and reads what a virtual table of a
 PROJ opens the grids that a CRS names; a view of a GeoPackage may never end.
 """
 
+import glob
 import json
 import mmap
 import re
@@ -15,6 +16,7 @@ from pathlib import Path
 from pyogrio.util import vsi_path
 
 from pipeline.errors import RequestError
+from pipeline.machine.paths import require_readable
 
 # A GeoJSON's member "crs" that is an object, its letters escaped or not. GDAL takes JSON strictly.
 _JSON_CRS = re.compile(
@@ -24,9 +26,12 @@ _JSON_CRS = re.compile(
 _NAMED = {"name", "epsg", "ogc"}
 # Number of bytes in which such a CRS ends.
 _MOST = 100_000
-# What names a file in a CRS: the grids of a shift of datum (that of EPSG:3857 is none), a list of
-# definitions.
-_FILES = re.compile(r'grids(?!(=|",")@null[\s"])|init\s*=|parameterfile', re.IGNORECASE)
+# What names a file in a CRS: grids or a model of a shift of datum (that of EPSG:3857 is null), a
+# list of definitions.
+_FILES = re.compile(
+    r'grids[\\"\s]*[=,](?![\\"\s]*@null[\s"\\])|\b(file|model|catalog|init)\s*=|parameterfile',
+    re.IGNORECASE,
+)
 # Parts of a GeoPackage's schema that hold or index their own data.
 _PLAIN = re.compile(
     r'create (table|(unique )?index|trigger|virtual table ("[^"]*"|\w+) using rtree)\b'
@@ -45,6 +50,8 @@ def require_self_contained(path: Path) -> None:
     """
     if not path.is_file() or not path.stat().st_size:
         return
+    beside = [one for one in path.parent.glob(f"{glob.escape(path.stem)}.*") if not one.is_dir()]
+    require_readable(beside, path.name)
     with path.open("rb") as file:
         head = file.read(len(_SQLITE))
     if vsi_path(path) != str(path) or head.startswith(_ZIP):
@@ -55,7 +62,6 @@ def require_self_contained(path: Path) -> None:
         own = _of_geopackage(path)
     else:
         own = _of_flatgeobuf(path) if head.startswith(_FLATGEOBUF) else _of_geojson(path)
-    beside = (one for one in path.parent.iterdir() if one.stem == path.stem)
     projections = (one.read_text("latin-1") for one in beside if one.suffix.lower() == ".prj")
     if any(_FILES.search(text) for text in (*own, *projections)):
         raise RequestError(f"{path} has a CRS that is in another file; export it in EPSG:4326")

@@ -12,10 +12,19 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.errors import RequestError
+from pipeline.sources.haven_file import read_havens
 from tests.pipeline.sources import pointing_files
 
 # What belongs to the process itself: names of its services, not of a file's addresses.
 _TRACED = ("strace", "-f", "-qq", "-e", "trace=open,openat,openat2,creat,socket,connect", "-o")
+
+
+def test_havens_beside_a_fifo_are_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "havens.csv").write_text("name,lon,lat\na,120,10\n")
+    os.mkfifo(tmp_path / "havens.prj")
+    with pytest.raises(RequestError, match=r"havens\.prj is a FIFO, not a file"):
+        read_havens(tmp_path / "havens.csv")
 
 
 @pytest.fixture
