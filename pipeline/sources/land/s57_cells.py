@@ -18,14 +18,7 @@ import shapely
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
 from pipeline.sources.land.self_contained import require_self_contained
-from pipeline.sources.land.shapes import (
-    MAX_LONLAT,
-    joined_at_180,
-    near_box,
-    reading,
-    repaired,
-    vector_library,
-)
+from pipeline.sources.land.shapes import MAX_LONLAT, near_box, reading, repaired, vector_library
 
 # Attributes that are read: depths of areas (DRVAL1, DRVAL2) and of objects (VALSOU), coverage,
 # zones of confidence, restrictions, names.
@@ -216,7 +209,7 @@ def _objects(base: Path, layer: str, box: shapely.Polygon) -> tuple[Objects, int
     present = np.flatnonzero(~shapely.is_missing(geometry) & ~shapely.is_empty(geometry))
     if (np.abs(shapely.get_coordinates(geometry[present])) > MAX_LONLAT).any():
         raise ValueError(f"an object of class {layer} has coordinates that are no lon/lat")
-    near, index = near_box(joined_at_180(geometry[present])[0], box)
+    near, index = near_box(geometry[present], box)
     index = present[index]
     valid, count = repaired(near)
     values = {
