@@ -370,13 +370,11 @@ def _part_elsewhere(file: Path) -> str:
     import h5py
 
     def visit(name: str, link: object) -> str | None:
-        if isinstance(link, h5py.SoftLink):
-            return None  # to a part of this file, which is visited too
         part = opened[name] if isinstance(link, h5py.HardLink) else None
-        is_here = part is not None
-        if isinstance(part, h5py.Dataset):
-            is_here = not (part.is_virtual or part.external)
-        return None if is_here else name
+        is_away = isinstance(part, h5py.Dataset) and (part.is_virtual or part.external)
+        # A soft link leads to a part of this file, which is visited too.
+        is_known = isinstance(link, (h5py.HardLink, h5py.SoftLink))
+        return name if is_away or not is_known else None
 
     try:
         opened = h5py.File(file)
