@@ -208,13 +208,17 @@ class SideBound:
 
 @dataclass(frozen=True, slots=True)
 class ShoreCrossing:
-    """Where a route crosses land of the second shoreline: its middle (degrees), true metres."""
+    """Where a route crosses land of the second shoreline: its middle (degrees), true metres.
+
+    `inland_m` is how far from that shore it gets, where a plan may be refused for it.
+    """
 
     season: str
     rank: int
     lon: float
     lat: float
     length_m: float
+    inland_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 A note tells a reader something beside the result, as values without words.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -152,7 +153,8 @@ class Land:
     how far the source's coast may lie from the true one, in metres. `credits` has one entry per
     source, `notes` are about the chart, `zones` are areas to be shown.
     `second_shore` is the land of an independent shoreline, where there is one: no route need avoid
-    it, but a route crosses it only where the two shorelines disagree. `places` are the chart's
+    it, but a route crosses it only where the two shorelines disagree. A route is refused that gets
+    further than `refused_m` from that shore, m. `places` are the chart's
     names of land, where it has any. `depths` says where the chart has depths; None where it has
     none at all. `depth_areas` are its areas of equal depth, where it has any. `tidal_water` is deep
     enough for some hours; `datum` is the chart datum of the depths, "" where the chart does not
@@ -165,6 +167,7 @@ class Land:
     notes: tuple[Note, ...] = ()
     zones: tuple[Zone, ...] = ()
     second_shore: tuple[Polygon, ...] = ()
+    refused_m: float = math.inf
     places: tuple[PlaceName, ...] = ()
     depths: DepthCover | None = None
     depth_areas: tuple[DepthArea, ...] = ()

@@ -65,9 +65,9 @@ class SpeedChoice:
 class Scene:
     """The planner's input: planar metres divided by the scenario's scale, speeds unscaled.
 
-    `land` is the original, unsimplified land. `second_shore` and `depths` are as in Land. `start`
-    and `goal` have shape (2,). Routes pass the points `via` (n, 2). `is_planar` is True if the
-    scenario gives its places in metres, and not on a chart.
+    `land` is the original, unsimplified land. `second_shore`, `refused_m` and `depths` are as in
+    Land. `start` and `goal` have shape (2,). Routes pass the points `via` (n, 2). `is_planar` is
+    True if the scenario gives its places in metres, and not on a chart.
 
     The mappings are keyed by season. `current_cells` states where the source of a season's current
     has figures. `departures` has the seasons whose currents change; the clock of such a current, in
@@ -91,6 +91,7 @@ class Scene:
     vessel: renew.Vessel
     is_planar: bool = False
     second_shore: tuple[Polygon, ...] = ()
+    refused_m: float = math.inf
     depths: DepthCover | None = None
     current_cells: Mapping[str, KnownCells] = field(default_factory=dict)
     departures: Mapping[str, datetime] = field(default_factory=dict)

@@ -123,7 +123,20 @@ class Plane(StrictModel):
         return shapely.box(*self.extent)
 
 
-class ChartSource(StrictModel):
+class _VectorKeys(StrictModel):
+    """How a vector file is read."""
+
+    layer: str = Field(default="", examples=["piers"])
+    """Layer of the vector file, needed if it has several. Give the name of a layer of the file."""
+    crs: str = Field(default="", examples=["EPSG:4326"])
+    """CRS of the vector file, in place of the one that it states itself; needed if it states none.
+    Give what pyproj knows, such as 'EPSG:4326'."""
+    radius_m: strict.Positive | None = Field(default=None, examples=[50])
+    """Radius of the no-go zone around each point and line of the file, metres; needed if it has
+    any. Give metres above 0."""
+
+
+class ChartSource(_VectorKeys):
     """A source of land: an entry of the catalogue, a file or folder of the user's, or both.
 
     An entry states the licence and accuracy of the data in the path; keys given here override it.
@@ -135,17 +148,12 @@ class ChartSource(StrictModel):
     path: strict.PathText = Field(default="", examples=["./piers.gpkg"])
     """File or folder with the data; relative paths start at the scenario's folder. Give a vector
     file, or a folder of S-57 cells."""
-    layer: str = Field(default="", examples=["piers"])
-    """Layer of the vector file, needed if it has several. Give the name of a layer of the file."""
-    crs: str = Field(default="", examples=["EPSG:4326"])
-    """CRS of the vector file, in place of the one that it states itself; needed if it states none.
-    Give what pyproj knows, such as 'EPSG:4326'."""
-    radius_m: strict.Positive | None = Field(default=None, examples=[50])
-    """Radius of the no-go zone around each point and line of the file, metres; needed if it has
-    any. Give metres above 0."""
     accuracy_m: NonNegative | None = Field(default=None, examples=[5])
     """How far the file's coast may lie from the true one, metres; by default the accuracy of the
     catalogue entry, or 50 m without one. Give metres, 0 or more."""
+    complete: bool = False
+    """Whether the file has all land near the region: then a route over land that OpenStreetMap
+    alone has is told, and not refused. Give true where the file is right, or false."""
     credit: str = Field(default="", examples=["© Harbour office"])
     """Credit line for the data, printed with the results. Give the text that the data's licence
     requires."""
@@ -204,7 +212,7 @@ class ChartSpec(StrictModel):
     size of the region. Give metres, 0 or more."""
 
 
-class AvoidedArea(StrictModel):
+class AvoidedArea(_VectorKeys):
     """Polygons of a file that no route may enter between two times, or at any time."""
 
     model_config = ConfigDict(populate_by_name=True)

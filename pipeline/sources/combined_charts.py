@@ -24,23 +24,34 @@ from pipeline.model.depths import DepthRule, TidalWater
 from pipeline.model.inputs import LandSource
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.depth_file import DepthFile, Heights, name_of
+from pipeline.sources.land import osm
 from pipeline.sources.land.shapes import box_around, extract_polygons
 
 
 @dataclass(frozen=True)
 class Overlay:
-    """One or more sources of land as one."""
+    """One or more sources of land as one.
+
+    `refused_m`, if given: the world's land is the second shoreline, and how far inside it a route
+    is refused, besides the accuracy of the sources, m.
+    """
 
     sources: tuple[LandSource, ...]
+    refused_m: float | None = None
 
     @property
     def identity(self) -> tuple[str, ...]:
         """The identities of all sources, in their order."""
-        return tuple(part for source in self.sources for part in (*source.identity, ""))
+        parts = tuple(part for source in self.sources for part in (*source.identity, ""))
+        return (*parts, f"{self.refused_m}", *osm.OsmLand().identity)
 
     def land(self, region: shapely.Polygon) -> Land:
         """Return the land of all sources near a region (lon/lat degrees)."""
-        return overlay([source.land(region) for source in self.sources])
+        land = overlay([source.land(region) for source in self.sources])
+        if self.refused_m is None:
+            return land
+        shore, limit_m = osm.land_polygons(region).polygons, self.refused_m + land.accuracy_m
+        return replace(land, second_shore=shore, refused_m=limit_m)
 
 
 def overlay(lands: Sequence[Land]) -> Land:

@@ -12,6 +12,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.machine.paths import require_readable
 from pipeline.sources.land import shapes
+from pipeline.sources.land.self_contained import require_self_contained
 from pipeline.texts import clean
 
 _LONLAT = "OGC:CRS84"
@@ -42,6 +43,7 @@ def read_havens(path: Path) -> tuple[HavenPoint, ...]:
     require_readable([path], "havens.path")
     pyogrio = shapes.vector_library()
     with shapes.reading(f"havens.path: {path}", _REMEDY):
+        require_self_contained(path)
         layers = [str(name) for name, _ in pyogrio.list_layers(path)]
         if len(layers) != 1:
             raise _fault(path, f"has {len(layers)} layers ({', '.join(layers)}); give one alone")

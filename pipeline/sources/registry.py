@@ -6,6 +6,8 @@ branch below, and an entry in `catalog/sources`.
 
 import csv
 import hashlib
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -48,7 +50,7 @@ def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_
     from pipeline.sources.combined_charts import Overlay
 
     sources = tuple(_single_source(source, chart, draught_m, tide) for source in chart.source)
-    overlay = Overlay(sources)
+    overlay = Overlay(sources, _refused_m(sources))
     if not chart.depths:
         return overlay
     from pipeline.sources.combined_charts import SoundedChart
@@ -56,6 +58,20 @@ def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_
 
     rule = _depth_rule(chart, draught_m, tide)
     return SoundedChart(overlay, DepthFile.open(Path(chart.depths)), rule)
+
+
+def _refused_m(sources: Sequence[LandSource]) -> float | None:
+    """Return how far inside the world's land a route is refused, m; None where it needs no check.
+
+    S-57 cells say themselves what they cover.
+    """
+    from pipeline.sources.land.osm import ACCURACY_M, OsmLand
+    from pipeline.sources.land.vector import VectorFile
+
+    files = [one for one in sources if isinstance(one, VectorFile)]
+    if not files or any(isinstance(one, OsmLand) for one in sources):
+        return None
+    return math.inf if all(one.source.complete for one in files) else ACCURACY_M
 
 
 def _single_source(

@@ -117,8 +117,9 @@ def _region_data(scenario: Scenario, store: Store, offline: bool) -> FetchedData
             grid, region, speeds_m_s[grid.season], begins.get(grid.season)
         )
     ]
-    notes = (*fetcher.land.notes, *current_notes(grids), *overpowering)
-    shown = (*fetcher.land.zones, *avoided_zones(scenario, region))
+    avoided, about_avoided = avoided_zones(scenario, region)
+    notes = (*fetcher.land.notes, *about_avoided, *current_notes(grids), *overpowering)
+    shown = (*fetcher.land.zones, *avoided)
     return FetchedData(
         fetched=Fetched(
             replace(fetcher.land, zones=shown), grids, notes, fetcher.surroundings(scenario.chart)

@@ -42,6 +42,9 @@ from renew.errors import Strait
 _BEYOND_SHORE_M = (50.0, 200.0, 1000.0, 5000.0)
 # Decimals of a degree to which a suggested position is rounded: 11 m.
 _DECIMALS = 4
+# Number of vertices above which an area to avoid is thinned: planning round a million takes many
+# minutes. It grows by at most some ten-thousandths of its longer side.
+_MANY_VERTICES, _CUT = 10_000, 1e-4
 # Segments per quarter circle of a buffer: its round corners are slightly too narrow.
 _QUADRANT_SEGMENTS = 2
 
@@ -192,26 +195,39 @@ def area_identities(scenario: Scenario) -> tuple[object, ...]:
     return tuple((area.model_dump(mode="json"), _file(area).identity) for area in scenario.avoid)
 
 
-def avoided_zones(scenario: Scenario, region: shapely.Polygon) -> tuple[Zone, ...]:
-    """Return the avoided areas near a region (lon/lat degrees), in the scenario's order.
+def avoided_zones(
+    scenario: Scenario, region: shapely.Polygon
+) -> tuple[tuple[Zone, ...], tuple[Note, ...]]:
+    """Return the avoided areas near a region (lon/lat degrees), in their order, and notes on them.
 
     Raises
     ------
     RequestError
         A file can't be read, or has no area near the region; all faults are listed.
     """
-    zones, faults = list[Zone](), list[str]()
+    zones, notes, faults = list[Zone](), list[Note](), list[str]()
     for at, area in enumerate(scenario.avoid):
         try:
-            polygons = _file(area).land(region).polygons
+            land = _file(area).land(region)
         except RequestError as error:
             faults += [f"avoid[{at}]: {fault}" for fault in error.faults]
             continue
-        shape = shapely.union_all(np.array(polygons, dtype=object))
+        shape = _thinned(shapely.union_all(np.array(land.polygons, dtype=object)))
+        # How accurate a coast is does not matter here.
+        notes += (note for note in land.notes if note.kind != "accuracy-assumed")
         zones.append(Zone("shut", Path(area.path).stem, hours_text(area), shape))
     if faults:
         raise RequestError(faults)
-    return tuple(zones)
+    return tuple(zones), tuple(notes)
+
+
+def _thinned(area: shapely.Geometry) -> shapely.Geometry:
+    """Return an area as it is, or one of fewer vertices around it if it has very many."""
+    if shapely.get_num_coordinates(area) <= _MANY_VERTICES:
+        return area
+    west, south, east, north = area.bounds
+    cut = _CUT * max(east - west, north - south)
+    return shapely.buffer(shapely.simplify(area, cut), cut, join_style="mitre")
 
 
 def hours_text(area: AvoidedArea) -> str:
@@ -282,7 +298,8 @@ def known_clocks(scenario: Scenario) -> Mapping[str, datetime]:
 
 def _file(area: AvoidedArea) -> VectorFile:
     """Return the reader of an area's file."""
-    return VectorFile(Path(area.path), ChartSource(path=area.path))
+    keys = area.model_dump(exclude={"from", "begin", "until"})
+    return VectorFile(Path(area.path), ChartSource(**keys))
 
 
 def _seconds(moment: datetime | None, begin: datetime | None, otherwise: float) -> float:

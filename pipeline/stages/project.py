@@ -140,6 +140,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
         projection=projection,
         vessel=planner_vessel(scenario.vessel),
         second_shore=tuple(second_shore),
+        refused_m=charted.refused_m,
         depths=charted.depths,
         current_cells={grid.season: grid.cells for grid in fetched.currents},
         departures=known_clocks(scenario),

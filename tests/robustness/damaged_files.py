@@ -12,7 +12,6 @@ from typing import Any
 
 import netCDF4
 import numpy as np
-import pyogrio
 import shapely
 
 from pipeline.sources.current_field import LandMask
@@ -27,7 +26,7 @@ goal = {goal}
 [region]
 bbox = {bbox}
 [chart]
-source = {{ path = "./{chart}", radius_m = 50, accuracy_m = 50{crs} }}
+source = {{ path = "./{chart}", radius_m = 50, accuracy_m = 50, complete = true{crs} }}
 tolerance_m = 500
 {depths}
 [[seasons]]
@@ -97,17 +96,9 @@ def _write_netcdf3(path: Path, data: Any, form: Any) -> None:  # noqa: ANN401 - 
 def _more_charts(folder: Path) -> dict[str, Path]:
     """Write charts in formats of text."""
     found = {}
-    for suffix in (".kml", ".gml", ".csv", ".dxf"):
+    for suffix in (".kml", ".csv"):
         found[suffix] = folder / suffix[1:] / f"land{suffix}"
         found[suffix].parent.mkdir()
-    pyogrio.raw.write(
-        found[".gml"],
-        shapely.to_wkb(np.array([ISLAND], dtype=object)),
-        field_data=[np.array([1])],
-        fields=["id"],
-        geometry_type="Polygon",
-        crs="EPSG:4326",
-    )
     ring = " ".join(f"{x},{y}" for x, y in ISLAND.exterior.coords)
     found[".kml"].write_text(
         '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark>'
@@ -115,9 +106,6 @@ def _more_charts(folder: Path) -> dict[str, Path]:
         f"{ring}</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></Document></kml>"
     )
     found[".csv"].write_text(f'id,WKT\n1,"{ISLAND.wkt}"\n')
-    found[".dxf"].write_text(
-        "0\nSECTION\n2\nENTITIES\n0\nPOINT\n8\n0\n10\n119.0\n20\n9.9\n0\nENDSEC\n0\nEOF\n"
-    )
     return found
 
 
@@ -270,7 +258,7 @@ _CHANGES: dict[str, tuple[Callable[[Path, random.Random], None], ...]] = {
     ),
     **dict.fromkeys(("netcdf3-plain", "netcdf3-data", "depths-classic"), MUTATIONS["netcdf3"]),
     "depths": MUTATIONS["netcdf4"][:-2],
-    **dict.fromkeys((".kml", ".gml", ".csv", ".dxf", "geotiff"), MUTATIONS[".fgb"]),
+    **dict.fromkeys((".kml", ".csv", "geotiff"), MUTATIONS[".fgb"]),
 }
 
 
@@ -289,7 +277,7 @@ def damaged_scenario(
     text = _REGION.format(
         **(_IN_BOSTON | _BOSTON_GOAL if is_boston else _AROUND_ISLAND),
         chart=chart,
-        crs=', crs = "EPSG:4326"' if kind in {".csv", ".dxf"} else "",
+        crs=', crs = "EPSG:4326"' if kind == ".csv" else "",
         depths=f'depths = "./{file.name}"' if is_depths else "",
         currents=f"./{file.name}" if is_current else "still",
     )

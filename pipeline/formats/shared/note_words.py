@@ -222,6 +222,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     # The chart.
     "accuracy-assumed": "{source}: its coast is assumed to be accurate to {accuracy_m:g} m, as no "
     "accuracy is given (accuracy_m)",
+    "joined-at-180": "{source}: {count:part has|parts have} an edge longer than 180 degrees of "
+    "longitude, and {count:was|were} taken to cross 180 degrees there",
     "areas-repaired": "{source}: {count:area was invalid and was|areas were invalid and were} "
     "repaired (rings that cross or touch themselves)",
     "chart-no-go": "no-go: all water except where the chart gives a depth of "
@@ -365,6 +367,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "and turn at another time than planned",
     "straits-shut": "{count:strait is|straits are} shut by margin or padding; the widest, at "
     "{widest}, is {width_m:distance} wide, and {needed_m:distance} are needed",
+    "unlisted-land": "OpenStreetMap has land where routes cross water of this chart; check these "
+    "places on an official chart: {crossings:; /8/; and # shorter}",
     "waits-at-anchor": lambda place, begin, until: (
         f"the vessel lies at anchor at {place.text}{_from_until(begin, until, '')}"
     ),

@@ -98,7 +98,7 @@ class RunResult:
         }
         found = (
             *_of_currents(self, seasons),
-            *crossing_notes(self.evaluation.shore_crossings),
+            *crossing_notes(self.evaluation.shore_crossings, self.scenario.chart),
             *_of_chart(self),
             *of_seasons(by_season),
             *strait_notes(self.straits),
@@ -340,7 +340,10 @@ def route_unknowns(result: RunResult, metrics: model.RouteMetrics) -> tuple[Note
         for one in result.evaluation.shore_crossings
         if (one.season, one.rank) == (metrics.season, metrics.rank)
     ]
-    of_season = (*_of_currents(result, [metrics.season]), *crossing_notes(crossings))
+    of_season = (
+        *_of_currents(result, [metrics.season]),
+        *crossing_notes(crossings, result.scenario.chart),
+    )
     return (
         *(note.about() for note in of_season),
         *_of_chart(result),

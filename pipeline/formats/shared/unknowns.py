@@ -5,6 +5,8 @@ from collections.abc import Iterator, Sequence
 from pipeline import model
 from pipeline.model import ShoreCrossing
 from pipeline.model.inputs import Note, Place, of_seasons
+from pipeline.scenario.catalogue import has_world_land
+from pipeline.scenario.region import ChartSpec
 
 NO_SHARE = 5e-4
 """Shares of a route below this count as none: percentages have one decimal."""
@@ -40,14 +42,15 @@ def strait_notes(straits: Sequence[model.ShutStrait]) -> Iterator[Note]:
         )
 
 
-def crossing_notes(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
+def crossing_notes(crossings: Sequence[ShoreCrossing], chart: ChartSpec) -> tuple[Note, ...]:
     """Return a note for each season on the places where its routes cross the second shoreline.
 
     Crossings of the best route come first; the longest come first within both groups.
     """
+    kind = "second-shoreline" if has_world_land(chart) else "unlisted-land"
     return of_seasons(
         {
-            season: [Note.of("second-shoreline", crossings=_crossing_places(crossings, season))]
+            season: [Note.of(kind, crossings=_crossing_places(crossings, season))]
             for season in dict.fromkeys(one.season for one in crossings)
         }
     )

@@ -12,7 +12,8 @@ On a damaged NetCDF 4 file HDF5 may hang, or crash. So such a file is first open
 its own, for which this file is run as a module. That process opens the files that its standard
 input names, one a line, and first reports each one on standard error. If it crashes or exceeds its
 deadline, the file reported last is damaged. A GRIB file is read whole there, since ecCodes writes
-its complaints to standard error itself: what fails is reported on standard output.
+its complaints to standard error itself: what fails is reported on standard output. So is a NetCDF 4
+file of which a part lies in another file, which the library would read.
 """
 
 import contextlib
@@ -347,13 +348,12 @@ def main() -> None:
 
     for index, file in enumerate(map(Path, files)):
         print(index, file=sys.stderr, flush=True)  # noqa: T201 - this is how it answers
+        try:
+            _check(file)
+        except ValueError as error:
+            print(index, error, flush=True)  # noqa: T201 - as above
+            continue
         if is_grib(file):
-            try:
-                grib.require_library()
-                with reading():
-                    grib.check_values(file)
-            except ValueError as error:
-                print(index, error, flush=True)  # noqa: T201 - as above
             continue
         # An error is raised again where the file is read.
         with contextlib.suppress(Exception), netCDF4.Dataset(file) as dataset:
@@ -361,6 +361,41 @@ def main() -> None:
             for variable in dataset.variables.values():
                 with contextlib.suppress(Exception):
                     _touch(variable)
+
+
+def _check(file: Path) -> None:
+    """Read all values of a GRIB file; refuse an HDF5 file that has parts in other files."""
+    if is_grib(file):
+        grib.require_library()
+        with reading():
+            grib.check_values(file)
+        return
+    with reading():
+        part = _part_elsewhere(file)
+    if part:
+        raise ValueError(
+            f"{part} is virtual, or in another file, which is not read; copy all into one file, as "
+            "with `nccopy`"
+        )
+
+
+def _part_elsewhere(file: Path) -> str:
+    """Name the first part of an HDF5 file that lies in another file; "" where there is none."""
+    import h5py
+
+    def visit(name: str, link: object) -> str | None:
+        part = opened[name] if isinstance(link, h5py.HardLink) else None
+        is_away = isinstance(part, h5py.Dataset) and (part.is_virtual or part.external)
+        # A soft link leads to a part of this file, which is visited too.
+        is_known = isinstance(link, (h5py.HardLink, h5py.SoftLink))
+        return name if is_away or not is_known else None
+
+    try:
+        opened = h5py.File(file)
+    except OSError:
+        return ""  # the error is raised again where the file is read
+    with opened:
+        return opened.visititems_links(visit) or ""
 
 
 def _touch(variable: Any) -> None:  # noqa: ANN401 - netCDF4 has no types

@@ -16,7 +16,7 @@ from pipeline.scenario.members import CYCLES, FILES, MembersSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.contents import find_files
-from pipeline.sources.cf.dataset import open_dataset
+from pipeline.sources.cf.dataset import fatal_files, open_dataset
 from renew.planner.ensemble.statistics import FEWEST, QUANTILES
 
 # Least number of members, and the most that are read.
@@ -159,6 +159,8 @@ class CfMembers(CurrentSource):
 
 def _size_along(files: Sequence[Path], along: str) -> int:
     """Return the number of members along a dimension of the first file."""
+    if fatal := fatal_files(files[:1]):
+        raise RequestError(f"{files[0].name}: {fatal[files[0]]}")
     try:
         with open_dataset(files[0]) as dataset:
             if along in dataset.sizes:

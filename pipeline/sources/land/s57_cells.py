@@ -17,6 +17,7 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
+from pipeline.sources.land.self_contained import require_self_contained
 from pipeline.sources.land.shapes import (
     MAX_LONLAT,
     MAX_NAME,
@@ -143,6 +144,7 @@ def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell 
 
     remedy = "fetch the cell and its updates again"
     with reading(str(base), remedy) as issued:
+        require_self_contained(base)
         layers = {str(name) for name, _ in pyogrio.list_layers(base)}
         identification = _identification(base)
         coverage, _ = _objects(base, "M_COVR", box)
@@ -181,8 +183,14 @@ def _identification(base: Path) -> dict[str, object]:
 
 
 def _check(base: Path, identification: Mapping[str, object]) -> None:
-    """Refuse a cell that violates the product specification, or is not up to date."""
+    """Refuse a cell that is cancelled, not up to date, or violates the product specification."""
     faults = []
+    # B.1, 5.7: an update that cancels a cell has the edition 0.
+    if str(identification["DSID_EDTN"]).strip() == "0":
+        faults.append(
+            f"{base.name}: the cell is cancelled (edition 0); remove it, and fetch the cells that "
+            "replace it"
+        )
     applied = int(str(identification["DSID_UPDN"]))
     last = int(cell_files(base)[-1].suffix[1:])
     if applied < last:

@@ -34,8 +34,9 @@ BEYOND_M = 20_000.0
 
 # Dimension of areas in shapely.
 _AREA = 2
-# Whole turns, degrees, by which longitudes may differ.
-_WHOLE_TURNS = (-360.0, 0.0, 360.0)
+# Whole turns, degrees, by which longitudes may differ; and half a turn.
+_TURN, HALF_TURN = 360.0, 180.0
+_WHOLE_TURNS = (-_TURN, 0.0, _TURN)
 # Segments per quarter circle: the buffer around a point has 16 corners.
 _QUADRANT_SEGMENTS = 4
 # Grid on which areas are merged and subtracted, degrees (1 cm): an overlap or gap that is narrower
@@ -94,6 +95,39 @@ def _moved_east(geometries: Geometries, degrees: float) -> Geometries:
     moved = np.empty(len(geometries), dtype=object)
     moved[:] = [affinity.translate(geometry, degrees) for geometry in geometries]
     return moved
+
+
+def joined_at_180(parts: Geometries) -> tuple[Geometries, BoolArray]:
+    """Continue the longitudes of parts that jump by more than half a turn; say which they are (n,).
+
+    No edge is that long: the part crosses 180 degrees (or 0), and its file has not split it there.
+    """
+    joined = parts.copy()
+    west, _, east, _ = shapely.bounds(parts).T
+    for at in np.flatnonzero(east - west > HALF_TURN):
+        joined[at] = _continued(parts[at])
+    return joined, ~shapely.equals_identical(joined, parts)
+
+
+def _continued(part: shapely.Geometry) -> shapely.Geometry:
+    """Continue the longitudes of a line, or of a polygon's rings.
+
+    A ring that goes round a pole stays as it is, and so does an edge from -180 to 180 degrees.
+    """
+    is_area = shapely.get_dimensions(part) == _AREA
+    lines: list[FloatArray] = []
+    for line in (part.exterior, *part.interiors) if is_area else (part,):
+        points = shapely.get_coordinates(line)
+        steps = np.diff(points[:, 0])
+        jumps = (np.abs(steps) > HALF_TURN) & (np.abs(steps) < _TURN - _GRID_DEG)
+        turns = np.concatenate([[0.0], -np.cumsum(np.sign(steps) * jumps)])
+        if not (is_area and turns[-1]):
+            points[:, 0] += _TURN * turns
+        if lines:  # a hole belongs inside
+            apart = lines[0][:, 0].mean() - points[:, 0].mean()
+            points[:, 0] += _TURN * np.round(apart / _TURN)
+        lines.append(points)
+    return shapely.Polygon(lines[0], lines[1:]) if is_area else shapely.LineString(lines[0])
 
 
 def repaired(geometries: Geometries, is_valid: BoolArray | None = None) -> tuple[Geometries, int]:
@@ -212,22 +246,22 @@ _HARMLESS = re.compile(r"Measured \(M\) geometry types|Several features with id"
 _MAX_REASON = 200
 
 
-# GDAL's drivers that take a file's content for a command: to read other files or addresses, to
-# start a program, or to load a library.
-_FOLLOWERS = (
-    *("ADBC", "AmigoCloud", "Carto", "CSW", "EEDA", "Elasticsearch", "GDALG", "GPSBabel", "HTTP"),
-    *("NGW", "OAPIF", "OGCAPI", "OGR_VRT", "PLSCENES", "VRT", "WFS"),
-)
+# GDAL's drivers that are used: each reads a file and its sidecar files alone. Of its others, some
+# take a file's content for a command: to read other files or addresses, to start a program.
+_DRIVERS = {"CSV", "ESRI Shapefile", "FlatGeobuf", "GPKG", "GeoJSON", "LIBKML", "S57"}
+# No file is a reason to ask the network: libcurl refuses such a proxy before it opens a socket.
+_NO_NETWORK = {"GDAL_HTTP_PROXY": "none://"}
 
 
 @cache
 def vector_library() -> ModuleType:
-    """Import pyogrio, and remove GDAL's drivers that take a file's content for a command."""
+    """Import pyogrio, with those of GDAL's drivers alone that follow nothing in a file."""
     pyogrio = import_module("pyogrio")
     from pyogrio._ogr import _register_drivers  # it has no public function for this
 
     # GDAL looks at this option when it registers its drivers, which importing pyogrio does.
-    pyogrio.set_gdal_config_options({"GDAL_SKIP": ",".join(_FOLLOWERS)})
+    unused = sorted(set(pyogrio.list_drivers()) - _DRIVERS)
+    pyogrio.set_gdal_config_options({"GDAL_SKIP": ",".join(unused), **_NO_NETWORK})
     _register_drivers()
     return pyogrio
 
@@ -270,8 +304,7 @@ def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
     """Turn errors about a chart's file into a RequestError, and list warnings."""
     return reading(
         str(path),
-        "correct it, or export it again as GeoPackage, GeoJSON or Shapefile, or give a folder of "
-        "S-57 cells",
+        "correct it, or export it again as GeoPackage, GeoJSON or Shapefile",
     )
 
 
@@ -294,21 +327,18 @@ def layer_name(path: Path, name: str) -> str:
     if not name and len(names) != 1:
         raise chart_fault(
             path,
-            f"has {len(names)} layers with geometries ({', '.join(names)}); name one: "
-            f'{{ path = "{path.name}", layer = "…" }}',
+            f"has {len(names)} layers with geometries ({', '.join(names)}); name one in a "
+            f'scenario: {{ path = "{path.name}", layer = "…" }}',
         )
     return name or names[0]
 
 
-def crs_of(path: Path, layer: str, crs: str) -> pyproj.CRS:
-    """Return CRS of a layer: the one given, or the file's own."""
-    pyogrio = vector_library()
-
-    given = crs or pyogrio.read_info(path, layer=layer)["crs"]
+def crs_of(path: Path, given: str | None) -> pyproj.CRS:
+    """Return the CRS of a layer, given as text."""
     if not given:
         raise chart_fault(
             path,
-            "does not give its CRS: add its .prj file, or name the CRS, as in "
+            "does not give its CRS: add its .prj file, or name the CRS in a scenario: "
             f'{{ path = "{path.name}", crs = "EPSG:4326" }} for degrees',
         )
     try:

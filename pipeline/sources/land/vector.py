@@ -1,4 +1,4 @@
-"""Land from the user's own vector file: GeoPackage, GeoJSON, Shapefile, anything that GDAL reads.
+"""Land from the user's own vector file: GeoPackage, GeoJSON, Shapefile and a few others.
 
 In any CRS; invalid rings are repaired, and points and lines (rocks, breakwaters, a coast given as
 lines) are buffered by a radius that the user gives. Facts that the file does not state (which of
@@ -10,7 +10,7 @@ import hashlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from pipeline.model import Credit, Land, Note, PlaceName
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land import shapes
+from pipeline.sources.land.self_contained import require_self_contained
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an
@@ -41,24 +42,12 @@ _MAX_NUMBERS = 3
 
 
 @dataclass(frozen=True)
-class NearbyFeatures:
-    """Valid geometries near a box, without collections, in its longitudes.
-
-    `repaired` counts the geometries that were invalid and have been repaired. `notes` tell which
-    features were left out, and what is doubtful about the others.
-    """
-
-    geometry: Geometries
-    repaired: int
-    notes: tuple[Note, ...]
-
-
-@dataclass(frozen=True)
 class VectorLayer:
     """A layer of a file, and its CRS; made by :func:`open_layer`.
 
     `numbers` (n,) are the numbers of the features in the file. `extents` (4, n) are the bounds of
     the features in the layer's CRS, and NaN for features without a geometry. `warnings` are GDAL's.
+    `fields` are names of columns.
     """
 
     path: Path
@@ -67,22 +56,41 @@ class VectorLayer:
     numbers: IndexArray
     extents: FloatArray
     warnings: tuple[str, ...]
+    fields: tuple[str, ...] = ()
 
-    def near(self, box: shapely.Polygon) -> NearbyFeatures:
-        """Return the geometries near a box; RequestError for damaged ones."""
+    def near(self, box: shapely.Polygon) -> tuple[Geometries, tuple[Note, ...]]:
+        """Return valid parts of geometries near a box, in its longitudes, and notes."""
         found: list[Geometries] = [np.empty(0, dtype=object)]
-        total = 0
+        total, notes = 0, list[Note]()
         with shapes.reading_chart(self.path) as issued:
-            for window in self._windows(box):
-                if not self._meets(window):
-                    continue
-                valid, count = shapes.repaired(self._read(window))
+            for window, parts in self._parts(box, notes):
+                valid, count = shapes.repaired(parts)
                 total += count
                 shapely.prepare(window)
                 crosses = ~shapely.covers(window, valid)
                 valid[crosses] = shapely.intersection(valid[crosses], window)
                 found.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
-        return NearbyFeatures(np.concatenate(found), total, tuple(self._notes(issued)))
+        repairs = shapes.repair_note(self.path.name, total)
+        return np.concatenate(found), (*repairs, *notes, *self._notes(issued))
+
+    def _parts(
+        self, box: shapely.Polygon, notes: list[Note]
+    ) -> Iterator[tuple[shapely.Polygon, Geometries]]:
+        """Yield windows in the file's CRS, and the parts near them; add a note on changed ones."""
+        # The bounds of a feature that jumps at 180 degrees say nothing.
+        _, south, _, north = box.bounds
+        left, bottom, right, top = self.extents
+        is_wide = self._is_lonlat & (right - left > shapes.HALF_TURN)
+        wide = self.numbers[is_wide & (bottom <= north) & (top >= south)]
+        for window in self._windows(box):
+            if self._meets(window):
+                yield window, self._read(wide, bbox=window.bounds)
+        if wide.size:
+            parts, is_joined = shapes.joined_at_180(self._read(wide[:0], fids=wide))
+            near, index = shapes.near_box(parts, box)
+            if count := np.unique(index[is_joined[index]]).size:
+                notes.append(Note.of("joined-at-180", source=self.path.name, count=count))
+            yield box, near
 
     def places(self, box: shapely.Polygon) -> tuple[PlaceName, ...]:
         """Return the names of areas near a box, where the layer has a column of names."""
@@ -90,8 +98,8 @@ class VectorLayer:
         found: list[PlaceName] = []
         # Its warnings were already given when the areas themselves were read.
         with shapes.reading_chart(self.path):
-            columns = pyogrio.read_info(self.path, layer=self.name)["fields"]
-            column = next((one for one in columns if one.casefold() in shapes.NAME_COLUMNS), None)
+            named = (one for one in self.fields if one.casefold() in shapes.NAME_COLUMNS)
+            column = next(named, None)
             for window in self._windows(box) if column is not None else ():
                 _, _, wkb, (names,) = pyogrio.raw.read(
                     self.path, layer=self.name, columns=[column], bbox=window.bounds
@@ -129,7 +137,7 @@ class VectorLayer:
                 self.path,
                 f"has coordinates that are impossible in its CRS ({self.crs.name}): feature "
                 f"{self.numbers[first]} lies in {west:g} to {east:g}, {south:g} to {north:g}; "
-                'correct it, or name the right CRS with crs = "EPSG:…"',
+                'correct it, or name the right CRS in a scenario, crs = "EPSG:…"',
             )
 
     @cached_property
@@ -191,21 +199,19 @@ class VectorLayer:
             for turn in (-360.0, 0.0, 360.0):
                 yield shapely.box(west + turn, south, east + turn, north)
             return
-        import pyproj
-
         to_crs = pyproj.Transformer.from_crs(_LONLAT, self.crs, always_xy=True)
         west, south, east, north = box.bounds
         bounds = to_crs.transform_bounds(west, south, east, north, densify_pts=_PIECES_PER_SIDE)
         self._check_covered(np.array(bounds))
         yield shapely.box(*bounds)
 
-    def _read(self, window: shapely.Polygon) -> Geometries:
-        """Read the geometries whose bounds meet a window, unchanged but without collections."""
-        pyogrio = shapes.vector_library()
-        _, numbers, wkb, _ = pyogrio.raw.read(
-            self.path, layer=self.name, columns=[], bbox=window.bounds, return_fids=True
+    def _read(self, but: IndexArray, **which: object) -> Geometries:
+        """Read some of the geometries, unchanged but without collections; leave out features."""
+        _, numbers, wkb, _ = shapes.vector_library().raw.read(
+            self.path, layer=self.name, columns=[], return_fids=True, **which
         )
-        present = np.flatnonzero([one is not None for one in wkb])
+        is_there = np.array([one is not None for one in wkb], dtype=bool)
+        present = np.flatnonzero(is_there & ~np.isin(numbers, but))
         numbers, wkb = np.asarray(numbers)[present], wkb[present]
         with np.errstate(invalid="ignore"):
             geometry = shapely.from_wkb(wkb, on_invalid="ignore")
@@ -234,13 +240,11 @@ class VectorLayer:
             raise shapes.chart_fault(
                 self.path,
                 f"is in a CRS ({self.crs.name}) that does not cover the region: name the right one "
-                'with crs = "EPSG:…"',
+                'in a scenario, crs = "EPSG:…"',
             )
 
     def _to_lonlat(self, geometry: Geometries, box: shapely.Polygon) -> Geometries:
         """Transform geometries to lon/lat degrees, within 180 degrees of the middle of a box."""
-        import pyproj
-
         to_lonlat = pyproj.Transformer.from_crs(self.crs, _LONLAT, always_xy=True)
         west, south, east, north = box.bounds
 
@@ -258,21 +262,23 @@ class VectorLayer:
         return np.asarray(shapely.transform(geometry, transform))
 
 
-def open_layer(path: Path, name: str, crs: str) -> VectorLayer:
+@lru_cache(maxsize=4)
+def open_layer(path: Path, name: str, crs: str, version: tuple[int, ...]) -> VectorLayer:
     """Open a layer by its name, or the only one; in the CRS given, or else the file's own.
 
-    Raises
-    ------
-    RequestError
-        No vector file; no such layer, or several to choose from; no CRS, or an unknown one;
-        coordinates outside the CRS.
+    RequestError where file, layer, CRS or coordinates can't be used. A version of the file is
+    opened once, as GDAL reads all of some formats each time.
     """
+    del version
     pyogrio = shapes.vector_library()
     with shapes.reading_chart(path) as issued:
+        require_self_contained(path)
         name = shapes.layer_name(path, name)
-        known = shapes.crs_of(path, name, crs)
-        numbers, extents = pyogrio.read_bounds(path, layer=name)
-    layer = VectorLayer(path, name, known, np.asarray(numbers), np.asarray(extents), tuple(issued))
+        info = pyogrio.read_info(path, layer=name)
+        known = shapes.crs_of(path, crs or info["crs"])
+        numbers, extents = map(np.asarray, pyogrio.read_bounds(path, layer=name))
+    fields = tuple(map(str, info["fields"]))
+    layer = VectorLayer(path, name, known, numbers, extents, tuple(issued), fields)
     with shapes.reading_chart(path):
         layer.check()
     return layer
@@ -302,12 +308,9 @@ class VectorFile:
         files = self._files
         with shapes.reading_chart(self.path):
             for file in files:
-                # A file geodatabase is a folder.
-                for part in sorted(file.rglob("*")) if file.is_dir() else [file]:
-                    if part.is_file():
-                        digest.update(part.name.encode())
-                        with part.open("rb") as content:
-                            digest.update(hashlib.file_digest(content, "sha256").digest())
+                digest.update(file.name.encode())
+                with file.open("rb") as content:
+                    digest.update(hashlib.file_digest(content, "sha256").digest())
         entry = self.entry.model_dump_json() if self.entry else ""
         return ("vector", self.source.model_dump_json(), entry, digest.hexdigest())
 
@@ -315,7 +318,8 @@ class VectorFile:
     def _files(self) -> tuple[Path, ...]:
         """The file and its sidecar files, such as .dbf and .prj, which GDAL reads too."""
         pattern = f"{glob.escape(self.path.stem)}.*"
-        files = tuple(sorted({self.path, *self.path.parent.glob(pattern)}))
+        beside = (file for file in self.path.parent.glob(pattern) if not file.is_dir())
+        files = tuple(sorted({self.path, *beside}))
         require_readable(files, self.path.name)
         return files
 
@@ -342,16 +346,19 @@ class VectorFile:
         """Return the land near a region (lon/lat degrees)."""
         box = shapes.box_around(region)
         require_readable(self._files, self.path.name)
-        layer = open_layer(self.path, self.source.layer, self.source.crs)
-        found = layer.near(box)
-        if len(found.geometry) == 0:
+        version = tuple(file.stat().st_mtime_ns for file in self._files)
+        layer = open_layer(self.path, self.source.layer, self.source.crs, version)
+        found, notes = layer.near(box)
+        if len(found) == 0:
             raise self._nothing_near(layer)
-        repairs = shapes.repair_note(self.path.name, found.repaired)
+        is_given = self.entry or self.source.accuracy_m is not None
+        name, accuracy_m = self.path.name, _ASSUMED_ACCURACY_M
+        assumed = Note.of("accuracy-assumed", source=name, accuracy_m=accuracy_m)
         return Land(
-            polygons=tuple(self._areas(found.geometry).tolist()),
+            polygons=tuple(self._areas(found).tolist()),
             credits=(self.credit,),
             accuracy_m=self.accuracy_m,
-            notes=(*repairs, *found.notes, *self._accuracy_note()),
+            notes=notes if is_given else (*notes, assumed),
             places=layer.places(box),
         )
 
@@ -370,7 +377,7 @@ class VectorFile:
             raise shapes.chart_fault(
                 self.path,
                 f"has {' and '.join(counts)} near the region, which are not areas: make polygons "
-                "of them, or give the radius in metres that is no-go around them: "
+                "of them, or give the radius in metres that is no-go around them in a scenario: "
                 f'{{ path = "{self.path.name}", radius_m = 20 }}',
             )
         grown = shapes.buffered(thin, self.source.radius_m or 0.0)
@@ -387,12 +394,5 @@ class VectorFile:
         return shapes.chart_fault(
             self.path,
             f"has nothing near the region (its bounds in {layer.crs.name}: {listed}): leave it "
-            "out, or name the right CRS if that is wrong",
+            "out, or if that is wrong, name the right CRS in a scenario",
         )
-
-    def _accuracy_note(self) -> tuple[Note, ...]:
-        """Say that an accuracy is assumed, if so."""
-        if self.entry or self.source.accuracy_m is not None:
-            return ()
-        name, accuracy_m = self.path.name, _ASSUMED_ACCURACY_M
-        return (Note.of("accuracy-assumed", source=name, accuracy_m=accuracy_m),)

@@ -209,6 +209,8 @@ def narrow_gaps(
     from scipy.cluster.hierarchy import DisjointSet
 
     bodies = shapely.get_parts(shapely.disjoint_subset_union_all(land))
+    if len(bodies) < 2:
+        return []
     close, owner = _close_pairs(bodies, widest_m)
     parts, bounds = DisjointSet(range(len(bodies))), shapely.bounds(bodies).reshape(-1, 2, 2)
     found = []

@@ -11,7 +11,6 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline._types import FloatArray
 from pipeline.formats.shared.text import planner_text, season_text
 from pipeline.geo.lonlat import share_without
 from pipeline.geo.projection import densified
@@ -22,13 +21,13 @@ from pipeline.model import (
     RouteMetrics,
     Scene,
     SeasonPlan,
-    ShoreCrossing,
     plan_options,
     planning,
 )
 from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
 from pipeline.stages.places import is_shut_in
+from pipeline.stages.seasons.second_shoreline import SecondShoreline, refusal
 from pipeline.stages.seasons.under_way import replanned
 from renew.errors import Text, TooLateError
 from renew.inputs.arguments import MAX_STATIONS
@@ -134,7 +133,7 @@ def plan_season(
             class_names=error.text.class_names,
         )
     seconds = time.perf_counter() - started
-    return SeasonPlan(
+    made = SeasonPlan(
         season,
         plan,
         "",
@@ -143,6 +142,8 @@ def plan_season(
         ensemble=ensemble,
         replanned=again,
     )
+    failure = refusal(scene, made)
+    return SeasonPlan(season, None, failure, seconds) if failure else made
 
 
 def _least_padding(
@@ -164,16 +165,14 @@ def evaluate_season(scene: Scene, plan: SeasonPlan, options: PlannerOptions) -> 
     if not routes:
         return Evaluation((), {})
     evaluator = _RouteEvaluator(scene, plan.season, routes, options)
-    second_shoreline = SecondShoreline(scene)
-    rows, flown, crossings = [], {}, list[ShoreCrossing]()
+    rows, flown = [], {}
     for rank, route in enumerate(routes, start=1):
         turns = evaluator.turns(route, in_members=rank == 1)
         flown[plan.season, rank] = _sampled(turns)
         rows.append(evaluator.metrics(route, turns, rank))
-        crossings += second_shoreline.crossings(np.asarray(route.path), plan.season, rank)
     if plan.ensemble is not None:
         rows = [_in_members(row, plan.ensemble) for row in rows]
-    return Evaluation(tuple(rows), flown, tuple(crossings))
+    return Evaluation(tuple(rows), flown, SecondShoreline(scene).all_crossings(plan))
 
 
 def _in_members(row: RouteMetrics, found: EnsembleFigures) -> RouteMetrics:
@@ -365,35 +364,3 @@ def _sampled(turns: renew.Contingency) -> renew.Contingency:
     kept = others[np.linspace(0, others.size - 1, min(_MAX_POINTS, others.size)).astype(int)]
     chosen = np.sort(np.concatenate([np.flatnonzero(turns.collided), kept]))
     return replace(turns, points=turns.points[chosen], collided=turns.collided[chosen])
-
-
-# Minimum length of a crossing, true metres: a shorter one only grazes the shore.
-_LEAST_M = 1.0
-
-
-class SecondShoreline:
-    """The land of a scene's second shoreline, with a spatial index.
-
-    This shoreline, GSHHG, is older and in places coarser. A route that crosses its land may be
-    right, but the crossing is a reason to check an official chart.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self._projection = scene.projection
-        self._shore = np.array(scene.second_shore, dtype=object)
-        self._tree = shapely.STRtree(self._shore)
-
-    def crossings(self, path: FloatArray, season: str, rank: int) -> tuple[ShoreCrossing, ...]:
-        """Return where a path (n, 2), planar metres, crosses the second shoreline's land."""
-        line = shapely.LineString(path)
-        # Polygons that are valid in degrees may be invalid in the plane.
-        crossed = shapely.make_valid(self._shore[self._tree.query(line, predicate="intersects")])
-        over = shapely.get_parts(shapely.intersection(line, shapely.union_all(crossed)))
-        found = []
-        for part in over:
-            length_m = self._projection.geodesic_length_m(shapely.get_coordinates(part))
-            if length_m >= _LEAST_M:
-                middle = shapely.line_interpolate_point(part, 0.5, normalized=True)
-                lon, lat = self._projection.to_lonlat(shapely.get_coordinates(middle)[0])
-                found.append(ShoreCrossing(season, rank, float(lon), float(lat), length_m))
-        return tuple(found)

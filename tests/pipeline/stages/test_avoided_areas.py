@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.scenario.via import Anchorage
 from pipeline.sources.current_field import Field
-from pipeline.stages.places import later
+from pipeline.stages.places import avoided_zones, later
 from pipeline.voyage.one_line import voyage_scenario
 from pipeline.voyage.request import VoyageRequest
 from tests.pipeline.synthetic_currents import dataset, sea, write
@@ -167,6 +168,48 @@ def test_points_on_land_and_areas_that_are_not_there_are_refused(tmp_path: Path)
     with pytest.raises(RequestError) as refused:
         run(parse_scenario(missing, tmp_path), tmp_path / "outputs")
     assert [fault.partition(":")[0] for fault in refused.value.faults] == ["avoid[0]", "avoid[1]"]
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_what_a_message_about_an_area_proposes_works(tmp_path: Path) -> None:
+    write_tide(tmp_path)
+    points = shapely.MultiPoint([(-40.005, 35.03), (-39.99, 35.04)])
+    (tmp_path / "buoys.geojson").write_text(shapely.to_geojson(points))
+    geopandas.GeoSeries([RANGE], crs=4326).to_file(tmp_path / "bare.shp")
+    (tmp_path / "bare.prj").unlink()
+    two = tmp_path / "two.gpkg"
+    for layer in ("range", "anchorage"):
+        geopandas.GeoSeries([RANGE], crs=4326).to_file(two, layer=layer)
+    files = ("buoys.geojson", "bare.shp", "two.gpkg")
+    asked = scenario_data(tmp_path, avoid=[{"path": one} for one in files])
+    with pytest.raises(RequestError) as refused:
+        run(parse_scenario(asked, tmp_path), tmp_path / "outputs")
+    tables = [re.findall(r"\{.*?\}", fault)[0] for fault in sorted(refused.value.faults)]
+    read = [tomllib.loads(f"table = {one.replace('…', 'range')}")["table"] for one in tables]
+    assert [one.pop("path") for one in read] == [*files]
+    assert read == [{"radius_m": 20}, {"crs": "EPSG:4326"}, {"layer": "range"}]
+    read = [{"path": path, **keys} for path, keys in zip(files, read, strict=True)]
+    zones, _ = avoided_zones(
+        parse_scenario(scenario_data(tmp_path, avoid=read), tmp_path), shapely.box(-41, 34, -39, 36)
+    )
+    assert [zone.name for zone in zones] == ["buoys", "bare", "two"]
+    assert zones[1].area.equals(RANGE)
+    assert shapely.area(zones[0].area) > 0
+
+
+def test_an_area_of_very_many_vertices_is_covered_by_one_of_few(tmp_path: Path) -> None:
+    write_tide(tmp_path)
+    turn = np.linspace(0, 2 * np.pi, 200_001)[:-1]
+    radius = 0.02 + 0.002 * np.sin(9 * turn) + 1e-4 * np.sin(2001 * turn)
+    lon, lat = -40.0 + radius * np.cos(turn), 35.03 + radius * np.sin(turn)
+    area = shapely.Polygon(np.stack([lon, lat], axis=-1))
+    (tmp_path / "wide.geojson").write_text(shapely.to_geojson(area))
+    data = scenario_data(tmp_path, avoid=[{"path": "wide.geojson"}])
+    ((zone,), _) = avoided_zones(parse_scenario(data, tmp_path), shapely.box(-41, 34, -39, 36))
+    assert zone.area.covers(area)
+    assert shapely.get_num_coordinates(zone.area) < 20_000
+    # Half a thousandth of its width of 4 km, and mitred corners.
+    assert area.buffer(5e-5).covers(zone.area)
 
 
 def test_a_scenario_spells_its_areas_as_it_reads_them(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def scenario_data(folder: Path, **asked: object) -> dict[str, Any]:
         },
         "region": {"bbox": list(BOX)},
         "chart": {
-            "source": {"path": "island.geojson", "accuracy_m": 5},
+            "source": {"path": "island.geojson", "accuracy_m": 5, "complete": True},
             "depths": "depths.nc",
             "datum": "MLLW",
         },

@@ -177,6 +177,29 @@ def test_a_missing_update_is_refused(boston: Path) -> None:
         S57Chart(boston, RULE).land(BOSTON)
 
 
+def test_a_cancelled_cell_is_refused(boston: Path) -> None:
+    # S-57 3.1, B.1, 5.7: the cancelling update has the data set's general information alone, with
+    # the edition 0.
+    last = (boston / "US5BOSCD.005").read_bytes()
+    head = int(last[:5])
+    body = head + int(last[head + 12 : head + 17])
+    general = last[body:].split(b"\x1e")[1].replace(b"\x1f4\x1f5\x1f", b"\x1f0\x1f6\x1f")
+    fields = (
+        (b"0001", b"\x01\x00\x1e"),
+        (b"DSID", general.replace(b"SCD.005", b"SCD.006") + b"\x1e"),
+    )
+    entries, at = b"", 0
+    for tag, content in fields:
+        entries += tag + f"{len(content):03d}{at:03d}".encode()
+        at += len(content)
+    start = 24 + len(entries) + 1
+    leader = f"{start + at:05d} D     {start:05d}   3304".encode()
+    record = leader + entries + b"\x1e" + b"".join(content for _, content in fields)
+    (boston / "US5BOSCD.006").write_bytes(last[:head] + record)
+    with pytest.raises(RequestError, match=r"^US5BOSCD\.000: the cell is cancelled"):
+        S57Chart(boston, RULE).land(BOSTON)
+
+
 @pytest.mark.parametrize("suffix", [".000", ".002"])
 def test_a_truncated_cell_is_refused(boston: Path, suffix: str) -> None:
     file = boston / f"US5BOSCD{suffix}"

@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_text
+from pipeline.formats.shared.note_words import note_text, note_texts
 from pipeline.scenario import catalogue
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.sources.land.shapes import BEYOND_M
@@ -121,6 +121,47 @@ def test_halves_on_both_sides_of_180_degrees_and_planes_across_it(tmp_path: Path
     assert difference_share(land(plane, FIJI), ACROSS) < 1e-3
     there = shapely.affinity.translate(FIJI, -360)
     assert difference_share(land(plane, there), shapely.affinity.translate(ACROSS, -360)) < 1e-3
+
+
+# Viti Levu's size across 180 degrees, not split there: longitudes to 180, and to 360.
+UNSPLIT = [(179.8, -17.0), (-179.9, -17.0), (-179.9, -16.5), (179.8, -16.5)]
+SPLIT = shapely.box(179.8, -17.0, 180.1, -16.5)
+
+
+@pytest.mark.parametrize("winding", [1, -1])
+@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".shp"])
+def test_an_area_across_180_degrees_that_is_not_split(
+    tmp_path: Path, winding: int, suffix: str
+) -> None:
+    lake = [(179.95, -16.8), (-179.95, -16.8), (-179.95, -16.7), (179.95, -16.7)]
+    # A Shapefile has the lake as another area, since it seems to lie outside.
+    has_lake = suffix != ".shp"
+    island = shapely.Polygon(UNSPLIT[::winding], [lake] * has_lake)
+    right = SPLIT.difference(shapely.box(179.95, -16.8, 180.05, -16.7)) if has_lake else SPLIT
+    # A small island beside it is near every one of these regions.
+    others = [shapely.box(lon, -16.9, lon + 0.1, -16.8) for lon in (150.0, -0.05, 179.6)]
+    file = write(tmp_path / f"land{suffix}", island, *others)
+    for turn in (0, -360):
+        region = shapely.affinity.translate(shapely.box(179.7, -17.2, 180.3, -16.0), turn)
+        found = shapely.intersection(land(file, region), region)
+        assert difference_share(found, shapely.affinity.translate(right, turn)) < 1e-9
+    # The region may lie where the file's longitudes have no bounds.
+    inside = land(file, shapely.box(180.02, -17.0, 180.04, -16.9))
+    assert inside.covers(shapely.Point(180.03, -16.95))
+    for elsewhere in others[:2]:
+        assert difference_share(land(file, elsewhere), elsewhere) < 1e-9
+    source = VectorFile(file, ChartSource(path=str(file)))
+    said = "\n".join(note_texts(source.land(FIJI).notes))
+    assert f"land{suffix}: 1 part has an edge longer than 180 degrees" in said
+    assert "180 degrees" not in "\n".join(note_texts(source.land(others[0]).notes))
+
+
+def test_what_goes_round_the_earth_is_left_as_it_is(tmp_path: Path) -> None:
+    ring = [(-180, -90), (180, -90), (180, -70), (60, -60), (-60, -65), (-180, -70)]
+    around = write(tmp_path / "land.gpkg", shapely.Polygon(ring))
+    for lon in (-170.0, 0.0, 100.0, 178.0):
+        region = shapely.box(lon, -75.0, lon + 2, -72.0)
+        assert land(around, region).covers(region)
 
 
 def test_holes_are_kept_and_heights_dropped(tmp_path: Path) -> None:

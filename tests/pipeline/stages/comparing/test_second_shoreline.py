@@ -15,7 +15,8 @@ from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.shared.unknowns import crossing_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene, ShoreCrossing
-from pipeline.stages.seasons.one_season import SecondShoreline
+from pipeline.scenario.region import ChartSpec
+from pipeline.stages.seasons.second_shoreline import SecondShoreline
 
 REGION = shapely.box(23.0, 36.0, 25.0, 38.0)
 # Two islands of the second shoreline; the northern one is in two overlapping pieces.
@@ -58,11 +59,11 @@ def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> Non
     same = ShoreCrossing("summer", 4, 24.0001, 37.1001, 105.0)
     others = [ShoreCrossing("summer", i, 24.0, 37.0 + i / 10, 100.0 * i) for i in range(2, 11)]
     winter = ShoreCrossing("winter", 1, -5.25, -36.5, 60.4)
-    one, other = note_texts(crossing_notes([*others, same, best, winter]))
+    one, other = note_texts(crossing_notes([*others, same, best, winter], ChartSpec()))
     places = one.split("; check these places on an official chart: ")[1].split("; ")
     assert places[0] == "105 m at 24.0001 E 37.1001 N on routes 1, 4"
     assert places[1] == "1,000 m at 24.0000 E 38.0000 N on route 10"
     assert places[7] == "400 m at 24.0000 E 37.4000 N on route 4"
     assert places[8] == "and 2 shorter"
     assert other.endswith(": 60 m at 5.2500 W 36.5000 S on route 1")
-    assert crossing_notes([]) == ()
+    assert crossing_notes([], ChartSpec()) == ()
