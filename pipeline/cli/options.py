@@ -173,13 +173,6 @@ Endurance = Annotated[
     str,
     _limits(help="Time under way for which there is fuel at departure, as 2d; needs --havens."),
 ]
-Require = Annotated[
-    bool,
-    _limits(
-        "--require",
-        help="Plan only routes from all of whose places a haven is reached so; needs --havens.",
-    ),
-]
 Tide = Annotated[
     list[str] | None,
     _limits(
