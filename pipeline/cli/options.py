@@ -77,7 +77,7 @@ Scheduler = Annotated[
     str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
 ]
 
-# --- of `renew watch` and `renew replan` ---
+# --- of `renew replan` ---
 
 Results = Annotated[
     Path,
