@@ -12,7 +12,6 @@ from renew.errors import (
     ParameterError,
     PlanningError,
     StartInNoGoError,
-    UncoveredError,
     UnreachableError,
     ViaInNoGoError,
 )
@@ -33,7 +32,6 @@ from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 from renew.underway.cover import cover
 from renew.underway.coverage import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn, Stretch
-from renew.underway.only_covered import only_covered
 from renew.underway.replan import Replanned, replan
 from renew.underway.turn_offs import TurnOff
 from renew.voyage.fuel import fuel
@@ -81,7 +79,6 @@ __all__ = [
     "Tightest",
     "TradeOff",
     "TurnOff",
-    "UncoveredError",
     "UniformCurrent",
     "UnreachableError",
     "VaryingCurrent",
@@ -90,7 +87,6 @@ __all__ = [
     "contingency",
     "cover",
     "fuel",
-    "only_covered",
     "plan",
     "plan_departures",
     "plan_ensemble",

@@ -278,10 +278,6 @@ class UnreachableError(PlanningError):
     causes: tuple[PlanningError, ...] = ()
 
 
-class UncoveredError(UnreachableError):
-    """No route from all of whose places a haven is reached within limits was found."""
-
-
 class InfeasibleError(PlanningError):
     """One class can't be sailed; only inside the planner: a plan lists the class as rejected.
 

@@ -25,6 +25,7 @@ NEEDED_UNIMPORTED = {
 # Imported along with the library that depends on it and uses its types.
 COMES_WITH = {
     "distributed": "dask",
+    "llvmlite": "numba",
     "markupsafe": "jinja2",
     "pydantic-core": "pydantic",
     "starlette": "fastapi",

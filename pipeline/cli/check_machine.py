@@ -161,7 +161,7 @@ def _can_write(folder: Path) -> bool:
 
 def compiler_cache() -> Finding:
     """Check the folder where the kernels' machine code is cached."""
-    from renew._compiled import cache_folder, cache_is_temporary, load_failures
+    from renew._compiled import cache_folder, cache_is_temporary
 
     what, folder = "compiler's cache", cache_folder()
     if cache_is_temporary():
@@ -169,13 +169,6 @@ def compiler_cache() -> Finding:
             "set NUMBA_CACHE_DIR to a folder that lasts, or each start may compile for a minute"
         )
         return Finding("warning", what, f"{folder} is temporary", remedy)
-    if failures := load_failures():
-        more = f", and {len(failures) - 1} more like it" if len(failures) > 1 else ""
-        text = f"{failures[0].filename}: {failures[0].strerror}{more}; it is treated as missing"
-        remedy = (
-            "remove it, or let this user read it; else its kernels are compiled anew for a minute"
-        )
-        return Finding("warning", what, text, remedy)
     return Finding("ok", what, str(folder))
 
 

@@ -33,7 +33,6 @@ def go(
     havens: options.Havens = None,
     within: options.Within = "",
     endurance: options.Endurance = "",
-    require: options.Require = False,
     clearance: options.Clearance = "",
     name: options.Name = "",
     charts: options.Charts = None,

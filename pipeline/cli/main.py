@@ -1,4 +1,4 @@
-"""The command line: `renew run|go|replan|watch|plot|list|show|check|clean|nightly|tide` and more.
+"""The command line: `renew run|go|replan|plot|list|show|check|clean|nightly|tide` and more.
 
 Exit codes:
 
@@ -36,7 +36,6 @@ from pipeline.cli.serve import serve
 from pipeline.cli.terminal import say
 from pipeline.cli.tide import app as tide_app
 from pipeline.cli.usage import BriefRefusals, Command
-from pipeline.cli.watch import watch
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
 from pipeline.texts import seen
@@ -149,7 +148,6 @@ def run(
 
 
 app.command(cls=GoCommand)(go)
-app.command(cls=Command)(watch)
 app.command(cls=Command)(serve)
 app.command(cls=ReplanCommand)(replan)
 app.add_typer(nightly_app, name="nightly")

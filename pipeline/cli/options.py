@@ -77,7 +77,7 @@ Scheduler = Annotated[
     str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
 ]
 
-# --- of `renew watch` and `renew replan` ---
+# --- of `renew replan` ---
 
 Results = Annotated[
     Path,
@@ -172,13 +172,6 @@ Within = Annotated[str, _limits(help="Longest time to a haven, as 6h; needs --ha
 Endurance = Annotated[
     str,
     _limits(help="Time under way for which there is fuel at departure, as 2d; needs --havens."),
-]
-Require = Annotated[
-    bool,
-    _limits(
-        "--require",
-        help="Plan only routes from all of whose places a haven is reached so; needs --havens.",
-    ),
 ]
 Tide = Annotated[
     list[str] | None,

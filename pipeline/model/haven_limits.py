@@ -1,6 +1,5 @@
 """Havens of a run, with the limits on the way to one of them."""
 
-import math
 from dataclasses import dataclass
 
 import renew
@@ -9,15 +8,11 @@ from pipeline.model.planning import Scene, largest_stretch
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HavenLimits:
-    """Havens in the plane, and the limits on the way to one of them, true seconds or None.
-
-    With `is_required` only routes are planned that keep the limits all along.
-    """
+    """Havens in the plane, and the limits on the way to one of them, true seconds or None."""
 
     havens: tuple[renew.Haven, ...]
     within_s: float | None
     endurance_s: float | None
-    is_required: bool = False
 
     def in_plane(self, scene: Scene, season: str) -> tuple[float | None, float | None]:
         """Return the limits of time (s) and fuel of `renew.cover`: ways keep them in true time."""
@@ -26,13 +21,3 @@ class HavenLimits:
         endurance = None if self.endurance_s is None else rate * self.endurance_s / stretch
         within = None if self.within_s is None else self.within_s / stretch
         return within, endurance
-
-    def only_covered(self, plan: renew.Plan, scene: Scene, season: str) -> renew.Plan:
-        """Return the plan with covered routes alone, if they are required.
-
-        A plan that exceeds the endurance itself is left to the stage that covers it.
-        """
-        within, endurance = self.in_plane(scene, season)
-        if not self.is_required or plan.best.fuel > (endurance or math.inf):
-            return plan
-        return renew.only_covered(plan, self.havens, within=within, endurance=endurance)

@@ -22,10 +22,6 @@ class HavensSpec(StrictModel):
     """Time under way for which there is fuel at departure: what is left where the vessel turns off
     must do. Give '30min', '6h' or '2d', or leave it out where there is 'within'."""
 
-    require: bool = False
-    """Whether to plan only routes from all of whose places a haven is reached within the limits.
-    Give true or false."""
-
     @model_validator(mode="after")
     def _is_limited(self) -> Self:
         if self.within is None and self.endurance is None:

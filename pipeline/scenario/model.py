@@ -263,9 +263,6 @@ class Scenario(StrictModel):
             "'speed' in a season: a way to them has the vessel's own speed": any(
                 season.speed is not None for season in self.seasons
             ),
-            "[under_way], with havens.require: a route planned again is only checked": (
-                self.under_way is not None and self.havens.require
-            ),
         }
         for other, is_there in others.items():
             if is_there:

@@ -22,7 +22,7 @@ _TEXTS = (
 )
 _LISTS = ("month", "currents", "via", "avoid", "tide")
 _PATHS = ("charts", "depths", "havens")
-_FLAGS = ("require", "explain_gap")
+_FLAGS = ("explain_gap",)
 
 _Text = Annotated[str, Field(max_length=200)]
 # A name of the catalogue, or what the server called a file that it was given.
@@ -62,7 +62,6 @@ class PlanRequest(BaseModel):
     havens: _Source | None = Field(default=None, description="A given file of havens.")
     within: _Text = ""
     endurance: _Text = ""
-    require: bool = False
     clearance: _Text = ""
     charts: _Source | None = Field(default=None, description="A given file of land.")
     depths: _Source | None = Field(default=None, description="A given file of depths.")

@@ -93,7 +93,7 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
     if faults:
         raise RequestError(faults)
     places = [(haven.name, *haven.place.tolist()) for haven in havens]
-    limits = spec.model_dump(mode="json", exclude={"path", "require"})
+    limits = spec.model_dump(mode="json", exclude={"path"})
 
     def covered(season: str) -> renew.Coverage:
         key = artefact_key("cover", result.key, season, places, limits)
@@ -116,7 +116,7 @@ def limits_of(scenario: Scenario, havens: Sequence[renew.Haven]) -> HavenLimits:
     spec = scenario.havens
     if spec is None:
         return HavenLimits((), None, None)
-    return HavenLimits(tuple(havens), spec.within_s, spec.endurance_s, spec.require)
+    return HavenLimits(tuple(havens), spec.within_s, spec.endurance_s)
 
 
 def _covered(run: RunResult, season: str, limited: HavenLimits) -> renew.Coverage:

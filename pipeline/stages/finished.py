@@ -41,23 +41,11 @@ class FinishedSeason:
         return planned or given
 
     @property
-    def depends_on_time(self) -> bool:
-        """Whether water or currents change on the way, so that a route is safe at its times."""
-        has_hours = any(area.get("from") or area.get("until") for area in self.scenario["avoid"])
-        is_changing = self.season["time_method"] == "changing"
-        return is_changing or has_hours or self.scenario["tide"] is not None
-
-    @property
-    def waypoints(self) -> list[dict[str, Any]]:
-        """The waypoints of the best route, in order, as features of GeoJSON."""
-        return self._best("waypoint")
-
-    @property
     def fuel(self) -> float:
         """The fuel of the best route, in the planner's units; RequestError if it isn't there."""
         try:
-            return float(self._best("route")[0]["properties"]["fuel"])
-        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            return float(self._best_route["properties"]["fuel"])
+        except (KeyError, TypeError, ValueError, StopIteration, AttributeError) as error:
             raise _damaged(self._features, error) from None
 
     @property
@@ -66,11 +54,15 @@ class FinishedSeason:
         stem = season_stem(self.scenario["name"], self.season["name"])
         return self.folder / f"{stem}.geojson"
 
-    def _best(self, kind: str) -> list[dict[str, Any]]:
-        """Return the features of a kind that belong to the best route."""
-        best = {"feature": kind, "rank": 1}
+    @property
+    def _best_route(self) -> dict[str, Any]:
+        """Return the feature of the best route."""
+        best = {"feature": "route", "rank": 1}
         features = _read(self._features)["features"]
-        return [one for one in features if best.items() <= one["properties"].items()]
+        found: dict[str, Any] = next(
+            one for one in features if best.items() <= one["properties"].items()
+        )
+        return found
 
 
 def finished_season(results: Path, season: str) -> FinishedSeason:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+import renew
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.formats.shared.text import seasons_text
 from pipeline.machine.store import Artefact, Store, artefact_key
@@ -10,7 +11,7 @@ from pipeline.model import Evaluation, SeasonPlan
 from pipeline.model.planning import speed_choices
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.comparing.way_names import class_names_text
-from pipeline.stages.cover import havens_in, limits_of
+from pipeline.stages.cover import havens_in
 from pipeline.stages.project import scene_inputs
 from pipeline.stages.seasons.one_season import OnStep, combine_seasons, ignore_step
 from pipeline.stages.seasons.running import run_tasks
@@ -106,13 +107,11 @@ def _tasks(
     """Yield a task for each season that has a current."""
     scenario, parts = chosen.scenario, chosen.data
     options, explains_gap = scenario.planner, scenario.outputs.explain_gap
-    required = None
-    # Under way they are where the vessel turns off to if no way leads on.
-    if scenario.havens is not None and (scenario.havens.require or scenario.under_way):
-        required = limits_of(scenario, havens_in(scenario, chosen.scene.value)[0])
+    havens: tuple[renew.Haven, ...] = ()
+    if scenario.havens is not None and scenario.under_way is not None:
+        havens = tuple(havens_in(scenario, chosen.scene.value)[0])
     # The file of the havens may change, so their places count.
-    places = [(one.name, *one.place.tolist()) for one in required.havens] if required else []
-    limits = (required.within_s, required.endurance_s) if required else ()
+    places = [(one.name, *one.place.tolist()) for one in havens]
     for season, current_key in parts.current_keys.items():
         # The scene's key is not used: it depends on the other seasons' currents, too.
         plan_key = artefact_key(
@@ -123,7 +122,6 @@ def _tasks(
             options.model_dump(mode="json"),
             speed_choices(scenario).get(season),
             places,
-            limits,
         )
         evaluation_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
         yield SeasonTask(
@@ -135,7 +133,7 @@ def _tasks(
             owner=store.owner,
             limit_s=limit_s,
             explains_gap=explains_gap,
-            required=required,
+            havens=havens,
         )
 
 

@@ -1,1 +1,1 @@
-"""Under way with the results of a finished run: watch the vessel's positions, plan again."""
+"""Under way with the results of a finished run: where the vessel is, and to plan again."""

@@ -136,10 +136,6 @@ def _table(
     if "endurance" in data.get("havens", {}):
         rest = _endurance_left(data["havens"]["endurance"], left, request.time)
         data = {**data, "havens": {**data["havens"], "endurance": rest}}
-    if "require" in data.get("havens", {}):
-        # At sea a way is better than none: where it is covered is still found out.
-        kept = {key: one for key, one in data["havens"].items() if key != "require"}
-        data = {**data, "havens": kept}
     first = _ADDED.sub("", data["name"])
     start = data["start"]
     title = data.get("title") or first

@@ -10,6 +10,7 @@ and one expression does: a library brings its hundred sentences, each to be pars
 what is hard here, lines that are glued, cut or not text at all, it leaves to its caller.
 """
 
+import contextlib
 import json
 import os
 import re
@@ -19,7 +20,6 @@ from datetime import UTC, datetime
 from functools import lru_cache, reduce
 from operator import xor
 from pathlib import Path
-from typing import Literal
 
 # Longer lines are no positions: NMEA 0183 allows 82 characters, a report of gpsd needs about 500.
 _MAX_LINE = 4096
@@ -30,8 +30,8 @@ _FIELDS = re.compile(
     rb"(\d\d)(\d\d)(\d\d(?:\.\d*)?),A,(\d\d)(\d\d(?:\.\d*)?),([NS]),(\d{3})(\d\d(?:\.\d*)?),([EW]),"
     rb"[^,]*,[^,]*,(\d{6})(?:,.*)?"
 )
-# Places of status, latitude, longitude, date and mode among the fields after RMC.
-_STATUS, _NEEDED, _MODE = 1, (0, 1, 2, 4, 8), 11
+# Place of the mode among the fields after RMC.
+_MODE = 11
 # The end of the last year that a date can have, s since 1970.
 _LAST = datetime(9999, 12, 31, tzinfo=UTC).timestamp()
 # The kind of gpsd's JSON that has a position, and the least mode in which it has one.
@@ -47,31 +47,6 @@ class Fix:
     lat: float
 
 
-@dataclass(frozen=True, slots=True)
-class Unread:
-    """What has no position: a receiver without a fix, something else, or a line that is broken."""
-
-    kind: Literal["void", "other", "broken"]
-    reason: str = ""
-
-
-class LineCutter:
-    """Cuts a stream of bytes into lines, the same ones however the stream arrives."""
-
-    def __init__(self) -> None:
-        self._rest = b""
-
-    def lines(self, chunk: bytes) -> list[bytes]:
-        """Return the lines that a chunk completes, each cut to the longest that is read."""
-        *whole, rest = (self._rest + chunk).split(b"\n")
-        self._rest = rest[: _MAX_LINE + 1]
-        return [line[: _MAX_LINE + 1] for line in whole]
-
-    def last(self) -> list[bytes]:
-        """Return what the stream ends with after its last line end, if there is anything."""
-        return [self._rest] if self._rest else []
-
-
 def last_fix(file: Path) -> Fix | None:
     """Return the last position in a file that grows; None if none is near its end.
 
@@ -83,63 +58,45 @@ def last_fix(file: Path) -> Fix | None:
     with file.open("rb") as stream:
         size = stream.seek(0, os.SEEK_END)
         stream.seek(max(0, size - _TAIL))
-        cutter = LineCutter()
-        lines = [*cutter.lines(stream.read(_TAIL)), *cutter.last()]
+        lines = stream.read(_TAIL).split(b"\n")
     # The first line may have been cut.
     whole = lines[1:] if size > _TAIL else lines
-    fixes = [one for line in whole for one in reports(line) if isinstance(one, Fix)]
+    fixes = [one for line in whole for one in positions(line)]
     return fixes[-1] if fixes else None
 
 
-def reports(line: bytes) -> Iterator[Fix | Unread]:
-    """Read a line: none, one or several reports."""
-    is_whole, line = len(line) <= _MAX_LINE, line.strip()
-    if not is_whole:
-        yield Unread("broken", f"longer than {_MAX_LINE:,} bytes")
-    elif line.startswith(b"{"):
+def positions(line: bytes) -> Iterator[Fix]:
+    """Yield the positions in a line: none, one or several."""
+    line = line.strip()
+    if len(line) > _MAX_LINE:
+        return
+    if line.startswith(b"{"):
         yield from _of_json(line)
-    elif line:
-        head, *sentences = line.split(b"$")
-        # Before the $ may stand a tag block; a sentence for ships' radio begins with "!".
-        if head and not head.startswith((b"\\", b"!")):
-            yield Unread("broken", "neither a sentence of NMEA 0183 nor JSON")
-        elif not sentences:
-            yield Unread("other")
-        for sentence in sentences:
-            yield _of_sentence(sentence)
+        return
+    for sentence in line.split(b"$")[1:]:
+        if (fix := _of_sentence(sentence)) is not None:
+            yield fix
 
 
-def _of_sentence(sentence: bytes) -> Fix | Unread:
+def _of_sentence(sentence: bytes) -> Fix | None:
     """Read a sentence without its $."""
-    if sentence[2:6] != b"RMC,":
-        is_whole = re.match(rb"[A-Z0-9]{4,},", sentence)
-        return Unread("other") if is_whole else Unread("broken", "a sentence that is cut off")
     found = _SENTENCE.fullmatch(sentence.rstrip())
-    if found is None:
-        return Unread("broken", "an RMC sentence without a checksum at its end")
-    summed, stated = reduce(xor, found[1]), int(found[3], 16)
-    if summed != stated:
-        return Unread("broken", f"the checksum is {summed:02X}, not {stated:02X} as stated")
-    fields = found[2].split(b",")
-    if len(fields) > max(_NEEDED) and (
-        fields[_STATUS] == b"V"
-        or fields[_MODE : _MODE + 1] == [b"N"]
-        or not all(fields[at] for at in _NEEDED)
-    ):
-        return Unread("void")
+    if found is None or reduce(xor, found[1]) != int(found[3], 16):
+        return None
     parts = _FIELDS.fullmatch(found[2])
-    return _of_fields(parts) if parts else Unread("broken", "fields that RMC does not have")
+    has_fix = found[2].split(b",")[_MODE : _MODE + 1] != [b"N"]
+    return _of_fields(parts) if parts and has_fix else None
 
 
-def _of_fields(parts: re.Match[bytes]) -> Fix | Unread:
+def _of_fields(parts: re.Match[bytes]) -> Fix | None:
     """Read the fields of a sentence with a position."""
     hour, minute, second, lat_deg, lat_min, north, lon_deg, lon_min, east, date = parts.groups()
     midnight = _midnight(date)
     # The last second of a day may be a leap second.
     if midnight is None or int(hour) > 23 or int(minute) > 59 or float(second) >= 61:
-        return Unread("broken", "no such date or time")
+        return None
     if max(float(lat_min), float(lon_min)) >= 60:
-        return Unread("broken", "60 minutes of arc or more")
+        return None
     lat = (int(lat_deg) + float(lat_min) / 60) * (1 if north == b"N" else -1)
     lon = (int(lon_deg) + float(lon_min) / 60) * (1 if east == b"E" else -1)
     return _checked(midnight + int(hour) * 3600 + int(minute) * 60 + float(second), lon, lat)
@@ -154,39 +111,31 @@ def _midnight(date: bytes) -> float | None:
         return None
 
 
-def _checked(time: float, lon: float, lat: float) -> Fix | Unread:
+def _checked(time: float, lon: float, lat: float) -> Fix | None:
     """Return a position that may be one."""
-    if not (0 <= time < _LAST and abs(lat) <= 90 and abs(lon) <= 180):
-        return Unread("broken", "no position on earth, or no time")
-    return Fix(time, lon, lat)
+    is_one = 0 <= time < _LAST and abs(lat) <= 90 and abs(lon) <= 180
+    return Fix(time, lon, lat) if is_one else None
 
 
-def _of_json(line: bytes) -> Iterator[Fix | Unread]:
+def _of_json(line: bytes) -> Iterator[Fix]:
     """Read a line that begins as an object of JSON; more of them may follow on it."""
-    try:
+    with contextlib.suppress(ValueError, RecursionError):
         rest = line.decode()
         while rest.startswith("{"):
             found, end = json.JSONDecoder().raw_decode(rest)
-            yield _of_object(found)
+            if (fix := _of_object(found)) is not None:
+                yield fix
             rest = rest[end:].strip()
-    except (ValueError, RecursionError):
-        yield Unread("broken", "JSON that can't be read")
-    else:
-        yield from reports(rest.encode())
+        yield from positions(rest.encode())
 
 
-def _of_object(found: dict[str, object]) -> Fix | Unread:
+def _of_object(found: dict[str, object]) -> Fix | None:
     """Read time, lon and lat; of gpsd's objects only those with a position."""
-    if "class" in found and found["class"] != _GPSD:
-        return Unread("other")
     mode = found.get("mode", _GPSD_MODE)
-    values = [found.get(name) for name in ("time", "lon", "lat")]
-    if (isinstance(mode, int) and mode < _GPSD_MODE) or all(one is None for one in values[1:]):
-        return Unread("void")
-    time, lon, lat = map(_number, (_seconds(values[0]), *values[1:]))
-    if time is None or lon is None or lat is None:
-        return Unread("broken", "JSON needs the numbers lon and lat, and time: ISO 8601 or seconds")
-    return _checked(time, lon, lat)
+    if found.get("class", _GPSD) != _GPSD or (isinstance(mode, int) and mode < _GPSD_MODE):
+        return None
+    time, lon, lat = map(_number, (_seconds(found.get("time")), found.get("lon"), found.get("lat")))
+    return None if time is None or lon is None or lat is None else _checked(time, lon, lat)
 
 
 def _number(value: object) -> float | None:

@@ -62,8 +62,7 @@ def _chart(request: VoyageRequest, read: Callable[[str, Path, str], str]) -> dic
 def _havens(request: VoyageRequest) -> dict[str, Any]:
     """Return the table of havens, if any; refuse a list without a limit, or a limit without one."""
     limits = {"within": request.within, "endurance": request.endurance}
-    limits_given = [key for key, one in limits.items() if one]
-    given = {key: one for key, one in {**limits, "require": request.require}.items() if one}
+    given = {key: one for key, one in limits.items() if one}
     if request.havens is None and not given:
         return {}
     if request.havens is None:
@@ -71,7 +70,7 @@ def _havens(request: VoyageRequest) -> dict[str, Any]:
         raise RequestError(
             f"{', '.join(f'--{key}' for key in given)} {words} to a haven; add --havens FILE"
         )
-    if not limits_given:
+    if not given:
         raise RequestError("--havens needs a limit; add --within 6h or --endurance 2d, or both")
     return {"path": str(resolved(request.havens, "--havens")), **given}
 

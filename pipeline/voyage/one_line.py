@@ -53,7 +53,6 @@ def go(
     havens: Path | None = None,
     within: str = "",
     endurance: str = "",
-    require: bool = False,
     clearance_m: float | None = None,
     charts: Path | None = None,
     depths: Path | None = None,
@@ -99,8 +98,6 @@ def go(
     within, endurance
         Longest time to a haven, and time under way for which there is fuel at departure: "6h".
         With `havens` one of the two is needed.
-    require
-        Plan only routes from all of whose places a haven is reached so.
     clearance_m
         Minimum distance from the charted coast and its margin, true metres; by default an offing
         is chosen.
@@ -145,7 +142,6 @@ def go(
         havens=havens,
         within=within,
         endurance=endurance,
-        require=require,
         clearance="" if clearance_m is None else f"{clearance_m!r}",
         charts=charts,
         depths=depths,

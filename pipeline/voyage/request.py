@@ -37,7 +37,6 @@ class VoyageRequest:
     havens: Path | None = None
     within: str = ""
     endurance: str = ""
-    require: bool = False
     tide: tuple[str, ...] = ()
     members: str = ""
 
@@ -66,7 +65,6 @@ class VoyageRequest:
             charts=given.get("charts"),
             depths=given.get("depths"),
             havens=given.get("havens"),
-            require=bool(given.get("require")),
             **options,
         )
 

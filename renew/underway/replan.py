@@ -154,7 +154,7 @@ def replan(
     StartInNoGoError
         The position is on land or outside the chart; the message names the nearest water.
     """
-    asked = asked_of(previous, "previous")
+    asked = _asked_of(previous)
     if asked.request.speed is not None:
         raise ParameterError(
             "previous chose speeds, and can't be planned again under way: plan from here with "
@@ -206,14 +206,14 @@ def replan(
     )
 
 
-def asked_of(plan: Plan, which: str) -> Task:
-    """Return what a plan was asked; `which` names it in errors. Refuse one read from a pickle."""
-    check_kind(which, plan, Plan)
-    asked = plan.voyage
+def _asked_of(previous: Plan) -> Task:
+    """Return what a plan was asked; refuse one read from a pickle."""
+    check_kind("previous", previous, Plan)
+    asked = previous.voyage
     if not isinstance(asked, Task):
         raise ParameterError(
-            f"{which}.voyage = {shown(asked)}: a plan that was pickled has lost its current; take "
-            f"the voyage of a new plan, dataclasses.replace({which}, voyage=new.voyage)"
+            f"previous.voyage = {shown(asked)}: a plan that was pickled has lost its current; take "
+            "the voyage of a new plan, dataclasses.replace(previous, voyage=new.voyage)"
         )
     return asked
 

@@ -149,8 +149,8 @@ class VoyageSpec(StrictModel):
     """Folder of the results with the plan that the vessel sails. Give the path of the folder of a
     finished run."""
     positions: str
-    """File of its positions, as `renew watch` reads them: NMEA 0183 (RMC) or JSON lines; the last
-    one counts. Give a path."""
+    """File of its positions: NMEA 0183 (RMC), or JSON lines with time, lon and lat; the last one
+    counts. Give a path."""
     currents: Annotated[_MEMBERS, Field(min_length=1)]
     """Tonight's currents, as for `renew replan --currents`. Give names of the catalogue, files or a
     pattern, as 'tonight/*.nc'."""

@@ -177,7 +177,6 @@ export class Form {
     const ids = (kind) => this.files[kind].map((one) => one.id).filter(Boolean);
     const request = { start: value("start"), goal: value("goal"), via: this.vias().map((input) => input.value.trim()).filter(Boolean), areas: this.areas };
     for (const name of TEXTS) if (value(name)) request[name] = value(name);
-    if (find("#require").checked) request.require = true;
     if (request.vessel) for (const name of ["speed", "length", "turning_circle"]) delete request[name];
     request.month = value("month").split(/[\s,]+/).filter(Boolean);
     request.currents = ids("currents").length ? ids("currents") : [value("source")].filter(Boolean);
@@ -196,7 +195,6 @@ export class Form {
   /** Fill the form with an earlier request. */
   write(request) {
     for (const name of ["start", "goal", ...TEXTS]) find(`#${name}`).value = request[name] || "";
-    find("#require").checked = Boolean(request.require);
     find("#vias").replaceChildren();
     for (const text of request.via) this.addVia(text);
     find("#month").value = request.month.join(", ");

@@ -17,7 +17,6 @@ from pipeline.geo.projection import densified
 from pipeline.model import (
     EnsembleFigures,
     Evaluation,
-    HavenLimits,
     RouteMetrics,
     Scene,
     SeasonPlan,
@@ -71,12 +70,11 @@ def plan_season(
     season: str,
     options: PlannerOptions,
     on_step: OnStep = ignore_step,
-    required: HavenLimits | None = None,
+    havens: tuple[renew.Haven, ...] = (),
 ) -> SeasonPlan:
     """Plan one season; if that is impossible, the result's `failure` has the reason.
 
-    If limits on the way to a haven are `required`, its routes keep them; under way the reason says
-    which of these havens to turn off to.
+    Under way the reason says which of the `havens` to turn off to.
 
     `on_step` is called with the season and each step of its plan, whose path is in lon/lat degrees.
     """
@@ -95,7 +93,6 @@ def plan_season(
     try:
         with watched(tell):
             if scene.before is not None:
-                havens = () if required is None else required.havens
                 plan, again = replanned(scene, scene.before, season, asked, havens)
             elif season in scene.speeds:
                 plan, arrive_by_s = planning.planned_in_time(planned, scene, season)
@@ -104,8 +101,6 @@ def plan_season(
                 plan, ensemble = found.plan, EnsembleFigures.of(found, spelled)
             else:
                 plan = planned(arrive_by_s)
-                if required is not None:
-                    plan = required.only_covered(plan, scene, season)
     except renew.PlanningError as error:
         stretch = planning.largest_stretch(scene, season) if season in scene.speeds else 1.0
         failure = planner_text(error.text, scene, season, stretch)
@@ -116,13 +111,10 @@ def plan_season(
                 f"; {season_text(season)}: its currents end too early: give currents that reach "
                 "further, raise its max_hours if they do, or depart earlier"
             )
-        is_uncovered = isinstance(error, renew.UncoveredError)
-        if causes and not all(are_late) and not is_uncovered:
+        if causes and not all(are_late):
             failure += "; these are keys of [planner]; renew go has the option --clearance"
-        is_shut = (
-            isinstance(error, renew.UnreachableError)
-            and not is_uncovered
-            and not is_shut_in(scene, error.straits, _least_padding(error, scene, season, asked))
+        is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
+            scene, error.straits, _least_padding(error, scene, season, asked)
         )
         return SeasonPlan(
             season,

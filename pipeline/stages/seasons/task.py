@@ -29,7 +29,6 @@ from pipeline.model import (
     Current,
     Evaluation,
     GapShares,
-    HavenLimits,
     Scene,
     SeasonPlan,
     SpeedChoice,
@@ -220,8 +219,8 @@ class SeasonTask:
     """The inputs and result paths to plan and evaluate one season.
 
     `owner` is the scenario's name, `limit_s` the task's time limit or None. With `explains_gap` the
-    evaluation splits the optimality gap into its causes. If limits on the way to a haven are
-    `required`, all routes keep them.
+    evaluation splits the optimality gap into its causes. Under way the vessel turns off to one of
+    the `havens` if no way leads on.
     """
 
     season: str
@@ -232,7 +231,7 @@ class SeasonTask:
     owner: str = ""
     limit_s: float | None = None
     explains_gap: bool = False
-    required: HavenLimits | None = None
+    havens: tuple[renew.Haven, ...] = ()
 
     def result(self) -> tuple[SeasonPlan, Evaluation] | None:
         """Load plan and evaluation from the store; None if one is missing or damaged."""
@@ -262,15 +261,13 @@ def plan_and_evaluate(task: SeasonTask, on_step: OnStep = ignore_step) -> str:
         )
     plan = load_artefact(task.plan_path, SeasonPlan)
     if plan is None:
-        plan = plan_season(scene, task.season, task.options, on_step, task.required)
+        plan = plan_season(scene, task.season, task.options, on_step, task.havens)
         with ThreadPoolExecutor(1) as beside:
             if plan.plan is not None:  # of its two bounds, this thread computes the other
                 beside.submit(getattr, plan.plan.best.fuel_bound, "at_clearance")
             save_artefact(task.plan_path, plan, task.owner)
-    # Other plans need not be covered, and may need less fuel than the bound on those that are.
-    is_free = task.required is None or not task.required.is_required
-    shares = gap_shares(scene, plan, task.options) if task.explains_gap and is_free else None
-    worth = clock_worth(scene, plan, task.options) if is_free else None
+    shares = gap_shares(scene, plan, task.options) if task.explains_gap else None
+    worth = clock_worth(scene, plan, task.options)
     evaluation = replace(
         evaluate_season(scene, plan, task.options),
         gap_shares=() if shares is None else (shares,),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import errno
 import gc
 import json
 import os
@@ -164,18 +163,6 @@ def test_a_temporary_cache_of_the_compiler_is_a_warning(monkeypatch: pytest.Monk
     found = check_machine.compiler_cache()
     assert found.state == "warning"
     assert "NUMBA_CACHE_DIR" in found.remedy
-
-
-def test_a_cache_of_the_compiler_that_cannot_be_read_is_a_warning(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    damaged = [OSError(errno.EIO, "is damaged", f"/cache/{name}.nbc") for name in "abc"]
-    monkeypatch.setattr("renew._compiled.cache_is_temporary", lambda: False)
-    monkeypatch.setattr("renew._compiled.load_failures", lambda: tuple(damaged))
-    found = check_machine.compiler_cache()
-    assert found.state == "warning"
-    assert found.detail == "/cache/a.nbc: is damaged, and 2 more like it; it is treated as missing"
-    assert "remove it" in found.remedy
 
 
 def test_little_memory_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import itertools
 import json
-import re
 import zipfile
 from datetime import timedelta
 from pathlib import Path
@@ -32,7 +31,6 @@ from pipeline.voyage.named_files import tables_of
 from pipeline.voyage.request import VoyageRequest
 from tests.pipeline import tidal_run
 from tests.pipeline.formats.gis.tables import layer
-from tests.pipeline.results import result_of
 from tests.pipeline.underway import sailing
 
 WITHIN_S = 1500.0
@@ -223,27 +221,6 @@ def test_a_page_of_the_passage_plan_and_a_section_of_the_report_say_when_to_turn
     assert "Ways to havens" in (covered[0].directory / "report.html").read_text()
 
 
-def test_a_route_that_must_be_covered_is_the_same_where_it_is(tmp_path: Path) -> None:
-    first = result_of(scenario(tmp_path, within="2h"), tmp_path)
-    found = result_of(scenario(tmp_path, within="2h", require=True), tmp_path)
-    (one, *_), (other, *_) = (each.season_routes("calm") for each in (first, found))
-    assert np.array_equal(one.route.trajectory, other.route.trajectory)
-    assert one.metrics.optimality_gap == other.metrics.optimality_gap
-    assert found.coverages["calm"].is_covered
-
-
-def test_where_no_route_is_covered_the_limit_that_would_do_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RequestError) as caught:
-        result_of(scenario(tmp_path, within="10min", require=True), tmp_path)
-    said = str(caught.value)
-    words = r"no haven is reached within 600 s; with (\d+) min the route is covered"
-    needed = re.search(words, said)
-    assert needed is not None, said
-    assert "--clearance" not in said
-    enough = scenario(tmp_path, within=f"{needed.group(1)}min", require=True)
-    assert result_of(enough, tmp_path).coverages["calm"].is_covered
-
-
 def test_a_second_run_looks_for_no_way(covered: tuple[Outcome, Scenario, Path]) -> None:
     _, asked, folder = covered
     events: list[Event] = []
@@ -331,11 +308,5 @@ def test_on_the_command_line_a_list_needs_a_limit_and_a_limit_a_list(tmp_path: P
     with pytest.raises(RequestError, match="add --havens FILE"):
         tables_of(VoyageRequest(voyage, within="6h"))
     (tmp_path / "h.csv").write_text(HAVENS)
-    with pytest.raises(RequestError, match="--require limits the way to a haven; add --havens"):
-        tables_of(VoyageRequest(voyage, require=True))
-    with pytest.raises(RequestError, match="--havens needs a limit"):
-        tables_of(VoyageRequest(voyage, havens=tmp_path / "h.csv", require=True))
-    given = VoyageRequest(voyage, havens=tmp_path / "h.csv", within="6h", require=True)
-    assert tables_of(given)["havens"]["require"] is True
     tables = tables_of(VoyageRequest(voyage, havens=tmp_path / "h.csv", within="6h"))
     assert tables["havens"] == {"path": str(tmp_path / "h.csv"), "within": "6h"}
