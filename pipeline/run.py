@@ -72,7 +72,7 @@ class Outcome:
     directory: Path
     fresh: bool
     seconds: float
-    late_faults: tuple[str, ...] = ()
+    late_faults: tuple[str, ...] = field(default=(), repr=False)
 
     @property
     def scenario(self) -> Scenario:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import shapely
 from hypothesis import given, settings, strategies as st
 
-from pipeline.geo.coast import covering_land, inner_land
+from pipeline.geo.coast import covering_land, in_small_pieces, inner_land
 from tests.pipeline.geo.shapes import coasts
 from tests.strategies import examples
 
@@ -59,3 +60,17 @@ def test_enclosed_water_becomes_land_but_for_that_of_an_endpoint() -> None:
     (closed,) = covering_land(np.array([hooks]), 50.0, 10.0, np.array([[-1e3, 0.0]]))
     assert not closed.interiors
     assert closed.covers(shapely.Point(5e3, 5e3))
+
+
+def test_small_pieces_make_up_the_same_area() -> None:
+    angle = np.linspace(0, 2 * np.pi, 5_000, endpoint=False)
+    radius = 1000 + 200 * np.sin(37 * angle) + 5 * np.sin(1_900 * angle)
+    star = shapely.Polygon(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]))
+    holed = star.difference(shapely.Point(0, 0).buffer(300, quad_segs=200))
+    whole = np.array([holed, shapely.box(2_000, 0, 2_001, 1)], dtype=object)
+    pieces = in_small_pieces(whole)
+    assert shapely.get_num_coordinates(pieces).max() <= 256
+    assert shapely.area(pieces).sum() == pytest.approx(shapely.area(whole).sum(), rel=1e-12)
+    line = shapely.LineString([(-1_500, -700), (1_500, 433)])
+    lengths = [shapely.length(shapely.intersection(line, cut)).sum() for cut in (whole, pieces)]
+    assert lengths[0] == pytest.approx(lengths[1], rel=1e-9)
