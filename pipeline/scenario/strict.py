@@ -59,9 +59,19 @@ def _describe(schema: dict[str, Any], model: type[BaseModel]) -> None:
         schema["properties"][key]["description"] = text
 
 
+class DiskPath(str):
+    """A path as it is on the disk: two blanks, or an accent of its own, are part of its name."""
+
+    __slots__ = ()
+
+
+# A path that is not opened where it is read.
+PathAsGiven = Annotated[str, AfterValidator(DiskPath)]
+
+
 def cleaned(value: object) -> object:
-    """Clean a text of a table; other values stay."""
-    return clean(value) if isinstance(value, str) else value
+    """Clean a text of a table; paths and other values stay."""
+    return clean(value) if isinstance(value, str) and not isinstance(value, DiskPath) else value
 
 
 class StrictModel(BaseModel):
@@ -129,9 +139,9 @@ def usable_path(text: str, info: ValidationInfo) -> str:
     if reason := unusable_reason(text):
         raise RemediedError(f"= '{shown_path(text)}' {reason}")
     if not (text and info.context):
-        return text
+        return DiskPath(text)
     is_relative = not text.startswith(("~", "/"))
-    return str(resolved(info.context["folder"] / text if is_relative else text, "scenario"))
+    return DiskPath(resolved(info.context["folder"] / text if is_relative else text, "scenario"))
 
 
 PathText = Annotated[str, AfterValidator(usable_path)]

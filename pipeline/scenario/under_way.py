@@ -16,7 +16,8 @@ def _behind_link(text: str, info: ValidationInfo) -> str:
     """Make a folder's path absolute, with its links: one leads to the newest results."""
     strict.usable_path(text, info)
     folder = str(info.context["folder"]) if text and info.context else ""
-    return os.path.normpath(os.path.join(folder, os.path.expanduser(text))) if folder else text  # noqa: PTH111, PTH118 - a Path does not drop ".."
+    whole = os.path.normpath(os.path.join(folder, os.path.expanduser(text))) if folder else text  # noqa: PTH111, PTH118 - a Path does not drop ".."
+    return strict.DiskPath(whole)
 
 
 class UnderWay(StrictModel):

@@ -15,6 +15,7 @@ from pipeline.scenario.strict import (
     Integer,
     NonNegative,
     Number,
+    PathAsGiven,
     Positive,
     RemediedError,
     StrictModel,
@@ -122,12 +123,12 @@ class TomlLines:
 class CaseSpec(StrictModel):
     """One [[cases]] table: a scenario, and the lists whose combinations are its cases."""
 
-    scenario: str
+    scenario: PathAsGiven
     """The scenario: its chart, currents and planner. Give a name of the catalogue (`renew list`),
     or the path of a file."""
     seasons: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     """Seasons of the scenario to plan; by default all. Give a list of their names."""
-    pairs: str | None = None
+    pairs: PathAsGiven | None = None
     """CSV file of start–goal pairs; by default the scenario's own. Give its path."""
     vessels: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     """Vessels of the catalogue; by default the scenario's own. Give a list of their names."""
@@ -145,10 +146,10 @@ class CaseSpec(StrictModel):
 class VoyageSpec(StrictModel):
     """One [[voyages]] table: a vessel under way, whose voyage is planned again every night."""
 
-    results: str
+    results: PathAsGiven
     """Folder of the results with the plan that the vessel sails. Give the path of the folder of a
     finished run."""
-    positions: str
+    positions: PathAsGiven
     """File of its positions: NMEA 0183 (RMC), or JSON lines with time, lon and lat; the last one
     counts. Give a path."""
     currents: Annotated[_MEMBERS, Field(min_length=1)]

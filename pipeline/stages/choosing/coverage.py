@@ -101,7 +101,8 @@ def require_whole_files(scenario: Scenario) -> None:
         region = scenario.region.shape
         faults.collect(lambda: avoided_zones(scenario, region))
     for area in scenario.avoid if scenario.region is None else ():
-        faults.collect(partial(open_layer, Path(area.path), "", ""))
+        version = (Path(area.path).stat().st_mtime_ns,)
+        faults.collect(partial(open_layer, Path(area.path), area.layer, area.crs, version))
     if (havens := scenario.havens) is not None:
         faults.collect(lambda: read_havens(Path(havens.path)))
     if scenario.chart.depths or any(source.path for source in scenario.chart.source):

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pyogrio
 import pytest
+from pyogrio._ogr import _register_drivers
 
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.records import write_currents
@@ -62,3 +64,10 @@ def currents(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Pat
     path = tmp_path_factory.mktemp("currents") / "currents.nc"
     write_currents(result, "summer", path)
     return path
+
+
+@pytest.fixture
+def every_driver() -> None:
+    """Give GDAL back all drivers: charts that a test before has read leave it only some."""
+    pyogrio.set_gdal_config_options({"GDAL_SKIP": None})
+    _register_drivers()

@@ -146,7 +146,7 @@ def test_a_page_says_what_a_navigator_asks(result: RunResult, tmp_path: Path) ->
             "scale of 1:1000",
         ):
             assert part in page
-        assert "Not known: no depths in this chart" in " ".join(page.split())
+        assert "Mind: No depths in this chart" in " ".join(page.split())
         assert small_run.LAND.text in page
 
 

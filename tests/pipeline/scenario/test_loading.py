@@ -75,6 +75,17 @@ def test_loading_asks_no_source(tmp_path: Path) -> None:
         require_covered(scenario)
 
 
+def test_a_path_keeps_its_blanks_and_accents(tmp_path: Path) -> None:
+    """As macOS writes them: an accent is a character of its own."""
+    file = tmp_path / "two  blanks, cafe\N{COMBINING ACUTE ACCENT}.geojson"
+    file.write_text("{}")
+    chart = {"source": {"path": str(file)}}
+    found = parse_scenario(table(title="two  blanks", chart=chart, avoid=[{"path": str(file)}]))
+    assert [source.path for source in found.chart.source] == [str(file)]
+    assert [area.path for area in found.avoid] == [str(file)]
+    assert found.title == "two blanks"
+
+
 def test_start_and_goal_may_not_be_the_same_place() -> None:
     assert "are the same place, [118.4, 10.2]" in faults(goal=[118.4, 10.2])[0]
     plane = tomllib.loads(small_plane("plane"))

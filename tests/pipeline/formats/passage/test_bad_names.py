@@ -74,6 +74,7 @@ def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None
     assert name in texts["credits"]
 
 
+@pytest.mark.usefixtures("every_driver")
 def test_gpx(named: tuple[str, RunResult], tmp_path: Path) -> None:
     name, result = named
     path = tmp_path / f"{safe_name(name)}.gpx"

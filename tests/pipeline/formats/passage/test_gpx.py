@@ -151,6 +151,7 @@ def test_gpx_gives_opencpn_speeds_and_departure(
         assert passage == pytest.approx(hours, rel=1e-4)
 
 
+@pytest.mark.usefixtures("every_driver")
 def test_gdal_reads_it(any_run: RunResult, tmp_path: Path) -> None:
     path = tmp_path / "a.gpx"
     gpx = written(any_run, path)
