@@ -12,7 +12,6 @@ from experiments.environments.model import EnvironmentSpec
 from experiments.plan_of_jobs import TIMED
 from experiments.tables.summary import Runs
 from experiments.tables.tables import Results
-from pipeline.formats.figures.turning import draw_reaches
 from pipeline.formats.shared.palette import COLOURS
 from renew._types import FloatArray
 from renew.turns.turn_reach import turn_reach
@@ -60,7 +59,9 @@ def turning_circles(vessel: renew.Vessel) -> Figure:
     left.set_title("Hard-over turns in 0.30 m/s at 45° to the edge", fontsize=10, loc="left")
     left.set_ylim(-7.5, 1.2)
     left.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), frameon=False)
-    draw_reaches(right, samples, _RISK)
+    for label, reach, colour in samples:
+        right.plot(np.sort(reach), np.arange(1, _DRAWS + 1) / _DRAWS, color=colour, label=label)
+    right.axhline(1 - _RISK, color=COLOURS["frame"], lw=0.8, ls="--")
     right.set(xlabel="reach towards the edge (m)", ylabel="share of drawn turns")
     right.set_title(
         "Reach of drawn turns: the padding is the 95 % quantile", fontsize=10, loc="left"

@@ -165,7 +165,7 @@ def plot(
     ] = None,
     figure: Annotated[
         list[Kind] | None,
-        typer.Option(help="What to draw; may be repeated. Everything if left out."),
+        typer.Option(help="What to draw; may be repeated. Both if left out."),
     ] = None,
     form: Annotated[Form, typer.Option("--format", help="Format of the files.")] = Form.PNG,
     width: Annotated[
@@ -200,8 +200,6 @@ def plot(
             )
         for file in drawn.files:
             typer.echo(short_path(file))
-        for reason in drawn.skipped:
-            say(reason, err=True)
         for failure in drawn.failures:
             say(f"error: {failure}", err=True)
         raise typer.Exit(1 if drawn.failures else 0)

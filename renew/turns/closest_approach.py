@@ -32,7 +32,6 @@ class Tightest(NamedTuple):
     reaches : (n,) m, how far hard-over turns from there reach towards the edge, the worse of both
         sides, at the speed sailed there, in draws of the current in the triangle and of headings
         about this one.
-    headings, currents : (n,) rad and (n, 2) m/s, these draws.
     """
 
     point: FloatArray
@@ -42,8 +41,6 @@ class Tightest(NamedTuple):
     turns: float
     gap: float
     reaches: FloatArray
-    headings: FloatArray
-    currents: FloatArray
 
 
 def tightest(
@@ -94,19 +91,13 @@ def tightest(
     triangles = shapely.polygons(route.corners)
     inside = int(shapely.distance(triangles, shapely.Point(point)).argmin())
     when = np.interp(along, np.concatenate([[0.0], passed]), route.times)
-    sampler = TurnSampler(seed, _DRAWS)
-    statistics = field.statistics(
-        route.corners[[inside]], np.array([[when, when + vessel.turn_period]])
-    )
-    headings, currents = sampler.draws(statistics, np.array([course]))
     asked = TurnsAtEdges(
-        statistics,
+        field.statistics(route.corners[[inside]], np.array([[when, when + vessel.turn_period]])),
         np.array([course]),
         np.zeros(1, dtype=np.int64),
         normals_away(edges[[nearest]], point[None]),
         replace(vessel, speed=float(route.speeds[leg])),
     )
-    reaches = sampler.reaches(asked)
     return Tightest(
         point=point,
         edge=edges[nearest],
@@ -114,7 +105,5 @@ def tightest(
         padding=float(padding[nearest]),
         turns=float(route.turn_padding[nearest]),
         gap=float(gaps[nearest]),
-        reaches=reaches[0],
-        headings=headings[0],
-        currents=currents[0],
+        reaches=TurnSampler(seed, _DRAWS).reaches(asked)[0],
     )

@@ -190,13 +190,6 @@ class TurnSampler:
         reaches = _reaches(asked.row, asked.normals, turns, vessel.speed, vessel.turn_rate)
         return np.asarray(reaches)
 
-    def draws(
-        self, statistics: CurrentStatistics, course: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return headings (t, draws), rad, and currents (t, draws, 2), m/s, of drawn turns."""
-        turns = self._turns(statistics, course)
-        return turns.heading, np.stack([turns.u, turns.v], axis=-1)
-
     def quantile(self, asked: TurnsAtEdges, risk: float) -> FloatArray:
         """Return reach (p,), m, that no more than a share `risk` of turns exceed, on the safe side.
 

@@ -128,8 +128,9 @@ def odd_command_line(rng: random.Random, folder: Path) -> CommandLine:
         arguments += ["--output", rng.choice(outputs)]
     if arguments[0] in {"run", "plot", "doctor"} and rng.random() < 0.6:
         arguments.append("--offline")
-    if arguments[0] == "plot":  # all figures take a minute
-        arguments += ["--figure", "season", "--format", rng.choice(("png", "svg", "pdf", "x"))]
+    if arguments[0] == "plot":
+        arguments += ["--figure", rng.choice(("routes", "along", "x"))]
+        arguments += ["--format", rng.choice(("png", "svg", "pdf", "x"))]
     while rng.random() < 0.3:
         arguments.append(rng.choice(_OPTIONS))
         if rng.random() < 0.7:

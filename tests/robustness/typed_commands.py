@@ -50,7 +50,7 @@ _LIKELY: dict[str, tuple[str, ...]] = {
     "--clearance": ("100m", "0", "1e9m", "-1m"),
     "--vessel": ("paper-asv", "paper-avs", "20m"),
     "--season": ("still", "summer"),
-    "--figure": ("season", "gyre", "map"),
+    "--figure": ("routes", "along", "map"),
     "--format": ("png", "svg", "pdf", "exe"),
     "--width": ("column", "page", "screen", "0"),
     "--older": ("30d", "12h", "0d", "-1d", "9" * 400 + "d", "1e400d"),
@@ -89,8 +89,6 @@ def typed_command(rng: random.Random, folder: Path) -> list[str]:
         words += _option(rng, option) * rng.choice((1, 1, 1, 1, 2))
     if path == ["go"] and rng.random() < 0.5:
         words += ["--speed", "10kn", "--length", "20m", "--turning-circle", "100m"]
-    if path == ["plot"] and "--figure" not in words:  # all figures take a minute
-        words += ["--figure", "season"]
     if rng.random() < 0.2:
         at = rng.randrange(len(words) + 1)
         odd = (rng.choice(ODD_WORDS), "--no-such-option", "--no-such=" + "x" * 5000, "--", "-h")

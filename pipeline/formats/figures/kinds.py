@@ -1,35 +1,19 @@
 """Kinds, widths and file types of a season's figures."""
 
-from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pipeline.formats.figures.method import Variant
     from pipeline.formats.shared.result import RunResult
 
 
 class Kind(StrEnum):
-    """What a figure shows of a season; `all` stands for all others."""
+    """What a figure shows of a season: its map, or what the best route meets along the way."""
 
-    MESH = "mesh"
-    CHANNELS = "channels"
-    PADDING = "padding"
     ROUTES = "routes"
     ALONG = "along"
-    TURNS = "turns"
-    REACH = "reach"
-    CLASSES = "classes"
-    PADDINGS = "paddings"
-    ALL = "all"
-
-    @classmethod
-    def selected(cls, kinds: "tuple[Kind, ...]") -> "tuple[Kind, ...]":
-        """Return the selected kinds, each once, in the order above; all if none is selected."""
-        every = tuple(kind for kind in cls if kind is not cls.ALL)
-        return tuple(kind for kind in every if kind in (kinds or every) or cls.ALL in kinds)
 
 
 class Width(StrEnum):
@@ -54,47 +38,15 @@ class Form(StrEnum):
     PDF = "pdf"
 
 
-def figure(
-    result: "RunResult",
-    season: str,
-    kind: Kind,
-    width: Width = Width.SCREEN,
-    variants: "Mapping[Kind, Sequence[Variant]] | None" = None,
-) -> "Figure":
-    """Draw a figure, of any kind but `all`, of a season that has a route.
-
-    `variants` are the runs with other options that `classes` and `paddings` compare.
-    """
+def figure(result: "RunResult", season: str, kind: Kind, width: Width = Width.SCREEN) -> "Figure":
+    """Draw a figure of a season that has a route."""
     from pipeline.formats.figures.artists import in_season_colour
-    from pipeline.formats.figures.method import (
-        channels_figure,
-        mesh_figure,
-        padding_map_figure,
-        variants_figure,
-    )
     from pipeline.formats.figures.plots import profile_figure
     from pipeline.formats.figures.season_map import overview_figure
-    from pipeline.formats.figures.turning import reach_figure, turns_figure
     from pipeline.formats.shared.palette import season_colour
 
-    size = width.points
-
-    def compared() -> "Figure":
-        chosen = (variants or {})[kind]
-        padded = kind is Kind.PADDINGS
-        return variants_figure(result, season, chosen, with_padding=padded, width_pt=size)
-
-    draws = {
-        Kind.MESH: lambda: mesh_figure(result, season, size),
-        Kind.CHANNELS: lambda: channels_figure(result, season, size),
-        Kind.PADDING: lambda: padding_map_figure(result, season, size),
-        Kind.ROUTES: lambda: overview_figure(result, [season], size),
-        Kind.ALONG: lambda: profile_figure(result, result.season_routes(season)[0], size),
-        Kind.TURNS: lambda: turns_figure(result, season, size),
-        Kind.REACH: lambda: reach_figure(result, season, size),
-        Kind.CLASSES: compared,
-        Kind.PADDINGS: compared,
-    }
-    drawn = draws[kind]()
+    if kind is Kind.ROUTES:
+        return overview_figure(result, [season], width.points)
+    drawn = profile_figure(result, result.season_routes(season)[0], width.points)
     in_season_colour(drawn, season_colour(result.season_index(season)))
     return drawn

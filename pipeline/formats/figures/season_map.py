@@ -37,18 +37,15 @@ SOFT_ALPHA = 0.38
 ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
 
 
-def chart_layers(
-    axes: Axes, result: RunResult, within: shapely.Geometry | None = None
-) -> list[Artist]:
+def chart_layers(axes: Axes, result: RunResult) -> list[Artist]:
     """Return the hard no-go zone and, over it, the original land, shoals and hazards.
 
-    Details too small to see are dropped, and all is clipped to an area if one is given. In a planar
-    scenario the no-go zone is the land itself.
+    Details too small to see are dropped. In a planar scenario the no-go zone is the land itself.
     """
     detail = DETAIL_PT * point(axes)
     no_go = () if result.scenario.is_planar else result.scene.chart.no_go
-    zones = visible(_clipped(no_go, within), detail)
-    land = visible(_clipped(result.scene.land, within), detail)
+    zones = visible(np.array(no_go, dtype=object), detail)
+    land = visible(np.array(result.scene.land, dtype=object), detail)
     to_plane = result.scene.projection.geometry_to_plane
     shoals = to_plane(np.array(result.shoals, dtype=object))
     hazards = to_plane(np.array(result.hazards, dtype=object))
@@ -58,14 +55,14 @@ def chart_layers(
             land, facecolor=COLOURS["land"], edgecolor=COLOURS["coast"], linewidth=0.35, zorder=4
         ),
         patch(
-            visible(_clipped(shoals, within), detail),
+            visible(shoals, detail),
             facecolor=COLOURS["shoal"],
             edgecolor="none",
             zorder=4,
         ),
         # The smallest are visible only by their edges.
         patch(
-            _clipped(hazards, within),
+            hazards,
             facecolor=COLOURS["hazard"],
             edgecolor=COLOURS["hazard"],
             linewidth=0.8,
@@ -90,12 +87,9 @@ def route_layers(routes: Sequence[RankedRoute]) -> list[Artist]:
     ]
 
 
-def haloed(
-    path: ArrayLike, colour: str, widths_pt: tuple[float, float] = (4.0, 2.2), zorder: float = 7
-) -> list[Artist]:
+def haloed(path: ArrayLike, colour: str) -> list[Artist]:
     """Return a route as a line on a wider halo."""
-    halo, width = widths_pt
-    return [stroke(path, COLOURS["halo"], halo, 6), stroke(path, colour, width, zorder)]
+    return [stroke(path, COLOURS["halo"], 4.0, 6), stroke(path, colour, 2.2, 7)]
 
 
 def haven_layers(result: RunResult, season: str) -> list[Artist]:
@@ -178,17 +172,6 @@ def visible(areas: Geometries, detail: float) -> Geometries:
     return np.asarray(
         shapely.simplify(areas[np.maximum(east - west, north - south) >= detail], detail)
     )
-
-
-def _clipped(
-    areas: Sequence[shapely.Geometry] | Geometries, within: shapely.Geometry | None
-) -> Geometries:
-    """Clip areas to another area, if one is given."""
-    areas = np.array(areas, dtype=object)
-    if within is None:
-        return areas
-    near = areas[shapely.intersects(areas, within)]
-    return np.asarray(shapely.intersection(near, within))
 
 
 def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> Markup:

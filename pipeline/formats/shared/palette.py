@@ -65,9 +65,6 @@ DARK = {
 }
 """Role -> colour on a dark background."""
 
-CLASS_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-"""Colours of classes, distinguishable with any colour vision (Okabe and Ito, 2008)."""
-
 SEASON_COLOURS = ("#d55e00", "#4a148c", "#111111", "#4f7fd0", "#7e0000", "#006666")
 """Colours of seasons on a light background, in the order of the scenario's seasons."""
 

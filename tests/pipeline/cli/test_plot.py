@@ -53,17 +53,14 @@ def test_all_figures_of_a_run_are_drawn_and_nothing_else_changes(output: Path) -
     assert drawn.failures == ()
     folder = output / "single-gyre" / "figures"
     assert drawn.directory == folder
-    assert [file.name for file in drawn.files] == [
-        f"gyre-{kind.value}.png" for kind in Kind.selected(())
-    ]
+    assert [file.name for file in drawn.files] == [f"gyre-{kind.value}.png" for kind in Kind]
     assert sorted(folder.iterdir()) == sorted(drawn.files)
     after = tree(output)
     assert {name: after[name] for name in before} == before
     results = (output / "single-gyre").resolve().relative_to(output.resolve())
-    fresh = {name for name in after if name not in before}
-    # What the figures compare with is planned, and stored.
-    stored = {name for name in fresh if name.startswith(".artefacts/")}
-    assert fresh - stored == {f"{results}/figures/{file.name}" for file in drawn.files}
+    assert after.keys() - before.keys() == {
+        f"{results}/figures/{file.name}" for file in drawn.files
+    }
     # The stored plan was used; nothing but figures was written.
     assert "write" not in {event.stage for event in events}
     assert dict(mpl.rcParams) == settings
@@ -73,7 +70,7 @@ def test_all_figures_of_a_run_are_drawn_and_nothing_else_changes(output: Path) -
 
 def test_the_same_figure_is_the_same_file(output: Path) -> None:
     for form in Form:
-        asked = {"kinds": (Kind.PADDING,), "form": form}
+        asked = {"kinds": (Kind.ROUTES,), "form": form}
         (first,) = plot(scenario(), output, **asked).files  # type: ignore[arg-type]
         was = first.read_bytes()
         (again,) = plot(scenario(), output, **asked).files  # type: ignore[arg-type]
@@ -82,9 +79,9 @@ def test_the_same_figure_is_the_same_file(output: Path) -> None:
 
 
 def test_pdf_and_svg_files_have_their_format(output: Path) -> None:
-    (pdf,) = plot(scenario(), output, kinds=(Kind.MESH,), form=Form.PDF).files
+    (pdf,) = plot(scenario(), output, kinds=(Kind.ROUTES,), form=Form.PDF).files
     assert pdf.read_bytes().startswith(b"%PDF-1.")
-    (svg,) = plot(scenario(), output, kinds=(Kind.MESH,), form=Form.SVG).files
+    (svg,) = plot(scenario(), output, kinds=(Kind.ROUTES,), form=Form.SVG).files
     text = svg.read_text()
     assert text.count("<svg") == 1
     # The whole extent is in it as vectors, not as an image.
@@ -104,29 +101,17 @@ def test_a_scenario_without_a_run_is_planned_and_only_figures_are_written(tmp_pa
     assert tree(tmp_path / "new" / ".artefacts" / "plan") == plans
 
 
-def test_a_figure_with_nothing_to_show_is_skipped_with_a_sentence(tmp_path: Path) -> None:
-    unpadded = scenario(classes=1)
-    planner = unpadded.planner.model_copy(update={"padding": "none", "clearance": 0.0})
-    unpadded = unpadded.model_copy(update={"planner": planner})
-    drawn = plot(unpadded, tmp_path, kinds=[Kind.TURNS, Kind.REACH, Kind.ROUTES])
-    assert [file.name for file in drawn.files] == ["gyre-routes.png"]
-    assert drawn.failures == ()
-    turns, reach = drawn.skipped
-    assert turns.startswith("season 'gyre': no figure turns: no edge")
-    assert reach.startswith("season 'gyre': no figure reach: no edge")
-
-
 def test_a_failed_season_leaves_the_others_figures(tmp_path: Path) -> None:
     seasons = [
         {"name": "calm", "uniform": {"u": 0.1, "v": 0.0}},
         {"name": "torrent", "uniform": {"u": 3.0, "v": 0.0}},
     ]
     asked = scenario(classes=1, seasons=seasons, published=None)
-    drawn = plot(asked, tmp_path, kinds=(Kind.MESH, Kind.ALONG))
-    assert [file.name for file in drawn.files] == ["calm-mesh.png", "calm-along.png"]
+    drawn = plot(asked, tmp_path, kinds=(Kind.ROUTES, Kind.ALONG))
+    assert [file.name for file in drawn.files] == ["calm-routes.png", "calm-along.png"]
     (failure,) = drawn.failures
     assert failure.startswith("season 'torrent': ")
-    only_calm = plot(asked, tmp_path, seasons=("calm",), kinds=(Kind.MESH,))
+    only_calm = plot(asked, tmp_path, seasons=("calm",), kinds=(Kind.ROUTES,))
     assert only_calm.failures == ()
 
 
@@ -143,20 +128,20 @@ def test_figures_that_cannot_be_written_are_a_failure_with_a_remedy(
     figures = tmp_path / "single-gyre" / "figures"
     shutil.rmtree(figures, ignore_errors=True)
     figures.write_text("in the way")
-    with pytest.raises(StageError, match=r"gyre-mesh\.png.*--output"):
-        plot(scenario(), tmp_path, kinds=(Kind.MESH,))
+    with pytest.raises(StageError, match=r"gyre-routes\.png.*--output"):
+        plot(scenario(), tmp_path, kinds=(Kind.ROUTES,))
     assert figures.read_text() == "in the way"
 
 
 def test_an_interrupted_figure_leaves_the_earlier_one_complete(
     output: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (file,) = plot(scenario(), output, kinds=(Kind.MESH,)).files
+    (file,) = plot(scenario(), output, kinds=(Kind.ROUTES,)).files
     whole = tree(output)
     # A resolution that exceeds any memory.
     monkeypatch.setattr(plot_module, "_DPI", 1e6)
     with pytest.raises((ValueError, MemoryError)):
-        plot(scenario(), output, kinds=(Kind.MESH,))
+        plot(scenario(), output, kinds=(Kind.ROUTES,))
     assert tree(output) == whole
     assert imread(file).size
 
@@ -172,7 +157,7 @@ def test_no_run_replaces_the_folder_while_figures_are_saved(
         return save(drawing, path, title)
 
     monkeypatch.setattr(plot_module, "_save", run_meanwhile)
-    (file,) = plot(scenario(), output, kinds=(Kind.MESH,)).files
+    (file,) = plot(scenario(), output, kinds=(Kind.ROUTES,)).files
     assert file.is_file()
 
 
@@ -184,10 +169,17 @@ def invoke(*arguments: str) -> tuple[int, str, str]:
 
 def test_the_command_names_its_files(tmp_path: Path) -> None:
     code, out, _ = invoke(
-        "single-gyre", "--output", str(tmp_path), "--figure", "mesh", "--format", "svg", "--offline"
+        "single-gyre",
+        "--output",
+        str(tmp_path),
+        "--figure",
+        "routes",
+        "--format",
+        "svg",
+        "--offline",
     )
     assert code == 0
-    assert out.strip() == str(tmp_path / "single-gyre" / "figures" / "gyre-mesh.svg")
+    assert out.strip() == str(tmp_path / "single-gyre" / "figures" / "gyre-routes.svg")
 
 
 def test_wrong_requests_exit_with_2_and_one_line(tmp_path: Path) -> None:

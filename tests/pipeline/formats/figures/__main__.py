@@ -5,11 +5,13 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from PIL import Image
 
+from experiments.figures import method
 from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.figures.season_map import overview_figure
 from pipeline.formats.shared.result import RunResult
@@ -44,9 +46,9 @@ def of_season(season: str, kind: Kind) -> Callable[[RunResult], Figure]:
 PICTURES = {
     "palawan-season": Picture("palawan-season", overview_figure, 160),
     "palawan-winter-along": Picture("palawan-season", of_season("winter", Kind.ALONG), 160),
-    "single-gyre-mesh": Picture("single-gyre", of_season("gyre", Kind.MESH), 130),
-    "single-gyre-channels": Picture("single-gyre", of_season("gyre", Kind.CHANNELS), 100),
-    "single-gyre-padding": Picture("single-gyre", of_season("gyre", Kind.PADDING), 130),
+    "single-gyre-mesh": Picture("single-gyre", partial(method.mesh, season="gyre"), 130),
+    "single-gyre-channels": Picture("single-gyre", partial(method.channels, season="gyre"), 100),
+    "single-gyre-padding": Picture("single-gyre", partial(method.padding, season="gyre"), 130),
     "palawan-usv": Picture("palawan-usv", of_season("winter", Kind.ROUTES), 130),
     "hansando": Picture("hansando", of_season("winter", Kind.ROUTES), 130),
     "far-east": Picture("far-east", of_season("winter", Kind.ROUTES), 130),

@@ -151,9 +151,8 @@ def tight(
 ) -> renew.Tightest:
     """A tightest place with given values."""
     edge = np.array([[0.0, gap], [1.0, gap]])
-    still = np.zeros((len(reaches), 2))
     turns = padding if turns is None else turns
-    return renew.Tightest(np.zeros(2), edge, 0.0, padding, turns, gap, reaches, still[:, 0], still)
+    return renew.Tightest(np.zeros(2), edge, 0.0, padding, turns, gap, reaches)
 
 
 def test_the_histogram_holds_every_turn_and_marks_the_padding() -> None:

@@ -99,7 +99,7 @@ def test_plotters_and_paper_speak_of_no_go_areas(with_depths: RunResult, tmp_pat
     assert "from no-go areas" in printed
 
 
-@pytest.mark.parametrize("kind", [Kind.ROUTES, Kind.ALONG, Kind.PADDING, Kind.REACH, Kind.TURNS])
+@pytest.mark.parametrize("kind", Kind)
 def test_figures_speak_of_no_go_areas(with_depths: RunResult, kind: Kind) -> None:
     drawn = figure(with_depths, with_depths.plans[0].season, kind)
     assert not said([text.get_text() for text in drawn.findobj(Text)])

@@ -1,33 +1,36 @@
-"""Figures of the method, as in the paper: triangles, channels, padding, and compared plans.
+"""The method on one scene: the triangles, the channels of the best classes, and the padding.
 
-RENEW: Risk- and Energy-Aware Navigation in Dynamic Waterways (AAAI 2026).
+`make pictures` draws them of the single gyre for the documents.
 """
 
-import textwrap
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-import renew
-from pipeline._types import FloatArray
 from pipeline.formats.figures import artists, chart_map, season_map
-from pipeline.formats.figures.artists import POINTS_PER_INCH, SMALL_PT, drawable
-from pipeline.formats.figures.chart_map import draw_map, map_figure
-from pipeline.formats.shared.palette import CLASS_COLOURS, COLOURS
-from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.text import clearance, distance, fuel
+from pipeline.formats.shared.palette import COLOURS
+from pipeline.formats.shared.text import distance, fuel
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.turns.contingency import fly_turns
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    import renew
+    from pipeline.formats.shared.result import RankedRoute, RunResult
+    from renew._types import FloatArray
+
+CLASS_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+"""Colours of classes, distinguishable with any colour vision (Okabe and Ito, 2008)."""
 
 _CHANNEL_ALPHA = 0.3
 
 _MAX_WINDOWS = 3
-# Widths of the route's halo, and of the route.
-_ROUTE_PT = (3.2, 1.8)
 _GAP_PT, _BAR_PT, _CORNER_PT = 12.0, 26.0, 9.0
 # Half width of a window, as a factor on the padding and turns that it shows.
 _WINDOW_FACTOR = 1.4
@@ -41,16 +44,16 @@ _STATIONS = 400
 _MAX_BESIDE = 4
 
 
-def mesh_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
+def mesh(result: RunResult, season: str) -> Figure:
     """Draw the triangles of the water, and the constrained edges, which bound the no-go zone."""
-    mesh = _triangulation(result, season)
-    passing, constrained = _passing_edges(mesh), mesh.constrained_edges
+    triangles = _triangulation(result, season)
+    passing, constrained = _passing_edges(triangles), triangles.constrained_edges
     handles = [
         *season_map.land_handles(result),
         season_map.line_handle("other", 0.8, f"{len(passing):,} passing edges"),
         season_map.line_handle("ink", 1.4, f"{len(constrained):,} constrained edges"),
     ]
-    figure, [(axes, sea)] = chart_map.map_figure(result, handles, width_pt=width_pt)
+    figure, [(axes, sea)] = chart_map.map_figure(result, handles)
     layers = [
         *season_map.chart_layers(axes, result),
         artists.lines(passing, COLOURS["other"], 0.5, 5),
@@ -60,7 +63,7 @@ def mesh_figure(result: RunResult, season: str, width_pt: float | None = None) -
     return figure
 
 
-def channels_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
+def channels(result: RunResult, season: str) -> Figure:
     """Draw the best classes, one on each map: its channel of triangles, and its route.
 
     The best class of each passage of the main island is among them.
@@ -71,7 +74,6 @@ def channels_figure(result: RunResult, season: str, width_pt: float | None = Non
         result,
         titles=[_class_title(ranked) for ranked in chosen],
         columns=min(2, len(chosen)),
-        width_pt=width_pt,
     )
     for ranked, colour, (axes, sea) in zip(chosen, CLASS_COLOURS, maps, strict=False):
         channel = ranked.route.channel
@@ -100,10 +102,12 @@ def _triangulation(result: RunResult, season: str) -> Triangulation:
     return triangulate(result.scene.chart, closed=plan.overpowering if plan else None)
 
 
-def _passing_edges(mesh: Triangulation) -> FloatArray:
+def _passing_edges(triangles: Triangulation) -> FloatArray:
     """Return edges (e, 2, 2) that two triangles share."""
-    triangle, corner = np.nonzero(mesh.neighbours > np.arange(len(mesh.triangles))[:, None])
-    return np.asarray(mesh.vertices[mesh.edge_vertices(triangle, corner)])
+    triangle, corner = np.nonzero(
+        triangles.neighbours > np.arange(len(triangles.triangles))[:, None]
+    )
+    return np.asarray(triangles.vertices[triangles.edge_vertices(triangle, corner)])
 
 
 def _best_of_passages(routes: tuple[RankedRoute, ...], count: int) -> list[RankedRoute]:
@@ -123,7 +127,7 @@ def _class_title(ranked: RankedRoute) -> tuple[str, str]:
     return f"{metrics.rank}: {way}", f"{distance(metrics.length_m)}, fuel {fuel(metrics.fuel)}"
 
 
-def padding_map_figure(result: RunResult, season: str, width_pt: float | None = None) -> Figure:
+def padding(result: RunResult, season: str) -> Figure:
     """Draw the best route's soft no-go zone, and hard-over turns at its tightest places."""
     best = result.season_routes(season)[0]
     places = _tightest(best.route)
@@ -134,15 +138,15 @@ def padding_map_figure(result: RunResult, season: str, width_pt: float | None = 
         season_map.line_handle("ink", 1.0, "hard-over turns in the current"),
     ]
     margins = chart_map.Margins.of(result)
-    width = (width_pt or chart_map.WIDTH_PT) - margins.left - margins.right
+    width = chart_map.WIDTH_PT - margins.left - margins.right
     side = (width - (_MAX_WINDOWS - 1) * _GAP_PT) / _MAX_WINDOWS
     first = margins.left + (width - len(places) * (side + _GAP_PT) + _GAP_PT) / 2
     below = side + _BAR_PT if places else 0.0
-    figure, [(axes, sea)] = chart_map.map_figure(result, handles, below_pt=below, width_pt=width_pt)
+    figure, [(axes, sea)] = chart_map.map_figure(result, handles, below_pt=below)
     layers = [
         *season_map.chart_layers(axes, result),
         season_map.soft_layer(axes, best.route.soft_no_go),
-        *season_map.haloed(best.route.path, COLOURS["best"], _ROUTE_PT),
+        *season_map.haloed(best.route.path, COLOURS["best"]),
     ]
     chart_map.draw_map(axes, sea, result, layers, [best.route.path])
     map_bottom = axes.get_window_extent().y0 * artists.POINTS_PER_INCH / figure.dpi
@@ -217,9 +221,9 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     stations = place.along + reach * np.arange(-count, count + 1, dtype=float)
     turns = _turns(result, ranked, stations[(stations > 0) & (stations < route.length)])
     layers = [
-        *season_map.chart_layers(axes, result, box),
-        season_map.soft_layer(axes, shapely.intersection(route.soft_no_go, box)),
-        *season_map.haloed(route.path, COLOURS["best"], _ROUTE_PT, zorder=6.1),
+        *season_map.chart_layers(axes, result),
+        season_map.soft_layer(axes, route.soft_no_go),
+        *season_map.haloed(route.path, COLOURS["best"]),
         artists.lines(turns.reshape(-1, *turns.shape[2:]), COLOURS["ink"], 0.8, 7),
     ]
     chart_map.add_layers(axes, layers, sea)
@@ -277,102 +281,4 @@ def _draw_number(axes: Axes, position: FloatArray, number: int) -> None:
             "linewidth": 0.8,
         },
         zorder=9.5,
-    )
-
-
-# Maximum number of characters of a reason, and minimum number in one of its lines; mean width of a
-# letter as a share of its size, with an allowance for the box's edges.
-_MAX_REASON, _MIN_LETTERS, _LETTER_SHARE = 300, 20, 0.65
-
-
-@dataclass(frozen=True)
-class Variant:
-    """A run with other options, or why it has no route."""
-
-    title: str
-    result: RunResult | None
-    failure: str = ""
-
-
-def variants_figure(
-    result: RunResult,
-    season: str,
-    variants: Sequence[Variant],
-    *,
-    with_padding: bool,
-    width_pt: float | None = None,
-) -> Figure:
-    """Draw a season's routes in each variant on a map of its own, with the soft no-go zone.
-
-    A variant without a route says what rejected it: in short in its title, and on its map.
-    """
-    handles = season_map.land_handles(result)
-    if any(_ranked(one, season) for one in variants):
-        handles += [season_map.soft_handle()] if with_padding else []
-        handles += [
-            season_map.line_handle("best", 2.2, "best route"),
-            season_map.line_handle("other", 0.8, "other classes"),
-        ]
-    figure, maps = map_figure(
-        result,
-        handles,
-        titles=[(one.title, _figures(one, season)) for one in variants],
-        columns=len(variants),
-        width_pt=width_pt,
-    )
-    for one, (axes, sea) in zip(variants, maps, strict=True):
-        ranked = _ranked(one, season)
-        layers = [
-            *season_map.chart_layers(axes, one.result or result),
-            *season_map.route_layers(ranked),
-        ]
-        if with_padding and ranked:
-            layers.append(season_map.soft_layer(axes, ranked[0].route.soft_no_go))
-        draw_map(axes, sea, result, layers, [r.route.path for r in ranked])
-        if not ranked:
-            _write_reason(axes, _reason(one, season))
-    return figure
-
-
-def _ranked(variant: Variant, season: str) -> tuple[RankedRoute, ...]:
-    """Return a variant's routes, best first."""
-    return variant.result.season_routes(season) if variant.result else ()
-
-
-def _reason(variant: Variant, season: str) -> str:
-    """Return why a variant has no route."""
-    if variant.result is None:
-        return variant.failure
-    failures = (one.failure for one in variant.result.plans if one.season == season)
-    return next(failures, "") or "no route was found"
-
-
-def _write_reason(axes: Axes, reason: str) -> None:
-    """Write the reason for a missing route in the middle of a map."""
-    width_in = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi
-    letters = max(_MIN_LETTERS, int(width_in * POINTS_PER_INCH / (_LETTER_SHARE * SMALL_PT)))
-    lines = textwrap.wrap(drawable(reason, _MAX_REASON), letters)
-    axes.text(
-        0.5,
-        0.5,
-        "\n".join(lines),
-        transform=axes.transAxes,
-        ha="center",
-        va="center",
-        fontsize=SMALL_PT,
-        color=COLOURS["ink"],
-        parse_math=False,
-        zorder=10,
-        bbox={"facecolor": COLOURS["halo"], "edgecolor": COLOURS["frame"], "boxstyle": "round"},
-    )
-
-
-def _figures(variant: Variant, season: str) -> str:
-    """Return a variant's fuel, length and clearance, or why it has no route."""
-    ranked = _ranked(variant, season)
-    if not ranked:
-        return "no route"
-    best = ranked[0].metrics
-    return (
-        f"fuel {fuel(best.fuel)}, {distance(best.length_m)}, clear by {clearance(best.clearance_m)}"
     )

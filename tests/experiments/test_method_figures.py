@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any
@@ -10,26 +10,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import shapely
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
-from matplotlib.image import imread
 from matplotlib.patches import PathPatch, Rectangle
-from matplotlib.text import Annotation, Text
+from matplotlib.text import Annotation
 
 import renew
-from pipeline._types import FloatArray
-from pipeline.formats.figures.kinds import Form, Kind, figure
-from pipeline.formats.figures.method import channels_figure, mesh_figure, padding_map_figure
-from pipeline.formats.shared.palette import CLASS_COLOURS, COLOURS
+from experiments.figures import method
+from pipeline.formats.shared.palette import COLOURS
 from pipeline.formats.shared.result import RunResult
 from pipeline.model import Passage
+from renew._types import FloatArray
 from tests.pipeline.formats import small_run
-from tests.pipeline.formats.figures.test_widths import variants
+from tests.pipeline.formats.figures.legible import assert_texts_apart, ink_at_the_edge, is_land
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+@pytest.fixture(scope="module")
+def result() -> RunResult:
+    return small_run.parts()
+
+
+@pytest.fixture(scope="module")
+def planar_result() -> RunResult:
+    return small_run.parts(planar=True)
 
 
 def segments(axes: Axes, colour: str) -> list[FloatArray]:
@@ -69,7 +76,7 @@ def labels(axes: Axes) -> list[str]:
 
 
 def test_the_mesh_is_a_constrained_triangulation_of_the_water(result: RunResult) -> None:
-    (axes,) = mesh_figure(result, "winter").axes
+    (axes,) = method.mesh(result, "winter").axes
     chart = result.scene.chart
     constrained = shapely.linestrings(segments(axes, COLOURS["ink"]))
     no_go = shapely.union_all(chart.no_go)
@@ -90,9 +97,9 @@ def test_the_mesh_is_a_constrained_triangulation_of_the_water(result: RunResult)
 
 def test_each_channel_is_in_its_own_colour_and_holds_its_route(result: RunResult) -> None:
     routes = result.season_routes("winter")
-    drawn = channels_figure(result, "winter").axes
+    drawn = method.channels(result, "winter").axes
     assert len(drawn) == min(4, len(routes))
-    for axes, colour, ranked in zip(drawn, CLASS_COLOURS, routes, strict=False):
+    for axes, colour, ranked in zip(drawn, method.CLASS_COLOURS, routes, strict=False):
         channel = area(axes, colour)
         assert channel.area == pytest.approx(
             shapely.area(shapely.polygons(ranked.route.channel)).sum()
@@ -117,7 +124,7 @@ def test_the_best_by_each_passage_has_its_channel_drawn(
         for ranked, rank in zip([*routes, *routes][:5], (1, 2, 3, 4, 5), strict=True)
     ]
     many = replace(result, evaluation=replace(result.evaluation, routes=tuple(rows)))
-    titles = [text.get_text() for text in channels_figure(many, "winter").texts]
+    titles = [text.get_text() for text in method.channels(many, "winter").texts]
     assert titles[::2] == [
         *(f"{rank}: north of island 1, east of island 2" for rank in (1, 2, 3)),
         "5: south of island 1, east of island 2",
@@ -128,7 +135,7 @@ def test_the_soft_zone_is_the_padded_edges_and_the_turns_begin_on_the_route(
     result: RunResult,
 ) -> None:
     best = result.season_routes("winter")[0]
-    axes, *windows = padding_map_figure(result, "winter").axes
+    axes, *windows = method.padding(result, "winter").axes
     soft = area(axes, COLOURS["soft"])
     padded = best.route.soft_no_go
     assert soft.symmetric_difference(padded).area < 0.02 * padded.area
@@ -158,7 +165,7 @@ def test_turns_in_still_water_are_circles(planar_result: RunResult) -> None:
             currents={"gyre": renew.UniformCurrent(0.0, 0.0)},
         ),
     )
-    _, window, *_ = padding_map_figure(still, "gyre").axes
+    _, window, *_ = method.padding(still, "gyre").axes
     radius = planar_result.scene.vessel.turning_radius
     for turn in segments(window, COLOURS["ink"]):
         centre = turn[:-1].mean(axis=0)
@@ -166,7 +173,7 @@ def test_turns_in_still_water_are_circles(planar_result: RunResult) -> None:
 
 
 def test_a_windows_scale_bar_is_as_long_as_its_label(result: RunResult) -> None:
-    for window in padding_map_figure(result, "summer").axes[1:]:
+    for window in method.padding(result, "summer").axes[1:]:
         bar = sum(field.get_width() for field in window.patches if isinstance(field, Rectangle))
         (text,) = (label for label in labels(window) if label.endswith("m"))
         size, unit = text.split()
@@ -184,70 +191,18 @@ def test_open_sea_has_no_padding_and_no_windows(planar_result: RunResult) -> Non
         plans=(replace(entry, plan=replace(entry.plan, routes=(bare,))),),
         evaluation=replace(planar_result.evaluation, routes=rows),
     )
-    drawn = padding_map_figure(open_sea, "gyre")
+    drawn = method.padding(open_sea, "gyre")
     assert len(drawn.axes) == 1
     assert area(drawn.axes[0], COLOURS["soft"]).is_empty
 
 
-def picture(drawn: Figure) -> FloatArray:
-    """The pixels (rows, columns, 3) of a figure."""
-    file = io.BytesIO()
-    drawn.savefig(file, format="png", dpi=100)
-    return np.asarray(imread(io.BytesIO(file.getvalue()))[..., :3], dtype=float)
-
-
-@pytest.mark.parametrize("kind", [Kind.MESH, Kind.CHANNELS, Kind.PADDING, Kind.ROUTES])
-def test_land_has_the_colour_of_land_where_it_lies(planar_result: RunResult, kind: Kind) -> None:
-    drawn = figure(planar_result, "gyre", kind)
-    pixels = picture(drawn)
-    axes = drawn.axes[0]
-    for place, role in (((57, 43), "land"), ((5, 95), None)):
-        # transData counts from below, in dots of the figure's own resolution.
-        x, y = axes.transData.transform(place) * 100 / drawn.dpi
-        colour = to_hex(tuple(pixels[len(pixels) - 1 - int(y), int(x)]))
-        assert (colour == COLOURS["land"]) == (role == "land")
-
-
-@pytest.mark.gate_share(6)
+@pytest.mark.parametrize("draw", [method.mesh, method.channels, method.padding])
 @pytest.mark.parametrize("planar", [False, True])
-@pytest.mark.parametrize("kind", Kind.selected(()))
-def test_texts_of_a_figure_do_not_overlap_or_leave_it(
-    kind: Kind,
-    planar: bool,
-) -> None:
+def test_a_figure_is_legible(draw: Callable[[RunResult, str], Figure], *, planar: bool) -> None:
     result = small_run.parts(planar=planar)
-    drawn = figure(result, result.plans[0].season, kind, variants=variants(result))
-    canvas = FigureCanvasAgg(drawn)
-    drawn.draw(canvas.get_renderer())  # type: ignore[no-untyped-call]
-    axes = [axis for panel in drawn.axes for axis in (panel.xaxis, panel.yaxis)]
-    unseen = {
-        tick.label1
-        for axis in axes
-        for tick in axis.get_major_ticks()
-        if not min(axis.get_view_interval()) <= tick.get_loc() <= max(axis.get_view_interval())
-    }
-    boxes = [
-        (text.get_text(), text.get_window_extent())
-        for text in drawn.findobj(Text)
-        if text.get_text() and text.get_visible() and text not in unseen
-    ]
-    for i, (text, box) in enumerate(boxes):
-        assert box.x0 >= -1, text
-        assert box.x1 <= drawn.bbox.width + 1, text
-        assert box.y0 >= -1, text
-        assert box.y1 <= drawn.bbox.height + 1, text
-        for other_text, other in boxes[i + 1 :]:
-            apart = (
-                box.x1 <= other.x0 + 1
-                or other.x1 <= box.x0 + 1
-                or box.y1 <= other.y0 + 1
-                or other.y1 <= box.y0 + 1
-            )
-            assert apart, f"{text!r} overlaps {other_text!r}"
-
-
-def test_selected_kinds_are_drawn_once_and_all_by_default() -> None:
-    assert Kind.selected((Kind.PADDING, Kind.MESH, Kind.MESH)) == (Kind.MESH, Kind.PADDING)
-    assert Kind.selected(()) == Kind.selected((Kind.ALL,)) == Kind.selected((Kind.ALONG, Kind.ALL))
-    assert Kind.ALL not in Kind.selected(())
-    assert {form.value for form in Form} == {"png", "svg", "pdf"}
+    drawn = draw(result, result.plans[0].season)
+    assert_texts_apart(drawn)
+    assert ink_at_the_edge(drawn) == 0
+    if planar:
+        assert is_land(drawn, (57, 43))
+        assert not is_land(drawn, (5, 95))
