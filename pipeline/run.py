@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from pipeline.errors import LateFaults, StageError
-from pipeline.formats.shared.note_words import note_text, note_texts
-from pipeline.formats.shared.result import RunResult, addressed
-from pipeline.formats.shared.text import clearance, environment, season_name, season_text
+from pipeline.findings.note_words import note_text, note_texts
+from pipeline.findings.result import RunResult, addressed
+from pipeline.findings.text import clearance, environment, season_name, season_text
 from pipeline.geo.lonlat import position_text
 from pipeline.machine.first_compilation import first_compilation
 from pipeline.machine.interpreters import give_back_memory
@@ -34,8 +34,8 @@ from pipeline.stages.project import projected
 from pipeline.stages.seasons.one_season import OnStep, ignore_step
 from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import SimplifiedLand, simplify
-from pipeline.stages.write import load_libraries, write
 from pipeline.texts import clean
+from pipeline.write import load_libraries, write
 
 Stage = Literal["fetch", "simplify", "project", "choose", "plan", "compare", "cover", "write"]
 STAGES: tuple[Stage, ...] = get_args(Stage)

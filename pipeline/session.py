@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import RequestError, StageError
+from pipeline.findings.names import output_directory
 from pipeline.machine.files import file_lock, remove_leftovers, write_whole, writing
 from pipeline.machine.paths import folder_to_write
 from pipeline.machine.store import (
@@ -25,7 +26,6 @@ from pipeline.machine.store import (
     remove_unfinished,
 )
 from pipeline.sources.copernicus.download import remove_abandoned
-from pipeline.stages.write import output_directory
 
 # Folder of the store, inside the output folder.
 _ARTEFACTS = ".artefacts"

@@ -9,7 +9,7 @@ import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
-from pipeline.formats.shared.text import rounded_down, rounded_up
+from pipeline.findings.text import rounded_down, rounded_up
 from tests.bench.history import HISTORY
 from tests.bench.record import FOLDER, recorded
 from tests.conftest import ROOT

@@ -11,7 +11,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from pipeline.formats.shared.text import clearance, gap_figure
+from pipeline.findings.text import clearance, gap_figure
 from tests.conftest import ROOT
 
 METRICS = ROOT / "docs" / "figures" / "palawan-season.csv"

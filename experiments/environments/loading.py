@@ -13,7 +13,7 @@ import shapely
 from experiments.environments.coarse import coarse
 from experiments.environments.model import Case, EnvironmentSpec
 from pipeline.errors import RequestError
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Store
 from pipeline.model import Evaluation, Fetched, SeasonPlan, Simplified, planner_vessel

@@ -17,7 +17,7 @@ from experiments.tables.tables import Results
 from pipeline.formats.figures.artists import stroke
 from pipeline.formats.figures.chart_map import add_layers, map_figure
 from pipeline.formats.figures.season_map import draw_season, land_handles, soft_handle, soft_layer
-from pipeline.formats.shared.palette import COLOURS
+from pipeline.formats.palette import COLOURS
 from renew._types import FloatArray
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from pipeline.findings.text import distance, fuel
 from pipeline.formats.figures import artists, chart_map, season_map
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.text import distance, fuel
+from pipeline.formats.palette import COLOURS
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.turns.contingency import fly_turns
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     import renew
-    from pipeline.formats.shared.result import RankedRoute, RunResult
+    from pipeline.findings.result import RankedRoute, RunResult
     from renew._types import FloatArray
 
 CLASS_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")

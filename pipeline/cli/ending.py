@@ -11,16 +11,16 @@ import typer
 
 from pipeline.cli.progress import progress
 from pipeline.cli.terminal import say, table, terminal_width
-from pipeline.formats.shared import text
-from pipeline.formats.shared.note_words import caveats_json, note_json, note_texts
-from pipeline.formats.shared.rejections import rejections
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import json_value
+from pipeline.findings import text
+from pipeline.findings.names import season_stem
+from pipeline.findings.note_words import caveats_json, note_json, note_texts
+from pipeline.findings.rejections import rejections
+from pipeline.findings.result import RunResult
+from pipeline.findings.text import json_value
 from pipeline.machine.paths import short_path
 from pipeline.model import RouteMetrics
 from pipeline.run import Outcome
 from pipeline.scenario.model import Scenario
-from pipeline.stages.write import season_stem
 
 _HEAD = "season,rank,way,length {unit},duration,clearance,fuel,F/D,gap,turns"
 # Number of the first columns that are left-aligned.

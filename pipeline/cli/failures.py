@@ -237,8 +237,8 @@ def dating_earlier_results(output: Path, asked: str) -> Iterator[None]:
 
 def _note(output: Path, asked: str) -> str:
     """Return a note with the date of a scenario's results; raise an error if there are none."""
+    from pipeline.findings.names import MANIFEST, output_directory
     from pipeline.scenario.catalogue import read_toml, scenario_path
-    from pipeline.stages.write import MANIFEST, output_directory
 
     directory = output_directory(output, str(read_toml(scenario_path(asked))["name"]))
     written = datetime.fromtimestamp((directory / MANIFEST).stat().st_mtime, UTC)

@@ -9,14 +9,14 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.findings.names import output_directory, safe_name
+from pipeline.findings.text import season_text
 from pipeline.formats.figures.kinds import Form, Kind, Width, figure
-from pipeline.formats.shared.text import season_text
 from pipeline.machine.files import needed, whole_file
 from pipeline.run import EventHandler, planned_scenario
 from pipeline.scenario.loading import require_seasons
 from pipeline.scenario.model import Scenario
 from pipeline.session import Origin
-from pipeline.stages.write import output_directory, safe_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

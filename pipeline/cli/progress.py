@@ -6,8 +6,8 @@ import time
 from collections.abc import Iterator, Sequence
 
 from pipeline.cli.log_lines import every, json_lines, log_event, progress_bar
-from pipeline.formats.shared.note_words import note_json
-from pipeline.formats.shared.text import json_value, season_text
+from pipeline.findings.note_words import note_json
+from pipeline.findings.text import json_value, season_text
 from pipeline.run import STAGES, Event, EventHandler, ignore
 from pipeline.scenario.model import Scenario
 from pipeline.sources.copernicus.client import without_secrets

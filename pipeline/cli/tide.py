@@ -79,7 +79,7 @@ def fit(
     with reported_errors():
         import numpy as np
 
-        from pipeline.formats.shared.note_words import note_texts
+        from pipeline.findings.note_words import note_texts
         from pipeline.machine.files import whole_file
         from pipeline.sources.cf.contents import find_files, read_contents
         from pipeline.sources.cf.streams import WEAK_SHARE
@@ -150,7 +150,7 @@ def _moment(option: str, text: str, *, at_end: bool) -> datetime:
 
 def _listed(station: "Station", first: datetime, last: datetime, *, as_json: bool) -> str:
     """Write a station's high and low waters between two moments."""
-    from pipeline.formats.shared.text import to_minute
+    from pipeline.findings.text import to_minute
 
     waters = [
         (to_minute(first + timedelta(seconds=time)), height, "high" if is_high else "low")

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
+from pipeline.findings.result import RunResult
 from pipeline.formats.records import valid_period
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import CurrentGrid
 from renew.inputs.current import as_field
 

@@ -6,11 +6,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, get_args
 
+from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
+from pipeline.findings.result import RunResult
+from pipeline.findings.text import duration, fuel, percent, to_minute
 from pipeline.formats.figures.artists import drawable
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, time_after, wrapped_longitude
-from pipeline.formats.shared.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import duration, fuel, percent, to_minute
 from pipeline.formats.tables import position, utc_text, write_csv
 from renew.underway.coverage import State
 

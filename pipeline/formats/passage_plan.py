@@ -12,9 +12,21 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RunResult
+from pipeline.findings.text import (
+    duration,
+    moment_text,
+    speed_over_ground,
+    speed_range,
+    to_minute,
+    turns_text,
+)
+from pipeline.findings.unknowns import has_all_depths
 from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.season_map import DETAIL_PT, visible
 from pipeline.formats.haven_table import PRINTED_HEADINGS, haven_facts, printed_rows
+from pipeline.formats.palette import COLOURS, season_colour
 from pipeline.formats.passage.fence import MAX_VERTICES, autopilot
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
@@ -28,18 +40,6 @@ from pipeline.formats.passage.waypoints import (
     time_after,
     vessel_name,
 )
-from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.palette import COLOURS, season_colour
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import (
-    duration,
-    moment_text,
-    speed_over_ground,
-    speed_range,
-    to_minute,
-    turns_text,
-)
-from pipeline.formats.shared.unknowns import has_all_depths
 from pipeline.formats.tables import distance_text, has_speeds, headings, rows, tightest_text
 
 _RowT = TypeVar("_RowT", bound=Sequence[str])

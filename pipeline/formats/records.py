@@ -12,7 +12,6 @@ import importlib.metadata
 import json
 import os
 import platform
-import re
 import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,28 +25,25 @@ import numpy as np
 import pyproj
 import shapely
 
-from pipeline.formats.shared.note_words import caveats_json, note_json, note_texts
-from pipeline.formats.shared.rejections import rejections
-from pipeline.formats.shared.result import MAX_STRAITS, RunResult
-from pipeline.formats.shared.text import json_value, os_error, write_json
+from pipeline.findings.names import SCHEMA_VERSION, without_folders
+from pipeline.findings.note_words import caveats_json, note_json, note_texts
+from pipeline.findings.rejections import rejections
+from pipeline.findings.result import MAX_STRAITS, RunResult
+from pipeline.findings.text import json_value, os_error, write_json
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import code_commit, code_hash, file_hash
-from pipeline.model import CurrentGrid, Land
+from pipeline.model import CurrentGrid
+from pipeline.model.hashes import current_hash, land_hash
 from pipeline.scenario.times import Period, period
 from renew._types import FloatArray
 from renew.kernels.current_table import CurrentTable
 
-SCHEMA_VERSION = 1
 # Packages whose version can change a figure or a file.
 _PACKAGES = (
     *("renew-planner", "contourpy", "copernicusmarine", "dask", "geopandas", "gpxpy", "jinja2"),
     *("lxml", "matplotlib", "netCDF4", "networkx", "numba", "numpy", "pydantic", "pyogrio"),
     *("pyproj", "roaring-landmask", "scipy", "shapely", "triangle", "xarray"),
 )
-
-
-# An absolute path inside a text, of at least two parts: no address, fraction or tag.
-_ABSOLUTE = re.compile(r"(?<![\w/:.])/(?:[^\s/'\"]+/)+([^\s/'\",;]+)")
 
 
 def write_manifest(result: RunResult, path: Path, outputs: Sequence[Path]) -> None:
@@ -88,17 +84,6 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
         },
     }
     return {key: without_folders(value) for key, value in content.items()}
-
-
-def without_folders(value: object) -> object:
-    """Return a value for JSON in whose texts files are named without their folders."""
-    if isinstance(value, str):
-        return Path(value).name if Path(value).is_absolute() else _ABSOLUTE.sub(r"\1", value)
-    if isinstance(value, dict):
-        return {key: without_folders(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [without_folders(one) for one in value]
-    return value
 
 
 def _gap_shares(result: RunResult, season: str) -> dict[str, object]:
@@ -184,22 +169,6 @@ def _inputs(result: RunResult) -> dict[str, object]:
             for grid in result.fetched.currents
         },
     }
-
-
-def land_hash(land: Land) -> str:
-    """Return the SHA-256 of a land's polygons."""
-    digest = hashlib.sha256()
-    for polygon in land.polygons:
-        digest.update(shapely.to_wkb(polygon, byte_order=1))
-    return digest.hexdigest()
-
-
-def current_hash(grid: CurrentGrid) -> str:
-    """Return the SHA-256 of a current's nodes, times and velocities, equal on every machine."""
-    digest = hashlib.sha256()
-    for array in (grid.lon, grid.lat, grid.times_s, grid.u, grid.v):
-        digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
-    return digest.hexdigest()
 
 
 Dataset = Any  # netCDF4 has no types

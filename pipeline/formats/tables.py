@@ -12,6 +12,17 @@ import numpy as np
 
 import renew
 from pipeline._types import FloatArray, IntArray
+from pipeline.findings.departures_and_speeds import TradeOff, trade_offs
+from pipeline.findings.ensembles import (
+    ENSEMBLE_COLUMNS,
+    ENSEMBLE_FIGURES,
+    ensemble_figures,
+    ensemble_of,
+    ensemble_rows,
+)
+from pipeline.findings.result import RunResult
+from pipeline.findings.route_profile import coast_index, cumulative, steps_along_legs
+from pipeline.findings.text import duration as duration_text, to_minute, write_json
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
@@ -20,17 +31,6 @@ from pipeline.formats.passage.waypoints import (
     time_after,
     wrapped_longitude,
 )
-from pipeline.formats.shared.departures_and_speeds import TradeOff, trade_offs
-from pipeline.formats.shared.ensembles import (
-    ENSEMBLE_COLUMNS,
-    ENSEMBLE_FIGURES,
-    ensemble_figures,
-    ensemble_of,
-    ensemble_rows,
-)
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.route_profile import coast_index, cumulative, steps_along_legs
-from pipeline.formats.shared.text import duration as duration_text, to_minute, write_json
 from pipeline.model import DepartureChoice, RouteMetrics
 from pipeline.scenario.loading import scenario_text
 from pipeline.texts import cell

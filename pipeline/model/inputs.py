@@ -40,7 +40,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Something that a reader should know; `pipeline.formats.shared.note_words` puts it in words.
+    """Something that a reader should know; `pipeline.findings.note_words` puts it in words.
 
     Attributes
     ----------

@@ -7,8 +7,8 @@ from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
+from pipeline.formats.palette import style_colours
 from pipeline.formats.report import assets
-from pipeline.formats.shared.palette import style_colours
 
 _HERE = Path(__file__).parent
 # A name that a script of the report defines at its top level.

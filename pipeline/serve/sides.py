@@ -7,10 +7,10 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
+from pipeline.findings.note_words import caveats_json, note_texts
+from pipeline.findings.result import RankedRoute, RunResult, addressed
+from pipeline.findings.text import capitalised, json_value
 from pipeline.formats.report.season import season_facts
-from pipeline.formats.shared.note_words import caveats_json, note_texts
-from pipeline.formats.shared.result import RankedRoute, RunResult, addressed
-from pipeline.formats.shared.text import capitalised, json_value
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 
 # Largest distance of a drawn line from the route, as a share of the route's longer side: half a

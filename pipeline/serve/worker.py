@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import PipelineError, one_line
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import json_value
+from pipeline.findings.result import RunResult
+from pipeline.findings.text import json_value
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
 from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
@@ -28,9 +28,9 @@ from pipeline.serve.request import with_paths
 from pipeline.serve.sides import drawn, sides
 from pipeline.sources.copernicus.client import without_secrets
 from pipeline.stages.choosing.coverage import require_sailable
-from pipeline.stages.write import load_libraries
 from pipeline.voyage.one_line import run_voyage, voyage_scenario
 from pipeline.voyage.request import VoyageRequest
+from pipeline.write import load_libraries
 from renew._compiled import is_cold
 from renew.warming import rehearse_half
 from renew.watching import Step

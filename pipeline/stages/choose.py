@@ -25,7 +25,7 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError, StageError
-from pipeline.formats.shared.text import season_text
+from pipeline.findings.text import season_text
 from pipeline.machine.store import Store, artefact_key
 from pipeline.model import DepartureChoice, Note, Say, Scene, SeasonPlan
 from pipeline.scenario.catalogue import VesselSpec

@@ -11,18 +11,18 @@ import shapely
 
 import renew
 from pipeline.errors import LateFaults
-from pipeline.formats.shared.departures_and_speeds import speed_notes
-from pipeline.formats.shared.ensembles import ensemble_notes
-from pipeline.formats.shared.result import RunResult, addressed, unsafe_notes
-from pipeline.formats.shared.under_way import replanned_notes
+from pipeline.findings.departures_and_speeds import speed_notes
+from pipeline.findings.ensembles import ensemble_notes
+from pipeline.findings.other_ways import shut_straits, side_bounds
+from pipeline.findings.result import RunResult, addressed, unsafe_notes
+from pipeline.findings.under_way import replanned_notes
+from pipeline.findings.way_names import with_way_names
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan, SideBound
 from pipeline.sources.cf.streams import WEAK_SHARE
 from pipeline.stages.choose import narrows_notes, room_notes
 from pipeline.stages.choosing.chosen import Chosen, in_thread
-from pipeline.stages.comparing.other_ways import shut_straits, side_bounds
-from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.places import shut_notes
 from pipeline.stages.plan import Planned
 from pipeline.stages.simplify import SimplifiedLand

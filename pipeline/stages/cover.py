@@ -15,8 +15,8 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.shared.result import RunResult, addressed
-from pipeline.formats.shared.text import hours, planner_text, season_text
+from pipeline.findings.result import RunResult, addressed
+from pipeline.findings.text import hours, planner_text, season_text
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import HavenLimits, Note, Place, Say, Scene, plan_options

@@ -18,8 +18,8 @@ from shapely.geometry import Polygon
 
 from pipeline._types import BoolArray, FloatArray
 from pipeline.errors import MachineError, RequestError, StageError
-from pipeline.formats.shared.note_words import note_text
-from pipeline.formats.shared.text import season_text
+from pipeline.findings.note_words import note_text
+from pipeline.findings.text import season_text
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Fetched, Land, Note, PassedOver, Place
 from pipeline.model.inputs import CurrentSource, LandSource, current_notes

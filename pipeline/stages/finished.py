@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import RequestError
-from pipeline.formats.records import SCHEMA_VERSION
+from pipeline.findings.names import MANIFEST, SCHEMA_VERSION, season_stem
 from pipeline.machine.paths import expanded, shown, unreadable_reason
-from pipeline.stages.write import MANIFEST, season_stem
 
 
 @dataclass(frozen=True)

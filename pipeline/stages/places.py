@@ -14,7 +14,7 @@ import shapely
 
 import renew
 from pipeline.errors import NoWayError, RequestError
-from pipeline.formats.shared.text import moment_text
+from pipeline.findings.text import moment_text
 from pipeline.geo.projection import Projection
 from pipeline.model import (
     Credit,

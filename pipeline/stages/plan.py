@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import renew
 from pipeline.errors import NoWayError, RequestError, StageError
-from pipeline.formats.shared.text import seasons_text
+from pipeline.findings.text import seasons_text
+from pipeline.findings.way_names import class_names_text
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Evaluation, SeasonPlan
 from pipeline.model.planning import speed_choices
 from pipeline.stages.choosing.chosen import Chosen
-from pipeline.stages.comparing.way_names import class_names_text
 from pipeline.stages.cover import havens_in
 from pipeline.stages.project import scene_inputs
 from pipeline.stages.seasons.one_season import OnStep, combine_seasons, ignore_step

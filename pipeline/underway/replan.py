@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import Faults, RequestError
-from pipeline.formats.shared.text import exact_moment_text
+from pipeline.findings.text import exact_moment_text
 from pipeline.machine.paths import expanded
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.loading import parse_scenario, with_currents

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from pipeline.errors import Faults, RequestError
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.run import Event, EventHandler, Outcome, ignore, run
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.text import moment_text
+from pipeline.findings.text import moment_text
 from pipeline.scenario.times import departure_name, period
 from pipeline.voyage.vessel_options import speed_range_m_s
 

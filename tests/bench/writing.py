@@ -16,7 +16,7 @@ from pathlib import Path
 
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario
-from pipeline.stages.write import write
+from pipeline.write import write
 from tests.bench.figure import Figure, at_most
 
 _LIMITS_S = {"palawan-season": 4.0, "palawan-usv": 8.0, "boston-enc": 8.0}

@@ -9,10 +9,10 @@ from functools import cache
 import numpy as np
 
 import renew
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
+from pipeline.findings.way_names import with_way_names
 from pipeline.model import CurrentGrid, Fetched, Land, Scene, Simplified, SpeedChoice
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.project import project
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from tests.pipeline.formats import small_run

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.machine.store import Store
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario

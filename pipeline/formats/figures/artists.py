@@ -27,9 +27,9 @@ from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
 from pipeline._types import ArrayLike, FloatArray, Geometries
+from pipeline.findings.result import RunResult
 from pipeline.formats.figures.map_marks import scale_bar_m
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.palette import COLOURS
 from pipeline.geo.projection import Projection
 from pipeline.texts import clean
 

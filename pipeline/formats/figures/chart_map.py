@@ -19,6 +19,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.patheffects import withStroke
 
 from pipeline._types import ArrayLike
+from pipeline.findings.result import RunResult
 from pipeline.formats.figures.artists import (
     PLAIN_PT,
     POINTS_PER_INCH,
@@ -32,8 +33,7 @@ from pipeline.formats.figures.artists import (
     text_width,
 )
 from pipeline.formats.figures.map_marks import GridLine, graticule
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.palette import COLOURS
 
 # Width of a map: a phone's in CSS pixels, so that labels are readable there; a desktop enlarges it.
 WIDTH_PT = 374.0

@@ -3,6 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from pipeline.findings.departures_and_speeds import AS_GOOD, TradeOff
+from pipeline.findings.text import fuel, hours, moment_text
 from pipeline.formats.figures.plots import (
     DASHES,
     draw_line,
@@ -13,9 +15,7 @@ from pipeline.formats.figures.plots import (
     plot_x_label,
     titled_fuel_unit,
 )
-from pipeline.formats.shared.departures_and_speeds import AS_GOOD, TradeOff
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.text import fuel, hours, moment_text
+from pipeline.formats.palette import COLOURS
 from pipeline.model import DepartureChoice
 
 _HEIGHT_PT = 150.0

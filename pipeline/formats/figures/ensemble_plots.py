@@ -6,14 +6,14 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from pipeline._types import FloatArray
+from pipeline.findings import text
+from pipeline.findings.ensembles import way_text
+from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.formats.figures.artists import PLAIN_PT, drawable, stroke
 from pipeline.formats.figures.chart_map import draw_map, map_figure
 from pipeline.formats.figures.plots import TEXT_PT, plot_panels, plot_title, plot_x_label
 from pipeline.formats.figures.season_map import chart_layers, zone_layers
-from pipeline.formats.shared import text
-from pipeline.formats.shared.ensembles import way_text
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.result import RankedRoute, RunResult
+from pipeline.formats.palette import COLOURS
 from pipeline.model import EnsembleFigures
 
 # Height of a route's row (points), and largest number of rows.

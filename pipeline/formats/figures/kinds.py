@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pipeline.formats.shared.result import RunResult
+    from pipeline.findings.result import RunResult
 
 
 class Kind(StrEnum):
@@ -43,7 +43,7 @@ def figure(result: "RunResult", season: str, kind: Kind, width: Width = Width.SC
     from pipeline.formats.figures.artists import in_season_colour
     from pipeline.formats.figures.plots import profile_figure
     from pipeline.formats.figures.season_map import overview_figure
-    from pipeline.formats.shared.palette import season_colour
+    from pipeline.formats.palette import season_colour
 
     if kind is Kind.ROUTES:
         return overview_figure(result, [season], width.points)

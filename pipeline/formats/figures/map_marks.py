@@ -9,7 +9,7 @@ import shapely
 from shapely import Polygon
 
 from pipeline._types import BoolArray, FloatArray
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.geo.projection import Projection
 
 # Steps between lines, degrees: round numbers of degrees, minutes and seconds of arc.

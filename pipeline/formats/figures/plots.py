@@ -14,18 +14,18 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLoca
 from matplotlib.transforms import Transform
 
 from pipeline._types import FloatArray
-from pipeline.formats.figures.artists import POINTS_PER_INCH, text_width
-from pipeline.formats.shared.departures_and_speeds import still_fuel_per_metre
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.route_profile import RouteProfile, metres_along, route_profile
-from pipeline.formats.shared.text import (
+from pipeline.findings.departures_and_speeds import still_fuel_per_metre
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.route_profile import RouteProfile, metres_along, route_profile
+from pipeline.findings.text import (
     clearance as kept,
     fuel_unit,
     number,
     plain,
     speed_range,
 )
+from pipeline.formats.figures.artists import POINTS_PER_INCH, text_width
+from pipeline.formats.palette import COLOURS
 
 _WIDTH_PT = 374.0
 _LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0

@@ -15,6 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
 
 from pipeline._types import ArrayLike, Geometries
+from pipeline.findings.haven_rows import haven_rows, stretch_line
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.text import distance, fuel
 from pipeline.formats.figures.artists import (
     draw_island_labels,
     in_season_colour,
@@ -25,10 +28,7 @@ from pipeline.formats.figures.artists import (
 )
 from pipeline.formats.figures.chart_map import draw_map, map_figure
 from pipeline.formats.figures.map_marks import arrows, speed_scale
-from pipeline.formats.shared.haven_rows import haven_rows, stretch_line
-from pipeline.formats.shared.palette import COLOURS, STATES, season_colour
-from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.text import distance, fuel
+from pipeline.formats.palette import COLOURS, STATES, season_colour
 
 # Size, points, below which details of the coast are dropped: they can't be seen, and would make up
 # most of a file.

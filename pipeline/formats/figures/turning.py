@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import renew
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.text import at_most_percent, clearance
 from pipeline.formats.figures import plots
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.text import at_most_percent, clearance
+from pipeline.formats.palette import COLOURS
 
 _HISTOGRAM_PT, _ROW_PT = 170.0, 14.0
 _BINS = 30

@@ -15,8 +15,8 @@ import numpy.typing as npt
 import shapely
 
 from pipeline._types import ArrayLike, Geometries
-from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.text import os_error
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.text import os_error
 
 _TEXTS: dict[str, dict[str, dict[str, str]]] = tomllib.loads(
     files("pipeline.formats.gis").joinpath("layers.toml").read_text(encoding="utf-8")

@@ -25,6 +25,9 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
+from pipeline.findings.note_words import caveats_json
+from pipeline.findings.result import RunResult
+from pipeline.findings.text import write_json
 from pipeline.formats.figures.map_marks import nice_step
 from pipeline.formats.gis import haven_layers
 from pipeline.formats.gis.frames import (
@@ -52,6 +55,7 @@ from pipeline.formats.gis.qgis import (
     view,
 )
 from pipeline.formats.gis.styles import qml, style
+from pipeline.formats.palette import COLOURS
 from pipeline.formats.passage.waypoints import (
     attribution,
     document_title,
@@ -60,10 +64,6 @@ from pipeline.formats.passage.waypoints import (
     within_180,
 )
 from pipeline.formats.records import manifest
-from pipeline.formats.shared.note_words import caveats_json
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import write_json
 
 # Drawing order, from the top down.
 _DRAWING_ORDER = (

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 
+from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, haven_ways, stretch_line
+from pipeline.findings.result import RunResult
 from pipeline.formats.gis.frames import ROUTE_STEP_M, GeoDataFrame, columns_of, frame, to_lonlat
-from pipeline.formats.shared.haven_rows import LAST_TURNS, haven_rows, haven_ways, stretch_line
-from pipeline.formats.shared.result import RunResult
 
 
 def _havens(result: RunResult) -> GeoDataFrame:

@@ -10,6 +10,9 @@ import shapely
 
 import renew
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
+from pipeline.findings.result import RunResult, continued
+from pipeline.findings.route_profile import Legs, legs as planned_legs
+from pipeline.findings.text import moment_text
 from pipeline.formats.gis import frames, haven_layers
 from pipeline.formats.gis.frames import (
     ZONE_STEP_M,
@@ -21,9 +24,6 @@ from pipeline.formats.gis.frames import (
 )
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import Waypoints, limits_text, season_waypoints
-from pipeline.formats.shared.result import RunResult, continued
-from pipeline.formats.shared.route_profile import Legs, legs as planned_legs
-from pipeline.formats.shared.text import moment_text
 from pipeline.model import Zone
 
 

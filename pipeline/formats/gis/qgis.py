@@ -13,10 +13,10 @@ import shapely
 from jinja2 import Environment
 
 from pipeline._types import FloatArray
+from pipeline.findings.result import RunResult
+from pipeline.findings.text import xml_environment
 from pipeline.formats.figures.map_marks import SpeedScale, speed_scale
-from pipeline.formats.shared.palette import season_colour
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import xml_environment
+from pipeline.formats.palette import season_colour
 from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
 from pipeline.geo.projection import Projection
 from pipeline.texts import clean

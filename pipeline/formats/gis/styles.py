@@ -20,7 +20,7 @@ from pipeline.formats.gis.qgis import (
     one_line,
     rendered,
 )
-from pipeline.formats.shared.palette import COLOURS, STATES
+from pipeline.formats.palette import COLOURS, STATES
 
 _Symbol: TypeAlias = Callable[[SeasonView], SymbolLayer]
 

@@ -11,10 +11,10 @@ import pyproj
 import shapely
 
 from pipeline._types import FloatArray
+from pipeline.findings.result import RunResult
 from pipeline.formats.passage.safe_corridor import kept_out
 from pipeline.formats.passage.tracks import in_pieces, tracks
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
-from pipeline.formats.shared.result import RunResult
 from pipeline.geo.lonlat import EARTH_RADIUS_M, METRES_PER_DEGREE
 
 STORAGE_BYTES = 672

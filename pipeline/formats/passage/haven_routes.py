@@ -11,16 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.findings.haven_rows import Way, haven_ways
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.route_profile import coast_index
+from pipeline.findings.text import json_value
 from pipeline.formats.passage.fence import Autopilot
 from pipeline.formats.passage.missions import mission_text, plan_content
 from pipeline.formats.passage.routes import gpx_document
 from pipeline.formats.passage.rtz import rtz_text
 from pipeline.formats.passage.safe_corridor import Obstacles
 from pipeline.formats.passage.waypoints import Waypoints, limits_text, waypoints
-from pipeline.formats.shared.haven_rows import Way, haven_ways
-from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.route_profile import coast_index
-from pipeline.formats.shared.text import json_value
 from pipeline.model import RouteMetrics
 from renew.results import unite_soft_no_go
 

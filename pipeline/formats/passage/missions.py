@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from pipeline.findings.result import RunResult
+from pipeline.findings.text import speed_over_ground, write_json
 from pipeline.formats.passage.fence import Autopilot, autopilot
 from pipeline.formats.passage.waypoints import (
     Waypoints,
@@ -20,8 +22,6 @@ from pipeline.formats.passage.waypoints import (
     season_waypoints,
     wrapped_longitude,
 )
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import speed_over_ground, write_json
 
 # MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, which sets the speed over ground and leaves the
 # throttle as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).

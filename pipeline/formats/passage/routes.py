@@ -21,6 +21,14 @@ import numpy as np
 from lxml import etree
 
 from pipeline._types import FloatArray
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.route_profile import metres_along, times_at
+from pipeline.findings.text import (
+    route_summary,
+    speed_over_ground,
+    xml_environment,
+)
+from pipeline.formats.palette import season_colour
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
@@ -35,14 +43,6 @@ from pipeline.formats.passage.waypoints import (
     split_at_antimeridian,
     time_after,
     wrapped_longitude,
-)
-from pipeline.formats.shared.palette import season_colour
-from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.route_profile import metres_along, times_at
-from pipeline.formats.shared.text import (
-    route_summary,
-    speed_over_ground,
-    xml_environment,
 )
 from pipeline.geo.projection import densified
 from pipeline.model import RouteMetrics

@@ -11,6 +11,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TypeAlias
 
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RunResult, route_caveats
+from pipeline.findings.text import duration, turns_text, xml_environment
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
@@ -24,9 +27,6 @@ from pipeline.formats.passage.waypoints import (
     vessel_name,
     wrapped_longitude,
 )
-from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult, route_caveats
-from pipeline.formats.shared.text import duration, turns_text, xml_environment
 from pipeline.texts import clean
 
 _Attributes: TypeAlias = dict[str, str]

@@ -13,8 +13,8 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray, Geometries, IndexArray, IntArray
+from pipeline.findings.route_profile import edges_of
 from pipeline.formats.passage.tracks import Tracks
-from pipeline.formats.shared.route_profile import edges_of
 from pipeline.model import Scene
 
 # Minimum clearance of a leg from V and land, as a share of the path's own least clearance.

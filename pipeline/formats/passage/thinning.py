@@ -6,9 +6,9 @@ import numpy as np
 import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
+from pipeline.findings.route_profile import metres_along
 from pipeline.formats.passage.safe_corridor import SafeCorridor, cross
 from pipeline.formats.passage.tracks import Drawing
-from pipeline.formats.shared.route_profile import metres_along
 
 # Minimum bend, rad, for which the intersection of the legs around it becomes a candidate.
 _MIN_BEND_RAD = 0.1

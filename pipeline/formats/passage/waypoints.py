@@ -10,6 +10,15 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray, IntArray
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RankedRoute, RunResult, route_caveats
+from pipeline.findings.route_profile import (
+    at_speeds_sailed,
+    cumulative,
+    mean_speed,
+    steps_along_legs,
+)
+from pipeline.findings.text import capitalised, duration
 from pipeline.formats.passage.safe_corridor import (
     Obstacles,
     SafeCorridor,
@@ -28,15 +37,6 @@ from pipeline.formats.passage.tracks import (
     initial_course_deg,
     tracks,
 )
-from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RankedRoute, RunResult, route_caveats
-from pipeline.formats.shared.route_profile import (
-    at_speeds_sailed,
-    cumulative,
-    mean_speed,
-    steps_along_legs,
-)
-from pipeline.formats.shared.text import capitalised, duration
 from pipeline.model import RouteMetrics
 from renew.results import unite_soft_no_go
 from renew.voyage.fuel import speeds_along

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from pipeline._types import FloatArray
-from pipeline.formats.shared.haven_rows import LAST_TURNS, haven_rows, stretch_line
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, stretch_line
+from pipeline.findings.result import RunResult
 
 
 def haven_lines(

@@ -3,11 +3,11 @@
 from datetime import datetime
 from typing import Any
 
+from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
+from pipeline.findings.result import RunResult
+from pipeline.findings.text import duration
 from pipeline.formats.haven_table import haven_facts, moment_cell
 from pipeline.formats.report.map_data import place_on_map
-from pipeline.formats.shared.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import duration
 
 
 def haven_section(result: RunResult, season: str) -> dict[str, Any] | None:

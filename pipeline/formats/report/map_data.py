@@ -16,11 +16,11 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray, Geometries, IntArray
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.route_profile import route_profile
+from pipeline.findings.text import zone_text
 from pipeline.formats.figures.map_marks import graticule, on_water
 from pipeline.formats.report.haven_lines import haven_lines
-from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.route_profile import route_profile
-from pipeline.formats.shared.text import zone_text
 from pipeline.model import RouteKey
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.

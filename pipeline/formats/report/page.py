@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from pipeline.findings import text
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import MAX_STRAITS, RunResult, addressed
+from pipeline.findings.text import environment
 from pipeline.formats.figures.map_marks import has_arrows, speed_scale
+from pipeline.formats.palette import style_colours
 from pipeline.formats.records import versions
 from pipeline.formats.report import assets
 from pipeline.formats.report.map_data import json_for_script, map_data, place_on_map
 from pipeline.formats.report.season import season_section
-from pipeline.formats.shared import text
-from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.palette import style_colours
-from pipeline.formats.shared.result import MAX_STRAITS, RunResult, addressed
-from pipeline.formats.shared.text import environment
 from pipeline.geo.lonlat import position_text
 from pipeline.model import Credit, CurrentGrid, ShutStrait
 from pipeline.scenario.published import PublishedRow

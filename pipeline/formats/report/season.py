@@ -8,6 +8,9 @@ import shapely
 from markupsafe import Markup
 
 from pipeline._types import FloatArray
+from pipeline.findings import departures_and_speeds, ensembles, text
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.under_way import replanned_text
 from pipeline.formats.figures.artists import page_svg
 from pipeline.formats.figures.choice_plots import departure_figure, trade_off_figure
 from pipeline.formats.figures.ensemble_plots import fan_figure, share_map
@@ -18,9 +21,6 @@ from pipeline.formats.figures.turning import padding_figure, tightest_place
 from pipeline.formats.report.haven_section import haven_section
 from pipeline.formats.report.map_data import coarser, place_on_map, within
 from pipeline.formats.report.sentences import SeasonFacts
-from pipeline.formats.shared import departures_and_speeds, ensembles, text
-from pipeline.formats.shared.result import RankedRoute, RunResult
-from pipeline.formats.shared.under_way import replanned_text
 from pipeline.geo.lonlat import position_text
 from pipeline.model import RouteMetrics, SeasonPlan
 from renew import Rejected

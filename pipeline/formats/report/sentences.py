@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.formats.shared import text
+from pipeline.findings import text
 from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
 
 # Difference, as a share, below which two lengths, or two figures of fuel, are printed alike.

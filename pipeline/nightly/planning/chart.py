@@ -11,7 +11,7 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
 from pipeline.model import Current, CurrentGrid, Fetched, MemberCurrents, Scene
 from pipeline.scenario.model import PlannerOptions, Scenario

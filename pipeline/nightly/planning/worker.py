@@ -19,7 +19,8 @@ import shapely
 
 import renew
 from pipeline.errors import one_line
-from pipeline.formats.shared.ensembles import ensemble_figures, flips_text, sides_text
+from pipeline.findings.ensembles import ensemble_figures, flips_text, sides_text
+from pipeline.findings.way_names import with_way_names
 from pipeline.machine.files import needed
 from pipeline.machine.store import read_checked
 from pipeline.model import RouteMetrics, Scene, SeasonPlan
@@ -35,7 +36,6 @@ from pipeline.nightly.planning.chart import (
 )
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.strict import Point
-from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.seasons.cluster import DiedBeforeError
 from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 from renew import Route

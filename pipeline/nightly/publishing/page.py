@@ -8,9 +8,9 @@ from pathlib import Path
 
 import shapely
 
-from pipeline.formats.shared import text
-from pipeline.formats.shared.ensembles import flips_text
-from pipeline.formats.shared.palette import style_colours
+from pipeline.findings import text
+from pipeline.findings.ensembles import flips_text
+from pipeline.formats.palette import style_colours
 from pipeline.nightly.cycle.part_files import Row
 from pipeline.nightly.cycle.results import EarlierRoute
 from pipeline.nightly.outcome import ACT, LOOK, OUTCOMES, SAME

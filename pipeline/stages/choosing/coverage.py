@@ -11,7 +11,7 @@ import shapely
 import renew
 from pipeline._types import Geometries
 from pipeline.errors import Faults, RequestError
-from pipeline.formats.shared.note_words import MORE_CURRENTS
+from pipeline.findings.note_words import MORE_CURRENTS
 from pipeline.geo.lonlat import Bounds, common_bounds
 from pipeline.geo.projection import Projection
 from pipeline.model.inputs import LandSource

@@ -10,7 +10,7 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.errors import LateFaults, NoWayError, PipelineError
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
 from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
 from pipeline.model import Note

@@ -7,7 +7,7 @@ if a best route comes near the region's edge, :mod:`pipeline.stages.choosing.reg
 A far side is a side of an island that the region leaves out. A best route passes such an island on
 its near side. In a wider region with all of the island, the near side is shut by a strip of land.
 The lower bound on fuel then holds for ways on the far side (see
-:mod:`pipeline.stages.comparing.other_ways`). Islets are left out of the wider region's land: that
+:mod:`pipeline.findings.other_ways`). Islets are left out of the wider region's land: that
 makes the bound no higher.
 """
 
@@ -24,7 +24,9 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.errors import PipelineError
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.islands import island_places
+from pipeline.findings.other_ways import fuel_elsewhere, strip_across
+from pipeline.findings.result import RunResult
 from pipeline.geo.coast import inner_land
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
 from pipeline.geo.projection import Projection
@@ -35,8 +37,6 @@ from pipeline.scenario.region import Region
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land.shapes import in_plane
 from pipeline.stages.choosing.water_grid import Cell, GridPath, LonLat, WaterGrid
-from pipeline.stages.comparing.islands import island_places
-from pipeline.stages.comparing.other_ways import fuel_elsewhere, strip_across
 from pipeline.stages.fetch import fetch
 from pipeline.stages.project import extent_polygon, planar_current
 from renew.inputs.current import as_field

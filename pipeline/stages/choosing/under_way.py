@@ -15,12 +15,13 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.records import current_hash, land_hash, without_folders
-from pipeline.formats.shared.text import json_value
+from pipeline.findings.names import without_folders
+from pipeline.findings.text import json_value
 from pipeline.geo.projection import Projection
 from pipeline.machine.paths import shown
 from pipeline.machine.store import Artefact, artefact_key
 from pipeline.model import SeasonPlan, VoyageBefore
+from pipeline.model.hashes import current_hash, land_hash
 from pipeline.model.planning import true_duration_s
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario

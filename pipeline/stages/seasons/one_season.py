@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline.formats.shared.text import planner_text, season_text
+from pipeline.findings.text import planner_text, season_text
 from pipeline.geo.lonlat import share_without
 from pipeline.geo.projection import densified
 from pipeline.model import (

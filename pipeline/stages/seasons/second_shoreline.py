@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.formats.shared.text import distance
+from pipeline.findings.text import distance
 from pipeline.model import Place, Scene, SeasonPlan, ShoreCrossing
 
 # Minimum length of a crossing, true metres: a shorter one only grazes the shore.

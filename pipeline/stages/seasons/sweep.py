@@ -11,7 +11,7 @@ import numpy as np
 
 import renew
 from pipeline.errors import StageError
-from pipeline.formats.shared.text import planner_text
+from pipeline.findings.text import planner_text
 from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import DepartureChoice, Note, Say, Scene, plan_options
 from pipeline.scenario.model import PlannerOptions

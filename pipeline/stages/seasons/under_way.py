@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import renew
-from pipeline.formats.shared.text import number, planner_text
+from pipeline.findings.text import number, planner_text
 from pipeline.model import Replanned, Scene, VoyageBefore
 from renew.errors import Duration, Text
 from renew.planner.plan import given_options, task_of

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.cli import progress as progress_module
 from pipeline.cli.progress import progress
-from pipeline.formats.shared.note_words import note_text
+from pipeline.findings.note_words import note_text
 from pipeline.model import Note
 from pipeline.run import Event, run
 from pipeline.scenario.catalogue import read_toml, scenario_path

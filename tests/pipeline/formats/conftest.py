@@ -6,10 +6,10 @@ import pyogrio
 import pytest
 from pyogrio._ogr import _register_drivers
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.records import write_currents
 from pipeline.formats.report.page import gather, render
-from pipeline.formats.shared.result import RunResult
 from tests.pipeline import chosen_speeds
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.page import Page

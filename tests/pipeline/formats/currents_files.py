@@ -12,7 +12,7 @@ import pyproj
 import shapely
 import xarray as xr
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.model import CurrentGrid
 from pipeline.stages.project import planar_current
 

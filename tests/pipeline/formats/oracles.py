@@ -7,8 +7,8 @@ import pyproj
 import shapely
 
 from pipeline._types import FloatArray
+from pipeline.findings.result import RunResult
 from pipeline.formats.passage.waypoints import Waypoints
-from pipeline.formats.shared.result import RunResult
 
 GEOD = pyproj.Geod(ellps="WGS84")
 _E = np.sqrt(GEOD.es)

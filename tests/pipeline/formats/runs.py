@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import shapely
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.stages.project import project

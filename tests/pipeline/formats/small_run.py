@@ -10,7 +10,8 @@ import numpy as np
 import shapely
 
 import renew
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
+from pipeline.findings.way_names import with_way_names
 from pipeline.model import (
     Credit,
     CurrentGrid,
@@ -29,7 +30,6 @@ from pipeline.model import (
 )
 from pipeline.model.inputs import current_notes
 from pipeline.scenario.model import Scenario
-from pipeline.stages.comparing.way_names import with_way_names
 from pipeline.stages.project import project
 
 LAND = Credit("Test land", "land", "© nobody in particular", "none", "https://example.org/land")

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.formats.tables import write_departures_csv, write_departures_json, write_scenario
 from pipeline.model import DepartureChoice
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.season import Season
-from pipeline.stages.write import formats_of
+from pipeline.write import formats_of
 from tests.pipeline.tidal_run import DEPARTURE, planned
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": 3}

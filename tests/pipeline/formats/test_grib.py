@@ -11,10 +11,10 @@ import eccodes
 import numpy as np
 import pytest
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.grib import _ibm_below, _message, fields_from, write_grib
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import CurrentGrid
-from pipeline.stages.write import formats_of
+from pipeline.write import formats_of
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.currents_files import planners, with_grids
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import shapely
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.records import manifest, write_manifest
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import ShutStrait
 from tests.pipeline.formats import small_run
 

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 from datetime import datetime
 from pathlib import Path
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.formats.tables import METRICS_COLUMNS, write_metrics
 from pipeline.model import Evaluation, RouteMetrics
 

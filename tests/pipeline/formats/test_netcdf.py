@@ -20,13 +20,13 @@ import shapely
 import xarray as xr
 
 import renew
+from pipeline.findings.result import RunResult
+from pipeline.findings.route_profile import legs
 from pipeline.formats.records import write_currents
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.route_profile import legs
 from pipeline.geo.projection import Projection
 from pipeline.model import CurrentGrid
 from pipeline.stages.project import extent_polygon
-from pipeline.stages.write import formats_of
+from pipeline.write import formats_of
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.currents_files import (
     ROOT,

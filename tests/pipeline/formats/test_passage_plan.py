@@ -15,10 +15,10 @@ import pytest
 import shapely
 
 import renew
+from pipeline.findings.result import RunResult
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather
-from pipeline.formats.shared.result import RunResult
 from pipeline.formats.tables import distance_text, position, rows
 from pipeline.model import ShoreCrossing
 from tests.pipeline.formats import oracles, runs, small_run

@@ -9,9 +9,9 @@ from datetime import UTC, datetime
 import pytest
 from hypothesis import given, strategies as st
 
+from pipeline.findings import text as texts
+from pipeline.findings.note_words import note_text
 from pipeline.formats.report.sentences import SeasonFacts, clock_text
-from pipeline.formats.shared import text as texts
-from pipeline.formats.shared.note_words import note_text
 from pipeline.model import ClockWorth, GapShares, Note, Place, SideBound
 from tests.pipeline.formats.report.test_sentences import BEST, OTHER
 

@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.formats.figures.choice_plots import trade_off_figure
-from pipeline.formats.report.page import gather, render
-from pipeline.formats.shared.departures_and_speeds import (
+from pipeline.findings.departures_and_speeds import (
     TradeOff,
     speed_notes,
     still_fuel_per_metre,
@@ -23,12 +21,14 @@ from pipeline.formats.shared.departures_and_speeds import (
     trade_off,
     trade_off_text,
 )
-from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RunResult
+from pipeline.formats.figures.choice_plots import trade_off_figure
+from pipeline.formats.report.page import gather, render
 from pipeline.formats.tables import write_scenario, write_trade_off_csv, write_trade_off_json
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.season import Season
-from pipeline.stages.write import formats_of
+from pipeline.write import formats_of
 from tests.pipeline import chosen_speeds
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.route_profile import legs
+from pipeline.findings.other_ways import side_bounds
+from pipeline.findings.result import RunResult
+from pipeline.findings.route_profile import legs
 from pipeline.model.planning import speed_choices, true_duration_s
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
-from pipeline.stages.comparing.other_ways import side_bounds
 from pipeline.stages.project import project
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from pipeline.stages.seasons.task import clock_worth, gap_shares, speeds_in_time

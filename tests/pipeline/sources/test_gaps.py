@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec

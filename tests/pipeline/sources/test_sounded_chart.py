@@ -13,7 +13,7 @@ import xarray as xr
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_text
+from pipeline.findings.note_words import note_text
 from pipeline.model import Credit, Land
 from pipeline.model.depths import DepthRule
 from pipeline.scenario.region import ChartSpec

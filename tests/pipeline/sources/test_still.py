@@ -9,7 +9,7 @@ import pytest
 import shapely
 from pydantic import ValidationError
 
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.model import Land
 from pipeline.scenario.season import Season
 from pipeline.sources.registry import current_source

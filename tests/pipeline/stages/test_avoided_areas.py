@@ -15,7 +15,7 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.scenario.via import Anchorage

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.formats.shared.route_profile import legs, route_profile
+from pipeline.findings.route_profile import legs, route_profile
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.project import planar_current, project
 from pipeline.stages.seasons.one_season import evaluate_season, plan_season

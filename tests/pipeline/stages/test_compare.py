@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.model import Evaluation
 from pipeline.stages.compare import safety_notes, weak_stream_notes
 from tests.pipeline import tidal_run

@@ -19,10 +19,10 @@ from lxml import etree
 from pymavlink import mavwp
 
 from pipeline.errors import RequestError
+from pipeline.findings.haven_rows import LAST_TURNS
+from pipeline.findings.note_words import note_texts
 from pipeline.formats.haven_table import COLUMNS, printed_rows
 from pipeline.formats.report.page import gather
-from pipeline.formats.shared.haven_rows import LAST_TURNS
-from pipeline.formats.shared.note_words import note_texts
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.scenario.model import Scenario

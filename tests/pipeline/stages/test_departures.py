@@ -12,10 +12,10 @@ import pytest
 
 import renew
 from pipeline.errors import RequestError
+from pipeline.findings.departures_and_speeds import departure_text
+from pipeline.findings.note_words import note_json, note_text
+from pipeline.findings.text import exact_moment_text
 from pipeline.formats.figures.choice_plots import departure_figure
-from pipeline.formats.shared.departures_and_speeds import departure_text
-from pipeline.formats.shared.note_words import note_json, note_text
-from pipeline.formats.shared.text import exact_moment_text
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import DepartureChoice, Note
 from pipeline.model.planning import speed_choices

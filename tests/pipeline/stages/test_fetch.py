@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.machine.store import Store
 from pipeline.model import PassedOver
 from pipeline.run import planned_scenario

@@ -12,9 +12,9 @@ import pytest
 
 import renew
 from pipeline.errors import RequestError
+from pipeline.findings.ensembles import ensemble_of, ensemble_text
+from pipeline.findings.result import RunResult
 from pipeline.formats.report.page import gather, render
-from pipeline.formats.shared.ensembles import ensemble_of, ensemble_text
-from pipeline.formats.shared.result import RunResult
 from pipeline.run import run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.members import MembersSpec

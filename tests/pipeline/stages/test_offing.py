@@ -10,7 +10,7 @@ import pytest
 import shapely
 from hypothesis import given, strategies as st
 
-from pipeline.formats.shared.note_words import note_text
+from pipeline.findings.note_words import note_text
 from pipeline.geo.projection import Projection
 from pipeline.model import Scene
 from pipeline.scenario import catalogue

@@ -13,7 +13,7 @@ import shapely
 from hypothesis import assume, given, settings, strategies as st
 
 from pipeline._types import Geometries
-from pipeline.formats.shared.note_words import note_text, note_texts
+from pipeline.findings.note_words import note_text, note_texts
 from pipeline.stages.simplify import (
     SimplifiedLand,
     chosen_tolerance_m,

@@ -17,8 +17,8 @@ import shapely
 
 import pipeline
 from pipeline.errors import RequestError
+from pipeline.findings.note_words import note_texts
 from pipeline.formats.passage.waypoints import season_waypoints
-from pipeline.formats.shared.note_words import note_texts
 from pipeline.formats.tables import headings, rows
 from pipeline.geo.lonlat import DepthCover
 from pipeline.geo.projection import Projection

@@ -15,8 +15,8 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RunResult
 from pipeline.run import run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.sources.land.osm import land_polygons

@@ -16,8 +16,8 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RunResult
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import Scene
 from pipeline.run import Outcome, run

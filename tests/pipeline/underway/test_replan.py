@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import renew
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.model import Replanned
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario

@@ -13,7 +13,7 @@ import xarray as xr
 
 import pipeline
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
 from pipeline.voyage.vessel_options import VesselFigures

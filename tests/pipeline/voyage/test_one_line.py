@@ -20,7 +20,7 @@ import shapely
 import pipeline
 from pipeline.cli.ending import outcome_json, season_table
 from pipeline.errors import NoWayError, RequestError
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from PIL import Image
 
 from experiments.figures import method
+from pipeline.findings.result import RunResult
 from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.figures.season_map import overview_figure
-from pipeline.formats.shared.result import RunResult
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario
 from tests.conftest import ROOT

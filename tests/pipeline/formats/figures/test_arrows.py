@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import shapely
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.figures.map_marks import SpeedScale, arrows, speed_scale
-from pipeline.formats.shared.result import RunResult
 
 
 def test_arrows_are_on_water_and_show_the_planners_current(result: RunResult) -> None:

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.image import imread
 from PIL import Image
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario
 from tests.conftest import ROOT

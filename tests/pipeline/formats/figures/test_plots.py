@@ -14,12 +14,12 @@ from matplotlib.text import Text
 
 import renew
 from pipeline._types import FloatArray
+from pipeline.findings.result import RunResult
+from pipeline.findings.route_profile import route_profile
 from pipeline.formats.figures.artists import page_svg
 from pipeline.formats.figures.plots import profile_figure
 from pipeline.formats.figures.turning import padding_figure, tightest_place
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.route_profile import route_profile
+from pipeline.formats.palette import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,10 +12,10 @@ import pytest
 import shapely
 from matplotlib.image import imread
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.figures.chart_map import Margins
 from pipeline.formats.figures.season_map import overview_figure, season_svg
-from pipeline.formats.shared.palette import COLOURS, DARK, season_colour
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.palette import COLOURS, DARK, season_colour
 from tests.pipeline.formats import small_run
 
 HOSTILE = "<script>alert(1)</script> ../ \N{ROCKET} \u202egnp.exe $x_{" + "long " * 60

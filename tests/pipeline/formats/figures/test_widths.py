@@ -10,9 +10,9 @@ from matplotlib.colors import same_color
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.figures.kinds import Kind, Width, figure
-from pipeline.formats.shared.palette import COLOURS, season_colour
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.palette import COLOURS, season_colour
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.figures.legible import assert_texts_apart, ink_at_the_edge, is_land
 

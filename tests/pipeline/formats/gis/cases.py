@@ -8,7 +8,7 @@ from dataclasses import replace
 import shapely.affinity
 from shapely.geometry import Polygon
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, Evaluation, Land
 from pipeline.texts import clean

@@ -11,7 +11,7 @@ from typing import Any
 import geopandas
 import pyproj
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from pipeline.model import Evaluation, SeasonPlan
 
 GEOD = pyproj.Geod(ellps="WGS84")

@@ -14,10 +14,10 @@ import pytest
 import shapely
 from hypothesis import given, strategies as st
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import bounding_box, write_geojson
 from pipeline.formats.gis.layers import LAYERS
 from pipeline.formats.passage.waypoints import season_waypoints, split_at_antimeridian
-from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs
 
 

@@ -9,9 +9,9 @@ import pyogrio
 import pytest
 import shapely
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.passage.waypoints import season_waypoints
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import ShoreCrossing, Zone
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import moved_east

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.records import manifest
-from pipeline.formats.shared.note_words import note_texts
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import Evaluation
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named

@@ -14,10 +14,10 @@ from typing import Any
 from hypothesis import given, strategies as st
 from lxml import etree
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
 from pipeline.formats.gis.qgis import Rule, Style, inert, literal, map_crs, rendered
-from pipeline.formats.shared.palette import COLOURS
-from pipeline.formats.shared.result import RunResult
+from pipeline.formats.palette import COLOURS
 from pipeline.texts import clean
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import ODD, SCRIPT, badly_named

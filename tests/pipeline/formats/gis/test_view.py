@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 import renew
+from pipeline.findings.result import RunResult
 from pipeline.formats.gis.qgis import map_crs, view
 from pipeline.formats.gis.styles import style
-from pipeline.formats.shared.result import RunResult
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats.gis.cases import moved_east
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from pipeline.formats.shared.result import RunResult
+    from pipeline.findings.result import RunResult
 
 WRITERS: dict[str, Callable[..., None]] = {
     "rtz": write_rtz,

@@ -14,11 +14,11 @@ import pytest
 import shapely
 
 import renew
+from pipeline.findings.result import RunResult
 from pipeline.formats.passage.fence import KEPT_SHARE, autopilot
 from pipeline.formats.passage.missions import write_plan
 from pipeline.formats.passage.waypoints import season_waypoints
 from pipeline.formats.passage_plan import write_passage_plan
-from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs, small_run
 
 GEOD = pyproj.Geod(ellps="WGS84")

@@ -14,10 +14,10 @@ import pytest
 import shapely
 from lxml import etree
 
+from pipeline.findings.result import RunResult
+from pipeline.findings.route_profile import planned_times
 from pipeline.formats.passage.routes import write_gpx
 from pipeline.formats.passage.waypoints import both_sides, season_waypoints
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.route_profile import planned_times
 from tests.pipeline.formats import oracles, runs, small_run
 
 Element: TypeAlias = Any  # lxml has no types

@@ -14,10 +14,10 @@ import pytest
 import shapely
 from lxml import etree
 
+from pipeline.findings.result import RunResult
+from pipeline.formats.palette import season_colour
 from pipeline.formats.passage.routes import write_kml
 from pipeline.formats.passage.waypoints import both_sides
-from pipeline.formats.shared.palette import season_colour
-from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import oracles, runs, small_run
 
 Element: TypeAlias = Any  # lxml has no types

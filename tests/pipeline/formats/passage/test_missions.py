@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from pymavlink import mavutil, mavwp
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.passage.missions import write_mission, write_plan
 from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
-from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs
 
 LINK = mavutil.mavlink

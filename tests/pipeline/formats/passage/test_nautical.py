@@ -8,6 +8,8 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 import pytest
 
+from pipeline.findings.result import RunResult
+from pipeline.findings.text import duration
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     leg_text,
@@ -16,9 +18,7 @@ from pipeline.formats.passage.waypoints import (
     waypoint_names,
     wrapped_longitude,
 )
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.text import duration
-from pipeline.stages.write import formats_of
+from pipeline.write import formats_of
 from tests.pipeline.formats import runs
 
 

@@ -11,9 +11,9 @@ from typing import Any, TypeAlias
 import pytest
 from lxml import etree
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.passage.rtz import write_rtz
 from pipeline.formats.passage.waypoints import season_waypoints
-from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import runs
 from tests.validators import rtz_faults
 

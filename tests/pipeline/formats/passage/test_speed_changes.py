@@ -14,6 +14,8 @@ from lxml import etree
 from pymavlink import mavutil, mavwp
 
 import renew
+from pipeline.findings.result import RunResult
+from pipeline.findings.route_profile import legs, route_profile
 from pipeline.formats.gis.geopackage import write_geojson, write_geopackage
 from pipeline.formats.passage.missions import write_mission, write_plan
 from pipeline.formats.passage.routes import write_gpx
@@ -25,8 +27,6 @@ from pipeline.formats.passage.waypoints import (
     season_waypoints,
     with_speed_changes,
 )
-from pipeline.formats.shared.result import RunResult
-from pipeline.formats.shared.route_profile import legs, route_profile
 from tests.pipeline import chosen_speeds
 from tests.pipeline.formats import oracles
 from tests.pipeline.tidal_run import DEPARTURE

@@ -12,6 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 import renew
+from pipeline.findings.result import RunResult
 from pipeline.formats.passage.safe_corridor import Obstacles, safe_corridor
 from pipeline.formats.passage.waypoints import (
     MAX_CROSS_TRACK_M,
@@ -20,7 +21,6 @@ from pipeline.formats.passage.waypoints import (
     season_waypoints,
     waypoints,
 )
-from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import oracles, runs
 
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from PIL import Image
 from playwright.sync_api import Page
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.report.page import gather, render
-from pipeline.formats.shared.result import RunResult
 
 
 def written(result: RunResult, directory: Path) -> Path:

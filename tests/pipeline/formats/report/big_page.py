@@ -10,8 +10,8 @@ import shapely
 from playwright.sync_api import Browser
 
 import renew
+from pipeline.findings.result import RunResult
 from pipeline.formats.report.page import gather, render
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import Evaluation, RouteKey, RouteMetrics, SeasonPlan
 from tests.pipeline.formats import small_run
 

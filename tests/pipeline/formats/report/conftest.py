@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, Route
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from tests.pipeline.formats.report.actions import written
 from tests.validators import chromium
 

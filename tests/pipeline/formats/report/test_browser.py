@@ -11,9 +11,9 @@ from typing import Literal
 import pytest
 from playwright.sync_api import Browser, Page
 
+from pipeline.findings import text as texts
+from pipeline.findings.result import RunResult
 from pipeline.formats.report import page as report_page
-from pipeline.formats.shared import text as texts
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit, Passage
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import drawn, now, season, slide, written

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import renew
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from tests.pipeline.formats.report.actions import written
 from tests.pipeline.formats.report.conftest import Reader
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
+from pipeline.findings.result import RunResult
+from pipeline.formats.palette import COLOURS, season_colour
 from pipeline.formats.report import page as report_page
-from pipeline.formats.shared.palette import COLOURS, season_colour
-from pipeline.formats.shared.result import RunResult
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import closest, drawn, pixels, written
 from tests.pipeline.formats.report.conftest import Reader

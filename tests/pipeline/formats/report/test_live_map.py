@@ -12,7 +12,7 @@ import pytest
 import shapely
 from playwright.sync_api import Page
 
-from pipeline.formats.shared.result import RunResult
+from pipeline.findings.result import RunResult
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import drawn, pixels, season, written
 from tests.pipeline.formats.report.conftest import Reader

@@ -8,8 +8,8 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.report.map_data import Lattice, map_data
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import Evaluation, ShoreCrossing
 from tests.pipeline.formats import small_run
 

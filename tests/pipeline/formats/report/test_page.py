@@ -10,9 +10,9 @@ from dataclasses import replace
 import pytest
 import shapely
 
+from pipeline.findings import text as texts
+from pipeline.findings.result import RunResult
 from pipeline.formats.report.page import gather, render
-from pipeline.formats.shared import text as texts
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import Credit
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page

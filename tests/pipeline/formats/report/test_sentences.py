@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from pipeline.findings.text import gap_figure, gap_text
 from pipeline.formats.report.sentences import SeasonFacts, clock_text
-from pipeline.formats.shared.text import gap_figure, gap_text
 from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics, SideBound
 
 BEST = RouteMetrics(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from pipeline.findings.result import RunResult
 from pipeline.formats.report.page import gather, render
-from pipeline.formats.shared.result import RunResult
 from pipeline.model import ShoreCrossing, ShutStrait
 from pipeline.model.inputs import Note
 from tests.pipeline.formats import small_run

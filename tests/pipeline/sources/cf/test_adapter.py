@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.model import CurrentGrid, Land, Note
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.season import Season

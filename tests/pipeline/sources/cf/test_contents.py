@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.model import Note
 from pipeline.sources.cf.contents import find_files, read_contents
 from pipeline.sources.current_field import Field

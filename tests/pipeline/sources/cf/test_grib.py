@@ -13,7 +13,7 @@ import pytest
 import shapely
 import xarray as xr
 
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles

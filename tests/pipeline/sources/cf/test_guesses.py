@@ -11,7 +11,7 @@ import shapely
 import xarray as xr
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_text
+from pipeline.findings.note_words import note_text
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles

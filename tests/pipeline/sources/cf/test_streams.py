@@ -13,7 +13,7 @@ import xarray as xr
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_text
+from pipeline.findings.note_words import note_text
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
 from pipeline.sources.cf import grid as reading

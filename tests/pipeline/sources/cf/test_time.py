@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from hypothesis import given, strategies as st
 
-from pipeline.formats.shared.note_words import note_text
+from pipeline.findings.note_words import note_text
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import period
 from pipeline.sources.cf.slices import select_steps

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import StageError
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.machine.store import Store
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import load_scenario

@@ -13,7 +13,7 @@ import shapely
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.geo.projection import Projection
 from pipeline.model.depths import DepthRule
 from pipeline.run import Outcome, run

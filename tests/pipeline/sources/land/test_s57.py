@@ -13,7 +13,7 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_texts
+from pipeline.findings.note_words import note_texts
 from pipeline.model import Land
 from pipeline.model.depths import DepthRule
 from pipeline.scenario.region import ChartSpec

@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_text, note_texts
+from pipeline.findings.note_words import note_text, note_texts
 from pipeline.scenario import catalogue
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.sources.land.shapes import BEYOND_M

@@ -16,7 +16,7 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.formats.shared.note_words import note_text, note_texts
+from pipeline.findings.note_words import note_text, note_texts
 from pipeline.model import Land
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.registry import land_source

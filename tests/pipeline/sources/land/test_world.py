@@ -13,7 +13,7 @@ import pytest
 import shapely
 from hypothesis import given, settings, strategies as st
 
-from pipeline.formats.shared.note_words import note_text
+from pipeline.findings.note_words import note_text
 from pipeline.sources.land import osm
 
 BOX = shapely.box(-5, -5, 15, 15)

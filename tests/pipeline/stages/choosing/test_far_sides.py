@@ -11,7 +11,7 @@ import numpy as np
 import pyproj
 import shapely
 
-from pipeline.formats.shared.note_words import note_text
+from pipeline.findings.note_words import note_text
 from pipeline.model import Note
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 import renew
+from pipeline.findings.text import percent
 from pipeline.formats.report.sentences import clock_text
-from pipeline.formats.shared.text import percent
 from pipeline.model import ClockWorth, SeasonPlan
 from pipeline.stages.seasons.task import clock_worth, hat_weights, mean_weights
 from tests.pipeline.tidal_run import planned

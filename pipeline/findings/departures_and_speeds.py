@@ -1,0 +1,230 @@
+"""When to leave and how fast to go: the best choice, and what it saves, in sentences."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from pipeline._types import FloatArray
+from pipeline.findings import text
+from pipeline.findings.result import RunResult
+from pipeline.model import DepartureChoice, Note, RouteMetrics, SpeedChoice
+
+AS_GOOD = 0.01
+"""A departure that needs at most this share of fuel above the least counts as good."""
+
+# Share of the time under way that is added or taken off to say what time is worth.
+_MORE_OR_LESS = 0.1
+# Smallest difference between two arrivals that counts, as a share of the time under way; smallest
+# difference in fuel that is mentioned, as a share of the fuel.
+_IN_TIME, _NO_LESS_FUEL = 5e-3, 5e-4
+
+
+def departure_text(choice: DepartureChoice) -> tuple[str, ...]:
+    """Say in sentences when to leave."""
+    if choice.arrive_by is not None:
+        leave, by = text.exact_moment_text(choice.chosen), text.moment_text(choice.arrive_by)
+        taking = text.hours(choice.least_s)
+        return (f"Leave at {leave}, the latest departure that arrives by {by}, after {taking}.",)
+    count = int(np.isfinite(choice.fuels).sum())
+    first, last = (_moment(choice, at) for at in choice.departures_s[[0, -1]])
+    best = (
+        f"Leave at {text.moment_text(choice.chosen)}: of {count} departures planned from {first} "
+        f"to {last} {_merit(choice)}."
+    )
+    sentences = [best]
+    most = float(choice.fuels[np.isfinite(choice.fuels)].max())
+    if count > 1:
+        worst = int(np.where(np.isfinite(choice.fuels), choice.fuels, -np.inf).argmax())
+        sentences.append(
+            f"The dearest, at {_moment(choice, choice.departures_s[worst])}, needs "
+            f"{text.percent(most / float(choice.fuels.min()) - 1)} more."
+        )
+        begin, end = choice.good_window(AS_GOOD)
+        if end > begin:
+            sentences.append(
+                f"Every departure planned from {_moment(choice, begin)} to "
+                f"{_moment(choice, end)} needs at most {text.percent(AS_GOOD, 0)} more than the "
+                "best."
+            )
+    shut = len(choice.fuels) - count
+    if shut:
+        at = next(i for i, reason in enumerate(choice.reasons) if reason)
+        sentences.append(
+            f"{shut} of the departures planned can't be sailed; for example "
+            f"{_moment(choice, choice.departures_s[at])}: {choice.reasons[at]}."
+        )
+    sentences.append(_proof(choice))
+    return tuple(sentences)
+
+
+def _merit(choice: DepartureChoice) -> str:
+    """Say in which respect the best departure is the best."""
+    lasts = text.hours(choice.least_s)
+    if choice.has_speeds:
+        return (
+            f"it needs the least fuel to be there in time, at speeds chosen for {lasts} under way"
+        )
+    return f"it is under way for the least time, {lasts}, and needs the least fuel"
+
+
+def _proof(choice: DepartureChoice) -> str:
+    """Say what is proven about departures between the planned ones."""
+    if choice.has_speeds:
+        return (
+            "Nothing is known about departures between these, because speeds are chosen for each."
+        )
+    if not math.isfinite(choice.unproven_s):
+        return (
+            "Nothing is known about departures between these: in places the current is as strong "
+            "as the vessel, or an area is shut for some hours."
+        )
+    return (
+        "Apart from the error of the paths, no other departure in this window saves more than "
+        f"{text.at_most_hours(choice.unproven_s)}, because a later departure on the same water "
+        "never arrives earlier. Smaller savings were searched for, but are not ruled out."
+    )
+
+
+def _moment(choice: DepartureChoice, seconds: float) -> str:
+    """Write a time of the choice's clock, seconds, as a date."""
+    return text.moment_text(choice.first + timedelta(seconds=float(seconds)))
+
+
+@dataclass(frozen=True, eq=False)
+class TradeOff:
+    """Least fuel for each arrival, and the chosen arrival; durations are at true scale.
+
+    Attributes
+    ----------
+    season : the season's name.
+    departure, arrive_by : times of departure and of the latest allowed arrival, UTC.
+    choice : the speeds that may be chosen.
+    durations_s : (n,) seconds under way, ascending; the first is sailed at the highest speed.
+    fuels : (n,) falling, in the planner's units.
+    duration_s, fuel : of the best route.
+    slowest, fastest : its lowest and highest speed through water, m/s.
+    """
+
+    season: str
+    departure: datetime
+    arrive_by: datetime
+    choice: SpeedChoice
+    durations_s: FloatArray
+    fuels: FloatArray
+    duration_s: float
+    fuel: float
+    slowest: float
+    fastest: float
+
+    def fuel_after(self, duration_s: float) -> float:
+        """Return least fuel to reach the goal within a duration, s; NaN if that is too short."""
+        return float(np.interp(duration_s, self.durations_s, self.fuels, left=np.nan))
+
+    def moment(self, duration_s: float) -> datetime:
+        """Return the time (UTC) after a duration, s."""
+        return self.departure + timedelta(seconds=round(duration_s))
+
+
+def trade_off(result: RunResult, season: str) -> TradeOff | None:
+    """Return the trade-off of a season; None where no speeds were chosen, or no route was found."""
+    choice, ranked = result.scene.speeds.get(season), result.season_routes(season)
+    plan, departure = result.plan_of(season), result.spec_of(season).departure
+    if choice is None or not ranked or plan is None or plan.trade_off is None or departure is None:
+        return None
+    route, metrics = ranked[0].route, ranked[0].metrics
+    # True seconds for each second of the planner; durations are counted from the departure.
+    stretch = metrics.duration_s / route.duration
+    begin = departure.astimezone(UTC)
+    return TradeOff(
+        season=season,
+        departure=begin,
+        arrive_by=begin + timedelta(seconds=choice.within_s),
+        choice=choice,
+        durations_s=stretch * (plan.trade_off.arrivals - route.times[0]),
+        fuels=plan.trade_off.fuels,
+        duration_s=metrics.duration_s,
+        fuel=metrics.fuel,
+        slowest=float(route.speeds.min()),
+        fastest=float(route.speeds.max()),
+    )
+
+
+def trade_offs(result: RunResult) -> tuple[TradeOff, ...]:
+    """Return the trade-offs of all seasons that have one."""
+    found = (trade_off(result, season.name) for season in result.scenario.seasons)
+    return tuple(one for one in found if one is not None)
+
+
+def trade_off_text(found: TradeOff) -> tuple[str, ...]:
+    """Say in sentences how fast the vessel sails, and what more or less time is worth."""
+    allowed = f"{found.choice.least:g}–{found.choice.most:g} m/s"
+    low, high = text.speed_range(found.slowest, found.fastest)
+    how = f"Speeds through water of {low}–{high} m/s, chosen from leg to leg among {allowed}, bring"
+    if low == high:
+        how = f"A speed of {low} m/s through water all the way, among {allowed}, brings"
+    there = f"by {text.moment_text(found.arrive_by)}"
+    if found.duration_s < (1 - _IN_TIME) * found.choice.within_s:
+        there = (
+            f"at {text.moment_text(found.moment(found.duration_s))}, before the deadline of "
+            f"{text.moment_text(found.arrive_by)}"
+        )
+    return (f"{how} the vessel to the goal {there}, with the least fuel.", *_worth(found))
+
+
+def speed_notes(result: RunResult) -> tuple[Note, ...]:
+    """Note the speeds of each season in which they are chosen."""
+    return tuple(
+        Note.of("speeds-chosen", found=one).about(*result.scenario.season_if_several(one.season))
+        for one in trade_offs(result)
+    )
+
+
+def _worth(found: TradeOff) -> Iterator[str]:
+    """Say what more and less time are worth, if there is a choice."""
+    change = _MORE_OR_LESS * found.duration_s
+    more, less = (found.fuel_after(found.duration_s + by) for by in (change, -change))
+    said = []
+    if found.fuel - more > _NO_LESS_FUEL * found.fuel:
+        said.append(
+            f"{text.hours(change)} more would save "
+            f"{text.percent(1 - more / found.fuel)} of the fuel"
+        )
+    if less - found.fuel > _NO_LESS_FUEL * found.fuel:
+        said.append(
+            f"{text.hours(change)} less would take {text.percent(less / found.fuel - 1)} more"
+        )
+    if said:
+        yield f"{'; '.join(said)}."
+    first, last = found.durations_s[[0, -1]]
+    if first < (1 - _IN_TIME) * found.duration_s:
+        yield (
+            f"At the highest speed the vessel could be there at "
+            f"{text.moment_text(found.moment(first))}, for "
+            f"{text.percent(found.fuels[0] / found.fuel - 1)} more fuel."
+        )
+    if last > (1 + _IN_TIME) * found.duration_s:
+        yield (
+            f"More time saves fuel until {text.moment_text(found.moment(last))}: an arrival then "
+            f"takes {text.percent(1 - found.fuels[-1] / found.fuel)} less fuel."
+        )
+
+
+def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:
+    """Return the speed at which a route would be sailed in still water, m/s.
+
+    Where speeds are chosen: the route's mean speed over ground, within the allowed speeds.
+    """
+    choice = result.scene.speeds.get(metrics.season)
+    if choice is None:
+        return result.scene.vessel.speed
+    return float(np.clip(text.speed_over_ground(metrics), choice.least, choice.most))
+
+
+def still_fuel_per_metre(result: RunResult, metrics: RouteMetrics) -> float:
+    """Return the fuel per metre of the planner's plane that a route would take in still water."""
+    vessel = result.scene.vessel
+    speed = still_speed_m_s(result, metrics)
+    return float(vessel.fuel_coefficient * speed ** (vessel.fuel_exponent - 1))

@@ -1,0 +1,183 @@
+"""What a route's coverage by havens says, as rows for tables, maps and the passage plan.
+
+Times and distances are true ones: in a steady current the planner's differ a little, by the scale
+of its plane.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pyproj
+import shapely
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.text import planner_text
+
+_GEOD = pyproj.Geod(ellps="WGS84")
+# Share of the limit of time that a stretch takes at least whose way is a main one.
+_STRETCH = 1 / 12
+MOMENTS = ("equal point", "last change")
+"""Kinds of rows for which nothing is proven of later places."""
+LAST_TURNS = ("abort point", "point of no return", *MOMENTS)
+"""Kinds of rows that are one place of the route; the others are stretches."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way to a haven, with its number among the season's, from 1.
+
+    Attributes
+    ----------
+    turn_off_s : when a vessel on time turns off, seconds since departure.
+    place, haven_place : (lon, lat) degrees, where it turns off, and of the haven.
+    bearing_deg : true bearing of the haven from there.
+    length_m : true metres along the way.
+    duration_s : time to the haven, for a vessel on time; `longest_s`: the most early or late.
+    fuel : in the planner's units.
+    """
+
+    number: int
+    haven: str
+    turn_off_s: float
+    place: FloatArray
+    haven_place: FloatArray
+    length_m: float
+    duration_s: float
+    longest_s: float
+    fuel: float
+    route: renew.Route
+
+    @cached_property
+    def bearing_deg(self) -> float:
+        """True bearing of the haven from where the vessel turns off, 0 to below 360."""
+        return float(_GEOD.inv(*self.place, *self.haven_place)[0]) % 360
+
+
+@dataclass(frozen=True)
+class HavenRow:
+    """A stretch of a route in one state, or the last place from which a haven is reached.
+
+    Attributes
+    ----------
+    kind : "covered", "uncovered", "not settled", or one of `LAST_TURNS`.
+    begin_s, end_s : when a vessel on time is at its ends, seconds since departure; of an abort
+        point or a point of no return, when it turns off, and after when that is too late.
+    way : the way to take, if there is one.
+    longest_s : the most time to the haven from any place of it; inf if it is not covered.
+    least_s : nobody on time gets to a haven in less; 0 for a place.
+    reason : why nothing is settled, if that is known.
+    """
+
+    kind: str
+    begin_s: float
+    end_s: float
+    way: Way | None = None
+    longest_s: float = math.inf
+    least_s: float = 0.0
+    reason: str = ""
+
+
+def haven_ways(result: RunResult, season: str) -> dict[renew.Diversion, Way]:
+    """Return the ways to havens of a season's best route, in the order of their times."""
+    coverage, clock = result.coverages[season], _Clock.of(result, season)
+    projection = result.scene.projection
+    return {
+        one: Way(
+            number=number,
+            haven=one.haven.name,
+            turn_off_s=clock.since(one.time),
+            place=projection.to_lonlat(one.place),
+            haven_place=projection.to_lonlat(one.haven.place),
+            length_m=projection.geodesic_length_m(one.route.path),
+            duration_s=clock.stretch * one.duration,
+            longest_s=clock.stretch * one.longest,
+            fuel=one.fuel,
+            route=one.route,
+        )
+        for number, one in enumerate(coverage.diversions, start=1)
+    }
+
+
+def main_ways(result: RunResult, season: str) -> list[Way]:
+    """Return the ways that a navigator needs at hand, in the order of their times.
+
+    They serve stretches of a share of the limit at least, or are those of the last places to turn
+    off. Near a limit there are many more, each for a few minutes of the route.
+    """
+    coverage = result.coverages[season]
+    stretches = coverage.stretches
+    least = _STRETCH * min(coverage.within, stretches[-1].end - stretches[0].begin)
+    ends = [*coverage.abort_points, *filter(None, [coverage.no_return])]
+    main = {one.diversion for one in stretches if one.end - one.begin >= least}
+    main |= {one.diversion for one in ends}
+    main |= {one.diversion for one in coverage.class_turns}
+    main |= {way for one in coverage.equal_points for way in (one.before, one.after)}
+    return [way for one, way in haven_ways(result, season).items() if one in main]
+
+
+def haven_rows(result: RunResult, season: str) -> list[HavenRow]:
+    """Return the rows of a season's best route: its stretches, then its last places to turn off."""
+    return list(_rows(result, season))
+
+
+def _rows(result: RunResult, season: str) -> Iterator[HavenRow]:
+    """Yield stretches, abort points, the point of no return, equal points, and last changes."""
+    coverage, clock = result.coverages[season], _Clock.of(result, season)
+    ways = haven_ways(result, season)
+    for one in coverage.stretches:
+        cause = one.cause
+        yield HavenRow(
+            one.state,
+            clock.since(one.begin),
+            clock.since(one.end),
+            None if one.diversion is None else ways[one.diversion],
+            clock.stretch * one.longest,
+            clock.stretch * one.least,
+            "" if cause is None else planner_text(cause.text, result.scene, season),
+        )
+    last = [("abort point", one) for one in coverage.abort_points]
+    if coverage.no_return is not None:
+        last.append(("point of no return", coverage.no_return))
+    for kind, turn in last:
+        way = ways[turn.diversion]
+        end_s = clock.since(turn.not_after)
+        yield HavenRow(kind, way.turn_off_s, end_s, way, way.longest_s)
+    for point in coverage.equal_points:
+        for way in (ways[point.before], ways[point.after]):
+            yield HavenRow("equal point", way.turn_off_s, way.turn_off_s, way, way.longest_s)
+    for way in (ways[one.diversion] for one in coverage.class_turns):
+        yield HavenRow("last change", way.turn_off_s, way.turn_off_s, way, way.longest_s)
+
+
+def stretch_line(result: RunResult, season: str, row: HavenRow) -> shapely.LineString:
+    """Return the part of a season's best route, planar metres, that a row is about."""
+    route, clock = result.season_routes(season)[0].route, _Clock.of(result, season)
+    begin, end = (one / clock.stretch + clock.begin for one in (row.begin_s, row.end_s))
+    track = route.trajectory[:, 0]
+    times = np.concatenate([[begin], track[(track > begin) & (track < end)], [end]])
+    x, y = (np.interp(times, track, column) for column in route.trajectory.T[1:3])
+    return shapely.LineString(np.stack([x, y], axis=-1))
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """The clock of a season's best route: its departure, s, and true seconds to one of its own."""
+
+    begin: float
+    stretch: float
+
+    @classmethod
+    def of(cls, result: RunResult, season: str) -> "_Clock":
+        """Return the clock of a season."""
+        best: RankedRoute = result.season_routes(season)[0]
+        begin = float(best.route.times[0])
+        return cls(begin, best.metrics.duration_s / best.route.duration)
+
+    def since(self, time: float) -> float:
+        """Return true seconds since departure at a time (s) of the planner."""
+        return self.stretch * (time - self.begin)

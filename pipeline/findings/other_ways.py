@@ -1,0 +1,326 @@
+"""Ways that no route takes: a lower bound on the fuel of some, and straits that are shut."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely import LineString, Point
+from shapely.geometry.base import BaseGeometry
+
+from pipeline._types import FloatArray, Geometries
+from pipeline.findings.islands import narrow_gaps
+from pipeline.geo.coast import in_small_pieces
+from pipeline.machine.interpreters import cores
+from pipeline.model import (
+    Evaluation,
+    Scene,
+    SeasonPlan,
+    ShutStrait,
+    SideBound,
+    Simplified,
+    plan_options,
+)
+from pipeline.scenario.model import PlannerOptions
+from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.errors import Strait
+from renew.inputs.current import as_field
+from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
+
+# Number of lines that are drawn from the island in all directions. Each is widened to a strip, and
+# the suitable strip with the least area is used.
+_DIRECTIONS = 72
+# Number of cells of the bound's finest grid; the grid is refined until the side is proven. The
+# second number is for speeds chosen in a changing current, where the bound is loose on any grid.
+# With few cells, the front passes through narrow islands: the bound stays valid, but is lower.
+_CELLS, _CELLS_AT_CHOICE = 160_000, 16_000
+# Width of the strip, as a share of the square root of the chart's area: three of the finest cells.
+_WIDTH = 3 / math.sqrt(_CELLS)
+# Minimum size of the land on either side of a strait, as a share of the voyage's distance.
+_PART_SHARE = 0.01
+# Largest length of the straight lines through a strait, in lengths of the best route: a much longer
+# way would not need less fuel.
+_LONGER = 1.05
+# Largest distance between a strait's bank and the original land, as a multiple of the sum of margin
+# and tolerance.
+_AT_LAND = 1.1
+# Largest width at which a shut strait counts as shut by its own banks, as a multiple of the width
+# that the planner needs. The excess allows for the errors of margin, tolerance and projection. A
+# wider strait without water is part of enclosed water, which is land to the planner. The straits
+# that enclose this water are found separately.
+_COVERED = 1.05
+# Open width below which a gap is an artefact of rounding and not a way, true metres.
+_NO_WATER_M = 1.0
+# Fuel of the other side, as a multiple of the best route's, at which its bound ends: a bound just
+# above the best route's fuel proves the side, but doesn't say by how much.
+_PLAIN = 1.01
+
+
+def side_bounds(
+    scene: Scene, plans: Sequence[SeasonPlan], evaluation: Evaluation, options: PlannerOptions
+) -> tuple[SideBound, ...]:
+    """Bound the fuel of ways on the other side, for each season with routes on both sides.
+
+    The best route crosses a line from the main island to the chart's edge; no route on the island's
+    other side crosses it. A strip along that line is treated as land. The lower bound on fuel
+    (:mod:`renew.bounds.fuel_lower_bound`) then holds for every way that avoids the strip, however
+    close to land. If the bound is above the best route's fuel, no such way is better.
+    """
+
+    def bound(plan: SeasonPlan) -> SideBound:
+        return SideBound(plan.season, _bound(scene, plan, evaluation, options))
+
+    # Threads run in parallel here, because most of the work is compiled code.
+    with ThreadPoolExecutor(max_workers=cores()) as pool:
+        return tuple(one for one in pool.map(bound, plans) if math.isfinite(one.fuel))
+
+
+def _bound(
+    scene: Scene, plan: SeasonPlan, evaluation: Evaluation, options: PlannerOptions
+) -> float:
+    """Return a lower bound on the fuel of ways on the other side; inf if there is none."""
+    rows = [row for row in evaluation.routes if row.season == plan.season]
+    paths = [shapely.LineString(route.path) for route in plan.ranked_routes]
+    others = [
+        path
+        for row, path in zip(rows, paths, strict=True)
+        if row.main_passage != rows[0].main_passage
+    ]
+    main = next(iter(evaluation.islands), None)
+    if main is None or not others:
+        return math.inf
+    strip = strip_across(shapely.Point(main.x, main.y), paths[0], others, scene, _WIDTH)
+    if strip is None:
+        return math.inf
+    is_loose = _choice(scene, plan) != NO_CHOICE and plan.season in scene.departures
+    cells = _CELLS_AT_CHOICE if is_loose else _CELLS
+    enough = _PLAIN * plan.ranked_routes[0].fuel
+    return fuel_elsewhere(strip, scene, plan, options, cells, enough)
+
+
+def fuel_elsewhere(
+    strip: BaseGeometry,
+    scene: Scene,
+    plan: SeasonPlan,
+    options: PlannerOptions,
+    cells: int,
+    enough: float,
+) -> float:
+    """Return a lower bound on the fuel of ways that avoid a strip; inf if there is none.
+
+    A grid is refined to this number of cells, or until the bound is above `enough`. Like the
+    optimality gap's bound, this one uses the land without margin or padding.
+    """
+    scene, chart = scene.leg(plan.season), scene.chart
+    elsewhere = chart.with_open_water(chart.less(chart.open_water, strip))
+    voyage = Voyage(
+        Waters(elsewhere, as_field(scene.currents[plan.season])),
+        scene.vessel_in(plan.season),
+        scene.start,
+        scene.goal,
+        options.drift,
+        via=scene.via,
+        choice=_choice(scene, plan),
+    )
+    return fuel_lower_bound(voyage, cells, enough)
+
+
+def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:
+    """Return the season's choice of speeds, with a price of time.
+
+    The bound holds at any price (weak duality). The best price is nearly the slope of fuel over
+    arrival time at the best route's arrival.
+    """
+    speeds, planned = scene.speeds.get(plan.season), plan.plan
+    if speeds is None or planned is None or planned.trade_off is None:
+        return NO_CHOICE
+    arrivals, fuels = planned.trade_off.arrivals, planned.trade_off.fuels
+    if len(arrivals) < 2:
+        return NO_CHOICE
+    slope = np.interp(planned.best.times[-1], arrivals, np.gradient(fuels, arrivals))
+    return SpeedChoice(speeds.least, max(0.0, -float(slope)), plan.arrive_by_s)
+
+
+def strip_across(
+    island: Point, best: LineString, others: Sequence[LineString], scene: Scene, width: float
+) -> BaseGeometry | None:
+    """Return the smallest strip from an island to the chart's edge that `best` crosses.
+
+    Its width is a share of the square root of the chart's area. No other route meets the strip, and
+    all stops lie outside. None if there is no such strip.
+    """
+    extent = scene.chart.extent
+    reach, half = extent.length, width * math.sqrt(extent.area) / 2
+    ends = shapely.points(scene.stops)
+    strips = []
+    for angle in 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
+        far = (island.x + reach * math.cos(angle), island.y + reach * math.sin(angle))
+        line = shapely.intersection(shapely.LineString([island, far]), extent)
+        crossings = shapely.get_num_geometries(shapely.intersection(line, best))
+        strip = line.buffer(half, cap_style="flat")
+        if (
+            line.geom_type == "LineString"
+            and shapely.intersects(line, best)
+            and crossings % 2 == 1
+            and not shapely.intersects(strip, [*others, *ends]).any()
+        ):
+            strips.append(strip)
+    return min(strips, key=lambda strip: strip.area, default=None)
+
+
+def shut_straits(
+    scene: Scene, simplified: Simplified, plans: Sequence[SeasonPlan], options: PlannerOptions
+) -> tuple[ShutStrait, ...]:
+    """Return the important straits that margin, tolerance or padding shut, the widest first.
+
+    A strait is important on two conditions. The land on both sides is larger than a hundredth of
+    the distance between start and goal, so that a detour is longer by about as much. And the
+    straight lines from start and goal to the strait are together hardly longer than a season's best
+    route. Wider straits are added if adaptive padding fills them, so that the planner rejected
+    classes.
+    """
+    best = [plan.ranked_routes[0].length for plan in plans if plan.ranked_routes]
+    if scene.is_planar or not best:
+        return ()
+    radius = max(scene.vessel_in(plan.season).turning_radius for plan in plans)
+    padding = plan_options(options).likely_width(radius)
+    finder = _StraitFinder(scene, simplified, padding)
+    found = [*finder.rejected(plans), *finder.shut(_LONGER * max(best))]
+    return tuple(sorted(found, key=lambda strait: -strait.width_m))
+
+
+@dataclass(frozen=True)
+class _StraitFinder:
+    """Finds the straits of one chart; lengths are planar metres, or true metres if named `_m`.
+
+    `padding` is the width that nearly all paddings exceed.
+    """
+
+    scene: Scene
+    simplified: Simplified
+    padding: float
+
+    @cached_property
+    def _no_go(self) -> Geometries:
+        """The hard no-go zone: disjoint polygons, the large ones in pieces."""
+        return in_small_pieces(np.array(self.scene.chart.no_go, dtype=object))
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        """A spatial index of the hard no-go zone."""
+        return shapely.STRtree(self._no_go)
+
+    @property
+    def margins_m(self) -> float:
+        """The largest width that margin and tolerance take from a strait, true metres."""
+        return 2 * (self.simplified.margin_m + self.simplified.tolerance_m)
+
+    @property
+    def needed_m(self) -> float:
+        """The width above which a strait is open, true metres, unless its padding is very wide."""
+        return self.margins_m + 2 * self.padding * self.scene.projection.scale
+
+    def shut(self, longest: float) -> Iterator[ShutStrait]:
+        """Yield the important shut straits that a route of at most this length can reach."""
+        scene, scale = self.scene, self.scene.projection.scale
+        land = np.array(scene.land, dtype=object)
+        near = land[shapely.intersects(scene.chart.extent, land)]
+        least = _PART_SHARE * float(np.linalg.norm(scene.goal - scene.start))
+        for gap in narrow_gaps(near, self.needed_m / scale, self._is_shut):
+            middle = gap.line.mean(axis=0)
+            way = sum(np.linalg.norm(middle - end) for end in (scene.start, scene.goal))
+            is_inside = shapely.intersects_xy(scene.chart.extent, *middle)
+            if gap.part_m < least or way > longest or not is_inside:
+                continue
+            by_margin = self._open_water(gap.line) * scale <= _NO_WATER_M
+            width_m = scene.projection.geodesic_length_m(gap.line)
+            needed_m = self.margins_m if by_margin else self.needed_m
+            if width_m <= _COVERED * needed_m:
+                yield self._strait(middle, width_m, needed_m, is_margin=by_margin)
+
+    def rejected(self, plans: Iterable[SeasonPlan]) -> list[ShutStrait]:
+        """Return the straits at which classes were rejected, each once with all its seasons.
+
+        Only straits wider than `needed_m` are returned, because `shut` finds the narrower ones. A
+        strait that is wide enough for the padding of its own banks is left out, because other land
+        shuts it.
+        """
+        found: list[ShutStrait] = []
+        for plan in plans:
+            for one in plan.plan.rejected if plan.plan else ():
+                strait = self._padded(one.strait, plan.season) if one.strait else None
+                if strait is None or not self.needed_m < strait.width_m <= strait.needed_m:
+                    continue
+                same = next(
+                    (i for i, other in enumerate(found) if self._is_same(strait, other)), None
+                )
+                if same is None:
+                    found.append(strait)
+                else:
+                    found[same] = _combined(found[same], strait)
+        return found
+
+    def _is_same(self, one: ShutStrait, other: ShutStrait) -> bool:
+        """Whether two straits are closer to each other than the larger of the widths they need."""
+        apart_m = self.scene.projection.geodesic_length_m(
+            self.scene.projection.to_plane([(one.lon, one.lat), (other.lon, other.lat)])
+        )
+        return apart_m <= max(one.needed_m, other.needed_m)
+
+    def _padded(self, strait: Strait, season: str) -> ShutStrait | None:
+        """Return the strait at which a season's class was rejected; None if a bank is not land.
+
+        A planner's gap may end at a corner of its channel that has water beyond it.
+        """
+        land, projection = np.array(self.scene.land, dtype=object), self.scene.projection
+        ends = shapely.points(strait.gap)
+        _, to_land = shapely.STRtree(land).query_nearest(
+            ends, return_distance=True, all_matches=False
+        )
+        if to_land.max() * projection.scale > _AT_LAND * self.margins_m / 2:
+            return None
+        taken_m = (strait.padding_left + strait.padding_right) * projection.scale
+        width_m = projection.geodesic_length_m(strait.gap) + to_land.sum() * projection.scale
+        return self._strait(
+            strait.gap.mean(axis=0), width_m, self.margins_m + taken_m, is_margin=False,
+            seasons=(season,),
+        )  # fmt: skip
+
+    def _strait(
+        self,
+        middle: FloatArray,
+        width_m: float,
+        needed_m: float,
+        *,
+        is_margin: bool,
+        seasons: tuple[str, ...] = (),
+    ) -> ShutStrait:
+        """Return a strait whose middle is a planar point (2,)."""
+        lon, lat = self.scene.projection.to_lonlat(middle).tolist()
+        return ShutStrait(
+            lon, lat, float(width_m), float(needed_m), "margin" if is_margin else "padding", seasons
+        )
+
+    def _is_shut(self, line: FloatArray) -> bool:
+        """Whether margin, tolerance and padding leave no way through a gap (2, 2)."""
+        scale = self.scene.projection.scale
+        width = float(np.linalg.norm(line[1] - line[0]))
+        # A gap narrower than margins and padding is shut; any other needs a test on the zone.
+        if width * scale < 2 * self.simplified.margin_m + 2 * self.padding * scale:
+            return True
+        return self._open_water(line) <= max(2 * self.padding, _NO_WATER_M / scale)
+
+    def _open_water(self, line: FloatArray) -> float:
+        """Return the length of a line (2, 2) that is outside the hard no-go zone."""
+        gap, no_go = shapely.LineString(line), self._no_go
+        taken = [shapely.intersection(gap, no_go[i]).length for i in self._tree.query(gap)]
+        return float(gap.length - sum(taken))
+
+
+def _combined(one: ShutStrait, other: ShutStrait) -> ShutStrait:
+    """Combine two records of one strait: the larger needed width, and the seasons of both."""
+    seasons = tuple(dict.fromkeys((*one.seasons, *other.seasons)))
+    return replace(max(one, other, key=lambda strait: strait.needed_m), seasons=seasons)

@@ -1,0 +1,349 @@
+"""Names of ways for navigators: "west of Palawan", "between islands 2 and 5".
+
+An island has the chart's name, else the catalogue's
+(:mod:`pipeline.findings.islands`), else its number in the planner's homotopy classes
+(:mod:`renew.classes.h_signature`: the largest island is 1). If several islands share a name, only
+the largest has it. A way's name has only as many islands as distinguish its route from the other
+routes of its season. Numbers are equal in all seasons. Every name begins with the main island: the
+largest that distinguishes any two routes.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+import shapely
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.findings.islands import island_places
+from pipeline.model import Evaluation, Passage, PlaceName, RouteKey, Scene, SeasonPlan
+from pipeline.model.evaluation import NumberedIsland, Side
+from renew.classes.h_signature import Rays, rays_that_matter
+
+_COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
+# Number of sampled points of a route. Points are abeam of an island if their distance from its
+# centre is at most this multiple of the smallest distance.
+_SAMPLES, _NEAR = 1000, 2.0
+# Number of letters of class names that are explained in a refusal.
+_MAX_LETTERS = 8
+
+
+def with_way_names(
+    evaluation: Evaluation, scene: Scene, plans: Sequence[SeasonPlan], places: Sequence[PlaceName]
+) -> Evaluation:
+    """Name the way of each route; `places` are the chart's names of land."""
+    routes = {
+        (plan.season, rank): route
+        for plan in plans
+        for rank, route in enumerate(plan.ranked_routes, start=1)
+    }
+    namer = _WayNamer(scene, routes, tuple(places))
+    rows = [
+        replace(row, passages=namer.passages((row.season, row.rank))) for row in evaluation.routes
+    ]
+    rejected = [one for plan in plans if plan.plan is not None for one in plan.plan.rejected]
+    return replace(
+        evaluation,
+        routes=tuple(rows),
+        islands=namer.islands(),
+        class_islands=namer.class_islands(_letters(rejected)),
+    )
+
+
+def class_names_text(names: Sequence[str], scene: Scene) -> Iterator[str]:
+    """Yield a sentence that explains some names of classes, if there are any."""
+    found = [letter for name in names for letter in re.findall(r"\b([ps])(\d+)\b", name)]
+    letters = dict.fromkeys((side, int(number)) for side, number in found)
+    meanings = _WayNamer(scene, {}, ()).meanings(letters)
+    if "e" in names:
+        meanings.append("e stands for none of the letters")
+    if meanings:
+        yield f"in names of classes, {', '.join(meanings)}"
+
+
+def _letters(classes: Iterable[renew.Route | renew.Rejected]) -> frozenset[int]:
+    """Return the numbers in the names of classes, such as {1, 2} for "s2.p1"."""
+    return frozenset(int(n) for one in classes for n in re.findall(r"\d+", one.homotopy))
+
+
+class _WayNamer:
+    """Names the ways of all routes of a run."""
+
+    def __init__(
+        self, scene: Scene, routes: dict[RouteKey, renew.Route], places: tuple[PlaceName, ...]
+    ) -> None:
+        self._scene, self._routes, self._places = scene, routes, places
+        self._catalogued = island_places(scene)
+        self._rays = Rays.of(scene.chart)
+        # Winding number: passages north of an island eastward, less those westward. Two routes pass
+        # an island on different sides exactly if these numbers differ.
+        self._windings = {
+            key: self._winding_numbers_of(route.path) for key, route in routes.items()
+        }
+        self._spelled = _letters(routes.values())
+        self._used: set[int] = set()
+        # Caches, because many routes need the same islands.
+        self._directions: dict[tuple[RouteKey, int], FloatArray] = {}
+        self._gaps: dict[tuple[int, int], shapely.LineString] = {}
+
+    def passages(self, key: RouteKey) -> tuple[Passage, ...]:
+        """Return a route's passages: the main island first, the others in order of passing."""
+        if self._main is None:
+            return ()
+        others = self._distinguishing(key, self._main)
+        islands = [self._main, *sorted(others, key=lambda island: self._along(key, island))]
+        self._used.update(islands)
+        found = {
+            island: Passage(self._side(key, island), (self._name(island),)) for island in islands
+        }
+        for one, other in self._straits(key, islands):
+            found[one] = Passage("between", (self._name(one), self._name(other)))
+            found.pop(other)
+        return tuple(found.values())
+
+    def islands(self) -> tuple[NumberedIsland, ...]:
+        """Return the islands in the names so far, the largest first."""
+        return tuple(
+            self._numbered(island, self._names.get(island, "")) for island in sorted(self._used)
+        )
+
+    def class_islands(self, rejected: frozenset[int]) -> tuple[NumberedIsland, ...]:
+        """Return the islands that names of classes number, and that no name of a way has.
+
+        `rejected` are the numbers in the names of rejected classes. Water with an overpowering
+        current has numbers, too, and is left out.
+        """
+        known = (rejected | self._spelled) & set(self._rays.island.tolist())
+        numbers = known - (self._used - set(self._names))
+        return tuple(self._numbered(island) for island in sorted(numbers))
+
+    def meanings(self, letters: Iterable[tuple[str, int]]) -> list[str]:
+        """Say what the first few letters of class names mean: "p2 leaves Palawan to port"."""
+        known = set(self._rays.island.tolist())
+        sides = {"p": "port", "s": "starboard"}
+        return [
+            f"{side}{island} leaves {self._catalogue_name(island) or 'the island'} at "
+            f"{self._scene.place_text(self._point(island))} to {sides[side]}"
+            for side, island in letters
+            if island in known
+        ][:_MAX_LETTERS]
+
+    def _numbered(self, island: int, name: str = "") -> NumberedIsland:
+        """Return an island with its number, name and position."""
+        point = self._point(island)
+        place = self._scene.place_text(point)
+        if not name and self._places:
+            place += f", near {self._nearest(point).name}"
+        return NumberedIsland(island, name, float(point[0]), float(point[1]), place)
+
+    @cached_property
+    def _distinguishing_any(self) -> list[int]:
+        """Islands that two routes of some season pass on different sides, the largest first."""
+        seasons = {season for season, _ in self._routes}
+        return sorted(
+            island
+            for island in self._spelled & set(self._rays.island.tolist())
+            if any(len(set(self._values(island, season))) > 1 for season in seasons)
+        )
+
+    @cached_property
+    def _main(self) -> int | None:
+        """The main island; if the routes of no season differ, the largest on the way."""
+        if self._distinguishing_any or not self._routes:
+            return next(iter(self._distinguishing_any), None)
+        best = next(iter(self._routes.values()))
+        on_the_way = rays_that_matter(self._rays, best.path, 2).island.tolist()
+        return next(iter(on_the_way), None)
+
+    def _distinguishing(self, key: RouteKey, main: int) -> list[int]:
+        """Return a few islands that, with the main one, distinguish a route in its season."""
+        mine = self._windings[key]
+        alike = [
+            winding
+            for other, winding in self._windings.items()
+            if other != key and other[0] == key[0] and winding[main] == mine[main]
+        ]
+        chosen = []
+        while alike:
+            differing = {
+                i: sum(winding[i] != mine[i] for winding in alike) for i in self._distinguishing_any
+            }
+            best = max(differing, key=lambda island: (differing[island], -island), default=None)
+            if best is None or not differing[best]:
+                break
+            chosen.append(best)
+            alike = [winding for winding in alike if winding[best] == mine[best]]
+        return chosen
+
+    def _straits(self, key: RouteKey, islands: list[int]) -> Iterable[tuple[int, int]]:
+        """Yield pairs of islands between which a route passes, the closest first, no island twice.
+
+        A gap is skipped if another route of the season crosses it with other winding numbers, as
+        "between A and B" would describe both.
+        """
+        gaps = {pair: self._gap(*pair) for pair in combinations(islands, 2)}
+        free = set(islands)
+        for pair, gap in sorted(gaps.items(), key=lambda item: item[1].length):
+            through = {
+                tuple(winding[island] for island in pair)
+                for other, winding in self._windings.items()
+                if other[0] == key[0] and _crosses(self._routes[other].path, gap)
+            }
+            mine = tuple(self._windings[key][island] for island in pair)
+            if (
+                free.issuperset(pair)
+                and through == {mine}
+                and _crosses(self._routes[key].path, gap)
+            ):
+                free.difference_update(pair)
+                yield pair
+
+    def _side(self, key: RouteKey, island: int) -> Side:
+        """Return the compass point of the side on which a route passes an island.
+
+        It is nearest to the mean direction from the island to all routes with this winding number.
+        If there is just one other winding number, the mean direction to its routes is subtracted.
+        """
+        mine = self._windings[key][island]
+        values = {winding[island] for winding in self._windings.values()}
+        direction = self._direction(island, mine)
+        if len(values) == 2:
+            direction = direction - self._direction(island, *(values - {mine}))
+        east, north = self._scene.projection.rotate_to_lonlat(
+            self._scene.projection.to_lonlat(self._point(island)), direction
+        )
+        bearing = float(np.degrees(np.arctan2(east, north)))
+        return _COMPASS[round(bearing / 90) % 4]
+
+    def _direction(self, island: int, winding: int) -> FloatArray:
+        """Return the mean direction (2,), abeam of an island, to the routes with this winding."""
+        keys = [key for key, of in self._windings.items() if of[island] == winding]
+        return np.asarray(np.mean([self._abeam(key, island) for key in keys], axis=0))
+
+    def _abeam(self, key: RouteKey, island: int) -> FloatArray:
+        """Return the mean direction (2,) from an island to a route abeam of it."""
+        if (key, island) not in self._directions:
+            found = _direction_abeam(self._routes[key].path, self._centre(island))
+            self._directions[key, island] = found
+        return self._directions[key, island]
+
+    def _gap(self, one: int, other: int) -> shapely.LineString:
+        """Return the shortest line between two islands."""
+        if (one, other) not in self._gaps:
+            outlines = self._outline(one), self._outline(other)
+            self._gaps[one, other] = shapely.shortest_line(*outlines)
+        return self._gaps[one, other]
+
+    def _along(self, key: RouteKey, island: int) -> float:
+        """Return the distance along a route, planar m, at which it passes an island."""
+        path = shapely.LineString(self._routes[key].path)
+        return float(path.project(shapely.Point(self._centre(island))))
+
+    def _values(self, island: int, season: str) -> list[int]:
+        """Return the winding numbers of a season's routes about an island."""
+        return [winding[island] for (of, _), winding in self._windings.items() if of == season]
+
+    def _winding_numbers_of(self, path: FloatArray) -> Counter[int]:
+        """Count how often a path passes north of each island, eastward less westward."""
+        winding: Counter[int] = Counter()
+        for letter in self._rays.word(path):
+            winding[abs(letter)] += 1 if letter > 0 else -1
+        return winding
+
+    def _name(self, island: int) -> str:
+        """Return an island's name, or its number."""
+        return self._names.get(island, str(island))
+
+    @cached_property
+    def _names(self) -> dict[int, str]:
+        """Names of the islands for the names of ways; all are different."""
+        main = [] if self._main is None else [self._main]
+        names: dict[int, str] = {}
+        for find in (self._chart_name, self._catalogue_name):
+            for island in sorted({*main, *self._distinguishing_any} - set(names)):
+                name = find(island)
+                if name and name not in names.values():
+                    names[island] = name
+        return names
+
+    def _chart_name(self, island: int) -> str:
+        """Return the chart's name of the largest named land on an island, or ""."""
+        named = self._on(self._places, self._outline(island))
+        return max(named, key=lambda place: place.area_deg2).name if named else ""
+
+    def _catalogue_name(self, island: int) -> str:
+        """Return the catalogue's name of the largest land on an island, or "".
+
+        An offing may join islands to each other, and to a continent.
+        """
+        land, outline = self._original_land, self._outline(island)
+        if not self._catalogued:
+            return ""
+        parts = land.geometries[land.query(outline, predicate="intersects")]
+        if not len(parts):
+            return ""
+        named = self._on(self._catalogued, parts[shapely.area(parts).argmax()])
+        return named[0].name if named else ""
+
+    def _on(self, places: tuple[PlaceName, ...], area: shapely.Polygon) -> list[PlaceName]:
+        """Return the places that lie in an area, planar metres."""
+        lonlat = [(place.lon, place.lat) for place in places]
+        points = self._scene.projection.to_plane(np.array(lonlat).reshape(-1, 2))
+        inside = shapely.contains_xy(area, *points.T)
+        return [place for place, is_inside in zip(places, inside, strict=True) if is_inside]
+
+    def _nearest(self, point: FloatArray) -> PlaceName:
+        """Return the chart's named land nearest to a point (2,), planar metres."""
+        lonlat = [(place.lon, place.lat) for place in self._places]
+        away = np.linalg.norm(self._scene.projection.to_plane(np.array(lonlat)) - point, axis=1)
+        return self._places[int(away.argmin())]
+
+    def _point(self, island: int) -> FloatArray:
+        """Return a point (2,) on an island."""
+        at = int((self._rays.island == island).argmax())
+        return np.array([self._rays.x[at], self._rays.y[at]])
+
+    def _centre(self, island: int) -> FloatArray:
+        """Return an island's centroid (2,), or a point on it if the centroid is in water."""
+        outline = self._outline(island)
+        centroid = outline.centroid
+        return (
+            shapely.get_coordinates(centroid)[0]
+            if outline.contains(centroid)
+            else self._point(island)
+        )
+
+    def _outline(self, island: int) -> shapely.Polygon:
+        """Return an island's polygon in the planner's chart."""
+        found = self._land.query(shapely.Point(self._point(island)), predicate="intersects")
+        polygon: shapely.Polygon = self._land.geometries[found[0]]
+        return polygon
+
+    @cached_property
+    def _land(self) -> shapely.STRtree:
+        return shapely.STRtree(self._scene.chart.no_go)
+
+    @cached_property
+    def _original_land(self) -> shapely.STRtree:
+        return shapely.STRtree(self._scene.land)
+
+
+def _crosses(path: FloatArray, gap: shapely.LineString) -> bool:
+    """Whether a path (n, 2) crosses the line of a gap an odd number of times."""
+    places = shapely.intersection(shapely.LineString(path), gap)
+    return not places.is_empty and shapely.get_num_geometries(places) % 2 == 1
+
+
+def _direction_abeam(path: FloatArray, centre: FloatArray) -> FloatArray:
+    """Return the mean direction (2,) from a centre to the points of a path (n, 2) abeam of it."""
+    line = shapely.LineString(path)
+    steps = np.linspace(0, 1, _SAMPLES)
+    vectors = shapely.get_coordinates(line.interpolate(steps, normalized=True)) - centre
+    distance = np.linalg.norm(vectors, axis=1)
+    near = distance <= _NEAR * max(float(distance.min()), 1e-9)
+    return np.asarray((vectors[near] / np.maximum(distance[near], 1e-9)[:, None]).mean(axis=0))

@@ -1,1 +1,0 @@
-"""Shared by several formats: the run's result, legs, figures along a route, text."""

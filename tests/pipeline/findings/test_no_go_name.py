@@ -1,0 +1,138 @@
+"""Where a chart has depths, texts for readers don't call all that is no-go land."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import shapely
+from matplotlib.text import Text
+
+from pipeline.cli.ending import season_table
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RunResult
+from pipeline.formats.figures.kinds import Kind, figure
+from pipeline.formats.passage.routes import write_gpx, write_kml
+from pipeline.formats.passage_plan import write_passage_plan
+from pipeline.formats.report.page import gather, render
+from pipeline.geo.lonlat import DepthCover
+from pipeline.model import GapShares
+from pipeline.run import Outcome
+from pipeline.stages.compare import safety_notes
+from tests.pipeline.formats import small_run
+from tests.pipeline.formats.page import Page
+
+WORD = re.compile(r"\bland\b", re.IGNORECASE)
+
+
+def charted(result: RunResult) -> RunResult:
+    """The same run on a chart with depths, and with turns that met what is no-go."""
+    evaluation = result.evaluation
+    rows = tuple(replace(row, uncharted_share=0.0, collisions=1) for row in evaluation.routes)
+    found = {
+        key: replace(one, collided=one.collided | True)
+        for key, one in evaluation.contingency.items()
+    }
+    gaps = (GapShares(rows[0].season, 0.01, 0.02, 0.03),)
+    fetched = small_run.with_zones(result).fetched
+    return replace(
+        result,
+        fetched=replace(fetched, land=replace(fetched.land, depths=DepthCover())),
+        evaluation=replace(evaluation, routes=rows, contingency=found, gap_shares=gaps),
+    )
+
+
+@pytest.fixture(scope="module")
+def with_depths() -> RunResult:
+    return charted(small_run.parts())
+
+
+def said(texts: list[str]) -> list[str]:
+    """Texts that speak of land, except the name of the test's source and the legend of land."""
+    own = [text.replace(small_run.LAND.name, "").replace(small_run.LAND.url, "") for text in texts]
+    return [text for text in own if WORD.search(text) and text.strip() not in {"land", "Land"}]
+
+
+def terminal(result: RunResult, folder: Path) -> str:
+    outcome = Outcome(result, folder, fresh=True, seconds=1.0)
+    return season_table(outcome) + outcome._repr_html_()
+
+
+def test_the_report_explains_no_go_areas_once(with_depths: RunResult) -> None:
+    html = re.sub(r"(?s)<(script|style).*?</\1>", "", render(gather(with_depths)))
+    elements = Page(html).elements
+    leaves = [element.flat_text for element in elements if not element.children]
+    labels = [element.attributes.get("aria-label", "") for element in elements]
+    (explained,) = said([*leaves, *labels])
+    assert explained.startswith("Land, hazards with room around them, and water that is charted")
+    text = " ".join(leaves)
+    assert "simulated hard-over turns met no-go areas" in " ".join(html.split())
+    assert "Distance to no-go areas" in text
+
+
+def test_the_terminal_speaks_of_no_go_areas(with_depths: RunResult, tmp_path: Path) -> None:
+    text = terminal(with_depths, tmp_path)
+    assert not said(text.splitlines())
+    assert "clear of no-go areas</th>" in text
+    assert "stay off the no-go areas" in text
+    assert all("met no-go areas" in note for note in note_texts(safety_notes(with_depths)))
+
+
+def test_plotters_and_paper_speak_of_no_go_areas(with_depths: RunResult, tmp_path: Path) -> None:
+    season = with_depths.plans[0].season
+    write_gpx(with_depths, season, tmp_path / "a.gpx")
+    write_kml(with_depths, season, tmp_path / "a.kml")
+    for name in ("a.gpx", "a.kml"):
+        text = (tmp_path / name).read_text("utf-8").replace(small_run.LAND.text, "")
+        assert not said(re.findall(r">([^<]+)<", text))
+        assert "or more from no-go areas" in text
+    if shutil.which("pdftotext") is None:
+        pytest.skip("pdftotext is not installed (Debian: poppler-utils)")
+    write_passage_plan(with_depths, tmp_path / "a.pdf")
+    command = ["pdftotext", "-layout", str(tmp_path / "a.pdf"), "-"]
+    printed = subprocess.run(command, capture_output=True, check=True, text=True).stdout
+    assert not said(printed.splitlines())
+    assert "from no-go areas" in printed
+
+
+@pytest.mark.parametrize("kind", Kind)
+def test_figures_speak_of_no_go_areas(with_depths: RunResult, kind: Kind) -> None:
+    drawn = figure(with_depths, with_depths.plans[0].season, kind)
+    assert not said([text.get_text() for text in drawn.findobj(Text)])
+
+
+def test_a_chart_of_land_speaks_of_land(result: RunResult, tmp_path: Path) -> None:
+    assert "Distance to land" in render(gather(result))
+    assert "clear of land</th>" in terminal(result, tmp_path)
+    assert result.land_label == "land"
+
+
+def test_uncharted_water_in_the_chart_is_not_called_land(with_depths: RunResult) -> None:
+    land = with_depths.fetched.land
+
+    def label(area: shapely.Polygon) -> str:
+        zone = replace(land.zones[0], kind="uncharted", area=area)
+        fetched = replace(with_depths.fetched, land=replace(land, zones=(zone,)))
+        return replace(with_depths, fetched=fetched).land_label
+
+    west, south, east, north = with_depths.scenario.area.bounds
+    assert label(shapely.box(west - 1, south, west + 0.1, north)) == "land or uncharted"
+    assert label(shapely.box(east + 0.1, south, east + 1, north)) == "land"
+
+
+def test_the_table_gives_the_fuel_of_other_routes_beside_the_best(tmp_path: Path) -> None:
+    result = small_run.parts()
+    rows = result.evaluation.routes
+    of_best = next(row for row in rows if row.rank == 1)
+    dear = tuple(replace(row, fuel=1.682e7 * (1 + 0.1 * (row.rank > 1))) for row in rows)
+    evaluation = replace(result.evaluation, routes=dear)
+    table = season_table(
+        Outcome(replace(result, evaluation=evaluation), tmp_path, fresh=True, seconds=1.0)
+    )
+    assert "million" not in table
+    assert "16,820,000" in table
+    assert ("+10.0 %" in table) == any(row.main_passage != of_best.main_passage for row in rows)

@@ -1,0 +1,102 @@
+"""Each note that the program makes has words, and the words need only values that the note has."""
+
+import ast
+import inspect
+import string
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pipeline
+from pipeline.findings.note_words import WORDS, note_json, note_text
+from pipeline.model import Note, Place, of_seasons
+
+
+def made_notes() -> Iterator[tuple[str, set[str]]]:
+    """Kinds of the notes that the sources make, and the names of their values."""
+    paths = Path(pipeline.__file__).parent.rglob("*.py")
+    trees = (ast.parse(path.read_text(encoding="utf-8")) for path in paths)
+    functions = (node for tree in trees for node in ast.walk(tree))
+    for function in functions:
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        nodes = list(ast.walk(function))
+        texts = {str(one.value) for one in nodes if isinstance(one, ast.Constant)}
+        calls = [one for one in nodes if isinstance(one, ast.Call)]
+        made = [call for call in calls if ast.unparse(call.func) in {"Note.of", "model.Note.of"}]
+        literal = {one.args[0].value for one in made if isinstance(one.args[0], ast.Constant)}
+        for call in made:
+            names = {str(one.arg) for one in call.keywords}
+            kind = call.args[0]
+            # A kind that is a variable is one of those that stand elsewhere in the function.
+            some = [kind.value] if isinstance(kind, ast.Constant) else texts & {*WORDS} - literal
+            yield from ((str(one), names) for one in some)
+
+
+def asked_values(words: object) -> set[str]:
+    """The names of the values that words ask for."""
+    if callable(words):
+        return set(inspect.signature(words).parameters)
+    return {
+        name.partition("[")[0] for _, name, _, _ in string.Formatter().parse(str(words)) if name
+    }
+
+
+def test_every_note_has_words_for_its_values() -> None:
+    made = list(made_notes())
+    assert len(made) > 40
+    assert {kind for kind, _ in made} == {*WORDS}
+    for kind, names in made:
+        words = WORDS[kind]
+        asked = asked_values(words)
+        # A function takes all values, a sentence names those that it needs.
+        assert asked == names if callable(words) else asked <= names, (kind, asked, names)
+
+
+def test_values_are_in_the_sentence_and_in_json() -> None:
+    crossing = Note.of("crossing", length_m=120.4, place=Place(-70.5, 42.25), routes=(1, 3))
+    note = Note.of("second-shoreline", crossings=(crossing,)).about("july", "2024-07-01t0600z")
+    assert note_text(note).startswith("july, departure 2024-07-01 06:00 UTC: a second, ")
+    assert note_text(note).endswith(": 120 m at 70.5000 W 42.2500 N on routes 1, 3")
+    assert note_json(note) == {
+        "text": note_text(note),
+        "kind": "second-shoreline",
+        "seasons": ["july", "2024-07-01t0600z"],
+        "values": {
+            "crossings": [
+                {
+                    "kind": "crossing",
+                    "length_m": 120.4,
+                    "place": {"lon": -70.5, "lat": 42.25},
+                    "routes": [1, 3],
+                }
+            ]
+        },
+    }
+
+
+def test_moments_are_dates_or_seconds_and_braces_in_names_are_left() -> None:
+    begin = datetime(2026, 11, 22, 6, tzinfo=UTC)
+    dated = Note.of("area-shut", area="{0}", begin=begin, until=None)
+    assert "area '{0}', which is shut from 2026-11-22 06:00 UTC; a vessel" in note_text(dated)
+    assert note_json(dated)["values"] == {"area": "{0}", "begin": begin.isoformat(), "until": None}
+    counted = Note.of("area-shut", area="", begin=None, until=1800.0)
+    assert "an area, which is shut until 1800 s; a vessel" in note_text(counted)
+    always = Note.of("area-shut", area="", begin=None, until=None)
+    assert "an area, always shut; a vessel" in note_text(always)
+    planar = Note.of(
+        "margin-narrowed", margin_m=5.0, width_m=3.0, place=Place(1.5, 2, is_planar=True)
+    )
+    assert "the narrowest place, at (1.5, 2) m, is 3.00 m wide" in note_text(planar)
+
+
+def test_counts_take_their_nouns() -> None:
+    one, many = (Note.of("areas-repaired", source="a.shp", count=count) for count in (1, 2107))
+    assert "a.shp: 1 area was invalid and was repaired" in note_text(one)
+    assert "a.shp: 2,107 areas were invalid and were repaired" in note_text(many)
+
+
+def test_a_note_of_several_seasons_is_listed_once() -> None:
+    tide, depth = Note.of("current-without-tide"), Note.of("current-at-depth", depth_m=5.0)
+    merged = of_seasons({"summer": (tide, depth, tide), "winter": (tide,)})
+    assert merged == (tide.about("summer", "winter"), depth.about("summer"))

@@ -1,0 +1,114 @@
+"""Water whose current is as fast as the vessel is noted, with its place."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+import shapely
+
+import renew
+from pipeline.findings.note_words import note_texts
+from pipeline.model import Credit, CurrentGrid, SeasonPlan
+from pipeline.stages.compare import waiting_notes
+from pipeline.stages.fetch import overpowering_notes
+from tests.pipeline.formats import small_run
+from tests.renew.planner.test_overpowered_hours import STRAIT, tide
+from tests.strategies import PAPER_VESSEL
+
+REGION = shapely.box(130.0, 30.0, 140.0, 40.0)
+
+
+def grid(u: np.ndarray) -> CurrentGrid:
+    """Return an eastward current on a grid of whole degrees that extends beyond the region."""
+    lon, lat = np.arange(128.0, 143.0), np.arange(28.0, 43.0)
+    return CurrentGrid(
+        "winter", lon, lat, u[None], 0 * u[None], "2024-02", Credit("c", "current", "c", "")
+    )
+
+
+def test_share_strength_and_place() -> None:
+    u = np.full((15, 15), 0.4)
+    u[5, :] = 1.0  # 33 N: as fast as the vessel
+    u[5, 7] = 1.6  # 135 E
+    u[0, 0] = 3.0  # outside the region
+    u[8:10, 3:6] = np.nan
+    (note,) = note_texts(overpowering_notes(grid(u), REGION, 1.0))
+    lat = np.arange(31.0, 40.0)
+    row, cell = np.cos(np.radians(33.0)), np.cos(np.radians(lat)).sum()
+    land = 3 * np.cos(np.radians([36.0, 37.0])).sum()
+    assert f"in {9 * row / (9 * cell - land):.1%} of the water" in note
+    assert "up to 1.6 m/s at 135.0000 E 33.0000 N" in note
+    assert note.startswith("winter: ")
+
+
+@pytest.mark.parametrize("strength", [0.99, np.nan])
+def test_no_note_where_the_current_is_weaker(strength: float) -> None:
+    assert note_texts(overpowering_notes(grid(np.full((15, 15), strength)), REGION, 1.0)) == []
+
+
+def test_the_hours_when_the_current_shuts_water_are_reported() -> None:
+    """A tide of 1.5 m/s and twelve hours is above 1 m/s where its cosine is above 2/3."""
+    lon, lat = np.arange(128.0, 143.0), np.arange(28.0, 43.0)
+    times = np.arange(-600.0, 24 * 3600.0 + 1, 600.0)
+    tide = np.cos(2 * np.pi * (times - 3 * 3600.0) / (12 * 3600.0))
+    u = 0.5 * tide[:, None, None] * np.ones((15, 15))
+    u[:, 5, 7] = 1.5 * tide  # 135 E 33 N
+    known = CurrentGrid(
+        "tide", lon, lat, u, 0 * u, "", Credit("c", "current", "c", ""), times_s=times
+    )
+    departure = datetime(2026, 11, 22, tzinfo=UTC)
+    (note,) = note_texts(overpowering_notes(known, REGION, 1.0, departure))
+    half = math.acos(2 / 3) / (2 * math.pi) * 12 * 60  # min
+    assert "up to 1.5 m/s at 135.0000 E 33.0000 N" in note
+    spells = re.findall(
+        r"from 2026-11-22 (\d\d):(\d\d) UTC until 2026-11-22 (\d\d):(\d\d) UTC", note
+    )
+    # Eastward around 03:00 and 15:00, westward six hours later; three are named.
+    assert len(spells) == 3
+    for (hour, minute, to_hour, to_minute), middle in zip(spells, (180, 540, 900), strict=True):
+        assert 60 * int(hour) + int(minute) == pytest.approx(middle - half, abs=6)
+        assert 60 * int(to_hour) + int(to_minute) == pytest.approx(middle + half, abs=6)
+    assert "and 1 more times: routes are the best without waiting" in note
+    assert note_texts(overpowering_notes(known, REGION, 2.0, departure)) == []
+
+
+def test_the_hours_when_a_class_is_shut_are_reported_as_dates() -> None:
+    """The tide of a strait, read at the place and at the two times that the note names."""
+    chart = renew.Chart(shapely.box(0, -60, 200, 100), [*STRAIT.no_go])
+
+    def with_a_way_round(points: np.ndarray, times: np.ndarray) -> np.ndarray:
+        return tide(points, times) * (points[..., 1:] > 10)
+
+    current = renew.VaryingCurrent(np.arange(0.0, 1201.0, 2.0), with_a_way_round)
+    departure = datetime(2026, 11, 22, 6, tzinfo=UTC)
+    plain = small_run.parts(planar=True).scene
+    scene = replace(plain, currents={"tide": current}, departures={"tide": departure})
+    plans = [
+        SeasonPlan("tide", renew.plan(
+            chart, current, PAPER_VESSEL, (10, 50), (190, 50), departure=at, lateness=0.25,
+            padding="none",
+        ), "", 0.0)
+        for at in (75.0, 105.0)
+    ]  # fmt: skip
+    through, around = plans
+    note, *_ = note_texts(waiting_notes(scene, [through]))
+    assert note.startswith("tide: the current shuts water for a while on the way of route 1 at (")
+    assert note.endswith("The routes are the best without waiting")
+    (other,) = note_texts(waiting_notes(scene, [around]))
+    assert other.startswith("tide: no route was found where the current shuts")
+    for text in (note, other):
+        place = re.search(r"at \((\d[\d.]*), (\d[\d.]*)\) m from", text)
+        assert place is not None
+        x, y = map(float, place.groups())
+        times = re.findall(r"2026-11-22 06:(\d\d):(\d\d) UTC", text)[:2]
+        strength = [
+            float(np.linalg.norm(tide(np.array([x, y]), np.array(60.0 * int(m) + int(s) + later))))
+            for (m, s), later in zip((*times, *times), (-2, 2, 2, -2), strict=True)
+        ]
+        assert max(strength[:2]) < 0.97 < min(strength[2:])
+    assert note_texts(waiting_notes(scene, [SeasonPlan("tide", None, "no water", 0.0)])) == []

@@ -1,0 +1,119 @@
+"""What is not known is listed: for each route, each season, and the chart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import RunResult, route_unknowns
+from pipeline.findings.unknowns import has_all_depths
+from pipeline.geo.lonlat import DepthCover
+from pipeline.model import ShoreCrossing, ShutStrait
+from pipeline.model.inputs import Note
+from tests.pipeline.formats import small_run
+
+NO_DEPTHS = "no depths in this chart: the draught was not used, and shoals are not avoided"
+
+
+def with_shares(
+    result: RunResult, filled: dict[int, float], uncharted: float | None = None
+) -> RunResult:
+    """The same run with shares of the summer's routes by rank, and of depths for all of them."""
+    rows = tuple(
+        replace(
+            row,
+            filled_share=filled.get(row.rank, 0.0) if row.season == "summer" else 0.0,
+            uncharted_share=float("nan") if uncharted is None else uncharted,
+        )
+        for row in result.evaluation.routes
+    )
+    land = replace(result.fetched.land, depths=None if uncharted is None else DepthCover(areas=()))
+    return replace(
+        result,
+        evaluation=replace(result.evaluation, routes=rows),
+        fetched=replace(result.fetched, land=land),
+    )
+
+
+def test_a_chart_without_depths_says_so_and_nothing_else() -> None:
+    assert note_texts(with_shares(small_run.parts(), {}).unknowns) == [NO_DEPTHS]
+
+
+def test_shares_of_the_current_are_reported_for_the_best_and_the_worst() -> None:
+    result = with_shares(small_run.parts(), {1: 0.123, 2: 0.2, 3: 0.95})
+    _, text = note_texts(result.unknowns)
+    assert text == (
+        "summer: the source of the current has no figure for 12.3 % of route 1 and 95.0 % of route "
+        "3, the largest share of the 2 other routes: it was filled from the water around"
+    )
+    best, second = result.season_routes("summer")[:2]
+    assert "12.3 % of route 1:" in note_texts(route_unknowns(result, best.metrics))[1]
+    assert "20.0 % of route 2:" in note_texts(route_unknowns(result, second.metrics))[1]
+    winter = result.season_routes("winter")[0].metrics
+    assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
+
+
+def without_current(result: RunResult, season: str) -> RunResult:
+    """Plan a season without a current, as in still water."""
+    grids = tuple(
+        replace(grid, notes=(Note.of("still-water"),)) if grid.season == season else grid
+        for grid in result.fetched.currents
+    )
+    return replace(result, fetched=replace(result.fetched, currents=grids))
+
+
+def test_a_current_that_is_not_known_at_all_is_reported_first() -> None:
+    result = with_shares(small_run.parts(), {1: 1.0, 2: 0.2})
+    assert [result.lacks_current(season) for season in ("summer", "winter")] == [True, False]
+    first = note_texts(result.unknowns)[0]
+    assert first.startswith("summer: the source of the current has no values anywhere on the best")
+    still = without_current(with_shares(small_run.parts(), {}), "winter")
+    assert [still.lacks_current(season) for season in ("summer", "winter")] == [False, True]
+    winter = still.season_routes("winter")[0].metrics
+    assert note_texts(route_unknowns(still, winter))[0].startswith("no current was used")
+    assert still.gap_figure(winter) == "not proven"
+    assert still.gap_figure(still.season_routes("summer")[0].metrics).endswith(" %")
+    partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
+    assert not partly.lacks_current("summer")
+
+
+def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
+    result = with_shares(small_run.parts(), {})
+    crossings = tuple(
+        ShoreCrossing("summer", rank, 119.0 + rank, 9.0, length_m)
+        for rank, length_m in ((1, 2461.0), (2, 33_000.0))
+    )
+    result = replace(result, evaluation=replace(result.evaluation, shore_crossings=crossings))
+    first = note_texts(result.unknowns)[0]
+    assert first.startswith("summer: a second, independent shoreline")
+    assert "2,461 m at 120.0000 E 9.0000 N on route 1; 33,000 m" in first
+    best, second = result.season_routes("summer")[:2]
+    assert "33,000 m" not in note_texts(route_unknowns(result, best.metrics))[0]
+    assert "33,000 m" in note_texts(route_unknowns(result, second.metrics))[0]
+    winter = result.season_routes("winter")[0].metrics
+    assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
+
+
+def test_missing_depths_are_reported_and_complete_ones_are_not() -> None:
+    (text,) = note_texts(with_shares(small_run.parts(), {}, 0.04).unknowns)
+    assert "no depth is charted for 4.0 % of route 1 and 4.0 % of route" in text
+    complete = with_shares(small_run.parts(), {}, 0.0)
+    assert note_texts(complete.unknowns) == []
+    assert all(has_all_depths(row) for row in complete.evaluation.routes)
+    without_depths = small_run.parts().evaluation.routes
+    assert not any(has_all_depths(row) for row in without_depths)
+
+
+def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
+    widest = ShutStrait(119.871, 11.5244, 1579.4, 1714.0, "padding")
+    straits = (widest, replace(widest, width_m=300.0))
+    result = replace(with_shares(small_run.parts(), {}), straits=straits)
+    assert note_texts(result.unknowns)[1] == (
+        "2 straits are shut by margin or padding; the widest, at 119.8710 E 11.5244 N, is 1.58 km "
+        "wide, and 1.71 km are needed"
+    )
+    (one,) = note_texts(replace(result, straits=(widest,)).unknowns)[1:]
+    assert one.startswith("1 strait is shut")
+    planar = small_run.parts(planar=True)
+    assert note_texts(planar.unknowns) == []
+    assert note_texts(route_unknowns(planar, planar.routes[0].metrics)) == []
