@@ -130,15 +130,6 @@ class Route:
         """
         return self.fuel_bound.gap(self.fuel)
 
-    @property
-    def gap_at_clearance(self) -> float:
-        """Share by which fuel exceeds the bound on equally safe routes, 0 to `optimality_gap`.
-
-        They keep the same clearance, and at each edge of land the least padding that the rule can
-        give there on any heading.
-        """
-        return self.fuel_bound.gap_at_clearance(self.fuel)
-
 
 def unite_soft_no_go(routes: Sequence[Route]) -> None:
     """Compute V of several routes together, which takes half the time, and keep it with them.

@@ -98,7 +98,7 @@ def rehearse() -> Iterator[str]:
             _ = (route.channel, route.soft_no_go)
             # The bound takes longest, and its kernels depend on these two options only.
             if not options or options.keys() & {"drift", "speed"}:
-                _ = route.gap_at_clearance
+                _ = route.optimality_gap
 
 
 def rehearse_half(half: int) -> None:
@@ -116,4 +116,4 @@ def rehearse_half(half: int) -> None:
     start, goal = problem.voyage.start, problem.voyage.goal
     midlines = [found.midline(start, goal) for found in scout.channels(2)]
     scout.channels_beside(midlines, 1)
-    _ = problem.fuel_bound.value, problem.fuel_bound.at_clearance
+    _ = problem.fuel_bound.value

@@ -99,14 +99,6 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
         lines.append(f"\nPassed: {'; '.join(places)}.")
     no_go = outcome.fetched.land.no_go_name
     lines += [
-        f"\n{text.season_name(row.season)}: {text.kept_gap_text(row.gap_at_clearance)}"
-        for row in outcome.evaluation.routes
-        if row.rank == 1
-        and row.has_land
-        and math.isfinite(row.gap_at_clearance)
-        and not outcome.result.lacks_current(row.season)
-    ]
-    lines += [
         f"\n{text.season_name(one.season)}: {text.gap_text(one, no_go)}"
         for one in outcome.evaluation.gap_shares
     ]
@@ -238,7 +230,6 @@ def _route(
         "departure": passage[0].isoformat() if passage else None,
         "arrival": passage[1].isoformat() if passage else None,
         "optimality_gap": row.optimality_gap,
-        "gap_at_clearance": row.gap_at_clearance,
         "filled_share": row.filled_share,
         "uncharted_share": row.uncharted_share,
         "least_water_m": row.least_water_m,

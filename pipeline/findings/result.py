@@ -204,10 +204,9 @@ class RunResult:
             return False
         return grid.is_left_out or best.filled_share >= 1 - NO_SHARE
 
-    def gap_figure(self, row: model.RouteMetrics, *, at_clearance: bool = False) -> str:
+    def gap_figure(self, row: model.RouteMetrics) -> str:
         """Return a route's gap for readers: none is proven where the current is not known."""
-        share = row.gap_at_clearance if at_clearance else row.optimality_gap
-        return "not proven" if self.lacks_current(row.season) else gap_figure(share)
+        return "not proven" if self.lacks_current(row.season) else gap_figure(row.optimality_gap)
 
     def crossings(self, season: str, rank: int) -> FloatArray:
         """Return middles (n, 2), lon/lat, of a route's parts over the second shoreline's land."""

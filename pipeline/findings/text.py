@@ -214,16 +214,6 @@ def zone_text(zone: Zone) -> str:
     return f"{name}: {zone.rule}" if zone.rule else name
 
 
-def kept_gap_text(share: float) -> str:
-    """Say in a sentence how near a route is to the bound on routes that are as safe."""
-    if share > USEFUL_GAP:
-        return "There is no useful bound for routes that keep the same offing."
-    return (
-        f"Any route that keeps the same offing, and the least padding that hard-over turns ask for "
-        f"on any heading, saves at most {at_most_percent(share / (1 + share))}."
-    )
-
-
 def gap_text(shares: GapShares, no_go: str) -> str:
     """Say in a sentence what an optimality gap is made of; `no_go` is a name for no-go areas."""
     whole = shares.chart + shares.padding + shares.bound + shares.tide

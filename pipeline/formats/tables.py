@@ -39,7 +39,7 @@ from pipeline.texts import cell
 # planner's scaled units, every other `_m` in true metres.
 _FIELDS = (
     *("season", "rank", "way", "homotopy", "fuel", "fuel_per_distance", "length", "length_m"),
-    *("clearance_m", "duration_s", "speed_m_s", "optimality_gap", "gap_at_clearance"),
+    *("clearance_m", "duration_s", "speed_m_s", "optimality_gap"),
     *("trials", "collisions"),
     *("land_m", "land_lon", "land_lat", "filled_share", "uncharted_share"),
     *("least_water_m", "least_water_at", "least_water_early_m", "least_water_late_m"),

@@ -81,7 +81,6 @@ class RouteMetrics:
     duration_s: float
     speed_m_s: float
     optimality_gap: float
-    gap_at_clearance: float
     trials: int
     collisions: int
     land_m: float

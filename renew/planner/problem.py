@@ -1,7 +1,7 @@
 """What the classes of a plan share, whatever their padding; each item is computed once."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -21,7 +21,6 @@ from renew.errors import UnreachableError
 from renew.inputs.options import PlanOptions
 from renew.paths.corridor import SLACK
 from renew.planner.hindrances import overpowered_error
-from renew.turns.least_padding import voyage_at_clearance
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.voyage import Voyage
 
@@ -98,12 +97,8 @@ class Problem:
 
     @cached_property
     def fuel_bound(self) -> FuelBound:
-        """Lower bounds on the fuel of any route."""
-        # Routes keep their bound, which is not to keep this problem: its roadmaps have megabytes.
-        kept = partial(
-            voyage_at_clearance, self.voyage, self.triangulation, self.options, self.reach
-        )
-        return FuelBound(self.voyage, kept)
+        """Lower bound on the fuel of any route."""
+        return FuelBound(self.voyage)
 
     @property
     def likely_width(self) -> float:

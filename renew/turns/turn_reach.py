@@ -42,9 +42,6 @@ _TAIL_DRAWS, _MIN_DRAWS, _MAX_DRAWS = 20.0, 512, 20_000
 _STRETCHED_DRAWS, _STRETCHED_SHARE = 4096, 0.02
 # Share of the risk at which the quantile is taken: the rest covers the error of the draws.
 _SAFETY = 0.85
-# Share of all draws, to one side of the course, that give a bound on all headings: this multiple of
-# the risk, but no less and no more than the other two.
-_TIMES_ASIDE, _LEAST_ASIDE, _SHARE_ASIDE = 3.0, 0.05, 0.5
 # Largest number of turns that are held in memory at a time: 160 MB.
 _MAX_TURNS = 4_000_000
 
@@ -143,19 +140,6 @@ def furthest_reach(statistics: CurrentStatistics, vessel: Vessel) -> FloatArray:
     return np.asarray(2 * vessel.turning_radius + speed * vessel.turn_period)
 
 
-class DrawnAside(NamedTuple):
-    """Draws (d,) of turns that begin well to one side of the course.
-
-    `speed` and `turn` are standard deviations of the current's speed and of its direction. A
-    quantile is no less than the reach of draws whose `weight` together is more than `least`.
-    """
-
-    speed: FloatArray
-    turn: FloatArray
-    weight: FloatArray
-    least: float
-
-
 class TurnSampler:
     """Drawn turns, the same for every place, so that a place's figures depend on itself alone.
 
@@ -201,17 +185,6 @@ class TurnSampler:
             for at in range(0, len(asked.course), rows)
         ]
         return np.concatenate(parts) if parts else np.zeros(0)
-
-    def aside(self, risk: float) -> tuple[float, DrawnAside, DrawnAside]:
-        """Return an angle (rad), and the draws at least so far off course to port and starboard."""
-        share = min(_SHARE_ASIDE, max(_LEAST_ASIDE, _TIMES_ASIDE * _SAFETY * risk))
-        angle = HEADING_SPREAD * (1 - 2 * share)
-        weight, least = self._weight / self.count, _SAFETY * risk
-        port, starboard = (
-            DrawnAside(self._speed[is_off], self._turn[is_off], weight[is_off], least)
-            for is_off in (self._heading >= angle, self._heading <= -angle)
-        )
-        return angle, port, starboard
 
     def upper_quantile(self, values: FloatArray, risk: float) -> FloatArray:
         """Return values (n,) that a share `risk` of draws (n, draws) exceeds, on the safe side."""

@@ -106,7 +106,7 @@ def test_a_route_keeps_no_roadmap_and_a_plan_is_freed_without_a_search_for_cycle
         route = plan.best
         del plan, task
         assert problem() is None
-        assert 0 < route.fuel_bound.at_clearance <= route.fuel
+        assert 0 < route.fuel_bound.value <= route.fuel
     finally:
         gc.enable()
 

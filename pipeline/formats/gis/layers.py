@@ -134,7 +134,7 @@ _MAX_TURNS = 2_000
 # Figures in a route's row, by the names of its metrics.
 _MEASURED = (
     *("homotopy", "way", "fuel", "fuel_per_distance", "length_m", "clearance_m", "duration_s"),
-    *("speed_m_s", "optimality_gap", "gap_at_clearance", "trials", "collisions", "filled_share"),
+    *("speed_m_s", "optimality_gap", "trials", "collisions", "filled_share"),
     *("uncharted_share", "least_water_m", "members_share", "members_mean_fuel"),
 )
 

@@ -62,7 +62,6 @@ def _ranked(way: Way, result: RunResult, season: str) -> RankedRoute:
         duration_s=way.duration_s,
         speed_m_s=float(route.speeds[0]),
         optimality_gap=math.nan,
-        gap_at_clearance=math.nan,
         trials=0,
         collisions=0,
         land_m=0.0,

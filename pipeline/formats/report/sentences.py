@@ -161,8 +161,6 @@ class SeasonFacts:
         """Say how much fuel a better route could save, and how much knowing the current saves."""
         best = self.best
         sentences = [_bound(best)] if math.isfinite(best.optimality_gap) else []
-        if best.has_land and math.isfinite(best.gap_at_clearance):
-            sentences.append(text.kept_gap_text(best.gap_at_clearance))
         if self.gap is not None:
             sentences.append(text.gap_text(self.gap, best.no_go_name))
         if self.worth is not None:

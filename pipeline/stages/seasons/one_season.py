@@ -226,7 +226,6 @@ class _RouteEvaluator:
             duration_s=planning.true_duration_s(route, self._scene, self._season),
             speed_m_s=float(np.average(route.speeds, weights=np.diff(route.times))),
             optimality_gap=route.optimality_gap,
-            gap_at_clearance=route.gap_at_clearance,
             trials=turns.trials,
             collisions=turns.collisions,
             land_m=land_m,

@@ -11,7 +11,6 @@ import pickle
 import sys
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -262,10 +261,7 @@ def plan_and_evaluate(task: SeasonTask, on_step: OnStep = ignore_step) -> str:
     plan = load_artefact(task.plan_path, SeasonPlan)
     if plan is None:
         plan = plan_season(scene, task.season, task.options, on_step, task.havens)
-        with ThreadPoolExecutor(1) as beside:
-            if plan.plan is not None:  # of its two bounds, this thread computes the other
-                beside.submit(getattr, plan.plan.best.fuel_bound, "at_clearance")
-            save_artefact(task.plan_path, plan, task.owner)
+        save_artefact(task.plan_path, plan, task.owner)
     shares = gap_shares(scene, plan, task.options) if task.explains_gap else None
     worth = clock_worth(scene, plan, task.options)
     evaluation = replace(

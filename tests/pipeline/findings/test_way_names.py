@@ -64,7 +64,6 @@ def named(scene: Scene, *plans: SeasonPlan, places: tuple[PlaceName, ...] = ()) 
             1.0,
             1.0,
             0.0,
-            0.0,
             0,
             0,
             0.0,

@@ -153,7 +153,6 @@ def metrics(
         duration_s=route.duration * asked.scale,
         speed_m_s=scene.vessel.speed,
         optimality_gap=route.optimality_gap,
-        gap_at_clearance=route.gap_at_clearance,
         trials=found.trials,
         collisions=found.collisions,
         land_m=float(shapely.intersection(line, land).length) * asked.scale,

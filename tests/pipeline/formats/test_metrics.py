@@ -47,9 +47,7 @@ def test_departure_and_arrival_stand_where_a_departure_is_given(
 
 
 def test_a_figure_that_does_not_exist_is_blank(result: RunResult, tmp_path: Path) -> None:
-    row = replace(
-        result.evaluation.routes[0], optimality_gap=float("nan"), gap_at_clearance=float("nan")
-    )
+    row = replace(result.evaluation.routes[0], optimality_gap=float("nan"))
     rows = (row, *result.evaluation.routes[1:])
     changed = replace(result, evaluation=Evaluation(rows, result.evaluation.contingency))
     write_metrics(changed, tmp_path / "metrics.csv")

@@ -43,7 +43,7 @@ LAYERS = {
 
 ROUTE_COLUMNS = {
     *("season", "rank", "homotopy", "way", "fuel", "fuel_per_distance", "length_m"),
-    *("clearance_m", "duration_s", "optimality_gap", "gap_at_clearance"),
+    *("clearance_m", "duration_s", "optimality_gap"),
     *("trials", "collisions"),
     *("filled_share", "uncharted_share", "least_water_m", "least_water_at"),
     *("members_share", "members_mean_fuel"),

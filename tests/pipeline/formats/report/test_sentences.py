@@ -21,7 +21,6 @@ BEST = RouteMetrics(
     duration_s=1_000_000 / 1.25,
     speed_m_s=1.0,
     optimality_gap=0.25,
-    gap_at_clearance=0.1,
     trials=1430,
     collisions=0,
     land_m=0.0,
