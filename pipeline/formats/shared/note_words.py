@@ -257,6 +257,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "current-doubtful": "check {source}: {warning}",
     "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
     "current-lacking": _current_lacking,
+    "current-over-depth": "the currents are means over depth, not of the surface",
     "current-stands-in": "planned on {source}, valid {valid}",
     "current-used": lambda source, valid: (
         f"planned on {source}{f', valid {valid}' if valid else ''}"
