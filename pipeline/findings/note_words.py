@@ -257,6 +257,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "current-doubtful": "check {source}: {warning}",
     "current-geostrophic": "the currents are geostrophic: without tide and wind drift",
     "current-lacking": _current_lacking,
+    "current-over-depth": "the currents are means over depth, not of the surface",
     "current-stands-in": "planned on {source}, valid {valid}",
     "current-used": lambda source, valid: (
         f"planned on {source}{f', valid {valid}' if valid else ''}"
@@ -313,6 +314,9 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"hard-over turns beside the best route need a padding of up to {math.ceil(turns_m):,} m, "
         f"and the offing is {offing_m:,.0f} m: the "
         f"{'offing' if turns_m <= offing_m else 'wider of them'} decides how close it comes"
+        if turns_m
+        else "no land or other no-go area lies beside the best route: neither hard-over turns nor "
+        f"the offing of {offing_m:,.0f} m decide where it runs"
     ),
     "region-chosen": _region_chosen,
     "side-left-out": _side_left_out,

@@ -138,7 +138,7 @@ class _WayNamer:
         point = self._point(island)
         place = self._scene.place_text(point)
         if not name and self._places:
-            place += f", near {self._nearest(point).name}"
+            place += f", {self._nearest(point)}"
         return NumberedIsland(island, name, float(point[0]), float(point[1]), place)
 
     @cached_property
@@ -297,11 +297,14 @@ class _WayNamer:
         inside = shapely.contains_xy(area, *points.T)
         return [place for place, is_inside in zip(places, inside, strict=True) if is_inside]
 
-    def _nearest(self, point: FloatArray) -> PlaceName:
-        """Return the chart's named land nearest to a point (2,), planar metres."""
+    def _nearest(self, point: FloatArray) -> str:
+        """Say how far the chart's nearest named land is from a point (2,), planar metres."""
         lonlat = [(place.lon, place.lat) for place in self._places]
         away = np.linalg.norm(self._scene.projection.to_plane(np.array(lonlat)) - point, axis=1)
-        return self._places[int(away.argmin())]
+        at = int(away.argmin())
+        return (
+            f"{away[at] * self._scene.projection.scale / 1000:,.1f} km from {self._places[at].name}"
+        )
 
     def _point(self, island: int) -> FloatArray:
         """Return a point (2,) on an island."""

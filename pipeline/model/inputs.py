@@ -75,6 +75,7 @@ DECIDED = frozenset(
         "accuracy-assumed",
         "climatology-stands-in",
         "current-at-depth",
+        "current-over-depth",
         "current-stands-in",
         "forecasts-overlap",
         "level-assumed",

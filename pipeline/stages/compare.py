@@ -86,6 +86,7 @@ def _said(result: RunResult) -> tuple[Note, ...]:
         *replanned_notes(result),
         *ensemble_notes(result),
         *room_notes(result.scene, result.plans, result.scenario.planner),
+        *narrows_notes(result.scene, result.plans, result.scenario.planner),
     )
 
 
@@ -93,7 +94,6 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
     """Return the notes on the routes and on unknowns."""
     return (
         *safety_notes(result),
-        *narrows_notes(result.scene, result.plans, result.scenario.planner),
         *shut_notes(result.scene, result.plans),
         *tide_notes(result.scenario, result.scene, result.plans),
         *waiting_notes(result.scene, result.plans),

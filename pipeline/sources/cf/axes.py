@@ -14,6 +14,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values, reading
+from pipeline.sources.cf.times import ZONES
 from pipeline.sources.current_field import SURFACE_DEPTH_M
 from pipeline.texts import clean
 
@@ -94,7 +95,7 @@ def surface_level(dataset: "xr.Dataset", dim: str) -> tuple[int, list[Note]]:
     standard, unit, up = (str(attributes.get(key, "")).strip().lower() for key in keys)
     is_depth = unit in _METRES or (not unit and standard == "depth")
     is_named_depth = is_depth and "depth" in (standard, dim[:5].lower())
-    if not up and (standard.startswith(_UPWARD) or levels.max() <= 0):
+    if not up and (standard.startswith(_UPWARD[1:]) or levels.max() <= 0):
         up = "up"
     elif not up and (is_named_depth or levels.size == 1):
         up = "down"
@@ -124,6 +125,7 @@ def time_axis(dataset: "xr.Dataset", dim: str) -> "tuple[xr.DataArray | None, Fl
         raise ValueError(f"{dim} has {dataset.sizes[dim]} steps without times; add the coordinate")
     values = np.atleast_1d(coordinate_values(dataset, dim))
     time = dataset[dim].copy(deep=False, data=values.reshape(dataset[dim].shape))
+    time.attrs = {key: dataset.attrs[key] for key in ZONES if key in dataset.attrs} | time.attrs
     return time, _bounds(dataset, dim, values.size)
 
 

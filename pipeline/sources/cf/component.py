@@ -67,6 +67,8 @@ def read_component(
         if not size:
             raise ValueError(f"{name} is empty, as {dim} has no values; give a file with data")
     unit_m_s, notes = _unit_m_s(array)
+    if re.search(r"\b(depth|lev|z)\w*: ?(\w+: ?)*mean", array.attrs.get("cell_methods", "")):
+        notes.append(Note.of("current-over-depth"))
     roles = {dim: axes.axis_role(dataset, str(dim)) for dim in array.dims}
     if along:
         roles = {dim: "" if role == "time" else role for dim, role in roles.items()}

@@ -31,11 +31,11 @@ _VARIABLE_NAMES = (
 # named too; of waves, which are no current unless in a sum; and of what a reader should be told.
 _SAYING = ("standard_name", "long_name", "description", "short_name", "GRIB_name", "var_desc")
 _NO_WATER, _WATER = r"\b(wind|gust|air|ice|stress|atmospher)", r"\b(water|current)"
-_WAVES, _SUM = r"\b(wave|stokes|swell)", r"(\butot|\btot_|_tot|total|sum\b|includ|plus\b)|\+"
+_WAVES, _SUM = r"\b(wave|stokes|swell)", r"(\b[uv]tot|\btot_|_tot|total|sum\b|includ|plus\b)|\+"
 _TOLD = rf"(?i){_NO_WATER}|{_WAVES}|{_SUM}|tid(e|al)|bottom|floor|averag|barotrop|anomal|ekman"
 _WITHOUT = re.compile(r"\b(without|no|not|excluding)\b[^,;()]*")
 # Words of water that moves, or of part of it.
-_MOVES = r"velocity|current|drift|tide|stokes"
+_MOVES = rf"velocity|current|drift|tide|stokes|{_SUM}"
 _Variable: TypeAlias = tuple[str, str]
 _Pair: TypeAlias = tuple[_Variable, _Variable]
 

@@ -42,7 +42,14 @@ _UNITS = re.compile(
     r"(?(clock)((?P<sign>[+-])(?P<h>\d{1,2})(:?(?P<min>\d{2}))?)?) ?(Z|UTC|GMT|UT)?",
     re.IGNORECASE,
 )
-_UTC = ("utc", "gmt", "z", "zulu", "none", "")
+_UTC = ("utc", "gmt", "ut", "etc/utc", "utc+0", "+00:00", "z", "zulu", "none", "")
+ZONES = ("time_zone", "timezone", "tz")
+"""Attributes that hold a zone."""
+# Words of any attribute for another clock.
+_OTHER_CLOCK = re.compile(
+    r"(?i:\b(local|ship'?s?) (\w+ )?time|\b(UTC|GMT) ?[+-] ?0?[1-9])|"
+    r"\b([AECMPHJKL]|AE|AC|AW|NZ)[SD]T\b|\bCES?T\b"
+)
 # Global attributes that hold the reference time: CF's name for it, Copernicus Marine's, and others.
 _ATTRIBUTES = ("forecast_reference_time", "bulletin_date", "forecast_reference", "reference_time")
 
@@ -135,7 +142,8 @@ def step_method(array: "xr.DataArray", dim: str, names: Iterable[str]) -> dict[s
     """Return what a variable, or else its file's names, say of a step: arguments of TimeSteps."""
     methods = array.attrs.get("cell_methods", "")
     said = re.search(rf"\b(?:time|{re.escape(dim)}):(?:\s*\w+:)*\s*(\w+)", methods)
-    if said and said[1] not in {"mean", "point"}:
+    # A spread or a largest one, along whatever axis, is no current; parentheses hold comments.
+    if set(re.findall(r":\s*(\w+)\b(?!:)", re.sub(r"\(.*?\)", "", methods))) - {"mean", "point"}:
         raise ValueError(f"{array.name} is neither of a time nor a mean ({methods}); give such")
     by = "" if said is None else {"mean": said[0], "point": "point"}[said[1]]
     for name in filter(None, map(_ID.search, names)):
@@ -177,7 +185,7 @@ def _placed(steps: TimeSteps) -> TimeSteps:
     elif by and all(abs(one) <= slack for one in early):
         return replace(steps, width=length)
     elif not by or timedelta(1) % length or any(abs(one - length / 2) > slack for one in early):
-        why = f"means ({by}) at odd stamps" if by else "nothing says that they are means"
+        why = f"means ({by}) at odd stamps" if by else "no name and no cell_methods call them means"
         return replace(steps, notes=(Note.of("steps-read", how=f"instants: {why}"),))
     how = f"means ({by}), each for the middle of the time that begins at its stamp"
     notes = (Note.of("steps-read", how=how),)
@@ -251,10 +259,11 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
             f"its calendar is {name!r}, which is not the real one; convert it, as with "
             "xarray's `convert_calendar('standard')`"
         )
-    for key in ("time_zone", "timezone", "long_name"):
-        zone = str(time.attrs.get(key, ""))
-        if "local" in zone.lower() or (key != "long_name" and zone.lower() not in _UTC):
-            raise ValueError(f"{time.name} is in the zone {zone!r}; give its times in UTC")
+    for key, zone in ((key, str(value)) for key, value in time.attrs.items() if key != "units"):
+        if _OTHER_CLOCK.search(zone) or (key in ZONES and zone.lower() not in _UTC):
+            raise ValueError(
+                f"{time.name} is in the zone {zone!r}; give its times in UTC, and {key} as 'UTC'"
+            )
     half = timedelta(microseconds=500_000)
     try:
         said = _UNITS.fullmatch(" ".join(units.split()))

@@ -8,8 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 import shapely
 from hypothesis import given, strategies as st
+from pyproj import Geod
 
 import renew
 from pipeline.findings.islands import islands
@@ -145,7 +147,13 @@ def test_the_charts_own_names_take_the_place_of_numbers() -> None:
         (1, "Isle, of Dogs")
     ]
     evaluation = named(scene, planned(scene), places=(elsewhere,))
-    assert evaluation.islands[0].place.endswith("N, near Far")
+    # It may be far away: so much lies between a degree of longitude.
+    named_place = evaluation.islands[0]
+    found = re.fullmatch(r".* N, ([\d,.]+) km from Far", named_place.place)
+    assert found, named_place.place
+    here = scene.projection.to_lonlat(np.array([named_place.x, named_place.y]))
+    away_m = Geod(ellps="WGS84").inv(*here, elsewhere.lon, elsewhere.lat)[2]
+    assert float(found[1].replace(",", "")) == pytest.approx(away_m / 1000, rel=0.01)
 
 
 def test_no_two_islands_have_one_name() -> None:

@@ -137,9 +137,13 @@ def test_limits_in_notes_are_on_the_safe_side(value: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("turns_m", "decides"), [(36.1, "the offing decides"), (4390.2, "the wider of them decides")]
+    ("turns_m", "decides"),
+    [
+        (36.1, "the offing is 694 m: the offing decides"),
+        (4390.2, "the offing is 694 m: the wider of them decides"),
+        (0.0, "neither hard-over turns nor the offing of 694 m decide"),
+    ],
 )
 def test_it_is_said_whether_turns_or_the_offing_bind(turns_m: float, decides: str) -> None:
     said = note_text(Note.of("room-kept", turns_m=turns_m, offing_m=694.0))
     assert decides in said
-    assert "the offing is 694 m" in said

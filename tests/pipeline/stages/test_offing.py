@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,11 +13,11 @@ from hypothesis import given, strategies as st
 
 from pipeline.findings.note_words import note_text
 from pipeline.geo.projection import Projection
-from pipeline.model import Scene
+from pipeline.run import planned_scenario
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import parse_scenario
-from pipeline.scenario.model import PlannerOptions
+from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.stages.choose import (
     narrows_notes,
     offing_m,
@@ -57,11 +58,11 @@ def test_it_is_wider_than_the_turn_and_the_charts_error_but_for_short_voyages(
         assert kept_m == pytest.approx(further)
 
 
-def a_wall(gap_m: float) -> Scene:
+def a_wall(gap_m: float, **planner: object) -> Scenario:
     """Return a wall from edge to edge, with a gap of some width between start and goal."""
     walls = [[490, -10, 510, 500 - gap_m / 2], [490, 500 + gap_m / 2, 510, 1010]]
     corners = [shapely.get_coordinates(shapely.box(*wall)).tolist() for wall in walls]
-    scenario = parse_scenario(
+    return parse_scenario(
         {
             "schema_version": 1,
             "name": "wall",
@@ -70,14 +71,17 @@ def a_wall(gap_m: float) -> Scene:
             "goal": [950, 500],
             "plane": {"extent": [0, 0, 1000, 1000], "obstacles": corners},
             "seasons": [{"name": "calm", "uniform": {"u": 0.1}}],
+            "planner": planner,
         }
     )
-    return plane_scene(scenario)
 
 
 @pytest.mark.parametrize("gap_m", [60.0, 30.0])
 def test_the_length_with_reduced_offing_is_reported(gap_m: float) -> None:
-    scene, options = a_wall(gap_m), PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1)
+    scene, options = (
+        plane_scene(a_wall(gap_m)),
+        PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1),
+    )
     season = plan_season(scene, "calm", options)
     (note,) = narrows_notes(scene, [season], options)
     values: dict[str, Any] = dict(note.values)
@@ -90,14 +94,25 @@ def test_the_length_with_reduced_offing_is_reported(gap_m: float) -> None:
     assert "the best route keeps less than the offing of 40 m" in note_text(note)
 
 
+def test_a_reduced_offing_stands_below_the_table(tmp_path: Path) -> None:
+    """The table's clearance is less than the offing there: both stand among the choices."""
+    asked = a_wall(60.0, clearance=40.0, narrow_share=0.5, classes=1)
+    with planned_scenario(asked, tmp_path, offline=True) as result:
+        assert result.evaluation.routes[0].clearance_m < 40.0
+        assert "offing-yields" in {note.kind for note in result.choices}
+
+
 def test_where_the_offing_has_room_it_does_not_yield() -> None:
-    scene, options = a_wall(200.0), PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1)
+    scene, options = (
+        plane_scene(a_wall(200.0)),
+        PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1),
+    )
     assert narrows_notes(scene, [plan_season(scene, "calm", options)], options) == ()
 
 
 def test_what_the_room_is_for_is_told_by_what_turns_need() -> None:
     """The turns' part is what a plan without an offing pads at most, on the same edges."""
-    scene = a_wall(200.0)
+    scene = plane_scene(a_wall(200.0))
     for clearance in (40.0, 0.5):
         options = PlannerOptions(clearance=clearance, classes=1)
         (note,) = room_notes(scene, [plan_season(scene, "calm", options)], options)
@@ -111,7 +126,7 @@ def test_what_the_room_is_for_is_told_by_what_turns_need() -> None:
 
 
 def test_a_clearance_that_is_given_is_never_reduced() -> None:
-    scene, options = a_wall(60.0), PlannerOptions(clearance=40.0, classes=1)
+    scene, options = plane_scene(a_wall(60.0)), PlannerOptions(clearance=40.0, classes=1)
     assert "gap is" in plan_season(scene, "calm", options).failure
     scenario = parse_scenario(scenario_text(clearance=40.0))
     assert with_offing(scenario, scene, 60.0) is scenario.planner
@@ -119,7 +134,9 @@ def test_a_clearance_that_is_given_is_never_reduced() -> None:
 
 def test_on_a_chart_it_is_chosen_with_its_share() -> None:
     scenario = parse_scenario(scenario_text())
-    scene = replace(a_wall(60.0), is_planar=False, projection=Projection.at(118.5, 9.75))
+    scene = replace(
+        plane_scene(a_wall(60.0)), is_planar=False, projection=Projection.at(118.5, 9.75)
+    )
     chosen = with_offing(scenario, scene, 60.0)
     assert chosen.narrow_share == 0.5
     assert chosen.clearance == 4.0  # a two-hundredth of 900 m, in whole metres

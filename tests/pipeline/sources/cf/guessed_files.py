@@ -356,6 +356,10 @@ CASES: dict[str, Case] = {
         said="uo and vo of the file, not utide, vtide, vsdx, vsdy",
         share=0.5,
     ),
+    "merged, a total that nothing names": Case(
+        lambda: xr.merge([at(), part(0.8, ("u_total", "v_total"))]),
+        said="uo and vo of the file, not u_total, v_total",
+    ),
     "geostrophic beside the whole": Case(
         lambda: xr.merge([at(), part(0.8, ("ug", "vg"), (f"geostrophic_{EASTWARD}", ""))]),
         said="uo and vo of the file, not ug",
@@ -408,6 +412,17 @@ CASES: dict[str, Case] = {
     "largest": Case(
         lambda: at(about={"cell_methods": "time: maximum"}), refused="nor a mean (time: maximum)"
     ),
+    "a spread of members": Case(
+        lambda: at(about={"cell_methods": "realization: standard_deviation time: point"}),
+        refused="nor a mean (realization: standard_deviation time: point)",
+    ),
+    "largest of an area": Case(
+        lambda: at(about={"cell_methods": "area: maximum time: point (interval: 1 hour)"}),
+        refused="nor a mean (area: maximum",
+    ),
+    "means over depth": Case(
+        lambda: at(about={"cell_methods": "depth: mean time: point"}), said="means over depth"
+    ),
     "one time without a dimension": Case(
         lambda: attribute("time", "standard_name", "time")(at()).isel(time=8),
         refused="one time step, 2024-03-15",
@@ -442,6 +457,22 @@ CASES: dict[str, Case] = {
         refused="zone 'Local time'",
         follow=to_utc(-5),
     ),
+    "a zone in a long_name": Case(
+        lambda: attribute("time", "long_name", "Time (UTC-5)")(in_zone("2024-03-15 00:00", -5)()),
+        refused="zone 'Time (UTC-5)'",
+        follow=lambda data: attribute("time", "long_name", "UTC")(to_utc(-5)(data)),
+    ),
+    "a zone in a comment": Case(
+        lambda: attribute("time", "comment", "JST")(in_zone("2024-03-15 00:00", 9)()),
+        refused="comment as 'UTC'",
+        follow=lambda data: attribute("time", "comment", "UTC")(to_utc(9)(data)),
+    ),
+    "a zone of the whole file": Case(
+        lambda: in_zone("2024-03-15 00:00", -5)().assign_attrs(time_zone="EST"),
+        refused="zone 'EST'",
+        follow=lambda data: to_utc(-5)(data).assign_attrs(time_zone="UTC"),
+    ),
+    "time_zone +00:00": Case(lambda: attribute("time", "time_zone", "+00:00")(at())),
     "time_zone UTC": Case(lambda: attribute("time", "time_zone", "UTC")(at())),
     "Julian": Case(in_julian, refused="convert_calendar('standard')", follow=converted),
     # Levels.
@@ -466,6 +497,11 @@ CASES: dict[str, Case] = {
     "sigma from the surface": Case(levels([0, -0.5, -1.0], 0, "lev", **SIGMA)),
     "sigma from 0 to 1": Case(levels([0.1, 0.5, 1.0], 0, "lev", **SIGMA, **DOWN)),
     "s_rho": Case(levels([-0.9, -0.1], 1, "s_rho", standard_name="ocean_s_coordinate_g2", **UP)),
+    "s_rho from 0 to 1": Case(
+        levels([0.1, 0.5, 1.0], 0, "s", standard_name="ocean_s_coordinate"),
+        refused="isel(s=…, drop=True)",
+        follow=alone(0, "s"),
+    ),
     "s_rho without attributes": Case(
         levels([-0.9, -0.1], 1, "s_rho"), refused="keep one index", follow=alone(1, "s_rho")
     ),
