@@ -151,8 +151,8 @@ def test_the_charts_own_names_take_the_place_of_numbers() -> None:
     named_place = evaluation.islands[0]
     found = re.fullmatch(r".* N, ([\d,.]+) km from Far", named_place.place)
     assert found, named_place.place
-    here = scene.projection.to_lonlat(np.array([named_place.x, named_place.y]))
-    away_m = Geod(ellps="WGS84").inv(*here, elsewhere.lon, elsewhere.lat)[2]
+    lon, lat = scene.projection.to_lonlat(np.array([named_place.x, named_place.y])).tolist()
+    away_m = Geod(ellps="WGS84").inv(lon, lat, elsewhere.lon, elsewhere.lat)[2]
     assert float(found[1].replace(",", "")) == pytest.approx(away_m / 1000, rel=0.01)
 
 

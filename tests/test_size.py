@@ -1,0 +1,83 @@
+"""The house grows by decision: lines and types of each room, and places that spell a feature.
+
+A figure that falls is lowered here. One that would rise asks first for what could go, or for the
+table or the type that is missing.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+
+# Room -> largest number of lines, and of types.
+ROOMS = {
+    "renew": (1_260, 28),
+    "pipeline": (1_078, 13),
+    "pipeline/cli": (3_320, 16),
+    "pipeline/findings": (3_278, 17),
+    "pipeline/formats": (8_653, 36),
+    "pipeline/geo": (812, 5),
+    "pipeline/machine": (1_047, 6),
+    "pipeline/model": (1_397, 36),
+    "pipeline/nightly": (4_508, 46),
+    "pipeline/scenario": (2_460, 36),
+    "pipeline/serve": (1_746, 14),
+    "pipeline/sources": (8_713, 57),
+    "pipeline/stages": (5_541, 28),
+    "pipeline/underway": (320, 2),
+    "pipeline/voyage": (1_140, 5),
+    "renew/bounds": (1_600, 7),
+    "renew/classes": (2_345, 16),
+    "renew/inputs": (2_408, 27),
+    "renew/kernels": (1_788, 14),
+    "renew/paths": (1_795, 11),
+    "renew/planner": (4_057, 23),
+    "renew/steering": (888, 1),
+    "renew/turns": (1_567, 12),
+    "renew/underway": (2_099, 15),
+    "renew/voyage": (745, 5),
+}
+MOST_FILES = 331
+# Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
+WORDS = {"endurance": (12, 33), "optimality_gap": (14, 21), "seasons?": (122, 1_785)}
+
+
+def modules(room: str) -> dict[Path, str]:
+    """Modules of a room, with their texts; of a package those beside its rooms."""
+    pattern = "**/*.py" if "/" in room else "*.py"
+    return {path: path.read_text(encoding="utf-8") for path in (ROOT / room).glob(pattern)}
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_has_no_more_lines_and_types_than_it_had(room: str) -> None:
+    texts = modules(room).values()
+    lines = sum(text.count("\n") for text in texts)
+    types = sum(len(re.findall(r"^ *class ", text, re.MULTILINE)) for text in texts)
+    most_lines, most_types = ROOMS[room]
+    assert lines <= most_lines
+    assert types <= most_types
+
+
+def test_all_rooms_are_counted() -> None:
+    rooms = {
+        f"{package}/{path.name}"
+        for package in ("renew", "pipeline")
+        for path in (ROOT / package).iterdir()
+        if any(path.glob("*.py"))
+    }
+    assert rooms | {"renew", "pipeline"} == ROOMS.keys()
+    assert sum(len(modules(room)) for room in ROOMS) <= MOST_FILES
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_a_feature_is_spelled_in_no_more_places_than_it_was(word: str) -> None:
+    rooms = (room for room in ROOMS if room.startswith("pipeline"))
+    texts = [text for room in rooms for text in modules(room).values()]
+    counts = [len(re.findall(rf"^.*\b{word}\b.*$", text, re.MULTILINE)) for text in texts]
+    most_files, most_lines = WORDS[word]
+    assert sum(count > 0 for count in counts) <= most_files
+    assert sum(counts) <= most_lines
