@@ -73,12 +73,15 @@ class Note:
 DECIDED = frozenset(
     {
         "accuracy-assumed",
+        "areas-repaired",
         "climatology-stands-in",
         "current-at-depth",
         "current-over-depth",
         "current-stands-in",
         "forecasts-overlap",
+        "joined-at-180",
         "level-assumed",
+        "margin-narrowed",
         "pair-taken",
         "steps-read",
         "still-water",

@@ -88,12 +88,14 @@ def test_moments_are_dates_or_seconds_and_braces_in_names_are_left() -> None:
         "margin-narrowed", margin_m=5.0, width_m=3.0, place=Place(1.5, 2, is_planar=True)
     )
     assert "the narrowest place, at (1.5, 2) m, is 3.00 m wide" in note_text(planar)
+    assert planar.is_decision
 
 
 def test_counts_take_their_nouns() -> None:
     one, many = (Note.of("areas-repaired", source="a.shp", count=count) for count in (1, 2107))
     assert "a.shp: 1 area was invalid and was repaired" in note_text(one)
     assert "a.shp: 2,107 areas were invalid and were repaired" in note_text(many)
+    assert one.is_decision
 
 
 def test_a_note_of_several_seasons_is_listed_once() -> None:
