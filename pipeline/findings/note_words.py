@@ -309,7 +309,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     "for this vessel and chart, and in narrower passages {narrow_share:.0%} of the half-width; "
     "planner.clearance (--clearance) sets another, and 0 means none",
     "offing-yields": "the best route keeps less than the offing of {offing_m:,.0f} m for "
-    "{length_m:distance} in narrows, at least {least_m:clearance} at {place}",
+    "{length_m:distance} in narrows, or beside start or goal: at least {least_m:clearance} beyond "
+    "the chart's margin at {place}",
     "room-kept": lambda turns_m, offing_m: (
         f"hard-over turns beside the best route need a padding of up to {math.ceil(turns_m):,} m, "
         f"and the offing is {offing_m:,.0f} m: the "

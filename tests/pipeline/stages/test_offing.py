@@ -91,7 +91,9 @@ def test_the_length_with_reduced_offing_is_reported(gap_m: float) -> None:
     closer = shapely.intersection(line, shapely.buffer(land, 40.0)).length
     assert values["length_m"] == pytest.approx(closer, abs=2 * 4)
     assert gap_m / 4 * 0.95 <= values["least_m"] <= gap_m / 2
-    assert "the best route keeps less than the offing of 40 m" in note_text(note)
+    said = note_text(note)
+    assert "the best route keeps less than the offing of 40 m" in said
+    assert "m beyond the chart's margin at" in said
 
 
 def test_a_reduced_offing_stands_below_the_table(tmp_path: Path) -> None:
