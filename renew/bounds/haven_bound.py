@@ -13,7 +13,6 @@ grid before bounds it, too: so min(φ, `most`) is a bound on the finer grid, too
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
 
 from renew._types import BoolArray, FloatArray
 from renew.bounds.fuel_lower_bound import Rise, drop_cells, u_range
@@ -84,24 +83,6 @@ class HavenBound:
         first, finest = self._known[0], self._known[-1]
         least = first.at(point)
         return max(least, finest.at(point)) if least < finest.most else least
-
-    def water_within(self, time: float) -> shapely.Geometry:
-        """Return water (m) that holds all places from which the haven may be reached in a time (s).
-
-        `time` is at most the time up to which the bounds are close.
-        """
-        finest = self._known[-1]
-        # The cells of a row that follow each other are one box.
-        inside = np.pad(_below(finest, time), ((0, 0), (1, 1)))
-        change = np.diff(inside.astype(np.int8), axis=1)
-        (row, begin), (_, end) = np.nonzero(change > 0), np.nonzero(change < 0)
-        x, y = finest.grid.x, finest.grid.y
-        return shapely.union_all(shapely.box(x[begin], y[row], x[end], y[row + 1]))
-
-    @property
-    def cell(self) -> float:
-        """Width (m) of a cell of the finest grid."""
-        return float(np.diff(self._known[-1].grid.x).max())
 
 
 def _outwards(grid: TravelGrid) -> TravelGrid:

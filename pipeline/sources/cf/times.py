@@ -1,10 +1,11 @@
 """Time steps of files: their moments, or months of a climatology, and the reference time."""
 
+import bisect
 import calendar
 import contextlib
 import itertools
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,6 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.model import Note
 from pipeline.sources.cf.dataset import coordinate_values
-from pipeline.sources.cf.overlaps import Step, latest_steps
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,7 +30,6 @@ _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
 _MAX_YEAR = 9000
 # Reference year that marks a climatology: "days since 0001-01-15" names no real year.
 _SINCE = re.compile(r"\bsince\s+(-?\d+)-")
-_STANDARD_NAME = "forecast_reference_time"
 # The tail of a dataset's name at Copernicus, for means or instants: "P1D-m", "PT1H-i", "P1M-m".
 _ID = re.compile(r"(?<![A-Za-z0-9])P(T?)(\d+)([DHM])-([mi])(?![A-Za-z0-9])")
 MONTH = timedelta(0)
@@ -52,6 +51,9 @@ _OTHER_CLOCK = re.compile(
 )
 # Global attributes that hold the reference time: CF's name for it, Copernicus Marine's, and others.
 _ATTRIBUTES = ("forecast_reference_time", "bulletin_date", "forecast_reference", "reference_time")
+
+Step = tuple[int, int]
+"""A step: the number of its file, and its index there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,12 +123,10 @@ def read_steps(
         raise ValueError(f"{time.name} has values that are not finite; correct them")
     units = str(time.attrs.get("units", ""))
     months = _months(time, values, units)
+    stamps = [] if months else decoded_times(time, values, units)
+    months = months or tuple(one.month for one in stamps if "climatology" in time.attrs)
     if months:
-        return TimeSteps(months=months, labels=_month_names(months))
-    stamps = decoded_times(time, values, units)
-    if "climatology" in time.attrs:
-        months = tuple(stamp.month for stamp in stamps)
-        return TimeSteps(months=months, labels=_month_names(months))
+        return TimeSteps(months=months, labels=tuple(calendar.month_name[one] for one in months))
     labels = tuple(label(stamp) for stamp in stamps)
     if bounds is not None and about.get("by") != "point":
         begins, ends = (decoded_times(time, side, units) for side in bounds.T)
@@ -230,6 +230,28 @@ def merge_steps(
     return _placed(replace(files[0], moments=merged, labels=labels)), tuple(index)
 
 
+def latest_steps(
+    index: list[Step], times: Mapping[Step, Any], references: Sequence[Any]
+) -> list[Step]:
+    """Return steps in their order in time, without those in the span of a later forecast.
+
+    All stay where no two have the same time, or a file has no reference time.
+    """
+    twice = any(times[one] == times[after] for one, after in itertools.pairwise(index))
+    if not twice or not all(references):
+        return index
+    own: dict[Any, list[Any]] = {}
+    for step in index:
+        own.setdefault(references[step[0]], []).append(times[step])
+    ascending = sorted(own)
+
+    def is_covered(step: Step) -> bool:
+        later = ascending[bisect.bisect(ascending, references[step[0]]) :]
+        return any(own[one][0] <= times[step] <= own[one][-1] for one in later)
+
+    return [step for step in index if not is_covered(step)]
+
+
 def label(moment: datetime) -> str:
     """Write a moment as a date, with its time unless that is midnight."""
     is_day = (moment.hour, moment.minute, moment.second) == (0, 0, 0)
@@ -290,31 +312,14 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
     return moments
 
 
-def _month_names(months: Sequence[int]) -> tuple[str, ...]:
-    """Return names of months by their numbers."""
-    return tuple(calendar.month_name[month] for month in months)
-
-
 def reference_time(dataset: "xr.Dataset") -> datetime | None:
-    """Return the reference time (aware, UTC) of an open file; None if it has none."""
-    return _from_variable(dataset) or _from_attributes(dataset)
-
-
-def _from_variable(dataset: "xr.Dataset") -> datetime | None:
-    """Read the variable of CF; None where there is none that can be read."""
+    """Return the reference time (aware, UTC) of an open file: of its variable, or an attribute."""
     for name, variable in dataset.variables.items():
-        if variable.attrs.get("standard_name") == _STANDARD_NAME:
-            try:
+        if variable.attrs.get("standard_name") == _ATTRIBUTES[0]:
+            with contextlib.suppress(ValueError):
                 values = coordinate_values(dataset, str(name)).reshape(-1)
-                times = decoded_times(dataset[name], values, str(variable.attrs.get("units", "")))
-            except ValueError:
-                return None
-            return max(times, default=None)
-    return None
-
-
-def _from_attributes(dataset: "xr.Dataset") -> datetime | None:
-    """Read a global attribute; None where none holds a time."""
+                units = str(variable.attrs.get("units", ""))
+                return max(decoded_times(dataset[name], values, units))
     for name in _ATTRIBUTES:
         with contextlib.suppress(ValueError):
             found = datetime.fromisoformat(str(dataset.attrs.get(name, "")).removesuffix(" UTC"))

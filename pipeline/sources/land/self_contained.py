@@ -43,15 +43,22 @@ _LAYERS = (
 _SQLITE, _FLATGEOBUF, _ZIP = b"SQLite format 3\0", b"fgb", b"PK\x03\x04"
 
 
+def files_of(path: Path) -> tuple[Path, ...]:
+    """Return a file and its sidecar files, as .dbf and .prj, which GDAL reads too."""
+    beside = path.parent.glob(f"{glob.escape(path.stem)}.*")
+    files = tuple(sorted({path, *(one for one in beside if not one.is_dir())}))
+    require_readable(files, path.name)
+    return files
+
+
 def require_self_contained(path: Path) -> None:
     """Raise RequestError if a vector file would make GDAL read anything but itself.
 
-    Its sidecar files, as .dbf and .prj, and the updates of an S-57 cell belong to it.
+    Its sidecar files, and the updates of an S-57 cell belong to it.
     """
     if not path.is_file() or not path.stat().st_size:
         return
-    beside = [one for one in path.parent.glob(f"{glob.escape(path.stem)}.*") if not one.is_dir()]
-    require_readable(beside, path.name)
+    files = files_of(path)
     with path.open("rb") as file:
         head = file.read(len(_SQLITE))
     if vsi_path(path) != str(path) or head.startswith(_ZIP):
@@ -62,7 +69,7 @@ def require_self_contained(path: Path) -> None:
         own = _of_geopackage(path)
     else:
         own = _of_flatgeobuf(path) if head.startswith(_FLATGEOBUF) else _of_geojson(path)
-    projections = (one.read_text("latin-1") for one in beside if one.suffix.lower() == ".prj")
+    projections = (one.read_text("latin-1") for one in files if one.suffix.lower() == ".prj")
     if any(_FILES.search(text) for text in (*own, *projections)):
         raise RequestError(f"{path} has a CRS that is in another file; export it in EPSG:4326")
 

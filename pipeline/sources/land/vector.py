@@ -5,7 +5,6 @@ lines) are buffered by a radius that the user gives. Facts that the file does no
 several layers, the CRS, that radius) are asked for, not guessed.
 """
 
-import glob
 import hashlib
 import math
 from collections.abc import Iterator
@@ -25,7 +24,7 @@ from pipeline.model import Credit, Land, Note, PlaceName
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land import shapes
-from pipeline.sources.land.self_contained import require_self_contained
+from pipeline.sources.land.self_contained import files_of, require_self_contained
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an
@@ -316,12 +315,8 @@ class VectorFile:
 
     @cached_property
     def _files(self) -> tuple[Path, ...]:
-        """The file and its sidecar files, such as .dbf and .prj, which GDAL reads too."""
-        pattern = f"{glob.escape(self.path.stem)}.*"
-        beside = (file for file in self.path.parent.glob(pattern) if not file.is_dir())
-        files = tuple(sorted({self.path, *beside}))
-        require_readable(files, self.path.name)
-        return files
+        """The files that were hashed: each has to be there still when the land is read."""
+        return files_of(self.path)
 
     @property
     def credit(self) -> Credit:

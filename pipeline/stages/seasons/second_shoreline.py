@@ -39,12 +39,9 @@ class SecondShoreline:
     def crossings(self, path: FloatArray, season: str, rank: int) -> tuple[ShoreCrossing, ...]:
         """Return where a path (n, 2), planar metres, crosses the second shoreline's land."""
         line = shapely.LineString(path)
-        # Polygons that are valid in degrees may be invalid in the plane.
-        crossed = shapely.make_valid(self._shore[self._tree.query(line, predicate="intersects")])
-        land = shapely.union_all(crossed)
-        over = shapely.get_parts(shapely.intersection(line, land))
+        land = shapely.union_all(self._shore[self._tree.query(line, predicate="intersects")])
         found = []
-        for part in over:
+        for part in shapely.get_parts(shapely.intersection(line, land)):
             length_m = self._projection.geodesic_length_m(shapely.get_coordinates(part))
             if length_m >= _LEAST_M:
                 middle = shapely.line_interpolate_point(part, 0.5, normalized=True)
