@@ -17,7 +17,7 @@ from pipeline.errors import RequestError
 from pipeline.findings.text import capitalised, gap_figure, planner_text, season_name
 from pipeline.findings.unknowns import NO_SHARE, crossing_notes, route_notes, strait_notes
 from pipeline.geo.projection import MAX_EDGE_M
-from pipeline.model.inputs import Note, of_seasons
+from pipeline.model.inputs import NOT_KNOWN, Note, of_seasons
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 
@@ -103,7 +103,8 @@ class RunResult:
             *of_seasons(by_season),
             *strait_notes(self.straits),
         )
-        return addressed(found, self.scenario)
+        said = (note for note in self.fetched.notes if note.kind in NOT_KNOWN)
+        return (*addressed(found, self.scenario), *said)
 
     @cached_property
     def decisions(self) -> tuple[model.Note, ...]:
@@ -343,8 +344,13 @@ def route_unknowns(result: RunResult, metrics: model.RouteMetrics) -> tuple[Note
         *_of_currents(result, [metrics.season]),
         *crossing_notes(crossings, result.scenario.chart),
     )
+    said = (
+        note
+        for note in result.fetched.notes
+        if note.kind in NOT_KNOWN and (not note.seasons or metrics.season in note.seasons)
+    )
     return (
-        *(note.about() for note in of_season),
+        *(note.about() for note in (*of_season, *said)),
         *_of_chart(result),
         *route_notes([metrics]),
     )

@@ -95,6 +95,9 @@ DECIDED = frozenset(
 They stand directly below the answer, and in every output that has a place for them.
 """
 
+NOT_KNOWN = frozenset({"strait-unresolved", "streams-weak"})
+"""Kinds of notes on what is not known, among those that stages say."""
+
 Say = Callable[[Note], None]
 """Reports a note while a stage is at work."""
 

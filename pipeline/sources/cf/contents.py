@@ -51,9 +51,11 @@ _STANDARD_NAMES = tuple(
 _VARIABLE_NAMES = (
     *(("utotal", "vtotal"), ("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("water_u", "water_v")),
 )
-# Attributes that say what a variable is, and words in them: of what is no water, unless water is
-# named too; of waves, which are no current unless in a sum; and of what a reader should be told.
+# Attributes that say what a variable is, and words in them: of what is no velocity; of what is no
+# water, unless water is named too; of waves, which are no current unless in a sum; and of what a
+# reader should be told.
 _SAYING = ("standard_name", "long_name", "description", "short_name", "GRIB_name", "var_desc")
+_NO_VELOCITY = r"\b(standard (deviation|error)|variance|uncertaint|(volume|mass) transport)"
 _NO_WATER, _WATER = r"\b(wind|gust|air|ice|stress|atmospher)", r"\b(water|current)"
 _WAVES, _SUM = r"\b(wave|stokes|swell)", r"(\b[uv]tot|\btot_|_tot|total|sum\b|includ|plus\b)|\+"
 _TOLD = rf"(?i){_NO_WATER}|{_WAVES}|{_SUM}|tid(e|al)|bottom|floor|averag|barotrop|anomal|ekman"
@@ -223,7 +225,8 @@ def _is_other(said: str) -> bool:
     """Whether a name says that something is no current of water."""
     plain = _WITHOUT.sub("", said.lower().replace("_", " "))
     is_dry = re.search(_NO_WATER, plain) and not re.search(_WATER, plain)
-    return bool(is_dry or (re.search(_WAVES, plain) and not re.search(_SUM, plain)))
+    is_part = re.search(_WAVES, plain) and not re.search(_SUM, plain)
+    return bool(is_dry or is_part or re.search(_NO_VELOCITY, plain))
 
 
 def _notes(

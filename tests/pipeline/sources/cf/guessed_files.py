@@ -322,6 +322,12 @@ CASES: dict[str, Case] = {
     "a wave-induced current": Case(
         called("Wave-induced surface current"), refused="Wave-induced", follow=renamed
     ),
+    "a standard deviation": Case(
+        called("Standard deviation of the eastward current"), refused="deviation", follow=renamed
+    ),
+    "a volume's transport": Case(
+        called("eastward volume transport per width"), refused="transport", follow=renamed
+    ),
     "wind stress in m/s": Case(called("Eastward wind stress"), refused="stress", follow=renamed),
     "air": Case(called("zonal air velocity"), refused="zonal air", follow=renamed),
     "a wind-driven current": Case(
