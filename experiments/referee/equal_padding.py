@@ -29,13 +29,13 @@ def equal_padding(plan: renew.Plan, voyage: Voyage, clearance: float = 0.0) -> F
     it, at least `clearance`. Without (3) a rival could slip through a strait that is too narrow for
     all our routes.
     """
-    paddings = least_paddings(voyage, clearance)
+    paddings = smallest_paddings(voyage, clearance)
     paddings |= _least([_kept(route) for route in plan.routes])
     paddings |= _kept(plan.best)
     return np.array([(*ends, padding) for ends, padding in paddings.items()]).reshape(-1, 5)
 
 
-def least_paddings(voyage: Voyage, clearance: float = 0.0) -> Paddings:
+def smallest_paddings(voyage: Voyage, clearance: float = 0.0) -> Paddings:
     """Padding (m) of constrained edges by their ends: the smaller one of both courses past each.
 
     By the planner's rule, in the triangle at the edge, from one of its passing edges' midpoints to

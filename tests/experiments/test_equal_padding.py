@@ -10,7 +10,7 @@ import shapely
 
 import renew
 from experiments.kernels.water import PaddedWater
-from experiments.referee.equal_padding import equal_padding, least_paddings
+from experiments.referee.equal_padding import equal_padding, smallest_paddings
 from renew.voyage.voyage import Voyage, Waters
 from tests.experiments.scenes import VESSEL, islands_voyage
 
@@ -58,7 +58,7 @@ def test_a_strait_too_narrow_for_any_route_of_ours_is_shut_to_rivals() -> None:
 
 def test_without_a_current_each_shore_has_the_width_of_a_turn() -> None:
     """In still water a hard-over turn begun along a shore is as wide as its circle, 2 v/ω."""
-    paddings = least_paddings(strait_voyage())
+    paddings = smallest_paddings(strait_voyage())
     width = 2 * VESSEL.turning_radius
     assert len(paddings) == 8
     assert list(paddings.values()) == pytest.approx([width] * 8, rel=1e-3)
@@ -77,9 +77,9 @@ def test_a_current_off_the_shore_needs_less_padding_than_one_on_to_it(angle: flo
 
 def north_shore(voyage: Voyage) -> float:
     """Padding (m) of the northern shore of the strait."""
-    paddings = {tuple(np.round(ends, 3)): one for ends, one in least_paddings(voyage).items()}
+    paddings = {tuple(np.round(ends, 3)): one for ends, one in smallest_paddings(voyage).items()}
     return paddings[25.0, 31.0, 35.0, 31.0]
 
 
 def test_the_floor_on_the_padding_holds_for_every_shore() -> None:
-    assert min(least_paddings(strait_voyage(), 5.0).values()) == 5.0
+    assert min(smallest_paddings(strait_voyage(), 5.0).values()) == 5.0

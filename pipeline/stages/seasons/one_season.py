@@ -114,7 +114,7 @@ def plan_season(
         if causes and not all(are_late):
             failure += "; these are keys of [planner]; renew go has the option --clearance"
         is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
-            scene, error.straits, _least_padding(error, scene, season, asked)
+            scene, error.straits, _smallest_padding(error, scene, season, asked)
         )
         return SeasonPlan(
             season,
@@ -138,7 +138,7 @@ def plan_season(
     return SeasonPlan(season, None, failure, seconds) if failure else made
 
 
-def _least_padding(
+def _smallest_padding(
     error: renew.UnreachableError, scene: Scene, season: str, options: renew.PlanOptions
 ) -> float:
     """Return a width, planar metres; hardly any padding of the refused classes is narrower."""

@@ -22,7 +22,7 @@ def test_a_gap_that_is_asked_for_is_reached_and_hardly_undercut() -> None:
     standard = planned(0.0).best
     loose = planned(0.05)
     assert standard.optimality_gap < loose.best.optimality_gap < 0.05
-    # One bound for all routes, and it is good enough for the second gap, too.
+    # One bound for all routes.
     assert len({route.fuel_bound.value for route in loose.routes}) == 1
     assert loose.best.fuel == standard.fuel
 
