@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (4_508, 46),
     "pipeline/scenario": (2_460, 36),
     "pipeline/serve": (1_746, 14),
-    "pipeline/sources": (8_685, 57),
+    "pipeline/sources": (8_686, 57),
     "pipeline/stages": (5_538, 28),
     "pipeline/underway": (320, 2),
     "pipeline/voyage": (1_140, 5),
