@@ -18,7 +18,6 @@ from pipeline.findings.result import RunResult
 from pipeline.machine.files import replacing
 from pipeline.machine.interpreters import seldom_collecting
 from pipeline.model import CurrentGrid
-from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 
 Format = Callable[[RunResult, Path], None]
@@ -130,19 +129,13 @@ def formats_of(result: RunResult) -> dict[str, Format]:
         "scenario.toml": tables.write_scenario,
     }
     if result.departures:
-        formats |= {
-            "departures.csv": tables.write_departures_csv,
-            "departures.json": tables.write_departures_json,
-        }
+        formats["departures.csv"] = tables.write_departures_csv
     if has_ensembles(result):
         formats["ensemble.csv"] = tables.write_ensemble_csv
     if result.coverages:
         formats["havens.csv"] = write_havens
     if trade_offs(result):
-        formats |= {
-            "trade-off.csv": tables.write_trade_off_csv,
-            "trade-off.json": tables.write_trade_off_json,
-        }
+        formats["trade-off.csv"] = tables.write_trade_off_csv
     for grid in result.fetched.currents:  # a planar scenario has none: its current is a formula
         formats |= _current_formats(result, grid)
     if not result.scenario.is_planar:  # a plane lies nowhere on earth: nobody can navigate by it
@@ -150,7 +143,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
             formats["passage-plan.pdf"] = write_passage_plan
         for season in result.scenario.seasons:
             if result.season_routes(season.name):
-                formats |= _season_formats(result.scenario, season)
+                formats |= _season_formats(result, season)
                 formats |= _haven_formats(result, season.name)
     # Last, because it waits for the bounds on other sides.
     return {**formats, "report.html": write_report}
@@ -170,7 +163,7 @@ def _current_formats(result: RunResult, grid: CurrentGrid) -> dict[str, Format]:
     return found
 
 
-def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
+def _season_formats(result: RunResult, season: Season) -> dict[str, Format]:
     """Return the files of one season for navigation devices, with the function that writes each."""
     from pipeline.formats.gis.geopackage import write_geojson
     from pipeline.formats.passage import missions, routes, rtz
@@ -178,11 +171,15 @@ def _season_formats(scenario: Scenario, season: Season) -> dict[str, Format]:
     def of_season(writer: Callable[..., None], **options: object) -> Format:
         return lambda result, path: writer(result, season.name, path, **options)
 
-    stem, timed = season_stem(scenario.name, season.name), {"departure": season.departure}
-    return {
+    scenario, timed = result.scenario, {"departure": season.departure}
+    stem = season_stem(scenario.name, season.name)
+    sides = [one.metrics.main_passage for one in result.season_routes(season.name)]
+    others: dict[str, Format] = {}
+    if len(sides) > min(2, len(set(sides))):  # else the other file has every route
+        others = {f"{stem}-all.gpx": of_season(routes.write_gpx, every=True, **timed)}
+    return others | {
         f"{stem}.rtz": of_season(rtz.write_rtz, version=scenario.outputs.rtz_version, **timed),
         f"{stem}.gpx": of_season(routes.write_gpx, **timed),
-        f"{stem}-all.gpx": of_season(routes.write_gpx, every=True, **timed),
         f"{stem}.geojson": of_season(write_geojson),
         f"{stem}.kml": of_season(routes.write_kml, **timed),
         f"{stem}.plan": of_season(missions.write_plan),

@@ -16,10 +16,10 @@ from tests.conftest import ROOT
 # Room -> largest number of lines, and of types.
 ROOMS = {
     "renew": (1_260, 28),
-    "pipeline": (1_078, 13),
+    "pipeline": (1_075, 13),
     "pipeline/cli": (3_320, 16),
     "pipeline/findings": (3_285, 17),
-    "pipeline/formats": (8_653, 36),
+    "pipeline/formats": (8_617, 36),
     "pipeline/geo": (812, 5),
     "pipeline/machine": (1_047, 6),
     "pipeline/model": (1_403, 36),
@@ -43,7 +43,7 @@ ROOMS = {
 }
 MOST_FILES = 330
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (12, 33), "optimality_gap": (14, 21), "seasons?": (122, 1_786)}
+WORDS = {"endurance": (12, 33), "optimality_gap": (14, 21), "seasons?": (122, 1_779)}
 
 
 def modules(room: str) -> dict[Path, str]:

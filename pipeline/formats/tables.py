@@ -22,7 +22,7 @@ from pipeline.findings.ensembles import (
 )
 from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import coast_index, cumulative, steps_along_legs
-from pipeline.findings.text import duration as duration_text, to_minute, write_json
+from pipeline.findings.text import duration as duration_text, to_minute
 from pipeline.formats.passage.tracks import tracks
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
@@ -115,24 +115,6 @@ def write_departures_csv(result: RunResult, path: Path) -> None:
     write_csv(path, DEPARTURE_COLUMNS, rows)
 
 
-def write_departures_json(result: RunResult, path: Path) -> None:
-    """Write all departures as JSON, by season."""
-    seasons = [
-        {
-            "season": choice.season,
-            "best": _moment(choice, choice.chosen_s),
-            "unproven_s": choice.unproven_s,
-            "arrive_by": None if choice.arrive_by is None else choice.arrive_by.isoformat(),
-            "departures": [
-                {key: one for key, one in row.items() if key != "season"}
-                for row in _departure_rows(result, choice)
-            ],
-        }
-        for choice in result.departures
-    ]
-    write_json(path, seasons)
-
-
 def _departure_rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict[str, Any]]:
     """Yield a row for each departure, with its way if a planned route has the same class."""
     ways = {
@@ -177,24 +159,6 @@ def write_trade_off_csv(result: RunResult, path: Path) -> None:
         for row in _trade_off_rows(found)
     )
     write_csv(path, TRADE_OFF_COLUMNS, rows)
-
-
-def write_trade_off_json(result: RunResult, path: Path) -> None:
-    """Write the trade-offs as JSON, by season, with the speeds allowed and those of the route."""
-    seasons = [
-        {
-            "season": found.season,
-            "departure": utc_text(found.departure),
-            "arrive_by": utc_text(found.arrive_by),
-            "least_m_s": found.choice.least,
-            "most_m_s": found.choice.most,
-            "slowest_m_s": found.slowest,
-            "fastest_m_s": found.fastest,
-            "trade_off": list(_trade_off_rows(found)),
-        }
-        for found in trade_offs(result)
-    ]
-    write_json(path, seasons)
 
 
 def _trade_off_rows(found: TradeOff) -> Iterator[dict[str, Any]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.tables import write_departures_csv, write_departures_json, write_scenario
+from pipeline.formats.tables import write_departures_csv, write_scenario
 from pipeline.model import DepartureChoice
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.season import Season
@@ -58,21 +57,10 @@ def test_each_departure_has_a_row_and_the_best_its_proof(result: RunResult, tmp_
     assert (none["arrival"], none["hours"], none["fuel"]) == ("", "", "")
     assert none["reason"] == "all 2 classes were rejected"
 
-    write_departures_json(result, tmp_path / "departures.json")
-    (season,) = json.loads((tmp_path / "departures.json").read_text("utf-8"))
-    assert season["unproven_s"] == 1800.0
-    assert season["best"] == first["departure"]
-    assert [one["fuel"] for one in season["departures"]] == [best.fuel, 1.5 * best.fuel, None]
-    # What is not proven has no figure.
-    nothing = replace(result.departures[0], unproven_s=math.inf)
-    write_departures_json(replace(result, departures=(nothing,)), tmp_path / "nothing.json")
-    (season,) = json.loads((tmp_path / "nothing.json").read_text("utf-8"))
-    assert season["unproven_s"] is None
-
 
 def test_the_files_are_written_where_a_departure_was_chosen(result: RunResult) -> None:
-    assert {"departures.csv", "departures.json"} <= formats_of(result).keys()
-    assert not {"departures.csv", "departures.json"} & formats_of(planned()).keys()
+    assert "departures.csv" in formats_of(result)
+    assert "departures.csv" not in formats_of(planned())
 
 
 def test_the_scenario_holds_what_was_asked(result: RunResult, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import re
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -25,7 +24,7 @@ from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
 from pipeline.formats.figures.choice_plots import trade_off_figure
 from pipeline.formats.report.page import gather, render
-from pipeline.formats.tables import write_scenario, write_trade_off_csv, write_trade_off_json
+from pipeline.formats.tables import write_scenario, write_trade_off_csv
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.season import Season
 from pipeline.write import formats_of
@@ -64,13 +63,6 @@ def test_the_files_hold_the_curve_and_the_chosen_arrival(result: RunResult, tmp_
     assert float(chosen["hours"]) * 3600 == pytest.approx(best.duration_s)
     arrival = datetime.fromisoformat(chosen["arrival"])
     assert abs(arrival - DEPARTURE - chosen_speeds.WITHIN) < timedelta(seconds=10)
-
-    write_trade_off_json(result, tmp_path / "trade-off.json")
-    (season,) = json.loads((tmp_path / "trade-off.json").read_text("utf-8"))
-    assert (season["least_m_s"], season["most_m_s"]) == chosen_speeds.SPEEDS
-    speeds = result.season_routes("chosen")[0].route.speeds
-    assert (season["slowest_m_s"], season["fastest_m_s"]) == (speeds.min(), speeds.max())
-    assert [row["fuel"] for row in season["trade_off"]] == fuels
 
 
 def test_another_arrival_costs_what_the_curve_says(result: RunResult, found: TradeOff) -> None:
@@ -143,8 +135,8 @@ def test_still_water_is_that_of_the_same_time(result: RunResult) -> None:
 def test_the_files_are_written_where_speeds_are_chosen_and_the_choice_is_kept(
     result: RunResult, tmp_path: Path
 ) -> None:
-    assert {"trade-off.csv", "trade-off.json"} <= formats_of(result).keys()
-    assert not {"trade-off.csv", "trade-off.json"} & formats_of(small_run.parts()).keys()
+    assert "trade-off.csv" in formats_of(result)
+    assert "trade-off.csv" not in formats_of(small_run.parts())
     write_scenario(result, tmp_path / "scenario.toml")
     chosen, own = read_toml(tmp_path / "scenario.toml")["seasons"]
     assert Season.model_validate(chosen) == result.scenario.seasons[0]
