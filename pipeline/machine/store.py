@@ -324,7 +324,7 @@ def _git(*words: str) -> str:
 
 
 _PACKAGES, _PLANNER_INPUTS = frozenset({"pipeline", "renew"}), "renew.inputs."
-_VALUES = (enum.Enum, BaseException, BaseModel)
+_VALUES = (str, enum.Enum, BaseException, BaseModel)
 # Names that NumPy, shapely and the standard library need to build values, by module. `distributed`
 # makes errors picklable by `tblib`.
 _ALLOWED = {
