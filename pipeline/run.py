@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -135,6 +135,7 @@ def run(
     on_event: EventHandler | None = None,
     on_step: OnStep = ignore_step,
     on_result: Callable[[RunResult], None] | None = None,
+    said: Sequence[str] = (),
 ) -> Outcome:
     """Run a scenario and write its results to `output/<scenario>/`.
 
@@ -161,6 +162,8 @@ def run(
         Called with a season and each step of its plan, path in degrees, in the thread that plans.
     on_result
         Called with the result in each region tried, and at the end with the bounds on other sides.
+    said
+        How the request was read where it could be read otherwise; results say it, too.
 
     Raises
     ------
@@ -174,7 +177,8 @@ def run(
     with session(scenario.name, output, origin) as held, ThreadPoolExecutor(1) as beside:
         with first_compilation() as compiled:
             asked = (offline, strict, scheduler, limit_s, on_step, on_result or ignore)
-            stages = _Stages(held.store, beside, on_event or ignore, compiled, *asked)
+            read = tuple(Note.of("as-read", said=text) for text in said)
+            stages = _Stages(held.store, beside, on_event or ignore, compiled, *asked, read)
             result = stages.result(scenario)
         bound = partial(bounds_of_sides, result, held.store)
         bounds = beside.submit(stages.late.attempt, "the bound on other sides", bound, ())
@@ -234,6 +238,7 @@ class _Stages:
     limit_s: float | None = None
     on_step: OnStep = ignore_step
     on_result: Callable[[RunResult], None] = ignore
+    read: tuple[Note, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
     late: LateFaults = field(default_factory=LateFaults)
 
@@ -292,7 +297,7 @@ class _Stages:
             scene = projected(scenario, data.fetched, data.current_keys, land, store, before)
             havens_in(scenario, scene.value)  # refused before planning
         with self._stage("choose", scenario) as say:
-            given = Chosen(scenario, data, scene, notes=region_notes)
+            given = Chosen(scenario, data, scene, notes=(*self.read, *region_notes))
             return choose(given, store, say, self.scheduler), land
 
     def planned(self, chosen: Chosen, land: Artefact[SimplifiedLand]) -> Artefact[Planned]:

@@ -87,7 +87,7 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
     lines += table(rows, _LEFT_ALIGNED, width)
     lines += ["", *_unused_currents(outcome), *_unknown_currents(outcome)]
     for title, notes in (
-        ("Decided:", (*result.decisions, *result.choices)),
+        ("Decided:", dict.fromkeys((*result.decisions, *result.choices))),
         ("Not known:", unknown),
     ):
         lines += [title, *(f"- {line}" for line in note_texts(notes))] * bool(notes)

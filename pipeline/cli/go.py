@@ -58,7 +58,7 @@ def go(
 
         scenario, notes = _scenario(given)
         scenario = scenario.explaining_gap() if explain_gap else scenario
-        run = partial(run_voyage, scenario, output, offline=offline, strict=strict)
+        run = partial(run_voyage, scenario, output, offline=offline, strict=strict, said=notes)
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
 
 

@@ -70,7 +70,7 @@ def replan(
 
         scenario, notes = _scenario(given)
         beside = expanded(results, "RESULTS").absolute().parent
-        run = partial(run_scenario, scenario, beside, offline=offline)
+        run = partial(run_scenario, scenario, beside, offline=offline, said=notes)
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
 
 

@@ -331,6 +331,7 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     ),
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
     "how-sure": "{said}",
+    "as-read": "{said}",
     "replanned": lambda found: " ".join(replanned_text(found)).removesuffix("."),
     "speeds-chosen": lambda found: trade_off_text(found)[0].removesuffix("."),
     "tide-relied-on": "depths and the tide of {stations: and } are counted from {datum}; the "

@@ -74,6 +74,7 @@ DECIDED = frozenset(
     {
         "accuracy-assumed",
         "areas-repaired",
+        "as-read",
         "climatology-stands-in",
         "current-at-depth",
         "current-over-depth",

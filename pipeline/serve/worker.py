@@ -100,6 +100,7 @@ def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
             on_event=lambda event: tell(_event(event)),
             on_step=lambda _, step: tell(_step(step)),
             on_result=on_result,
+            said=notes,
         )
     except PipelineError as error:
         tell({"event": "failed", "faults": without_secrets(str(error)).splitlines()})

@@ -155,7 +155,9 @@ def go(
     on_event = on_event or ignore
     for note in notes:
         on_event(Event("fetch", "note", detail=note))
-    return run_voyage(scenario, output, offline=offline, strict=strict, on_event=on_event)
+    return run_voyage(
+        scenario, output, offline=offline, strict=strict, on_event=on_event, said=notes
+    )
 
 
 def run_voyage(
@@ -167,6 +169,7 @@ def run_voyage(
     on_event: EventHandler,
     on_step: OnStep = ignore_step,
     on_result: Callable[[RunResult], None] | None = None,
+    said: Sequence[str] = (),
 ) -> Outcome:
     """Run a voyage's scenario, after a quick check of its currents and its stops."""
     require_sailable(scenario)
@@ -178,6 +181,7 @@ def run_voyage(
         on_event=on_event,
         on_step=on_step,
         on_result=on_result,
+        said=said,
     )
 
 

@@ -333,3 +333,16 @@ def test_palawan_on_the_embedded_table(tmp_path: Path) -> None:
     # Ways past the smaller islands around it are named, too.
     assert best["way"].startswith("west of Palawan")
     assert (best["land_m"], best["collisions"]) == ("0.0", "0")
+
+
+@pytest.mark.usefixtures("plain_report")
+def test_how_a_position_was_read_stands_with_the_answer_and_in_the_files(
+    tmp_path: Path, chart: Path, outputs: Path
+) -> None:
+    scenario = voyage(chart, outputs, "still", name="as-read").scenario
+    told = "'35,-40.06' was read as latitude, longitude"
+    outcome = run(scenario, tmp_path, said=(told,))
+    _, below = season_table(outcome).split("\n\n", 1)
+    assert below.count(told) == 1
+    (gpx,) = outcome.directory.glob("*.gpx")
+    assert told in gpx.read_text(encoding="utf-8")
