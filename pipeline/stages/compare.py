@@ -20,7 +20,7 @@ from pipeline.findings.way_names import with_way_names
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan, SideBound
-from pipeline.sources.cf.streams import WEAK_SHARE
+from pipeline.sources.cf.fields import WEAK_SHARE
 from pipeline.stages.choose import narrows_notes, room_notes
 from pipeline.stages.choosing.chosen import Chosen, in_thread
 from pipeline.stages.places import shut_notes

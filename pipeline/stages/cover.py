@@ -21,7 +21,7 @@ from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import HavenLimits, Note, Place, Say, Scene, plan_options
 from pipeline.scenario.model import Scenario
-from pipeline.sources.haven_file import HavenPoint, read_havens
+from pipeline.sources.land.vector import HavenPoint, read_havens
 from pipeline.stages.seasons.one_season import MIN_LATENESS_S
 
 

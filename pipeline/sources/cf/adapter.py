@@ -24,11 +24,19 @@ from pipeline.machine.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import CurrentSource, Issue
 from pipeline.scenario.season import Season
-from pipeline.sources.cf import grid
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import is_zarr
-from pipeline.sources.cf.slices import SelectedSlices, select_slices
-from pipeline.sources.cf.streams import stream_slices, weak_cells
+from pipeline.sources.cf.fields import (
+    FieldReader,
+    SelectedSlices,
+    Window,
+    coverage_faults,
+    covered_bounds,
+    find_window,
+    select_slices,
+    stream_slices,
+    weak_cells,
+)
 from pipeline.sources.current_field import Field, LandMask, water_without_data
 from pipeline.sources.plausibility import (
     OFFSHORE_CELLS,
@@ -78,7 +86,7 @@ class CfFiles(CurrentSource):
             contents = self.contents()
         except RequestError as error:
             return "; ".join(error.faults)
-        faults = grid.coverage_faults(contents, region.bounds)
+        faults = coverage_faults(contents, region.bounds)
         try:
             select_slices(contents, season)
         except ValueError as error:
@@ -89,7 +97,7 @@ class CfFiles(CurrentSource):
         """Return the part that the files' grid covers."""
         del season
         try:
-            return grid.covered_bounds(self.contents(), region.bounds)
+            return covered_bounds(self.contents(), region.bounds)
         except RequestError:
             return None
 
@@ -117,7 +125,7 @@ class CfFiles(CurrentSource):
         bounds = _with_margin(contents, region.bounds)
         if contents.constituents:
             slices = stream_slices(contents, season, bounds, with_mean=self.with_mean)
-        window = grid.find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
+        window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
         mask = LandMask.world()
         try:
             found = read_checked_fields(contents, slices, window, mask, bounds, region.bounds)
@@ -281,7 +289,7 @@ class CheckedFields:
 def read_checked_fields(
     contents: Contents,
     slices: SelectedSlices,
-    window: grid.Window,
+    window: Window,
     mask: LandMask,
     bounds: Bounds,
     region: Bounds,
@@ -294,7 +302,7 @@ def read_checked_fields(
         The file is damaged.
     """
     kept: list[Field] = []
-    with grid.FieldReader(contents, window) as reader:
+    with FieldReader(contents, window) as reader:
         first = reader.field(slices.weights[0])
         last = reader.field(slices.weights[-1]) if len(slices.weights) > 1 else first
         zeros, notes = _zeros_on_land((first, last), mask)

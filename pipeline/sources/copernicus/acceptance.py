@@ -18,10 +18,9 @@ from pipeline.errors import StageError
 from pipeline.geo.lonlat import Bounds, cell_bounds, sides_beyond, widened
 from pipeline.model import Land, Note
 from pipeline.scenario.catalogue import CopernicusSpec
-from pipeline.sources.cf.axes import coordinate_axis
+from pipeline.sources.cf.axes import coordinate_axis, decoded_times
 from pipeline.sources.cf.dataset import coordinate_values, open_dataset, reading
-from pipeline.sources.cf.grid import Window, find_window, read_window
-from pipeline.sources.cf.times import decoded_times
+from pipeline.sources.cf.fields import Window, find_window, read_window
 from pipeline.sources.copernicus.client import around_missing
 from pipeline.sources.current_field import SURFACE_DEPTH_M, Field, LandMask, water_without_data
 from pipeline.sources.plausibility import assess_series, count_misplaced, dilated

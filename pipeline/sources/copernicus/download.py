@@ -33,7 +33,7 @@ from pipeline.machine.store import file_hash
 from pipeline.scenario.catalogue import CopernicusSpec, StepKind, StepLength
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import Period
-from pipeline.sources.cf.times import MONTH, middle_of_step, step_around
+from pipeline.sources.cf.axes import MONTH, middle_of_step, step_around
 from pipeline.sources.copernicus.client import LOGIN, NO_ANSWER, without_secrets
 
 _BY_HOUR = "%Y-%m-%dT%H"

@@ -17,13 +17,13 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.sources.land.self_contained import require_self_contained
 from pipeline.sources.land.shapes import (
     MAX_LONLAT,
     MAX_NAME,
     near_box,
     reading,
     repaired,
+    require_self_contained,
     vector_library,
 )
 from pipeline.texts import clean
