@@ -22,6 +22,7 @@ import numpy as np
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.lonlat import EARTH_RADIUS_M
+from pipeline.model import Note
 from pipeline.sources.current_field import Field, LandMask, find_shift
 
 # Limits of the root mean square speed of moving water: (least width and height of the field in
@@ -59,6 +60,12 @@ class Assessment:
     def __add__(self, other: "Assessment") -> "Assessment":
         """Return both assessments together."""
         return Assessment(self.faults + other.faults, self.warnings + other.warnings)
+
+    def doubts(self, source: str) -> tuple[Note, ...]:
+        """The warnings about a source's field, for a reader."""
+        return tuple(
+            Note.of("current-doubtful", source=source, warning=warning) for warning in self.warnings
+        )
 
 
 def assess_speeds(field: Field, limit_m_s: float) -> Assessment:

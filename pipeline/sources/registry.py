@@ -216,8 +216,7 @@ class EmbeddedTable(CurrentSource):
         lon, lat, u, v = self._grid(part)
         credit = Credit(self.spec.title, "current", entry.credit, entry.licence, entry.url)
         mask = LandMask.of(land.polygons, region.bounds)
-        lacking = water_without_data(Field(lon, lat, u, v), mask, region)
-        notes = (lacking.note,) if lacking else ()
+        notes = water_without_data(Field(lon, lat, u, v), mask, region)
         return CurrentGrid(season.name, lon, lat, u[None], v[None], entry.valid, credit, notes)
 
     def _bounds(self, part: str) -> Bounds:

@@ -265,6 +265,15 @@ class TimeSteps:
         seconds = np.diff([moment.timestamp() for moment in self.moments])
         return timedelta(seconds=float(np.median(seconds)))
 
+    def only(self, chosen: Iterable[int]) -> "TimeSteps":
+        """Return some of the steps that have moments."""
+        places = tuple(chosen)
+        return replace(
+            self,
+            moments=tuple(self.moments[i] for i in places),
+            labels=tuple(self.labels[i] for i in places),
+        )
+
     def nearest(self, moment: datetime) -> tuple[int, timedelta]:
         """Return the index of the step nearest to a moment, and its distance in time."""
         distances = [abs(own - moment) for own in self.moments]

@@ -23,7 +23,7 @@ from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.model import Note
 from pipeline.scenario.season import Season, TimeMethod
 from pipeline.scenario.times import Period
-from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
+from pipeline.sources.cf.axes import SAME_SHARE, Step, TimeSteps, label
 from pipeline.sources.cf.contents import Component, Contents
 from pipeline.sources.cf.dataset import open_dataset, reading
 from pipeline.sources.current_field import Field
@@ -39,7 +39,7 @@ _MAX_FAULTS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class SelectedSlices:
+class SelectedSteps:
     """A season's fields: the weights (sum 1) of steps, by index, that make up each of them.
 
     `valid` is the time that they stand for. `times_s` are seconds since departure, and `labels` the
@@ -59,14 +59,14 @@ LONGEST_STEP = timedelta(hours=1)
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def select_slices(
+def steps_of_season(
     contents: Contents,
     season: Season,
     step: timedelta = LONGEST_STEP,
     *,
     with_mean: bool = True,
-) -> SelectedSlices:
-    """Select a season's fields.
+) -> SelectedSteps:
+    """Select the steps of files, or the harmonic constants, that make up a season's fields.
 
     `step` is the time between fields that are computed from harmonic constants, at its whole
     multiples in UTC; `with_mean` says whether they include the constants' mean, if there is one.
@@ -79,12 +79,12 @@ def select_slices(
     if contents.constituents:
         return _of_constants(contents, season, step, with_mean=with_mean)
     if season.is_changing:
-        return _all_steps(contents, season.period)
+        return select_all_steps(contents.steps, season.period, contents.u_index)
     return select_steps(contents.steps, season.period, season.resolved_time_method)
 
 
-def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> SelectedSlices:
-    """Select the steps that make up a period's field.
+def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> SelectedSteps:
+    """Select the steps that make up a period's one field.
 
     Raises
     ------
@@ -95,13 +95,13 @@ def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> Select
     if steps.months:
         return _month_of_climatology(steps, middle, method)
     if not steps.moments:
-        return SelectedSlices(({0: 1.0},), "", (Note.of("time-assumed"),))
+        return SelectedSteps(({0: 1.0},), "", (Note.of("time-assumed"),))
     if method == "mean":
         return _mean(steps, period)
     return (_linear if method == "linear" else _nearest)(steps, middle)
 
 
-def _month_of_climatology(steps: TimeSteps, moment: datetime, method: TimeMethod) -> SelectedSlices:
+def _month_of_climatology(steps: TimeSteps, moment: datetime, method: TimeMethod) -> SelectedSteps:
     """Select the step of the moment's month, whatever the year."""
     if method == "linear":
         raise ValueError(
@@ -111,10 +111,10 @@ def _month_of_climatology(steps: TimeSteps, moment: datetime, method: TimeMethod
     if moment.month not in steps.months:
         raise ValueError(f"it is {steps.span}, not of {name}; give a file of that month")
     index = steps.months.index(moment.month)
-    return SelectedSlices(({index: 1.0},), f"{name} of a climatology", is_climatology=True)
+    return SelectedSteps(({index: 1.0},), f"{name} of a climatology", is_climatology=True)
 
 
-def _mean(steps: TimeSteps, period: Period) -> SelectedSlices:
+def _mean(steps: TimeSteps, period: Period) -> SelectedSteps:
     """Select all steps in the period, with equal weights."""
     inside = [i for i, moment in enumerate(steps.moments) if period.begin <= moment < period.end]
     if not inside:
@@ -128,7 +128,7 @@ def _mean(steps: TimeSteps, period: Period) -> SelectedSlices:
     first, last = inside[0], inside[-1]
     valid = "/".join(steps.labels[i] for i in dict.fromkeys((first, last)))
     weights = dict.fromkeys(inside, 1 / len(inside))
-    return SelectedSlices((weights,), valid, _sparse_notes(steps, inside, period))
+    return SelectedSteps((weights,), valid, _sparse_notes(steps, inside, period))
 
 
 def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> tuple[Note, ...]:
@@ -144,7 +144,7 @@ def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> tu
     return (Note.of("steps-sparse", count=len(inside), steps=span, asked=asked),)
 
 
-def _nearest(steps: TimeSteps, moment: datetime) -> SelectedSlices:
+def _nearest(steps: TimeSteps, moment: datetime) -> SelectedSteps:
     """Select the nearest step, at most half an interval away."""
     index, distance = steps.nearest(moment)
     if not steps.is_near(distance):
@@ -154,14 +154,14 @@ def _nearest(steps: TimeSteps, moment: datetime) -> SelectedSlices:
             f"it has {steps.span}, none within {within} of {label(moment)}; "
             "set the season's 'valid' to what it has"
         )
-    return SelectedSlices(({index: 1.0},), steps.labels[index], steps.notes)
+    return SelectedSteps(({index: 1.0},), steps.labels[index], steps.notes)
 
 
-def _linear(steps: TimeSteps, moment: datetime) -> SelectedSlices:
+def _linear(steps: TimeSteps, moment: datetime) -> SelectedSteps:
     """Select the two steps around a moment, with the weights of linear interpolation."""
     after = int(np.searchsorted([own.timestamp() for own in steps.moments], moment.timestamp()))
     if after < len(steps.moments) and steps.moments[after] == moment:
-        return SelectedSlices(({after: 1.0},), steps.labels[after], steps.notes)
+        return SelectedSteps(({after: 1.0},), steps.labels[after], steps.notes)
     if not 0 < after < len(steps.moments):
         raise ValueError(
             f"it has {steps.span}, which do not lie on both sides of {label(moment)}; set the "
@@ -173,12 +173,12 @@ def _linear(steps: TimeSteps, moment: datetime) -> SelectedSlices:
             f"it has no steps between {label(earlier)} and {label(later)}; give a file that has"
         )
     share = (moment - earlier) / (later - earlier)
-    return SelectedSlices(({after - 1: 1 - share, after: share},), label(moment), steps.notes)
+    return SelectedSteps(({after - 1: 1 - share, after: share},), label(moment), steps.notes)
 
 
 def _of_constants(
     contents: Contents, season: Season, step: timedelta, *, with_mean: bool
-) -> SelectedSlices:
+) -> SelectedSteps:
     """Return fields from an hour before a period, for a vessel that is early, to its end.
 
     Linear interpolation between fields damps a constituent by sinc² of half its change of phase in
@@ -203,7 +203,7 @@ def _of_constants(
     if contents.has_mean and with_mean:
         shares.append(np.ones(len(moments)))
     labels = tuple(map(label, moments))
-    return SelectedSlices(
+    return SelectedSteps(
         weights=tuple(dict(enumerate(column)) for column in np.array(shares).T.tolist()),
         times_s=tuple((moment - period.begin).total_seconds() for moment in moments),
         labels=labels,
@@ -211,10 +211,18 @@ def _of_constants(
     )
 
 
-def _all_steps(contents: Contents, period: Period) -> SelectedSlices:
-    """Select all steps from the one before a period's begin to the one after its end."""
-    steps, departure = contents.steps, period.begin
-    moments = steps.moments
+def select_all_steps(steps: TimeSteps, period: Period, index: Sequence[Step] = ()) -> SelectedSteps:
+    """Select all steps from the one before a period's begin to the one after its end.
+
+    Each is a field of its own. `index` says where each step stands in its files, if known.
+
+    Raises
+    ------
+    ValueError
+        The period does not begin between two steps, steps are missing in it, or in a file they
+        stand in another order than their times.
+    """
+    moments, departure = steps.moments, period.begin
     if len(moments) < 2:
         raise ValueError(
             f"it has {steps.span}, which do not show how the current changes; give a file with "
@@ -232,11 +240,11 @@ def _all_steps(contents: Contents, period: Period) -> SelectedSlices:
     end_s = (period.end - departure).total_seconds()
     last = min(max(int(np.searchsorted(times, end_s)), first + 1), len(times) - 1)
     chosen = range(first, last + 1)
-    faults = [*_holes(contents, chosen), *_descending(contents, chosen)]
+    faults = [*_holes(steps, chosen), *_descending(moments, index, chosen if index else ())]
     if faults:
         raise ValueError("; ".join(faults))
     labels = tuple(label(moments[i]) for i in chosen)
-    return SelectedSlices(
+    return SelectedSteps(
         weights=tuple({i: 1.0} for i in chosen),
         times_s=tuple(times[first : last + 1].tolist()),
         labels=labels,
@@ -245,11 +253,11 @@ def _all_steps(contents: Contents, period: Period) -> SelectedSlices:
     )
 
 
-def _holes(contents: Contents, chosen: Sequence[int]) -> Iterator[str]:
+def _holes(steps: TimeSteps, chosen: Sequence[int]) -> Iterator[str]:
     """Find steps that are missing between others."""
-    moments = [contents.steps.moments[i] for i in chosen]
+    moments = [steps.moments[i] for i in chosen]
     gaps = [later - earlier for earlier, later in itertools.pairwise(moments)]
-    usual = min(sorted(gaps)[(len(gaps) - 1) // 2], contents.steps.interval)
+    usual = min(sorted(gaps)[(len(gaps) - 1) // 2], steps.interval)
     holes = [i for i, gap in enumerate(gaps) if gap > _MISSING_STEP * usual]
     for i in holes[:_MAX_FAULTS]:
         yield (
@@ -258,14 +266,14 @@ def _holes(contents: Contents, chosen: Sequence[int]) -> Iterator[str]:
         )
 
 
-def _descending(contents: Contents, chosen: Sequence[int]) -> Iterator[str]:
+def _descending(
+    moments: Sequence[datetime], index: Sequence[Step], chosen: Sequence[int]
+) -> Iterator[str]:
     """Find steps of one file that stand in another order than their times."""
-    moments = contents.steps.moments
     wrong = [
         (earlier, later)
         for earlier, later in itertools.pairwise(chosen)
-        if contents.u_index[earlier][0] == contents.u_index[later][0]
-        and contents.u_index[earlier][1] > contents.u_index[later][1]
+        if index[earlier][0] == index[later][0] and index[earlier][1] > index[later][1]
     ]
     for earlier, later in wrong[:_MAX_FAULTS]:
         yield (
@@ -481,9 +489,9 @@ _MAX_VALUES = 20_000_000
 _OLD_YEARS, _YEAR = 5.0, timedelta(days=365.25)
 
 
-def stream_slices(
+def stream_steps(
     contents: Contents, season: Season, bounds: Bounds, *, with_mean: bool
-) -> SelectedSlices:
+) -> SelectedSteps:
     """Return the fields of a season inside bounds, with notes on them.
 
     Raises
@@ -493,7 +501,7 @@ def stream_slices(
     """
     window = find_window(contents.lon, contents.lat, bounds)
     step, error_m_s = _time_step(contents, window, season)
-    found = select_slices(contents, season, step, with_mean=with_mean)
+    selected = steps_of_season(contents, season, step, with_mean=with_mean)
     notes = [
         Note.of(
             "tidal-streams",
@@ -504,14 +512,14 @@ def stream_slices(
         ),
         *_age_notes(contents, season.period.begin),
     ]
-    return replace(found, notes=tuple(notes))
+    return replace(selected, notes=tuple(notes))
 
 
 def _time_step(contents: Contents, window: Window, season: Season) -> tuple[timedelta, float]:
     """Return the time between fields, and the largest error of interpolation between them, m/s.
 
     A constituent of amplitude A is too large by A (ω h)² / 12 in its fields, which
-    :func:`select_slices` enlarges, and too small by half of that midway between two fields. A is
+    :func:`steps_of_season` enlarges, and too small by half of that midway between two fields. A is
     bounded by the largest of its parts at any node.
     """
     names, count = contents.constituents, len(contents.constituents)
