@@ -51,9 +51,10 @@ _DEPTHS = {
 }
 _HEIGHTS = "height_above_"
 _ALTITUDES = {"altitude", "surface_altitude", "sea_floor_altitude"}
-# A height above the ellipsoid is up to 100 m off the sea's surface. GEBCO calls its heights so, but
-# their long name says that they are above sea level.
-_ELLIPSOID, _AT_SEA_LEVEL = "height_above_reference_ellipsoid", "sea level"
+# Standard name of a height above the ellipsoid, which is up to 100 m off the sea's surface.
+_ELLIPSOID = "height_above_reference_ellipsoid"
+# Words by which GEBCO's long name says that its heights, called so, are above sea level.
+_AT_SEA_LEVEL = "sea level"
 # Names of variables without such a standard name, and the sign by which they become heights.
 _NAMES = {"elevation": 1.0, "depth": -1.0}
 _SIGNS = {"up": 1.0, "down": -1.0}
@@ -277,9 +278,12 @@ def _depths(lands: Sequence[Land]) -> DepthCover | None:
 # Size in bytes above which a file is identified by its name, size and time of change, not by its
 # content: reading the whole of GEBCO, 7 GB, takes half a minute.
 _MAX_HASHED_BYTES = 500 << 20
-# Number of places along each side of the region at which heights are compared with the chart's
-# land; least number of places in water; largest share of such places that may lie above the sea.
-_PLACES, _MIN_PLACES, _MAX_DRY_SHARE = 60, 30, 0.5
+# Number of places along each side of the region at which heights are compared with the land.
+_PLACES = 60
+# Least number of them in the chart's water by which the sign of heights is judged.
+_MIN_PLACES = 30
+# Largest share of the places in water that may lie above the sea.
+_MAX_DRY_SHARE = 0.5
 # Depth range, m, of a band of tidal water, for all of which the same height of tide is required.
 _BAND_M = 0.25
 # A note is given if more than this share of the region has no depths.

@@ -171,15 +171,20 @@ def _distance_m(field: Field, points: FloatArray) -> float:
 
 # Raster points of the land per cell and side; offsets are whole numbers of them.
 _POINTS_PER_CELL = 4
-# Largest trial offset, degrees; then its limits in cells: coarse cells may be larger than it, and
-# the raster of a grid of fine cells would not fit in memory.
-_MAX_OFFSET_DEG, _MIN_OFFSET_CELLS, _MAX_OFFSET_CELLS = 1.5, 2, 60
+# Largest trial offset, degrees.
+_MAX_OFFSET_DEG = 1.5
+# But at least this number of cells: coarse ones may be larger than it.
+_MIN_OFFSET_CELLS = 2
+# And at most this number: the raster of a grid of fine cells would not fit in memory.
+_MAX_OFFSET_CELLS = 60
 # Number of trial offsets to each side.
 _TRIALS_PER_SIDE = 8
 # Largest trial offset as a share of the region, where the land beyond the region is unknown.
 _MAX_OFFSET_SHARE = 1 / 6
-# Share of land from which a cell counts as entirely land; share up to which it counts as water.
-_LAND_SHARE, _WATER_SHARE = 0.95, 0.05
+# Share of land from which a cell counts as entirely land.
+_LAND_SHARE = 0.95
+# Share of land up to which a cell counts as entirely water.
+_WATER_SHARE = 0.05
 # Relative variation of an axis's steps up to which an offset is a whole number of raster points.
 _MAX_STEP_VARIATION = 0.02
 

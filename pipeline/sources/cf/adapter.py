@@ -45,9 +45,12 @@ from pipeline.sources.plausibility import (
     dilated,
 )
 
-# A file is checked in a window around the middle of the region: its half size in cells, but at most
-# this number of degrees, and its largest latitude.
-_CHECK_CELLS, _MAX_CHECK_DEG, _MAX_CHECK_LATITUDE = 240, 75.0, 80.0
+# Half the size of the window, in cells, in which a file is checked around the region's middle.
+_CHECK_CELLS = 240
+# Largest half of that window, degrees.
+_MAX_CHECK_DEG = 75.0
+# Latitude at which that window ends, degrees.
+_MAX_CHECK_LATITUDE = 80.0
 _DOI = re.compile(r"\b10\.\d{4,9}/[^\s,;\"'<>]+[\w/]")
 # Length to which a title is cut, characters.
 _MAX_NAME_LENGTH = 100
@@ -246,8 +249,10 @@ _SPEED_LIMIT_M_S = 10.0
 _GAP_FAULT_SHARE = 0.2
 # If at least this share of the cells far inland has data, a shift of the field can't be detected.
 _FILLED_LAND_SHARE = 0.5
-# Zeros mean "no data" where at least this share of land and at most this share of water is zero.
-_MIN_ZERO_LAND_SHARE, _MAX_ZERO_WATER_SHARE = 0.9, 0.01
+# Zeros mean "no data" where at least this share of land is zero,
+_MIN_ZERO_LAND_SHARE = 0.9
+# and at most this share of water.
+_MAX_ZERO_WATER_SHARE = 0.01
 
 
 def read_checked_fields(

@@ -47,9 +47,12 @@ _NUMBERS = ("", "1", "level", "levels", "layer", "sigma_level")
 _UPWARD = ("ocean_", "height", "altitude")
 SWAP = "make its coordinate the axis, if it has one, as with xarray's `swap_dims({'x': 'lon'})`"
 """The remedy where an axis may have its values under another name."""
-# Largest longitude and latitude, degrees, and the largest span as a share of the whole: some files
-# repeat a meridian, or end half a cell beyond a pole.
-_MAX_LON, _MAX_LAT, _MAX_TURN = 720.0, 91.0, 1.02
+# Largest longitude, degrees: an axis is unwrapped, and so may go on beyond 360.
+_MAX_LON = 720.0
+# Largest latitude, degrees: some files end half a cell beyond a pole.
+_MAX_LAT = 91.0
+# Largest span of an axis as a share of the whole: some files repeat a meridian.
+_MAX_TURN = 1.02
 # Difference below which coordinates are equal, as a share of a cell: rounding to float32.
 SAME_SHARE = 1e-3
 

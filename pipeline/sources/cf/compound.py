@@ -27,8 +27,10 @@ from pipeline.sources.cf.dataset import fatal_files, open_dataset
 from pipeline.sources.interpolation import bilinear
 from renew.planner.ensemble.statistics import FEWEST, QUANTILES
 
-# Least number of members, and the most that are read.
-_LEAST, _MOST = 2, 200
+# Least number of members that have a mean.
+_LEAST = 2
+# Largest number of members that are read.
+_MOST = 200
 
 
 @dataclass(frozen=True)

@@ -171,8 +171,10 @@ def require_one_grid(components: Sequence[Component]) -> None:
                 )
 
 
-# Parts of harmonic constants (u_re and u_im are those of u), and the dimension that they are along.
-_PARTS, _CONSTITUENT = ("re", "im"), "constituent"
+# Parts of harmonic constants: u_re and u_im are those of u.
+_PARTS = ("re", "im")
+# Dimension that harmonic constants are along.
+_CONSTITUENT = "constituent"
 _REMEDY = "give a NetCDF, GRIB or Zarr file"
 # Number of groups that a message names.
 _MAX_GROUPS = 4
@@ -193,13 +195,17 @@ _STANDARD_NAMES = tuple(
 _VARIABLE_NAMES = (
     *(("utotal", "vtotal"), ("uo", "vo"), ("ugos", "vgos"), ("u", "v"), ("water_u", "water_v")),
 )
-# Attributes that say what a variable is, and words in them: of what is no velocity; of what is no
-# water, unless water is named too; of waves, which are no current unless in a sum; and of what a
-# reader should be told.
+# Attributes that say what a variable is.
 _SAYING = ("standard_name", "long_name", "description", "short_name", "GRIB_name", "var_desc")
+# Words in them of what is no velocity.
 _NO_VELOCITY = r"\b(standard (deviation|error)|variance|uncertaint|(volume|mass) transport)"
-_NO_WATER, _WATER = r"\b(wind|gust|air|ice|stress|atmospher)", r"\b(water|current)"
-_WAVES, _SUM = r"\b(wave|stokes|swell)", r"(\b[uv]tot|\btot_|_tot|total|sum\b|includ|plus\b)|\+"
+# Words of what is no water, unless water is named too.
+_NO_WATER = r"\b(wind|gust|air|ice|stress|atmospher)"
+_WATER = r"\b(water|current)"
+# Words of waves, which are no current unless in a sum.
+_WAVES = r"\b(wave|stokes|swell)"
+_SUM = r"(\b[uv]tot|\btot_|_tot|total|sum\b|includ|plus\b)|\+"
+# Words of what a reader should be told.
 _TOLD = rf"(?i){_NO_WATER}|{_WAVES}|{_SUM}|tid(e|al)|bottom|floor|averag|barotrop|anomal|ekman"
 _WITHOUT = re.compile(r"\b(without|no|not|excluding)\b[^,;()]*")
 # Words of water that moves, or of part of it.

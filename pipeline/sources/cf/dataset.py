@@ -48,8 +48,10 @@ _ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 _MAX_AXIS = 500_000
 # Largest size of a chunk, bytes: one value of it can't be read without all of it.
 _MAX_CHUNK_BYTES = 512 << 20
-# Kinds of NumPy types that are numbers, and kinds that are text.
-_NUMBERS, _TEXT = "iuf", "SUO"
+# Kinds of NumPy types that are numbers.
+_NUMBERS = "iuf"
+# Kinds of NumPy types that are text.
+_TEXT = "SUO"
 # Length to which a message of a library is cut, characters.
 _MAX_REASON = 200
 
@@ -102,8 +104,8 @@ def open_dataset(path: Path) -> "xr.Dataset":
     if is_grib(path):
         grib.require_library()
         with reading():
-            contents = grib.read_contents(path)
-        return grib.as_dataset(path, contents)
+            read = grib.read_fields(path)
+        return grib.as_dataset(path, read)
     with reading():
         store = _store(path)
     if store is None:
@@ -203,10 +205,14 @@ def _check_axis_size(name: str, size: int) -> None:
         )
 
 
-# Time for the process to start, and for each file, s. Opening takes some ms; on slow disks, longer.
-_START_S, _FILE_S = 60.0, 2.0
-# CPU time of the process, and for each file, s, where the system can limit it.
-_START_CPU_S, _FILE_CPU_S = 5.0, 0.2
+# Time for the process to start, s.
+_START_S = 60.0
+# Time for each file, s. Opening takes some ms; on slow disks, longer.
+_FILE_S = 2.0
+# CPU time for the process to start, s, where the system can limit it.
+_START_CPU_S = 5.0
+# CPU time for each file, s.
+_FILE_CPU_S = 0.2
 # Bytes of a GRIB file that are read in a second of CPU time: a tenth of what is usual.
 _BYTES_S = 5e6
 # A variable with at most this number of values is read whole, as an axis is.

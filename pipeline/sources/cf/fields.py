@@ -282,8 +282,8 @@ def _descending(
         )
 
 
-# Amount of data read at a time, bytes; but at least one step.
-_CHUNK_BYTES, _VALUE_BYTES = 32 << 20, 8
+# Number of values read at a time, 32 MB; but at least one step.
+_CHUNK_VALUES = 4 << 20
 # Largest number of nodes in a region: checks and planning take some 600 bytes for each.
 _MAX_NODES = 2_000_000
 # Neighbouring nodes further apart than this multiple of the axis's largest step have a gap between.
@@ -411,7 +411,7 @@ class FieldReader:
         Consecutive fields of the same steps are summed together, some megabytes of them at a time.
         """
         contents, window = self._contents, self._window
-        most = max(1, _CHUNK_BYTES // max(1, window.lat.size * window.lon.size * _VALUE_BYTES))
+        most = max(1, _CHUNK_VALUES // max(1, window.lat.size * window.lon.size))
         for _, same in groupby(weights, key=tuple):
             while some := list(islice(same, most)):
                 east = self._weighted_sums(contents.u, contents.u_index, some)
@@ -442,8 +442,7 @@ class FieldReader:
         for step in steps:
             file, own = index[step]
             by_file.setdefault(file, {})[own] = step
-        size = self._window.lat.size * self._window.lon.size
-        most = max(1, _CHUNK_BYTES // max(1, size * _VALUE_BYTES))
+        most = max(1, _CHUNK_VALUES // max(1, self._window.lat.size * self._window.lon.size))
         for file, numbers in by_file.items():
             for first in range(0, len(numbers), most):
                 some = sorted(numbers)[first : first + most]
@@ -486,7 +485,7 @@ _STEPS_MIN = (60, 30, 20, 15, 12, 10, 6, 5)
 # Number of values of all fields above which the time between them is longer: 160 MB a component.
 _MAX_VALUES = 20_000_000
 # Years beyond the series of a fit after which its constants are called old.
-_OLD_YEARS, _YEAR = 5.0, timedelta(days=365.25)
+_OLD_YEARS = 5.0
 
 
 def stream_steps(
@@ -558,7 +557,7 @@ def _age_notes(contents: Contents, departure: datetime) -> list[Note]:
         except (KeyError, ValueError):
             return []
         series.append(found if found.tzinfo else found.replace(tzinfo=UTC))
-    years = max(series[0] - departure, departure - series[1]) / _YEAR
+    years = max(series[0] - departure, departure - series[1]) / timedelta(days=365.25)
     if years <= _OLD_YEARS:
         return []
     return [Note.of("constants-old", begin=series[0], end=series[1], years=years)]

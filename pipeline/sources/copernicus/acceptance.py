@@ -34,21 +34,22 @@ _STANDARD_NAMES = {
 # Deviation of an axis's steps from the cell size, as a share of it, that rounding to float32 may
 # cause: 6e-6 degrees at 122 degrees.
 _STEP_TOLERANCE = 1e-3
-# Limit of the difference between a cell and all its neighbours, to find flipped bits. It is the
-# larger of a speed (the first, m/s) and a multiple (the second) of the differences among the
-# neighbours, and at most a share (the third) of the speed limit. Of 1.7 million cells of real
-# fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree) none exceeds 0.2 m/s and 3 times at once, and
-# none 0.6 m/s.
-_SPIKE_M_S, _SPIKE_RATIO, _SPIKE_SHARE = 0.3, 4.0, 0.25
+# A cell is damaged, as by a flipped bit, if it differs from all its neighbours by more than this
+# speed and more than this multiple of the differences among them, or by more than this share of the
+# speed limit. Of 1.7 million cells of real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree)
+# none exceeds 0.2 m/s and 3 times at once, and none 0.6 m/s.
+_SPIKE_M_S = 0.3
+_SPIKE_RATIO = 4.0
+_SPIKE_SHARE = 0.25
 # Least number of neighbours with data that a cell is compared with.
 _MIN_NEIGHBOURS = 5
 # Largest share of open water without data, and of cells far inland with data: models leave out
 # straits and shallows.
 _MAX_MISPLACED_SHARE = 0.02
-
-
-# Dimensions of the service's files along the axes, and cells that are kept around the region.
-_DIMS, _KEPT_CELLS = ("latitude", "longitude"), 5
+# Dimensions of the service's files along the axes.
+_DIMS = ("latitude", "longitude")
+# Number of cells that are kept around the region.
+_KEPT_CELLS = 5
 
 
 Accepted: TypeAlias = tuple[Field, tuple[Note, ...]]

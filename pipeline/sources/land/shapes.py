@@ -42,8 +42,10 @@ BEYOND_M = 20_000.0
 
 # Dimension of areas in shapely.
 _AREA = 2
-# Whole turns, degrees, by which longitudes may differ; and half a turn.
-_TURN, HALF_TURN = 360.0, 180.0
+_TURN = 360.0
+HALF_TURN = 180.0
+"""Half a turn, degrees."""
+# Whole turns, degrees, by which longitudes may differ.
 _WHOLE_TURNS = (-_TURN, 0.0, _TURN)
 # Segments per quarter circle: the buffer around a point has 16 corners.
 _QUADRANT_SEGMENTS = 4
@@ -377,7 +379,10 @@ _LAYERS = (
     "SELECT lower(table_name) FROM gpkg_contents UNION "
     "SELECT lower(table_name) FROM gpkg_geometry_columns"
 )
-_SQLITE, _FLATGEOBUF, _ZIP = b"SQLite format 3\0", b"fgb", b"PK\x03\x04"
+# First bytes of a GeoPackage, of a FlatGeobuf and of an archive.
+_SQLITE = b"SQLite format 3\0"
+_FLATGEOBUF = b"fgb"
+_ZIP = b"PK\x03\x04"
 
 
 def files_of(path: Path) -> tuple[Path, ...]:

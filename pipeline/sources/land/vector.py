@@ -286,7 +286,9 @@ def open_layer(path: Path, name: str, crs: str, version: tuple[int, ...]) -> Vec
 
 
 # Dimensions of geometries.
-_POINT, _LINE, _AREA = 0, 1, 2
+_POINT = 0
+_LINE = 1
+_AREA = 2
 # Accuracy of the coast where it is not given, m: that of a chart of 1:100,000.
 _ASSUMED_ACCURACY_M = 50.0
 

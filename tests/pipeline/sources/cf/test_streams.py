@@ -199,7 +199,7 @@ def test_large_regions_have_longer_steps_so_that_the_fields_fit_in_memory(
 
 def test_fields_are_summed_some_at_a_time(mixed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = fetched(season(mixed))
-    monkeypatch.setattr(reading, "_CHUNK_BYTES", 3 * 8 * LON.size * LAT.size)
+    monkeypatch.setattr(reading, "_CHUNK_VALUES", 3 * LON.size * LAT.size)
     parts = fetched(season(mixed))
     np.testing.assert_allclose(parts.u, whole.u, atol=1e-12)
     np.testing.assert_allclose(parts.v, whole.v, atol=1e-12)
