@@ -19,6 +19,7 @@ from pipeline.model.depths import DepthRule
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.land.s57_chart import S57Chart
+from tests.pipeline.results import rows_of
 from tests.true_scale import clearance_m
 
 
@@ -34,7 +35,7 @@ def oscar(shared: Path) -> Path:
 def assert_valid(outcome: Outcome) -> None:
     """Every season has routes on both sides of an island, without routes or turns over land."""
     assert outcome.exit_code == 0
-    rows = outcome.evaluation.routes
+    rows = rows_of(outcome.result)
     for season in outcome.scenario.seasons:
         assert len({row.main_passage for row in rows if row.season == season.name}) == 2
     assert all(row.land_m == 0 for row in rows)
