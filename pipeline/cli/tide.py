@@ -82,7 +82,7 @@ def fit(
         from pipeline.findings.note_words import note_texts
         from pipeline.machine.files import whole_file
         from pipeline.sources.cf.contents import find_files, read_contents
-        from pipeline.sources.cf.streams import WEAK_SHARE
+        from pipeline.sources.cf.fields import WEAK_SHARE
         from pipeline.sources.tides.fit import fit_files
 
         folder = folder_to_write(out.parent, "--out")

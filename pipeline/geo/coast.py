@@ -81,8 +81,10 @@ def inner_land(polygons: Geometries, tolerance_m: float, margin_m: float) -> Geo
     return _polygons_of(simplified(_polygons_of(shrunk), cut_m).areas)
 
 
-# Number of vertices above which a polygon is halved; the dimensions of an area.
-_SMALL, _AREA = 256, 2
+# Number of vertices above which a polygon is halved.
+_SMALL = 256
+# Dimensions of an area.
+_AREA = 2
 
 
 def in_small_pieces(polygons: Geometries) -> Geometries:

@@ -29,7 +29,11 @@ _POINTS_AT_A_TIME = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """Ascending lon (nx,) and lat (ny,) in degrees; u, v (ny, nx) in m/s, NaN where no data."""
+    """A current on a grid at one time, or at several that have the same gaps.
+
+    Ascending lon (nx,) and lat (ny,) in degrees; u, v (ny, nx) or (nt, ny, nx) in m/s, NaN where
+    there are no data.
+    """
 
     lon: FloatArray
     lat: FloatArray
@@ -38,7 +42,7 @@ class Field:
 
     @property
     def gap(self) -> BoolArray:
-        """Cells (ny, nx) without data."""
+        """Cells without data, in the shape of u."""
         return ~(np.isfinite(self.u) & np.isfinite(self.v))
 
     @property
@@ -120,32 +124,15 @@ def land_freed_at_end() -> Iterator[None]:
 _SAMPLES_PER_SIDE = 300
 
 
-@dataclass(frozen=True, slots=True)
-class WaterWithoutData:
-    """Share of a region's water that is nearer to a gap than to a value.
+def water_without_data(field: Field, mask: LandMask, region: shapely.Polygon) -> tuple[Note, ...]:
+    """Note the water of a region (lon/lat degrees) without data; nothing if all gaps are on land.
 
-    `distance_m` is the largest distance of such water from the nearest value; infinite where the
-    field has none.
-    """
-
-    share: float
-    distance_m: float
-
-    @property
-    def note(self) -> Note:
-        """The note on it for a reader."""
-        return Note.of("current-lacking", share=self.share, distance_m=self.distance_m)
-
-
-def water_without_data(
-    field: Field, mask: LandMask, region: shapely.Polygon
-) -> WaterWithoutData | None:
-    """Find the water of a region (lon/lat degrees) without data; None if all gaps are on land.
-
-    A gap at a node on land is right: it counts only next to a gap at a node in water.
+    The note has the share of the water that is nearer to a gap than to a value, and the largest
+    distance of such water from the nearest value, infinite where the field has none. A gap at a
+    node on land is right: it counts only next to a gap at a node in water.
     """
     if not field.gap.any():
-        return None
+        return ()
     west, south, east, north = region.bounds
     lon, lat = _samples(west, east), _samples(south, north)
     x, y = np.meshgrid(lon, lat)
@@ -154,9 +141,10 @@ def water_without_data(
     lacking = water & field.gap[nearest]
     gap_in_water = field.gap & ~mask.on_grid(field.lon, field.lat)
     if not (lacking & gap_in_water[nearest]).any():
-        return None
+        return ()
     distance_m = _distance_m(field, np.stack([x[lacking], y[lacking]], axis=-1))
-    return WaterWithoutData(float(lacking.sum() / water.sum()), distance_m)
+    share = float(lacking.sum() / water.sum())
+    return (Note.of("current-lacking", share=share, distance_m=distance_m),)
 
 
 def _samples(low: float, high: float) -> FloatArray:
@@ -183,15 +171,20 @@ def _distance_m(field: Field, points: FloatArray) -> float:
 
 # Raster points of the land per cell and side; offsets are whole numbers of them.
 _POINTS_PER_CELL = 4
-# Largest trial offset, degrees; then its limits in cells: coarse cells may be larger than it, and
-# the raster of a grid of fine cells would not fit in memory.
-_MAX_OFFSET_DEG, _MIN_OFFSET_CELLS, _MAX_OFFSET_CELLS = 1.5, 2, 60
+# Largest trial offset, degrees.
+_MAX_OFFSET_DEG = 1.5
+# But at least this number of cells: coarse ones may be larger than it.
+_MIN_OFFSET_CELLS = 2
+# And at most this number: the raster of a grid of fine cells would not fit in memory.
+_MAX_OFFSET_CELLS = 60
 # Number of trial offsets to each side.
 _TRIALS_PER_SIDE = 8
 # Largest trial offset as a share of the region, where the land beyond the region is unknown.
 _MAX_OFFSET_SHARE = 1 / 6
-# Share of land from which a cell counts as entirely land; share up to which it counts as water.
-_LAND_SHARE, _WATER_SHARE = 0.95, 0.05
+# Share of land from which a cell counts as entirely land.
+_LAND_SHARE = 0.95
+# Share of land up to which a cell counts as entirely water.
+_WATER_SHARE = 0.05
 # Relative variation of an axis's steps up to which an offset is a whole number of raster points.
 _MAX_STEP_VARIATION = 0.02
 

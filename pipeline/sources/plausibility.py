@@ -22,26 +22,35 @@ import numpy as np
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.lonlat import EARTH_RADIUS_M
+from pipeline.model import Note
 from pipeline.sources.current_field import Field, LandMask, find_shift
 
 # Limits of the root mean square speed of moving water: (least width and height of the field in
 # degrees to which the limits apply; speed in m/s above which to warn; above which to refuse). Real
 # fields of these widths reach 0.9, 0.75, 0.52 and 0.44 m/s.
 _FAST_M_S = ((8.0, 1.0, 1.6), (20.0, 0.8, 1.1), (60.0, 0.6, 0.75), (100.0, 0.5, 0.6))
-# Width in degrees from which a field slower than this speed in m/s is suspicious.
-_SLOW_DEG, _SLOW_M_S = 20.0, 0.02
+# Width in degrees from which a field may be too slow.
+_SLOW_DEG = 20.0
+# Speed below which a field of that width is suspicious, m/s.
+_SLOW_M_S = 0.02
 # Speed above which a value is a fill value such as -999 or 1e20, m/s.
 _FILL_M_S = 900.0
-# Variation of the components, as a share of the speed, up to which a field is constant, and the
-# least number of cells to judge that by: no real field is constant.
-_CONSTANT_SHARE, _MIN_CELLS = 1e-6, 20
-# Distance from the coast beyond which cells are open water (or inland): cells, or degrees where
-# these are less. Nearer to it models leave out straits and shallows, or have water on land.
-OFFSHORE_CELLS, _OFFSHORE_DEG = 3, 0.75
-# Least contrast between divergences that counts; its least certainty, in standard errors, for a
-# warning and for a fault. Of 3000 real windows (6 to 24 degrees wide), 3 gave a warning and none a
-# fault.
-_MIN_CONTRAST, _WARNING_CERTAINTY, _FAULT_CERTAINTY = 0.1, 2.0, 4.0
+# Variation of the components, as a share of the speed, up to which a field is constant. No real
+# field is.
+_CONSTANT_SHARE = 1e-6
+# Least number of cells by which a field is called constant.
+_MIN_CELLS = 20
+# Distance from the coast beyond which cells are open water (or inland), in cells. Nearer to it
+# models leave out straits and shallows, or have water on land.
+OFFSHORE_CELLS = 3
+# The same distance in degrees, where that is less.
+_OFFSHORE_DEG = 0.75
+# Least contrast between divergences that counts.
+_MIN_CONTRAST = 0.1
+# Least certainty of a contrast, in standard errors, for a warning and for a fault. Of 3000 real
+# windows (6 to 24 degrees wide), 3 gave a warning and none a fault.
+_WARNING_CERTAINTY = 2.0
+_FAULT_CERTAINTY = 4.0
 # Least shift for a warning and for a fault: offset in cells, number of land cells that it explains,
 # and their share. Real fields reach 11 cells with a share of 0.01 over 120 degrees, and 16 cells
 # with a share of 0.6 over 24 degrees.
@@ -59,6 +68,12 @@ class Assessment:
     def __add__(self, other: "Assessment") -> "Assessment":
         """Return both assessments together."""
         return Assessment(self.faults + other.faults, self.warnings + other.warnings)
+
+    def doubts(self, source: str) -> tuple[Note, ...]:
+        """The warnings about a source's field, for a reader."""
+        return tuple(
+            Note.of("current-doubtful", source=source, warning=warning) for warning in self.warnings
+        )
 
 
 def assess_speeds(field: Field, limit_m_s: float) -> Assessment:
@@ -244,10 +259,12 @@ def _assess_changed_gaps(changed: dict[str, int], labels: Sequence[str]) -> Asse
 _BLOCKS_PER_SIDE = 6
 # Least number of blocks with moving water: with fewer the standard error means nothing.
 _MIN_BLOCKS = 8
-# Multiple of a variant's divergence up to which a quarter turn's is hardly larger (real fields have
-# 1.5), and share of squared speeds across the main direction up to which all water moves along one
-# line (0.12).
-_TIE, _STRAIGHT_SHARE = 1.2, 0.05
+# Multiple of a variant's divergence up to which a quarter turn's is hardly larger; real fields have
+# 1.5.
+_TIE = 1.2
+# Share of squared speeds across the main direction up to which all water moves along one line; real
+# fields have 0.12.
+_STRAIGHT_SHARE = 0.05
 # Least number of corners between four cells of moving water.
 _MIN_CORNERS = 40
 

@@ -38,7 +38,7 @@ def charted_land(scenario: Scenario) -> LandSource:
     """Return all of a scenario's land sources as one, with the tide where it has one."""
     vessel, tide = scenario.vessel, NO_TIDE
     if scenario.tide is not None:
-        from pipeline.sources.tides.zones import tide_range
+        from pipeline.sources.tides.station import tide_range
 
         tide = tide_range(scenario.tide)
     draught_m = None if vessel.draught_m is None else vessel.draught_m + vessel.squat_m
@@ -53,8 +53,7 @@ def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_
     overlay = Overlay(sources, _refused_m(sources))
     if not chart.depths:
         return overlay
-    from pipeline.sources.combined_charts import SoundedChart
-    from pipeline.sources.depth_file import DepthFile
+    from pipeline.sources.combined_charts import DepthFile, SoundedChart
 
     rule = _depth_rule(chart, draught_m, tide)
     return SoundedChart(overlay, DepthFile.open(Path(chart.depths)), rule)
@@ -98,7 +97,7 @@ def _single_source(
             f"chart.source: {path} is {found}, not {source.name!r}; leave the name out"
         )
     if is_s57:
-        from pipeline.sources.land.s57_chart import S57Chart, find_cells
+        from pipeline.sources.land.s57 import S57Chart, find_cells
 
         find_cells(path)  # refused before a missing draught is
         return S57Chart(path, _depth_rule(chart, draught_m, tide))
@@ -123,11 +122,11 @@ def current_source(named: Currents, members: MembersSpec | None = None) -> Curre
     If `members` are in the files, the source is their mean, and has them.
     """
     if isinstance(named, StreamConstants):
-        from pipeline.sources.cf.residual import TidalStreams
+        from pipeline.sources.cf.compound import TidalStreams
 
         return TidalStreams.of(named)
     if not isinstance(named, str) and members is not None and members.along:
-        from pipeline.sources.cf.members import CfMembers
+        from pipeline.sources.cf.compound import CfMembers
 
         return CfMembers(named, members)
     if not isinstance(named, str):
@@ -217,8 +216,7 @@ class EmbeddedTable(CurrentSource):
         lon, lat, u, v = self._grid(part)
         credit = Credit(self.spec.title, "current", entry.credit, entry.licence, entry.url)
         mask = LandMask.of(land.polygons, region.bounds)
-        lacking = water_without_data(Field(lon, lat, u, v), mask, region)
-        notes = (lacking.note,) if lacking else ()
+        notes = water_without_data(Field(lon, lat, u, v), mask, region)
         return CurrentGrid(season.name, lon, lat, u[None], v[None], entry.valid, credit, notes)
 
     def _bounds(self, part: str) -> Bounds:

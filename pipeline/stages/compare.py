@@ -22,7 +22,7 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Case, CaseResult, CurrentGrid, Note, Place, Say, SideBound, Water
-from pipeline.sources.cf.streams import WEAK_SHARE
+from pipeline.sources.cf.fields import WEAK_SHARE
 from pipeline.stages.choose import narrows_notes, room_notes
 from pipeline.stages.choosing.chosen import Chosen, in_thread
 from pipeline.stages.places import shut_notes

@@ -23,7 +23,7 @@ from pipeline.model import Note, Place, Say, Water, plan_options
 from pipeline.model.case import MIN_LATENESS_S, largest_stretch
 from pipeline.scenario.havens import HavensSpec
 from pipeline.scenario.model import Scenario
-from pipeline.sources.haven_file import HavenPoint, read_havens
+from pipeline.sources.land.vector import HavenPoint, read_havens
 
 
 def havens_in(scenario: Scenario, water: Water) -> tuple[tuple[renew.Haven, ...], tuple[Note, ...]]:

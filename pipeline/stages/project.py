@@ -36,7 +36,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.interpolation import bilinear
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
-from pipeline.sources.tides.zones import stations_of
+from pipeline.sources.tides.station import stations_of
 from pipeline.stages.members import from_source, stirred
 from pipeline.stages.places import (
     area_identities,

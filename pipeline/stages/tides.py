@@ -14,8 +14,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Case, CaseResult, Land, Note, Simplified
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.shapes import extract_polygons, repaired
-from pipeline.sources.tides.station import Station
-from pipeline.sources.tides.zones import refuse_far_water, stations_of, tide_zones
+from pipeline.sources.tides.station import Station, refuse_far_water, stations_of, tide_zones
 
 # Need (m) that no tide on earth meets.
 _NEVER_M = 100.0

@@ -19,6 +19,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.geo.projection import Projection
+from pipeline.model import Land
 from pipeline.sources.land import osm
 from pipeline.stages.project import extent_polygon
 from pipeline.stages.simplify import simplify_land
@@ -54,7 +55,7 @@ class Water:
         return Projection.for_region(shapely.box(*self.bounds))
 
     @cached_property
-    def land(self) -> osm.LandPolygons:
+    def land(self) -> Land:
         """The land as it is charted."""
         return osm.land_polygons(shapely.box(*self.bounds))
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from pipeline.errors import StageError
 from pipeline.sources.copernicus.adapter import Copernicus
+from pipeline.sources.copernicus.download import step_ends
 from tests.loopback_store import world
 from tests.loopback_store.rows import Row
 from tests.loopback_store.server import LoopbackStore
@@ -70,7 +71,8 @@ def inject(row: Row, folder: Path) -> Outcome:
             except StageError as raised:
                 reason = str(raised)
             else:
-                moments = source.select_steps(season).starts
+                steps = source.asked(world.REGION, season).steps
+                moments = [step_ends(entry, moment)[0] for moment in steps.moments]
                 error_m_s = world.max_error_m_s(grid, entry.eastward, entry.northward, *moments)
         seconds = time.monotonic() - begun
         clients = len(clients_of(store))

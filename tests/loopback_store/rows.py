@@ -59,7 +59,8 @@ def _garbage(folder: Path) -> None:
 def _cached_stem() -> str:
     """Return the name under which the daily field is cached."""
     source, season = Copernicus(world.spec(DAILY)), world.season("2024-10-05")
-    return source.cached_download(world.REGION, season, Path()).file.stem
+    asked = source.asked(world.REGION, season)
+    return source.cached_download(asked, season, Path()).file.stem
 
 
 def _killed_run(folder: Path) -> None:

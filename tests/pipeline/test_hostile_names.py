@@ -23,8 +23,8 @@ from pipeline.errors import PipelineError
 from pipeline.nightly.request.cases import read_pairs
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.cf.dataset import open_dataset
-from pipeline.sources.haven_file import read_havens
 from pipeline.sources.land.s57_cells import Objects
+from pipeline.sources.land.vector import read_havens
 from pipeline.sources.tides.station import read_station
 from tests.pipeline.nightly.nights import write_forecast
 from tests.pipeline.processes import renew

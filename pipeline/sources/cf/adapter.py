@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from shapely.geometry import Polygon
 
-from pipeline._types import BoolArray, FloatArray
+from pipeline._types import BoolArray
 from pipeline.errors import RequestError
 from pipeline.geo.lonlat import MARGIN_CELLS, Bounds, widened
 from pipeline.machine.paths import require_readable
@@ -24,11 +24,18 @@ from pipeline.machine.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import CurrentSource, Issue
 from pipeline.scenario.season import Season
-from pipeline.sources.cf import grid
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
 from pipeline.sources.cf.dataset import is_zarr
-from pipeline.sources.cf.slices import SelectedSlices, select_slices
-from pipeline.sources.cf.streams import stream_slices, weak_cells
+from pipeline.sources.cf.fields import (
+    FieldReader,
+    SelectedSteps,
+    coverage_faults,
+    covered_bounds,
+    find_window,
+    steps_of_season,
+    stream_steps,
+    weak_cells,
+)
 from pipeline.sources.current_field import Field, LandMask, water_without_data
 from pipeline.sources.plausibility import (
     OFFSHORE_CELLS,
@@ -38,9 +45,12 @@ from pipeline.sources.plausibility import (
     dilated,
 )
 
-# A file is checked in a window around the middle of the region: its half size in cells, but at most
-# this number of degrees, and its largest latitude.
-_CHECK_CELLS, _MAX_CHECK_DEG, _MAX_CHECK_LATITUDE = 240, 75.0, 80.0
+# Half the size of the window, in cells, in which a file is checked around the region's middle.
+_CHECK_CELLS = 240
+# Largest half of that window, degrees.
+_MAX_CHECK_DEG = 75.0
+# Latitude at which that window ends, degrees.
+_MAX_CHECK_LATITUDE = 80.0
 _DOI = re.compile(r"\b10\.\d{4,9}/[^\s,;\"'<>]+[\w/]")
 # Length to which a title is cut, characters.
 _MAX_NAME_LENGTH = 100
@@ -63,14 +73,14 @@ class CfFiles(CurrentSource):
     def identity(self, season: Season) -> tuple[str, ...]:
         """Return hashes of the files that contain the season's steps; "nothing" without any."""
         try:
-            contents, slices = self._selected(season)
+            contents, selected = self._selected(season)
         except (RequestError, ValueError):
             return ("nothing", *self.paths)
-        hashes = (digest for _, digest in _file_hashes(contents, slices))
+        hashes = (digest for _, digest in _file_hashes(contents, selected))
         about = f"{season.period.begin}" if season.is_changing else season.resolved_time_method
         mean = f"{self.with_mean}" if contents.constituents else ""
         at = "" if self.index is None else "{} {}".format(*self.index)
-        return ("cf", *hashes, season.valid, about, slices.valid, mean + at)
+        return ("cf", *hashes, season.valid, about, selected.valid, mean + at)
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
         """Say why the files can't give the season's current; empty when they can."""
@@ -78,9 +88,9 @@ class CfFiles(CurrentSource):
             contents = self.contents()
         except RequestError as error:
             return "; ".join(error.faults)
-        faults = grid.coverage_faults(contents, region.bounds)
+        faults = coverage_faults(contents, region.bounds)
         try:
-            select_slices(contents, season)
+            steps_of_season(contents, season)
         except ValueError as error:
             faults.append(str(error))
         return f"{name_of(contents.files)}: {'; '.join(faults)}" if faults else ""
@@ -89,7 +99,7 @@ class CfFiles(CurrentSource):
         """Return the part that the files' grid covers."""
         del season
         try:
-            return grid.covered_bounds(self.contents(), region.bounds)
+            return covered_bounds(self.contents(), region.bounds)
         except RequestError:
             return None
 
@@ -110,53 +120,34 @@ class CfFiles(CurrentSource):
         """Read the region's part, checked against the land of the world in a wider window."""
         del land, folder
         try:
-            contents, slices = self._selected(season)
+            contents, selected = self._selected(season)
         except ValueError as error:
             raise RequestError(f"{name_of(find_files(self.paths))}: {error}") from None
-        name = name_of(contents.files)
         bounds = _with_margin(contents, region.bounds)
         if contents.constituents:
-            slices = stream_slices(contents, season, bounds, with_mean=self.with_mean)
-        window = grid.find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
-        mask = LandMask.world()
-        try:
-            found = read_checked_fields(contents, slices, window, mask, bounds, region.bounds)
-        except ValueError as error:
-            raise RequestError(str(error)) from None
-        if found.assessment.faults:
-            reason = "; ".join(found.assessment.faults)
-            raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
-        lacking = water_without_data(found.wide, mask, region)
+            selected = stream_steps(contents, season, bounds, with_mean=self.with_mean)
+        field, notes = read_checked_fields(contents, selected, bounds, region)
         current = CurrentGrid(
             season=season.name,
-            lon=found.lon,
-            lat=found.lat,
-            u=found.u,
-            v=found.v,
-            times_s=np.array(slices.times_s),
+            lon=field.lon,
+            lat=field.lat,
+            u=field.u,
+            v=field.v,
+            times_s=np.array(selected.times_s),
             weak=weak_cells(contents, bounds) if contents.constituents else None,
-            valid=slices.valid,
+            valid=selected.valid,
             credit=_credit(contents),
-            notes=(
-                *contents.notes,
-                *slices.notes,
-                *found.notes,
-                *((lacking.note,) if lacking else ()),
-                *(
-                    Note.of("current-doubtful", source=name, warning=warning)
-                    for warning in found.assessment.warnings
-                ),
-            ),
-            files=_file_hashes(contents, slices),
-            climatology_for=season.valid if slices.is_climatology else "",
+            notes=(*contents.notes, *selected.notes, *notes),
+            files=_file_hashes(contents, selected),
+            climatology_for=season.valid if selected.is_climatology else "",
         )
         # Empty unless it is a climatology: sources passed over are not known here.
         return replace(current, notes=(*current.notes, *current.stand_in_notes))
 
-    def _selected(self, season: Season) -> tuple[Contents, SelectedSlices]:
-        """Read the files' contents, and select the season's fields."""
+    def _selected(self, season: Season) -> tuple[Contents, SelectedSteps]:
+        """Read the files' contents, and select the steps of the season's fields."""
         contents = self.contents()
-        return contents, select_slices(contents, season, with_mean=self.with_mean)
+        return contents, steps_of_season(contents, season, with_mean=self.with_mean)
 
     def contents(self) -> Contents:
         """Read the files' contents, again only when the files have changed."""
@@ -164,9 +155,9 @@ class CfFiles(CurrentSource):
         return _read_version(files, tuple(_stamp(file) for file in files), self.index)
 
 
-def _file_hashes(contents: Contents, slices: SelectedSlices) -> tuple[tuple[str, str], ...]:
+def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str, str], ...]:
     """Return the name and hash of each file that contains selected steps."""
-    steps = {step for weights in slices.weights for step in weights}
+    steps = {step for weights in selected.weights for step in weights}
     parts = [contents.u[contents.u_index[step][0]] for step in steps]
     parts += [contents.v[contents.v_index[step][0]] for step in steps]
     used = sorted({part.file for part in parts})
@@ -258,60 +249,57 @@ _SPEED_LIMIT_M_S = 10.0
 _GAP_FAULT_SHARE = 0.2
 # If at least this share of the cells far inland has data, a shift of the field can't be detected.
 _FILLED_LAND_SHARE = 0.5
-# Zeros mean "no data" where at least this share of land and at most this share of water is zero.
-_MIN_ZERO_LAND_SHARE, _MAX_ZERO_WATER_SHARE = 0.9, 0.01
-
-
-@dataclass(frozen=True)
-class CheckedFields:
-    """Fields on the kept part of the grid, doubts about them, and the first field in the window.
-
-    `lon` (nx,) and `lat` (ny,) are in degrees, `u` and `v` (nt, ny, nx) in m/s.
-    """
-
-    lon: FloatArray
-    lat: FloatArray
-    u: FloatArray
-    v: FloatArray
-    wide: Field
-    assessment: Assessment
-    notes: tuple[Note, ...]
+# Zeros mean "no data" where at least this share of land is zero,
+_MIN_ZERO_LAND_SHARE = 0.9
+# and at most this share of water.
+_MAX_ZERO_WATER_SHARE = 0.01
 
 
 def read_checked_fields(
-    contents: Contents,
-    slices: SelectedSlices,
-    window: grid.Window,
-    mask: LandMask,
-    bounds: Bounds,
-    region: Bounds,
-) -> CheckedFields:
-    """Read fields in a window, check each, and keep the part of each inside `bounds`.
+    contents: Contents, selected: SelectedSteps, bounds: Bounds, region: Polygon
+) -> tuple[Field, tuple[Note, ...]]:
+    """Read the fields of selected steps, check each in a wide window, and keep its part in bounds.
+
+    Returns the fields of all times, and notes on them.
 
     Raises
     ------
-    ValueError
-        The file is damaged.
+    RequestError
+        The file is damaged, or its fields can't be currents of the region.
     """
+    name = name_of(contents.files)
+    window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
+    mask = LandMask.world()
     kept: list[Field] = []
-    with grid.FieldReader(contents, window) as reader:
-        first = reader.field(slices.weights[0])
-        last = reader.field(slices.weights[-1]) if len(slices.weights) > 1 else first
-        zeros, notes = _zeros_on_land((first, last), mask)
-        first = _without(first, zeros)
+    try:
+        with FieldReader(contents, window) as reader:
+            first = reader.field(selected.weights[0])
+            last = reader.field(selected.weights[-1]) if len(selected.weights) > 1 else first
+            zeros, zero_notes = _zeros_on_land((first, last), mask)
+            first = _without(first, zeros)
 
-        def fields() -> Iterator[Field]:
-            others = (_without(one, zeros) for one in reader.fields(slices.weights[1:]))
-            for wide in itertools.chain([first], others):
-                kept.append(_cropped(wide, bounds))
-                yield wide
+            def fields() -> Iterator[Field]:
+                others = (_without(one, zeros) for one in reader.fields(selected.weights[1:]))
+                for wide in itertools.chain([first], others):
+                    kept.append(_cropped(wide, bounds))
+                    yield wide
 
-        assessment = assess_series(fields(), slices.labels, mask, _SPEED_LIMIT_M_S)
-    assessment += _assess_gaps(first, mask, region)
+            assessment = assess_series(fields(), selected.labels, mask, _SPEED_LIMIT_M_S)
+    except ValueError as error:
+        raise RequestError(str(error)) from None
+    assessment += _assess_gaps(first, mask, region.bounds)
     if kept[0].gap.all():
         assessment += Assessment(("it has no data in the region",))
-    u, v = (np.stack([getattr(field, name) for field in kept]) for name in "uv")
-    return CheckedFields(kept[0].lon, kept[0].lat, u, v, first, assessment, notes)
+    if assessment.faults:
+        reason = "; ".join(assessment.faults)
+        raise RequestError(f"{name} is refused: {reason}; correct it, or give another file")
+    u, v = (np.stack([getattr(field, part) for field in kept]) for part in "uv")
+    notes = (
+        *zero_notes,
+        *water_without_data(first, mask, region),
+        *assessment.doubts(name),
+    )
+    return Field(kept[0].lon, kept[0].lat, u, v), notes
 
 
 def _cropped(field: Field, bounds: Bounds) -> Field:

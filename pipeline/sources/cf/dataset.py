@@ -9,10 +9,16 @@ input names, one a line, and first reports each one on standard error. If it cra
 deadline, the file reported last is damaged. A GRIB file is read whole there, since ecCodes writes
 its complaints to standard error itself: what fails is reported on standard output. So is a NetCDF 4
 file of which a part lies in another file, which the library would read.
+
+Of a truncated NetCDF file of a classic format the library reads zeros beyond the end. So its header
+is read here, which states where each variable begins; see "File Format Specifications" in the
+NetCDF User's Guide (CDF-1, CDF-2 and CDF-5). All numbers are big endian, and all items are padded
+to 4 bytes. No library does this: SciPy, which maps the whole file, does not know CDF-5.
 """
 
 import contextlib
 import math
+import struct
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,7 +32,6 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.machine.interpreters import ProcessResult, run_python
 from pipeline.sources.cf import grib
-from pipeline.sources.cf.classic import MAGIC, missing_bytes
 from pipeline.texts import acts, clean
 
 if TYPE_CHECKING:
@@ -43,8 +48,10 @@ _ZARR_MARKERS = ("zarr.json", ".zgroup", ".zmetadata")
 _MAX_AXIS = 500_000
 # Largest size of a chunk, bytes: one value of it can't be read without all of it.
 _MAX_CHUNK_BYTES = 512 << 20
-# Kinds of NumPy types that are numbers, and kinds that are text.
-_NUMBERS, _TEXT = "iuf", "SUO"
+# Kinds of NumPy types that are numbers.
+_NUMBERS = "iuf"
+# Kinds of NumPy types that are text.
+_TEXT = "SUO"
 # Length to which a message of a library is cut, characters.
 _MAX_REASON = 200
 
@@ -97,8 +104,8 @@ def open_dataset(path: Path) -> "xr.Dataset":
     if is_grib(path):
         grib.require_library()
         with reading():
-            contents = grib.read_contents(path)
-        return grib.as_dataset(path, contents)
+            read = grib.read_fields(path)
+        return grib.as_dataset(path, read)
     with reading():
         store = _store(path)
     if store is None:
@@ -198,10 +205,14 @@ def _check_axis_size(name: str, size: int) -> None:
         )
 
 
-# Time for the process to start, and for each file, s. Opening takes some ms; on slow disks, longer.
-_START_S, _FILE_S = 60.0, 2.0
-# CPU time of the process, and for each file, s, where the system can limit it.
-_START_CPU_S, _FILE_CPU_S = 5.0, 0.2
+# Time for the process to start, s.
+_START_S = 60.0
+# Time for each file, s. Opening takes some ms; on slow disks, longer.
+_FILE_S = 2.0
+# CPU time for the process to start, s, where the system can limit it.
+_START_CPU_S = 5.0
+# CPU time for each file, s.
+_FILE_CPU_S = 0.2
 # Bytes of a GRIB file that are read in a second of CPU time: a tenth of what is usual.
 _BYTES_S = 5e6
 # A variable with at most this number of values is read whole, as an axis is.
@@ -337,3 +348,73 @@ def _touch(variable: Any) -> None:  # noqa: ANN401 - netCDF4 has no types
 
 if __name__ == "__main__":
     main()
+
+
+MAGIC = b"CDF"
+# Size of a value by the number of its type, bytes.
+_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}
+# Largest number of items of a list in a header: the library's own limit is 8192 variables.
+_MAX_ITEMS = 100_000
+# Formats of a count, and of a position in the file, by the format's number.
+_FORMATS = {1: (">I", ">I"), 2: (">I", ">Q"), 5: (">Q", ">Q")}
+
+
+def missing_bytes(path: Path) -> int:
+    """Return how many bytes a file ends before its last value; 0 where it is complete.
+
+    Raises
+    ------
+    ValueError, struct.error, LookupError
+        The header is damaged.
+    """
+    with path.open("rb") as file:
+        count, position = _FORMATS[file.read(4)[3]]
+
+        def number(form: str = count) -> int:
+            return int(struct.unpack(form, file.read(struct.calcsize(form)))[0])
+
+        def items() -> range:
+            if (length := number()) > _MAX_ITEMS:
+                raise ValueError(f"its header states {length:,} items")
+            return range(length)
+
+        def skip(size: int) -> None:
+            file.seek(_padded(size), 1)
+
+        def skip_attributes() -> None:
+            number(">I")
+            for _ in items():
+                skip(number())
+                skip(_SIZES[number(">I")] * number())
+
+        steps = number()
+        if steps == 2 ** (8 * struct.calcsize(count)) - 1:
+            return 0  # written as a stream: its end is the end of the file
+        lengths: list[int] = []
+        fixed, records = [(0, 0)], list[tuple[int, int]]()
+        number(">I")
+        for _ in items():
+            skip(number())
+            lengths.append(number())
+        skip_attributes()
+        number(">I")
+        for _ in items():
+            skip(number())
+            shape = [lengths[number()] for _ in items()]
+            skip_attributes()
+            size = _SIZES[number(">I")]
+            number()
+            begin = number(position)
+            # The length of the dimension that grows is stated as 0; it is always the first.
+            grows = shape[:1] == [0]
+            (records if grows else fixed).append((begin, size * math.prod(shape[grows:])))
+    # The variables of a step are padded, unless there is only one variable.
+    step_bytes = sum(_padded(size) if len(records) > 1 else size for _, size in records)
+    ends = [begin + size for begin, size in fixed]
+    ends += [begin + (steps - 1) * step_bytes + size for begin, size in records if steps]
+    return max(0, max(ends) - path.stat().st_size)
+
+
+def _padded(size: int) -> int:
+    """Return the size of an item with its padding."""
+    return -(-size // 4) * 4

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -25,9 +25,10 @@ from pipeline._types import FloatArray
 if TYPE_CHECKING:
     import xarray as xr
 
+_EAST = "eastward"
+_NORTH = "northward"
 # Components by their parameter in edition 1, whose tables from version 128 on are a centre's own,
 # and by discipline, category and number in edition 2.
-_EAST, _NORTH = "eastward", "northward"
 _PARAMETERS: Mapping[tuple[int, ...], str] = {
     (49,): _EAST,
     (50,): _NORTH,
@@ -78,7 +79,7 @@ class Grid:
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class GribField:
     """A component at one time: where it lies in its file, and what it says of itself.
 
     `part` counts the fields of the message that begins at the byte `offset`. Times are seconds
@@ -104,13 +105,8 @@ class Field:
         return _DEPTHS_M.get(kind, 0.0) * value
 
 
-@dataclass(frozen=True, slots=True)
-class Contents:
-    """The currents of a file, the names of its other parameters, and its centre."""
-
-    fields: tuple[Field, ...]
-    others: tuple[str, ...]
-    centre: str
+Read: TypeAlias = tuple[tuple[GribField, ...], tuple[str, ...], str]
+"""The currents of a file, the names of its other parameters, and its centre."""
 
 
 def require_library() -> None:
@@ -147,7 +143,7 @@ def _messages(path: Path, offset: int = 0) -> Iterator[Iterator[int]]:
         yield handles()
 
 
-def read_contents(path: Path) -> Contents:
+def read_fields(path: Path) -> Read:
     """Read what a file says of its fields; errors of the library where it is damaged."""
     fields, others, centre = [], dict[str, None](), ""
     at, part = -1, 0
@@ -164,12 +160,12 @@ def read_contents(path: Path) -> Contents:
                 name = _get(handle, "name", str, "unknown")
                 number = f"parameter {'/'.join(map(str, parameter))}"
                 others[number if name == "unknown" else name] = None
-    return Contents(tuple(fields), tuple(others), centre)
+    return tuple(fields), tuple(others), centre
 
 
 def check_values(path: Path) -> None:
     """Read all values of a file's currents; errors of the library where they are damaged."""
-    for field in read_contents(path).fields:
+    for field in read_fields(path)[0]:
         if field.grid.kind == _REGULAR and math.prod(field.grid.shape) <= _MAX_NODES:
             _values(path, field)
 
@@ -196,7 +192,7 @@ def _parameter(handle: int) -> tuple[int, ...]:
     return tuple(_get(handle, key, int) for key in keys)
 
 
-def _field(handle: int, component: str, offset: int, part: int) -> Field:
+def _field(handle: int, component: str, offset: int, part: int) -> GribField:
     """Return what a message says of a component."""
     import eccodes
 
@@ -205,7 +201,7 @@ def _field(handle: int, component: str, offset: int, part: int) -> Field:
     begin, end = (60 * _get(handle, key, int) for key in ("startStep", "endStep"))
     reference = datetime.strptime(f"{day}{clock:04}", "%Y%m%d%H%M").replace(tzinfo=UTC)
     since = int(reference.timestamp())
-    return Field(
+    return GribField(
         component=component,
         offset=offset,
         part=part,
@@ -251,7 +247,7 @@ def _grid(handle: int) -> Grid:
     )
 
 
-def _values(path: Path, field: Field) -> FloatArray:
+def _values(path: Path, field: GribField) -> FloatArray:
     """Read the values of a field (ny, nx), m/s, with NaN where there are none."""
     import eccodes
 
@@ -267,7 +263,7 @@ def _values(path: Path, field: Field) -> FloatArray:
     return lines.T if grid.by_column else lines
 
 
-def as_dataset(path: Path, contents: Contents) -> "xr.Dataset":
+def as_dataset(path: Path, read: Read) -> "xr.Dataset":
     """Return the currents as a dataset whose values are read when they are needed.
 
     Raises
@@ -277,7 +273,8 @@ def as_dataset(path: Path, contents: Contents) -> "xr.Dataset":
     """
     import xarray as xr
 
-    fields = _uppermost(contents)
+    all_fields, others, centre = read
+    fields = _uppermost(all_fields, others)
     grid = _one_grid(fields)
     series = {component: _in_time(fields, component) for component in _NAMES}
     times = {component: [field.time for field in own] for component, own in series.items()}
@@ -308,12 +305,11 @@ def as_dataset(path: Path, contents: Contents) -> "xr.Dataset":
     }
     periods = np.array([(field.begin, field.time) for field in series[_EAST]], float)
     variables["periods"] = xr.Variable(("time", "side"), periods)
-    return xr.Dataset(variables, coordinates, {"institution": contents.centre})
+    return xr.Dataset(variables, coordinates, {"institution": centre})
 
 
-def _uppermost(contents: Contents) -> list[Field]:
+def _uppermost(fields: Sequence[GribField], others: Sequence[str]) -> list[GribField]:
     """Return the fields of the uppermost level; ValueError where they make no current."""
-    fields, others = contents.fields, contents.others
     if not fields:
         more = ", …" if len(others) > _MAX_NAMES else ""
         listed = ", ".join(others[:_MAX_NAMES]) or "no fields"
@@ -335,7 +331,7 @@ def _uppermost(contents: Contents) -> list[Field]:
     return [field for field in fields if field.depth_m == least]
 
 
-def _one_grid(fields: Sequence[Field]) -> Grid:
+def _one_grid(fields: Sequence[GribField]) -> Grid:
     """Return the grid of fields; ValueError where they have several, or it can't be used."""
     grids = {field.grid for field in fields}
     if len(grids) > 1:
@@ -361,7 +357,7 @@ def _one_grid(fields: Sequence[Field]) -> Grid:
     return grid
 
 
-def _in_time(fields: Sequence[Field], component: str) -> list[Field]:
+def _in_time(fields: Sequence[GribField], component: str) -> list[GribField]:
     """Return a component's fields in time; ValueError where two have the same time."""
     own = sorted((one for one in fields if one.component == component), key=lambda one: one.time)
     for one, following in itertools.pairwise(own):
@@ -378,7 +374,7 @@ def _moment(time: int) -> str:
     return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%dT%H:%MZ}"
 
 
-def _lazy(path: Path, fields: Sequence[Field]) -> Any:  # noqa: ANN401 - a type of xarray's inside
+def _lazy(path: Path, fields: Sequence[GribField]) -> Any:  # noqa: ANN401 - a type of xarray's inside
     """Return fields (nt, 1, ny, nx) as an array that reads only those that are asked for."""
     from xarray.backends import BackendArray
     from xarray.core import indexing

@@ -5,24 +5,21 @@ a field shifted by half a degree looks like any other. So the axes are compared 
 the speeds with the sea's, and the gaps with the land and between time steps.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.geo.lonlat import Bounds, cell_bounds, sides_beyond, widened
 from pipeline.model import Land, Note
-from pipeline.scenario.catalogue import CopernicusSpec
-from pipeline.sources.cf.axes import coordinate_axis
+from pipeline.sources.cf.axes import coordinate_axis, decoded_times
 from pipeline.sources.cf.dataset import coordinate_values, open_dataset, reading
-from pipeline.sources.cf.grid import Window, find_window, read_window
-from pipeline.sources.cf.times import decoded_times
+from pipeline.sources.cf.fields import Window, find_window, read_window
 from pipeline.sources.copernicus.client import around_missing
+from pipeline.sources.copernicus.download import Request, label_format
 from pipeline.sources.current_field import SURFACE_DEPTH_M, Field, LandMask, water_without_data
 from pipeline.sources.plausibility import assess_series, count_misplaced, dilated
 
@@ -37,62 +34,33 @@ _STANDARD_NAMES = {
 # Deviation of an axis's steps from the cell size, as a share of it, that rounding to float32 may
 # cause: 6e-6 degrees at 122 degrees.
 _STEP_TOLERANCE = 1e-3
-# Limit of the difference between a cell and all its neighbours, to find flipped bits. It is the
-# larger of a speed (the first, m/s) and a multiple (the second) of the differences among the
-# neighbours, and at most a share (the third) of the speed limit. Of 1.7 million cells of real
-# fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree) none exceeds 0.2 m/s and 3 times at once, and
-# none 0.6 m/s.
-_SPIKE_M_S, _SPIKE_RATIO, _SPIKE_SHARE = 0.3, 4.0, 0.25
+# A cell is damaged, as by a flipped bit, if it differs from all its neighbours by more than this
+# speed and more than this multiple of the differences among them, or by more than this share of the
+# speed limit. Of 1.7 million cells of real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree)
+# none exceeds 0.2 m/s and 3 times at once, and none 0.6 m/s.
+_SPIKE_M_S = 0.3
+_SPIKE_RATIO = 4.0
+_SPIKE_SHARE = 0.25
 # Least number of neighbours with data that a cell is compared with.
 _MIN_NEIGHBOURS = 5
 # Largest share of open water without data, and of cells far inland with data: models leave out
 # straits and shallows.
 _MAX_MISPLACED_SHARE = 0.02
+# Dimensions of the service's files along the axes.
+_DIMS = ("latitude", "longitude")
+# Number of cells that are kept around the region.
+_KEPT_CELLS = 5
 
 
-# Dimensions of the service's files along the axes, and cells that are kept around the region.
-_DIMS, _KEPT_CELLS = ("latitude", "longitude"), 5
+Accepted: TypeAlias = tuple[Field, tuple[Note, ...]]
+"""Fields of all times, with the same gaps, and suspicions that do not suffice to refuse them."""
 
 
-@dataclass(frozen=True, slots=True)
-class Expected:
-    """A request of a dataset: time steps, and a region in lon/lat degrees.
-
-    The field is the sum of the steps times their `weights`; without any each step is a field of
-    its own. `labels` are the steps' times in `label_format` (strftime). `missing_boxes` hold the
-    centres of the cells for which the service has no chunk, which should be land.
-    """
-
-    spec: CopernicusSpec
-    labels: tuple[str, ...]
-    weights: tuple[float, ...]
-    label_format: str
-    region: Polygon
-    missing_boxes: tuple[Bounds, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class AcceptedFields:
-    """Ascending lon (nx,) and lat (ny,) in degrees; u, v (nt, ny, nx) in m/s, NaN where no data.
-
-    All times have the same gaps. `notes` are suspicions about the fields that do not suffice to
-    refuse them.
-    """
-
-    lon: FloatArray
-    lat: FloatArray
-    u: FloatArray
-    v: FloatArray
-    notes: tuple[Note, ...] = ()
-
-    def at_each_time(self) -> Iterator[Field]:
-        """Yield the fields one by one."""
-        for u, v in zip(self.u, self.v, strict=True):
-            yield Field(self.lon, self.lat, u, v)
-
-
-def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
+def accept(path: Path, asked: Request, missing_boxes: Sequence[Bounds], land: Land) -> Accepted:
     """Read a NetCDF file and return its fields, or refuse it with all reasons.
+
+    `missing_boxes` hold the centres of the cells for which the service has no chunk, which should
+    be land.
 
     Raises
     ------
@@ -101,32 +69,31 @@ def accept(path: Path, expected: Expected, land: Land) -> AcceptedFields:
     """
     try:
         with open_dataset(path) as dataset, reading():
-            faults, fields = _read(dataset, expected)
+            faults, field = _read(dataset, asked)
     except ValueError as error:
         raise StageError(f"{path.name}: {error}") from None
-    if fields is not None:
-        mask = LandMask.of(land.polygons, expected.region.bounds)
-        first = next(fields.at_each_time())
-        faults = _missing_chunk_faults(first, expected, mask) + faults + _gap_faults(first, mask)
+    notes: tuple[Note, ...] = ()
+    if field is not None:
+        mask = LandMask.of(land.polygons, asked.region.bounds)
+        each = [Field(field.lon, field.lat, u, v) for u, v in zip(field.u, field.v, strict=True)]
+        missing = _missing_chunk_faults(each[0], asked, missing_boxes, mask)
+        faults = missing + faults + _gap_faults(each[0], mask)
         if not faults:
-            labels = expected.labels[: len(fields.u)]
-            limit_m_s = expected.spec.speed_limit_m_s
-            assessment = assess_series(fields.at_each_time(), labels, mask, limit_m_s)
+            labels = asked.steps.labels[: len(each)]
+            assessment = assess_series(each, labels, mask, asked.spec.speed_limit_m_s)
             faults = list(assessment.faults)
-            lacking = water_without_data(first, mask, expected.region)
-            doubts = [
-                Note.of("current-doubtful", source=expected.spec.dataset, warning=warning)
-                for warning in assessment.warnings
-            ]
-            fields = replace(fields, notes=(*doubts, *((lacking.note,) if lacking else ())))
-    if faults or fields is None:
+            notes = (
+                *assessment.doubts(asked.spec.dataset),
+                *water_without_data(each[0], mask, asked.region),
+            )
+    if faults or field is None:
         raise StageError(f"{path.name} is not what was requested: {'; '.join(faults)}")
-    return fields
+    return field, notes
 
 
-def _read(dataset: "xr.Dataset", expected: Expected) -> tuple[list[str], AcceptedFields | None]:
+def _read(dataset: "xr.Dataset", asked: Request) -> tuple[list[str], Field | None]:
     """Read axes and fields, with the faults of both; no fields where the axes are wrong."""
-    wanted = {"eastward": expected.spec.eastward, "northward": expected.spec.northward}
+    wanted = {"eastward": asked.spec.eastward, "northward": asked.spec.northward}
     needed = (*wanted.values(), "longitude", "latitude", "time")
     if absent := [name for name in needed if name not in dataset.variables]:
         return [f"no variable {name!r}" for name in absent], None
@@ -138,46 +105,46 @@ def _read(dataset: "xr.Dataset", expected: Expected) -> tuple[list[str], Accepte
             for direction, name in wanted.items()
             for fault in _variable_faults(dataset[name], direction)
         ),
-        *_step_faults("longitude", lon, expected.spec.cell_deg),
-        *_step_faults("latitude", lat, expected.spec.cell_deg),
-        *_time_faults(dataset, expected),
+        *_step_faults("longitude", lon, asked.spec.cell_deg),
+        *_step_faults("latitude", lat, asked.spec.cell_deg),
+        *_time_faults(dataset, asked),
         *_depth_faults(dataset),
     ]
     if faults:
         return faults, None
-    margin = _KEPT_CELLS * expected.spec.cell_deg
-    window = find_window(lon, lat, widened(expected.region.bounds, margin, margin))
+    margin = _KEPT_CELLS * asked.spec.cell_deg
+    window = find_window(lon, lat, widened(asked.region.bounds, margin, margin))
     if not (window.lon.size and window.lat.size):
         return ["it has no data in the region"], None
-    faults, u, v = _read_fields(dataset, expected, window)
-    faults += _extent_faults(window, expected)
-    return faults, AcceptedFields(window.lon, window.lat, u, v)
+    faults, u, v = _read_fields(dataset, asked, window)
+    faults += _extent_faults(window, asked)
+    return faults, Field(window.lon, window.lat, u, v)
 
 
 def _read_fields(
-    dataset: "xr.Dataset", expected: Expected, window: Window
+    dataset: "xr.Dataset", asked: Request, window: Window
 ) -> tuple[list[str], FloatArray, FloatArray]:
     """Return both components of the fields (nt, ny, nx), and the first faulty step's faults.
 
     Step by step, so that a month of hours need not fit in memory where its mean is the field.
     """
     shape = (window.lat.size, window.lon.size)
-    count = 1 if expected.weights else len(expected.labels)
-    u_fields, v_fields = np.zeros((count, *shape)), np.zeros((count, *shape))
-    first_gap, fastest_m_s = None, expected.spec.speed_limit_m_s
-    for step, label in enumerate(expected.labels):
+    weights, labels = asked.selected.weights, asked.steps.labels
+    u_fields, v_fields = (np.zeros((len(weights), *shape)) for _ in "uv")
+    first_gap, fastest_m_s = None, asked.spec.speed_limit_m_s
+    for step, label in enumerate(labels):
         u, v = (
             read_window(dataset.variables[name].isel(time=step), _DIMS, window).reshape(shape)
-            for name in (expected.spec.eastward, expected.spec.northward)
+            for name in (asked.spec.eastward, asked.spec.northward)
         )
         gap = ~np.isfinite(u)
         first_gap = gap if first_gap is None else first_gap
         faults = []
         if (gap == np.isfinite(v)).any():
             faults.append("one component has gaps where the other has none")
-        if not expected.spec.gaps_vary and (changed := int((gap != first_gap).sum())):
+        if not asked.spec.gaps_vary and (changed := int((gap != first_gap).sum())):
             faults.append(
-                f"{changed} cells have gaps either at {label} or at {expected.labels[0]}, not at "
+                f"{changed} cells have gaps either at {label} or at {labels[0]}, not at "
                 "both: a part was not delivered"
             )
         strongest = float(np.max(np.hypot(u, v), initial=0.0, where=np.isfinite(u * v)))
@@ -193,9 +160,10 @@ def _read_fields(
             )
         if faults:
             return faults, u[None], v[None]
-        field, weight = (0, expected.weights[step]) if expected.weights else (step, 1.0)
-        u_fields[field] += weight * u
-        v_fields[field] += weight * v
+        for field, shares in enumerate(weights):
+            if step in shares:
+                u_fields[field] += shares[step] * u
+                v_fields[field] += shares[step] * v
     # In fields that change, a gap at one time becomes a gap at all times, as it does in a mean.
     gap = np.logical_not(np.isfinite(u_fields).all(axis=0))
     u_fields[:, gap] = v_fields[:, gap] = np.nan
@@ -241,16 +209,19 @@ def _step_faults(name: str, axis: FloatArray, cell_deg: float) -> Iterator[str]:
         yield f"{name} steps by {steps.min():.5g} to {steps.max():.5g} degrees, not {cell_deg:.5g}"
 
 
-def _time_faults(dataset: "xr.Dataset", expected: Expected) -> list[str]:
+def _time_faults(dataset: "xr.Dataset", asked: Request) -> list[str]:
     """Find whether the file lacks time steps, or has others than requested."""
     time, values = dataset["time"], coordinate_values(dataset, "time").reshape(-1)
     stamps = decoded_times(time, values, time.attrs.get("units", ""))
-    labels = tuple(stamp.strftime(expected.label_format) for stamp in stamps)
-    if labels == expected.labels:
+    labels, wanted = (
+        tuple(stamp.strftime(label_format(asked.spec)) for stamp in stamps),
+        asked.steps.labels,
+    )
+    if labels == wanted:
         return []
-    lacking = [label for label in expected.labels if label not in labels]
+    lacking = [label for label in wanted if label not in labels]
     first = f"; {lacking[0]} is missing{around_missing(labels, lacking[0])}" if lacking else ""
-    return [f"its times are {_shortened(labels)}, not {_shortened(expected.labels)}{first}"]
+    return [f"its times are {_shortened(labels)}, not {_shortened(wanted)}{first}"]
 
 
 def _shortened(labels: tuple[str, ...]) -> str:
@@ -269,11 +240,11 @@ def _depth_faults(dataset: "xr.Dataset") -> list[str]:
     return []
 
 
-def _extent_faults(window: Window, expected: Expected) -> list[str]:
+def _extent_faults(window: Window, asked: Request) -> list[str]:
     """Find sides of the region that the cells don't cover."""
-    cell_deg = expected.spec.cell_deg
+    cell_deg = asked.spec.cell_deg
     cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
-    lacking = sides_beyond(expected.region.bounds, cells)
+    lacking = sides_beyond(asked.region.bounds, cells)
     return [f"it has no data {' nor '.join(lacking)}"] if lacking else []
 
 
@@ -290,23 +261,25 @@ def _gap_faults(field: Field, mask: LandMask) -> list[str]:
     ]
 
 
-def _missing_chunk_faults(field: Field, expected: Expected, mask: LandMask) -> list[str]:
+def _missing_chunk_faults(
+    field: Field, asked: Request, boxes: Sequence[Bounds], mask: LandMask
+) -> list[str]:
     """Find water in chunks that the service does not have.
 
     It stores no chunk without data, and gives the same answer when it fails. Cells beside land may
     be land to a coarse model; there the gap is filled from the water beside it anyway.
     """
-    if not expected.missing_boxes:
+    if not boxes:
         return []
-    cell = expected.spec.cell_deg
+    cell = asked.spec.cell_deg
     missing = np.zeros(field.u.shape, dtype=bool)
-    for west, south, east, north in expected.missing_boxes:
+    for west, south, east, north in boxes:
         # Counted eastward from the box's west edge, as both may be whole turns apart.
         column = (field.lon - west + cell / 2) % 360 <= east - west + cell
         row = (field.lat >= south - cell / 2) & (field.lat <= north + cell / 2)
         missing |= row[:, None] & column[None, :]
     # Further out the field is not used, and the land is not known.
-    west, south, east, north = widened(expected.region.bounds, cell, cell)
+    west, south, east, north = widened(asked.region.bounds, cell, cell)
     column = (field.lon > west) & (field.lon < east)
     row = (field.lat > south) & (field.lat < north)
     wet = missing & row[:, None] & column[None, :]

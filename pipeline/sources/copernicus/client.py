@@ -32,7 +32,7 @@ PASSWORD = "COPERNICUSMARINE_SERVICE_PASSWORD"  # noqa: S105 - the variable's na
 LOGIN = f"{USERNAME} and {PASSWORD}, or run `copernicusmarine login`"
 """How to sign in with the client; messages put it after "set" or "check"."""
 # The client's own file, under COPERNICUSMARINE_CREDENTIALS_DIRECTORY or the home directory.
-_FOLDER, _FILE = ".copernicusmarine", ".copernicusmarine-credentials"
+_FILE = ".copernicusmarine/.copernicusmarine-credentials"
 # Credentials in addresses: the client puts the user name into every address, and the address of a
 # proxy may have a password.
 _IN_ADDRESSES = re.compile(r"(?<=x-cop-user=)[^&\s'\"]+|(?<=://)[^/@\s'\"]+(?=@)")
@@ -49,7 +49,7 @@ def has_account() -> bool:
 def credentials_file() -> Path:
     """Return the path of the file in which `copernicusmarine login` stores the credentials."""
     folder = os.environ.get("COPERNICUSMARINE_CREDENTIALS_DIRECTORY")
-    return (Path(folder) if folder else Path.home()) / _FOLDER / _FILE
+    return (Path(folder) if folder else Path.home()) / _FILE
 
 
 def without_secrets(text: str) -> str:
@@ -76,7 +76,10 @@ def _secrets() -> set[str]:
     return found - {"", "credentials"}
 
 
-_VALID, _REFUSED, _UNREACHABLE = 0, 3, 4
+# Exit codes of the check of the login.
+_VALID = 0
+_REFUSED = 3
+_UNREACHABLE = 4
 # Maximum length of the client's message in a fault, characters.
 _MAX_MESSAGE_LENGTH = 200
 _REACH = "check the connection to auth.marine.copernicus.eu, and the proxy"
@@ -111,6 +114,7 @@ def check_login() -> int:
 
 
 NO_ANSWER = 3
+"""Exit code of a download by which the client returned nothing."""
 # urllib3's log line of an answer: ... "GET /path HTTP/1.1" 403 243
 _ANSWER = re.compile(r'"GET (?P<address>\S+) HTTP/[\d.]+" (?P<status>\d{3})')
 _CHUNK = re.compile(r"(?P<store>.*\.zarr)/(?P<variable>\w+)/(?P<index>\d+(\.\d+)*)")

@@ -1,7 +1,7 @@
 """A download by the Copernicus Marine client: its time steps, attempts, and place in the cache.
 
-A season's field is a weighted mean of some steps. A voyage in a changing current takes all steps of
-its time, each as a field of its own.
+Which steps a dataset has is known without a request, so they are selected by the same rules as
+those of the user's files (`pipeline.sources.cf.fields`), before they are downloaded.
 
 The service labels the mean of a month or a day with its first moment, that of an hour with its
 first or its middle, and an instantaneous field with its own time. So a step is identified here by a
@@ -24,16 +24,20 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
+
+from shapely.geometry import Polygon
 
 from pipeline.errors import StageError
+from pipeline.geo.lonlat import MARGIN_CELLS, widened
 from pipeline.machine.files import write_whole
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.store import file_hash
-from pipeline.scenario.catalogue import CopernicusSpec, StepKind, StepLength
+from pipeline.scenario.catalogue import CopernicusSpec, StepLength
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import Period
-from pipeline.sources.cf.times import MONTH, middle_of_step, step_around
+from pipeline.sources.cf.axes import MONTH, TimeSteps, middle_of_step, step_around
+from pipeline.sources.cf.fields import SelectedSteps, select_all_steps, select_steps
 from pipeline.sources.copernicus.client import LOGIN, NO_ANSWER, without_secrets
 
 _BY_HOUR = "%Y-%m-%dT%H"
@@ -45,137 +49,128 @@ _LENGTHS: dict[StepLength, timedelta] = {
     "6 hours": timedelta(hours=6),
     "hour": timedelta(hours=1),
 }
+# Number of steps around a moment that are looked at: the one before it, its own, and two more.
+_LEAST_STEPS = 4
 
 
-@dataclass(frozen=True, slots=True)
-class TimeResolution:
-    """Length and kind of a dataset's time steps."""
-
-    length: StepLength
-    kind: StepKind
-
-    @property
-    def label_format(self) -> str:
-        """Format (strftime) of a step's label; a climatology has no years."""
-        return "%m" if self.kind == "climatology" else _LABEL_FORMATS[self.length]
-
-    def start(self, moment: datetime) -> datetime:
-        """Return the start of the step that a moment lies in."""
-        return step_around(moment, _LENGTHS[self.length])[0]
-
-    def next_start(self, start: datetime) -> datetime:
-        """Return the start of the step that follows."""
-        return step_around(start, _LENGTHS[self.length])[1]
-
-    def valid_time(self, start: datetime) -> datetime:
-        """Return the time for which a step's field is valid: the middle of a mean."""
-        is_instant = self.kind == "instant"
-        return start if is_instant else middle_of_step(start, _LENGTHS[self.length])
+def label_format(spec: CopernicusSpec) -> str:
+    """Return the format (strftime) of a step's label; a climatology has no years."""
+    return "%m" if spec.kind == "climatology" else _LABEL_FORMATS[spec.step]
 
 
-@dataclass(frozen=True, slots=True)
-class SelectedSteps:
-    """Starts (UTC, ascending), labels and weights (sum 1) of time steps, and the last one's end.
-
-    Without weights each step is a field of its own, of a current that changes.
-    """
-
-    starts: tuple[datetime, ...]
-    labels: tuple[str, ...]
-    weights: tuple[float, ...]
-    end: datetime
-
-    @property
-    def are_fields(self) -> bool:
-        """Whether each step is a field of its own."""
-        return not self.weights
-
-    def until(self, last: datetime) -> "SelectedSteps":
-        """Keep the steps that start at a moment or before it, where each is a field of its own."""
-        if not self.are_fields:
-            return self
-        count = sum(start <= last for start in self.starts)
-        return replace(self, starts=self.starts[:count], labels=self.labels[:count])
+def step_ends(spec: CopernicusSpec, moment: datetime) -> tuple[datetime, datetime]:
+    """Return begin and end of the step of a dataset that a moment lies in."""
+    return step_around(moment, _LENGTHS[spec.step])
 
 
-def select_steps(period: Period, resolution: TimeResolution, method: TimeMethod) -> SelectedSteps:
-    """Select the steps that make up a period's field.
+def select(
+    spec: CopernicusSpec, period: Period, method: TimeMethod | Literal["changing"]
+) -> tuple[TimeSteps, SelectedSteps]:
+    """Select the steps of a dataset that make up a period's field, or fields that change.
+
+    Returns these steps alone, each with the time for which it is valid and its label, and which of
+    them make up each field.
 
     Raises
     ------
     ValueError
-        No steps can be selected: the steps are longer than the period, or the dataset is a
-        climatology and linear interpolation between its months was asked for.
+        The dataset is a climatology, and changes between its months are asked for; or its steps are
+        longer than the period.
     """
     middle = period.begin + (period.end - period.begin) / 2
-    if resolution.kind == "climatology":
+    if spec.kind == "climatology":
+        if method == "changing":
+            raise ValueError("is a climatology of months, which does not show how currents change")
         if method == "linear":
             raise ValueError("is a climatology of months, which are not interpolated in time")
-        return _with_equal_weights([resolution.start(middle)], resolution)
-    if method != "mean":
-        return (_linear if method == "linear" else _nearest)(middle, resolution)
-    starts = []
-    start = resolution.start(period.begin)
-    start = start if start == period.begin else resolution.next_start(start)
-    while (following := resolution.next_start(start)) <= period.end:
-        starts.append(start)
-        start = following
-    if not starts:
-        length = _SPOKEN[resolution.length]
-        raise ValueError(f"has time steps of {length}, which are longer than the time asked for")
-    return _with_equal_weights(starts, resolution)
+        month = TimeSteps(months=(middle.month,), labels=(f"{middle:%m}",))
+        return month, select_steps(month, period, method)
+    if method not in {"mean", "changing"}:
+        period = Period(middle, middle)
+    begin, end = step_ends(spec, period.begin)
+    if method == "mean" and (begin < period.begin or end > period.end):
+        raise ValueError(
+            f"has time steps of {_SPOKEN[spec.step]}, which are longer than the time asked for"
+        )
+    begins = [step_ends(spec, begin - timedelta(hours=1))[0]]
+    while len(begins) < _LEAST_STEPS or begins[-1] <= period.end:
+        begins.append(step_ends(spec, begins[-1])[1])
+    if method == "nearest" and spec.kind == "mean":
+        begins = [begin]  # the mean that contains a moment, even if another's middle is nearer
+    is_instant, length = spec.kind == "instant", _LENGTHS[spec.step]
+    steps = TimeSteps(
+        moments=tuple(at if is_instant else middle_of_step(at, length) for at in begins),
+        labels=tuple(at.strftime(label_format(spec)) for at in begins),
+        width=end - begin,
+    )
+    if method == "changing":
+        selected = select_all_steps(steps, period)
+    else:
+        selected = select_steps(steps, period, method)
+    used = sorted({step for weights in selected.weights for step in weights})
+    place = {step: at for at, step in enumerate(used)}
+    weights = tuple({place[i]: share for i, share in one.items()} for one in selected.weights)
+    return steps.only(used), replace(selected, weights=weights)
 
 
-def select_all_steps(period: Period, resolution: TimeResolution) -> SelectedSteps:
-    """Select all steps from the one valid before a period's begin to the one after its end.
+@dataclass(frozen=True)
+class Request:
+    """All that a dataset's file must have: a region (lon/lat degrees), and steps by `select`."""
 
-    Raises
-    ------
-    ValueError
-        The dataset is a climatology.
-    """
-    if resolution.kind == "climatology":
-        raise ValueError("is a climatology of months, which does not show how currents change")
-    starts = [resolution.start(period.begin)]
-    if resolution.valid_time(starts[0]) > period.begin:
-        starts = [resolution.start(starts[0] - timedelta(hours=1))]
-    while len(starts) < 2 or resolution.valid_time(starts[-1]) < period.end:
-        starts.append(resolution.next_start(starts[-1]))
-    return _labelled(starts, (), resolution)
+    spec: CopernicusSpec
+    region: Polygon
+    steps: TimeSteps
+    selected: SelectedSteps
 
+    @property
+    def changes(self) -> bool:
+        """Whether each step is a field of its own, of a current that changes."""
+        return len(self.selected.weights) > 1
 
-def _nearest(moment: datetime, resolution: TimeResolution) -> SelectedSteps:
-    """Select the mean that a moment lies in, or the instantaneous field nearest to it."""
-    start = resolution.start(moment)
-    following = resolution.next_start(start)
-    is_later = resolution.kind == "instant" and following - moment < moment - start
-    return _with_equal_weights([following if is_later else start], resolution)
+    def until(self, last: datetime) -> "Request":
+        """Leave out the steps that begin after a moment, where each is a field of its own."""
+        if not self.changes:
+            return self
+        begins = [step_ends(self.spec, moment)[0] for moment in self.steps.moments]
+        count = sum(begin <= last for begin in begins)
+        selected = replace(
+            self.selected,
+            weights=self.selected.weights[:count],
+            times_s=self.selected.times_s[:count],
+        )
+        return replace(self, steps=self.steps.only(range(count)), selected=selected)
 
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of `copernicusmarine.subset` except version, times and output file."""
+        spec = self.spec
+        lowest, highest = spec.latitudes
+        margin = MARGIN_CELLS * spec.cell_deg
+        west, south, east, north = widened(self.region.bounds, margin, margin)
+        arguments: dict[str, Any] = {
+            "dataset_id": spec.dataset,
+            "variables": [spec.eastward, spec.northward],
+            "minimum_longitude": west,
+            "maximum_longitude": east,
+            "minimum_latitude": max(south, lowest),
+            "maximum_latitude": min(north, highest),
+            "coordinates_selection_method": "strict-inside",
+            "disable_progress_bar": True,
+            "raise_if_updating": True,
+        }
+        if spec.depth_m is not None:
+            # For equal limits the client takes the nearest level.
+            arguments |= {"minimum_depth": spec.depth_m, "maximum_depth": spec.depth_m}
+        return arguments
 
-def _linear(moment: datetime, resolution: TimeResolution) -> SelectedSteps:
-    """Select the two fields around a moment, or the one that is valid for that very time."""
-    later = resolution.start(moment)
-    if resolution.valid_time(later) < moment:
-        later = resolution.next_start(later)
-    if resolution.valid_time(later) == moment:
-        return _with_equal_weights([later], resolution)
-    earlier = resolution.start(later - timedelta(hours=1))
-    begin, end = resolution.valid_time(earlier), resolution.valid_time(later)
-    weight = (moment - begin) / (end - begin)
-    return _labelled([earlier, later], (1 - weight, weight), resolution)
-
-
-def _with_equal_weights(starts: list[datetime], resolution: TimeResolution) -> SelectedSteps:
-    """Give all steps the same weight."""
-    return _labelled(starts, (1 / len(starts),) * len(starts), resolution)
-
-
-def _labelled(
-    starts: list[datetime], weights: tuple[float, ...], resolution: TimeResolution
-) -> SelectedSteps:
-    """Label the steps."""
-    labels = tuple(start.astimezone(UTC).strftime(resolution.label_format) for start in starts)
-    return SelectedSteps(tuple(starts), labels, weights, resolution.next_start(starts[-1]))
+    @property
+    def record(self) -> dict[str, Any]:
+        """The request as the sidecar has it."""
+        return {
+            **self.arguments,
+            "version": self.spec.version,
+            "times": list(self.steps.labels),
+        }
 
 
 AcceptedT = TypeVar("AcceptedT")
@@ -218,14 +213,9 @@ class _Failure:
 
 
 def download(
-    spec: CopernicusSpec,
-    arguments: Mapping[str, Any],
-    label_format: str,
-    steps: SelectedSteps,
-    file: Path,
-    accept: Callable[[dict[str, Any]], AcceptedT],
+    asked: Request, file: Path, accept: Callable[[dict[str, Any]], AcceptedT]
 ) -> AcceptedT:
-    """Download time steps into a file, and return what `accept` makes of it.
+    """Download what is asked for into a file, and return what `accept` makes of it.
 
     `accept` is given the answer of `subset`: `version` and `part` of the dataset, `stamps` of the
     first and the last step, and the `missing_boxes` of the service. Where it raises StageError, the
@@ -236,14 +226,19 @@ def download(
     StageError
         All attempts failed or exceeded their deadlines, or one failed with a permanent error.
     """
+    spec = asked.spec
     request = {
         "parent_pid": os.getpid(),
         "version": spec.version,
-        "label_format": label_format,
-        "labels": steps.labels,
+        "label_format": label_format(spec),
+        "labels": asked.steps.labels,
         # The last step may be missing: the voyage may end before it.
-        "may_lack": steps.are_fields,
-        "subset": {**arguments, "output_directory": str(file.parent), "output_filename": file.name},
+        "may_lack": asked.changes,
+        "subset": {
+            **asked.arguments,
+            "output_directory": str(file.parent),
+            "output_filename": file.name,
+        },
     }
     pause, attempt = spec.pause_s, 1
     while True:

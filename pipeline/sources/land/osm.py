@@ -263,31 +263,10 @@ def _chunks(wkb: bytes) -> Iterator[tuple[Geometries, IntArray, int]]:
 ACCURACY_M = 60.0
 
 
-@dataclass(frozen=True, slots=True)
-class LandPolygons:
-    """Valid polygons in lon/lat degrees near a region, and the changes made to them.
-
-    `repaired` counts polygons that were invalid, `duplicates` second copies that were dropped, and
-    `seam_pieces` the pieces cut at 180 degrees that were joined. `notes` are about reading.
-    """
-
-    polygons: tuple[shapely.Polygon, ...]
-    repaired: int
-    duplicates: int
-    seam_pieces: int
-    notes: tuple[Note, ...] = ()
-
-
-def land(region: shapely.Polygon, beyond_m: float = shapes.BEYOND_M) -> Land:
-    """Return the land near a region with its credit, as the fetch stage passes it on."""
-    found, second = (land_polygons(region, beyond_m, shoreline) for shoreline in ("Osm", "Gshhg"))
-    return Land(
-        found.polygons,
-        (credit(),),
-        ACCURACY_M,
-        notes=(*found.notes, *shapes.repair_note("OpenStreetMap land", found.repaired)),
-        second_shore=second.polygons,
-    )
+def land(region: shapely.Polygon) -> Land:
+    """Return the land near a region, with the second shoreline, as the fetch stage passes it on."""
+    second = land_polygons(region, shoreline="Gshhg")
+    return replace(land_polygons(region), second_shore=second.polygons)
 
 
 def credit() -> Credit:
@@ -304,7 +283,7 @@ def credit() -> Credit:
 
 def land_polygons(
     region: shapely.Polygon, beyond_m: float = shapes.BEYOND_M, shoreline: Shoreline = "Osm"
-) -> LandPolygons:
+) -> Land:
     """Return OpenStreetMap's land near a region, or that of another shoreline.
 
     Parameters
@@ -317,42 +296,40 @@ def land_polygons(
 
     Returns
     -------
-    LandPolygons
-        Valid, in the region's own longitudes, and whole unless they cross the box: pieces that the
-        source cuts at 180 degrees are joined again.
+    Land
+        Valid polygons, in the region's own longitudes, and whole unless they cross the box: pieces
+        that the source cuts at 180 degrees are joined again.
     """
     box = shapes.box_around(region, beyond_m)
     near, notes = polygons_near(shoreline, box)
-    return replace(clean(near, box), notes=notes)
+    polygons, repairs = clean(near, box)
+    notes = (*notes, *shapes.repair_note("OpenStreetMap land", repairs))
+    return Land(tuple(polygons.tolist()), (credit(),), ACCURACY_M, notes)
 
 
-def clean(near: NearPolygons, box: shapely.Polygon) -> LandPolygons:
-    """Repair polygons, clip them to the box, drop duplicates and join pieces at 180 degrees."""
+def clean(near: NearPolygons, box: shapely.Polygon) -> tuple[Geometries, int]:
+    """Repair polygons, clip them to the box, drop duplicates and join pieces at 180 degrees.
+
+    The number of those that were invalid is returned, too.
+    """
     valid, repairs = shapes.repaired(*near)
-    parts = shapes.clipped(valid, box)
-    distinct = np.array(list(dict.fromkeys(parts.tolist())), dtype=object)
-    joined, seam_pieces = _joined_at_180(distinct)
-    return LandPolygons(
-        polygons=tuple(joined.tolist()),
-        repaired=repairs,
-        duplicates=len(parts) - len(distinct),
-        seam_pieces=seam_pieces,
-    )
+    distinct = dict.fromkeys(shapes.clipped(valid, box).tolist())
+    return _joined_at_180(np.array(list(distinct), dtype=object)), repairs
 
 
-def _joined_at_180(polygons: Geometries) -> tuple[Geometries, int]:
-    """Join the polygons with an edge on an odd multiple of 180 degrees; count these pieces.
+def _joined_at_180(polygons: Geometries) -> Geometries:
+    """Join the polygons with an edge on an odd multiple of 180 degrees.
 
     Only they are merged: a union of all would take seconds and merge polygons that merely touch.
     """
     if len(polygons) == 0:
-        return polygons, 0
+        return polygons
     xmin, _, xmax, _ = shapely.bounds(polygons).T
     at_seam = ((xmin % 360 == 180) | (xmax % 360 == 180)) & (xmax - xmin < 360)
     if not at_seam.any():
-        return polygons, 0
+        return polygons
     merged = shapes.extract_polygons(shapely.union_all(polygons[at_seam]))
-    return np.concatenate([polygons[~at_seam], merged]), int(at_seam.sum())
+    return np.concatenate([polygons[~at_seam], merged])
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""No-go zones of a vessel from a folder of S-57 cells.
+"""No-go zones of a vessel from a chart of S-57 cells, in a folder or below it: a source of land.
 
 IHO S-57 3.1, appendix A (object catalogue). Depth areas and dredged areas cover the sea without a
 gap. So the safe water of a vessel is those areas whose shallow limit (DRVAL1) is at least its
@@ -8,19 +8,26 @@ bed, unless they are known to lie deep enough. Where cells overlap, the larger s
 precedence.
 """
 
+import hashlib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import shapely
 
 from pipeline._types import Geometries
+from pipeline.errors import RequestError
 from pipeline.geo.lonlat import DepthCover
+from pipeline.machine.paths import require_readable
+from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, PlaceName, Zone
 from pipeline.model.depths import DepthArea, DepthRule, TidalWater
 from pipeline.sources.land import shapes
-from pipeline.sources.land.s57_cells import Cell
+from pipeline.sources.land.s57_cells import Cell, base_files, cell_files, read_cell
 
 # Areas with a depth range, and the names of their kinds.
 _DEPTH_CLASSES: dict[str, Literal["natural", "dredged"]] = {
@@ -71,9 +78,10 @@ _NO_ENTRY = {"entry prohibited", "area to be avoided"}
 
 # Drawing accuracy of a chart on paper, m; an object shown as a point is no larger.
 _DRAWING_ACCURACY_M = 0.5e-3
-# Least radius around points and lines, m: of a pile with its fender or a mark; and of a buoy, which
-# may lie off its position.
-_MIN_FIXED_RADIUS_M, _MIN_FLOATING_RADIUS_M = 10.0, 25.0
+# Least radius around fixed points and lines, m: that of a pile with its fender or of a mark.
+_MIN_FIXED_RADIUS_M = 10.0
+# Least radius around a buoy, m, which may lie off its position.
+_MIN_FLOATING_RADIUS_M = 25.0
 # Zone of confidence (CATZOC) from which on positions may be off by 500 m or more, or unknown.
 _POOR_CATZOC = 4
 # Least share of the region, or of its water, that a note mentions.
@@ -82,14 +90,6 @@ _MIN_NOTED_SHARE = 0.005
 _TOUCH_DEG2 = 1e-12
 
 _NOAA_TERMS = "NOAA ENC user agreement: free use and redistribution; no longer an official chart"
-
-
-@dataclass(frozen=True, slots=True)
-class _VisibleCell:
-    """A cell, and the part of its area that no cell of a larger scale covers."""
-
-    cell: Cell
-    area: shapely.Geometry
 
 
 def land(
@@ -110,7 +110,7 @@ def land(
     """
     least_m = rule.least_m
     parts = _visible_cells(cells, box)
-    covered = shapes.merged([part.area for part in parts])
+    covered = shapes.merged([part.covered for part in parts])
     depths = [tuple(_depth_areas(part)) for part in parts]
     safe = [[one.area for one in areas if one.least_m >= least_m] for areas in depths]
     sea = shapes.merged([area for areas in safe for area in areas])
@@ -124,14 +124,14 @@ def land(
     unsafe = shapes.extract_polygons(shapes.subtract(covered, sea))
     uncharted = shapes.subtract(box, covered)
     zones = [
-        Zone("shoal", part.cell.name, f"shallower than {least_m:.3g} m", shoal)
+        Zone("shoal", part.name, f"shallower than {least_m:.3g} m", shoal)
         for part, shoal in zip(parts, shoals, strict=True)
         if not shoal.is_empty
     ]
     zones += [*hazards, *(zone for part in parts for zone in _zones(part))]
     if not uncharted.is_empty:
         zones.append(Zone("uncharted", "", "no S-57 cell covers it", uncharted))
-    used = [part for part in parts if part.area.intersects(region)]
+    used = [part for part in parts if part.covered.intersects(region)]
     depth_note = Note.of("chart-no-go", safety_depth_m=rule.safety_depth_m)
     return Land(
         polygons=(
@@ -140,8 +140,8 @@ def land(
                 np.array([zone.area for zone in hazards], dtype=object)
             ).tolist(),
         ),
-        credits=tuple(_credits([part.cell for part in parts])),
-        accuracy_m=_DRAWING_ACCURACY_M * max(part.cell.scale for part in used),
+        credits=tuple(_credits(parts)),
+        accuracy_m=_DRAWING_ACCURACY_M * max(part.scale for part in used),
         notes=(depth_note, *_notes(parts, sea, region)),
         zones=tuple(zones),
         depths=DepthCover(areas=tuple(shapes.extract_polygons(covered))),
@@ -149,12 +149,12 @@ def land(
         depth_areas=tuple(area for areas in depths for area in areas),
         tidal_water=tuple(_tidal_water(parts, depths, sea, rule)),
         # If the cells have several datums, all are named, and no tide's datum equals that text.
-        datum=" and ".join(sorted({part.cell.datum for part in used})),
+        datum=" and ".join(sorted({part.datum for part in used})),
     )
 
 
 def _tidal_water(
-    parts: Sequence[_VisibleCell],
+    parts: Sequence[Cell],
     depths: Sequence[Sequence[DepthArea]],
     sea: shapely.Geometry,
     rule: DepthRule,
@@ -165,15 +165,15 @@ def _tidal_water(
             if rule.is_tidal(one.least_m):
                 yield TidalWater(_depth_text(one), rule.need_m(one.least_m), one.area)
     for part in parts:
-        radius_m = _fixed_radius_m(part.cell)
+        radius_m = _fixed_radius_m(part)
         for name in _SUNKEN:
-            objects = part.cell.objects.get(name)
+            objects = part.objects.get(name)
             if objects is None:
                 continue
             for depth_m in np.unique(objects.numbers("VALSOU")).tolist():
                 if rule.is_tidal(depth_m):
                     is_here = objects.numbers("VALSOU") == depth_m
-                    is_here &= shapely.intersects(objects.geometry, part.area)
+                    is_here &= shapely.intersects(objects.geometry, part.covered)
                     text = f"{_HAZARDS[name]} at {depth_m:g} m"
                     for area in _areas_in(sea, objects.geometry[is_here], radius_m):
                         yield TidalWater(text, rule.need_m(depth_m), area)
@@ -185,34 +185,37 @@ def _depth_text(area: DepthArea) -> str:
     return f"{kind} {area.least_m:g} to {area.greatest_m:g} m"
 
 
-def _places(part: _VisibleCell) -> Iterator[PlaceName]:
+def _places(part: Cell) -> Iterator[PlaceName]:
     """Yield the names of a part's land."""
-    objects = part.cell.objects.get("LNDARE")
+    objects = part.objects.get("LNDARE")
     if objects is not None:
-        inside = shapely.intersection(objects.geometry, part.area)
+        inside = shapely.intersection(objects.geometry, part.covered)
         yield from shapes.named_places(objects.texts("OBJNAM"), inside)
 
 
-def _visible_cells(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[_VisibleCell, ...]:
-    """Divide the box among the cells: the larger scale first, then the later issue."""
+def _visible_cells(cells: Iterable[Cell], box: shapely.Polygon) -> tuple[Cell, ...]:
+    """Divide the box among the cells: the larger scale first, then the later issue.
+
+    Of each the part is left that no cell before it covers.
+    """
     parts, taken = [], shapely.Polygon()
     newest = sorted(cells, key=lambda cell: (cell.issued, cell.name), reverse=True)
     for cell in sorted(newest, key=lambda cell: cell.scale):
         area = shapes.subtract(shapely.intersection(cell.covered, box), taken)
         if area.area > 0:
-            parts.append(_VisibleCell(cell, area))
+            parts.append(replace(cell, covered=area))
             taken = shapely.union(taken, area)
     return tuple(parts)
 
 
-def _depth_areas(part: _VisibleCell) -> Iterator[DepthArea]:
+def _depth_areas(part: Cell) -> Iterator[DepthArea]:
     """Yield a part's depth areas and dredged areas."""
     for name, kind in _DEPTH_CLASSES.items():
-        objects = part.cell.objects.get(name)
+        objects = part.objects.get(name)
         if objects is None:
             continue
         limits = objects.numbers("DRVAL1"), objects.numbers("DRVAL2")
-        inside = _cut_to(objects.geometry, part.area)
+        inside = _cut_to(objects.geometry, part.covered)
         for area, least, greatest in zip(inside, *map(np.ndarray.tolist, limits), strict=True):
             # Clipping leaves lines where an area only touches the part.
             if shapely.area(area) > 0:
@@ -233,10 +236,10 @@ def _fixed_radius_m(cell: Cell) -> float:
     return max(_MIN_FIXED_RADIUS_M, _DRAWING_ACCURACY_M * cell.scale)
 
 
-def _hazards(part: _VisibleCell, sea: shapely.Geometry, least_m: float) -> Iterator[Zone]:
+def _hazards(part: Cell, sea: shapely.Geometry, least_m: float) -> Iterator[Zone]:
     """Yield the objects of a part that are dangers in the safe water, as areas."""
-    fixed_m = _fixed_radius_m(part.cell)
-    floating_m = max(_MIN_FLOATING_RADIUS_M, _DRAWING_ACCURACY_M * part.cell.scale)
+    fixed_m = _fixed_radius_m(part)
+    floating_m = max(_MIN_FLOATING_RADIUS_M, _DRAWING_ACCURACY_M * part.scale)
     kinds = (
         (_SUNKEN, "sunken object", fixed_m),
         (_FIXED, "fixed object", fixed_m),
@@ -244,10 +247,10 @@ def _hazards(part: _VisibleCell, sea: shapely.Geometry, least_m: float) -> Itera
     )
     for names, group, radius_m in kinds:
         for name in names:
-            objects = part.cell.objects.get(name)
+            objects = part.objects.get(name)
             if objects is None:
                 continue
-            is_danger = shapely.intersects(objects.geometry, part.area)
+            is_danger = shapely.intersects(objects.geometry, part.covered)
             if names is _SUNKEN:
                 is_danger &= ~(objects.numbers("VALSOU") >= least_m)
             for area in _areas_in(sea, objects.geometry[is_danger], radius_m):
@@ -268,12 +271,12 @@ def _areas_in(sea: shapely.Geometry, geometry: Geometries, radius_m: float) -> G
     return np.asarray(near[overlaps])
 
 
-def _zones(part: _VisibleCell) -> Iterator[Zone]:
+def _zones(part: Cell) -> Iterator[Zone]:
     """Yield restricted areas and traffic schemes, which are shown but not no-go."""
-    for name, objects in part.cell.objects.items():
+    for name, objects in part.objects.items():
         if name != "RESARE" and name not in _TRAFFIC:
             continue
-        inside = _cut_to(objects.geometry, part.area)
+        inside = _cut_to(objects.geometry, part.covered)
         for area, title, codes in zip(
             inside, objects.texts("OBJNAM"), objects.texts("RESTRN"), strict=True
         ):
@@ -286,11 +289,9 @@ def _zones(part: _VisibleCell) -> Iterator[Zone]:
                 yield Zone("traffic", title or _TRAFFIC[name], rule, area)
 
 
-def _notes(
-    parts: Sequence[_VisibleCell], sea: shapely.Geometry, region: shapely.Polygon
-) -> Iterator[Note]:
+def _notes(parts: Sequence[Cell], sea: shapely.Geometry, region: shapely.Polygon) -> Iterator[Note]:
     """Yield notes on parts of the region without chart, poorly surveyed, or with entry rules."""
-    covered = shapes.merged([part.area for part in parts])
+    covered = shapes.merged([part.covered for part in parts])
     blank = shapely.area(shapely.difference(region, covered))
     if (share := blank / region.area) > _MIN_NOTED_SHARE:
         yield Note.of("no-cell", share=share)
@@ -308,19 +309,19 @@ def _notes(
         names = dict.fromkeys(zone.name or "unnamed" for zone in prohibited)
         yield Note.of("entry-prohibited", areas=tuple(names))
     for part in parts:
-        yield from shapes.repair_note(part.cell.name, part.cell.repaired)
-        for text in part.cell.warnings:
-            yield Note.of("gdal-warning", source=part.cell.name, warning=text)
+        yield from shapes.repair_note(part.name, part.repaired)
+        for text in part.warnings:
+            yield Note.of("gdal-warning", source=part.name, warning=text)
 
 
-def _poor(parts: Sequence[_VisibleCell]) -> Geometries:
+def _poor(parts: Sequence[Cell]) -> Geometries:
     """Return areas in which the survey is poor or unassessed."""
     found: list[Geometries] = [np.empty(0, dtype=object)]
     for part in parts:
-        quality = part.cell.objects.get("M_QUAL")
+        quality = part.objects.get("M_QUAL")
         if quality is not None:
             poor = quality.geometry[quality.numbers("CATZOC") >= _POOR_CATZOC]
-            found.append(shapely.intersection(poor, part.area))
+            found.append(shapely.intersection(poor, part.covered))
     return np.concatenate(found)
 
 
@@ -341,3 +342,68 @@ def _credits(cells: Sequence[Cell]) -> Iterator[Credit]:
             licence=_NOAA_TERMS if producer == "US" else "the producer's terms of use",
             url="https://charts.noaa.gov/ENCs/ENCs.shtml" if producer == "US" else "",
         )
+
+
+# Largest number of cells that a message names.
+_MAX_NAMES = 8
+
+
+@dataclass(frozen=True)
+class S57Chart:
+    """Cells (.000) with their updates in a folder or below it, or one cell.
+
+    `rule` says which depths are deep enough.
+    """
+
+    path: Path
+    rule: DepthRule
+
+    @cached_property
+    def identity(self) -> tuple[str, ...]:
+        """Which depths are deep enough, and a hash of all files."""
+        digest = hashlib.sha256()
+        bases = self._bases
+        with shapes.reading(str(self.path), "fetch the cells and their updates again"):
+            for base in bases:
+                for file in cell_files(base):
+                    digest.update(file.name.encode() + file_hash(file).encode())
+        return ("s57", f"{self.rule!r}", digest.hexdigest())
+
+    @cached_property
+    def _bases(self) -> tuple[Path, ...]:
+        """Base files of the cells, each cell once."""
+        return find_cells(self.path)
+
+    def land(self, region: shapely.Polygon) -> Land:
+        """Return the no-go areas near a region (lon/lat degrees), and the chart's zones."""
+        box = shapes.box_around(region)
+        read = (read_cell(base, box, CLASSES) for base in self._bases)
+        cells = [cell for cell in read if cell is not None]
+        if not any(cell.covered.intersects(region) for cell in cells):
+            names = ", ".join(base.stem for base in self._bases[:_MAX_NAMES])
+            raise RequestError(
+                f"no S-57 cell in {self.path} covers any of the region; it holds {names}"
+                f"{' and others' * (len(self._bases) > _MAX_NAMES)}: fetch the region's cells"
+            )
+        # Geometries that are valid one by one may fail together, where a cell is damaged.
+        with shapes.reading(str(self.path), "fetch the cells and their updates again"):
+            return land(cells, box, region, self.rule)
+
+
+def find_cells(path: Path) -> tuple[Path, ...]:
+    """Find the base files of the cells in a folder and below it, each cell once.
+
+    Raises
+    ------
+    RequestError
+        There is no cell, a cell is there twice, or a file can't be read.
+    """
+    found = base_files(path)
+    if not found:
+        raise RequestError(f"{path} holds no S-57 cell (.000 file): name the folder of the cells")
+    twice = [name for name, count in Counter(base.stem for base in found).items() if count > 1]
+    if twice:
+        where = f"in {path}; keep the latest"
+        raise RequestError([f"cell {name} is there more than once {where}" for name in twice])
+    require_readable((file for base in found for file in cell_files(base)), "chart.source")
+    return found

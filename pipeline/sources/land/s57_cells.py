@@ -17,13 +17,13 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.sources.land.self_contained import require_self_contained
 from pipeline.sources.land.shapes import (
     MAX_LONLAT,
     MAX_NAME,
     near_box,
     reading,
     repaired,
+    require_self_contained,
     vector_library,
 )
 from pipeline.texts import clean
@@ -38,9 +38,10 @@ _IDENTIFICATION = (
     *("DSID_EDTN", "DSID_UPDN", "DSID_ISDT"),
     *("DSPM_CSCL", "DSPM_HDAT", "DSPM_DUNI", "DSPM_SDAT"),
 )
-# Codes in DSPM of the horizontal datum WGS 84 and of depths in metres, the only ones that the
-# product specification allows.
-_WGS84, _METRES = 2, 1
+# Code in DSPM of the only horizontal datum that the product specification allows, WGS 84.
+_WGS84 = 2
+# Code in DSPM of the only unit of depths that it allows, the metre.
+_METRES = 1
 # Names of the datums of depths (VERDAT, the codes of DSPM_SDAT) for which tides are published.
 _DATUMS = {
     "1": "MLWS", "2": "MLLWS", "3": "MSL", "4": "LLW", "5": "MLW", "6": "LLWS", "8": "ISLW",

@@ -1,16 +1,18 @@
-"""Land from the user's own vector file: GeoPackage, GeoJSON, Shapefile and a few others.
+"""The user's own vector files: land as GeoPackage, GeoJSON, Shapefile and a few others; havens.
 
-In any CRS; invalid rings are repaired, and points and lines (rocks, breakwaters, a coast given as
-lines) are buffered by a radius that the user gives. Facts that the file does not state (which of
-several layers, the CRS, that radius) are asked for, not guessed.
+Land may be in any CRS; invalid rings are repaired, and points and lines (rocks, breakwaters, a
+coast given as lines) are buffered by a radius that the user gives. Facts that the file does not
+state (which of several layers, the CRS, that radius) are asked for, not guessed. Havens are points
+with names, in any format that GDAL reads, or in CSV.
 """
 
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyproj
@@ -24,7 +26,7 @@ from pipeline.model import Credit, Land, Note, PlaceName
 from pipeline.scenario.catalogue import VectorSpec
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.land import shapes
-from pipeline.sources.land.self_contained import files_of, require_self_contained
+from pipeline.texts import clean
 
 _LONLAT = "OGC:CRS84"
 # Pieces per side of the region into which longer edges are cut before they are transformed, as an
@@ -271,7 +273,7 @@ def open_layer(path: Path, name: str, crs: str, version: tuple[int, ...]) -> Vec
     del version
     pyogrio = shapes.vector_library()
     with shapes.reading_chart(path) as issued:
-        require_self_contained(path)
+        shapes.require_self_contained(path)
         name = shapes.layer_name(path, name)
         info = pyogrio.read_info(path, layer=name)
         known = shapes.crs_of(path, crs or info["crs"])
@@ -284,7 +286,9 @@ def open_layer(path: Path, name: str, crs: str, version: tuple[int, ...]) -> Vec
 
 
 # Dimensions of geometries.
-_POINT, _LINE, _AREA = 0, 1, 2
+_POINT = 0
+_LINE = 1
+_AREA = 2
 # Accuracy of the coast where it is not given, m: that of a chart of 1:100,000.
 _ASSUMED_ACCURACY_M = 50.0
 
@@ -316,7 +320,7 @@ class VectorFile:
     @cached_property
     def _files(self) -> tuple[Path, ...]:
         """The files that were hashed: each has to be there still when the land is read."""
-        return files_of(self.path)
+        return shapes.files_of(self.path)
 
     @property
     def credit(self) -> Credit:
@@ -391,3 +395,82 @@ class VectorFile:
             f"has nothing near the region (its bounds in {layer.crs.name}: {listed}): leave it "
             "out, or if that is wrong, name the right CRS in a scenario",
         )
+
+
+# Largest number of havens: a bound on the time to each is worked out on a grid.
+_MOST = 100
+# Names of columns of a CSV file; GDAL ignores the options for other formats.
+_CSV_COLUMNS = {"X_POSSIBLE_NAMES": "lon,longitude,x", "Y_POSSIBLE_NAMES": "lat,latitude,y"}
+_REMEDY = "give points, as GeoJSON, GeoPackage, or CSV with the columns name, lon and lat"
+
+
+class HavenPoint(NamedTuple):
+    """A haven of the file: its name, and its place in degrees."""
+
+    name: str
+    lon: float
+    lat: float
+
+
+def read_havens(path: Path) -> tuple[HavenPoint, ...]:
+    """Return the havens of a file, in its order; those without a name are numbered.
+
+    Raises
+    ------
+    RequestError
+        No such file; no points, other geometries, or too many; a place that is not on earth; two
+        havens of one name.
+    """
+    require_readable([path], "havens.path")
+    pyogrio = shapes.vector_library()
+    with shapes.reading(f"havens.path: {path}", _REMEDY):
+        shapes.require_self_contained(path)
+        layers = [str(name) for name, _ in pyogrio.list_layers(path)]
+        if len(layers) != 1:
+            raise _fault(path, f"has {len(layers)} layers ({', '.join(layers)}); give one alone")
+        meta, _, wkb, values = pyogrio.raw.read(path, **_CSV_COLUMNS)
+        fields = [str(one).casefold() for one in meta["fields"]]
+        points = [
+            None if one is None else shapely.from_wkb(one) for one in ([] if wkb is None else wkb)
+        ]
+        lonlat = _lonlat(path, points, meta["crs"])
+    column = next((at for at, one in enumerate(fields) if one in shapes.NAME_COLUMNS), None)
+    names = [None] * len(points) if column is None else list(values[column])
+    found = tuple(
+        HavenPoint(clean(str(name or ""), shapes.MAX_NAME) or f"haven {number}", lon, lat)
+        for number, (name, (lon, lat)) in enumerate(
+            zip(names, lonlat.tolist(), strict=True), start=1
+        )
+    )
+    if twice := _twice([one.name for one in found]):
+        raise _fault(path, f"has several havens called {twice!r}; rename all but one")
+    return found
+
+
+def _lonlat(path: Path, points: Sequence[shapely.Geometry | None], crs: str | None) -> FloatArray:
+    """Return places (n, 2), degrees; a file that states no CRS is in degrees."""
+    kinds = {"nothing" if one is None or one.is_empty else one.geom_type for one in points}
+    if not points or kinds != {"Point"}:
+        listed = ", ".join(sorted(kinds - {"Point"})) or "no feature"
+        raise _fault(path, f"has {listed} in place of points; {_REMEDY}")
+    if len(points) > _MOST:
+        raise _fault(path, f"has {len(points):,} havens; give at most {_MOST}")
+    places = shapely.get_coordinates(np.array(points, dtype=object))
+    if crs:
+        to_lonlat = pyproj.Transformer.from_crs(crs, _LONLAT, always_xy=True)
+        places = np.stack(to_lonlat.transform(*places.T), axis=-1)
+    beyond = ~((np.abs(places[:, 0]) <= 360) & (np.abs(places[:, 1]) <= 90))
+    if beyond.any():
+        x, y = places[beyond][0].tolist()
+        raise _fault(path, f"has a haven at [{x:g}, {y:g}], which is not on earth: give lon, lat")
+    return np.asarray(places)
+
+
+def _twice(names: Sequence[str]) -> str:
+    """Return the first name that is given twice, or ""."""
+    return next((one for at, one in enumerate(names) if one in names[:at]), "")
+
+
+def _fault(path: Path, fault: str) -> RequestError:
+    """Return an error about the file."""
+    return RequestError(f"havens.path: {path} {fault}")

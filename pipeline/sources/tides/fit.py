@@ -17,9 +17,9 @@ import numpy.typing as npt
 import renew
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
+from pipeline.sources.cf.axes import TimeSteps, label
 from pipeline.sources.cf.contents import Contents, find_files, name_of, read_contents
-from pipeline.sources.cf.grid import FieldReader, find_window
-from pipeline.sources.cf.times import TimeSteps, label
+from pipeline.sources.cf.fields import FieldReader, find_window
 from renew.inputs.tide import Instants, arguments, speeds
 
 if TYPE_CHECKING:

@@ -19,9 +19,8 @@ from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season, source_name
 from pipeline.scenario.strict import Point
-from pipeline.sources.haven_file import read_havens
 from pipeline.sources.land.shapes import box_around
-from pipeline.sources.land.vector import open_layer
+from pipeline.sources.land.vector import open_layer, read_havens
 from pipeline.sources.registry import charted_land, current_source
 from pipeline.stages.choosing.region_choice import MAX_LATITUDE, DirectLine
 from pipeline.stages.places import avoided_zones, lakes_text, not_in_water

@@ -53,9 +53,7 @@ def test_times_are_those_at_true_scale() -> None:
     time *= ranked.metrics.duration_s / time[-1]
     vertices = np.append(0, np.arange(1, len(path)) * 200 - 1)
     assert legs(ranked).time_s == pytest.approx(time[vertices], rel=1e-3)
-    assert times_at(metres_along(dense), path, ranked) == pytest.approx(
-        time, rel=1e-3, abs=60
-    )
+    assert times_at(metres_along(dense), path, ranked) == pytest.approx(time, rel=1e-3, abs=60)
 
 
 def test_a_plane_has_legs_too(planar_result: RunResult) -> None:

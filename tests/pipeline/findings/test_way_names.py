@@ -143,9 +143,7 @@ def test_the_charts_own_names_take_the_place_of_numbers() -> None:
         "north of Isle, of Dogs", "south of Isle, of Dogs",
     }  # fmt: skip
     assert {row.main_passage for row in evaluation.routes} == {row.way for row in evaluation.routes}
-    assert [(island.number, island.label) for island in islands] == [
-        (1, "Isle, of Dogs")
-    ]
+    assert [(island.number, island.label) for island in islands] == [(1, "Isle, of Dogs")]
     evaluation = named(scene, planned(scene), places=(elsewhere,))
     # It may be far away: so much lies between a degree of longitude.
     named_place = islands[0]

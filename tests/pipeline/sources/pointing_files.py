@@ -23,9 +23,8 @@ import shapely
 from pipeline.errors import RequestError
 from pipeline.scenario.region import ChartSource
 from pipeline.sources.cf.contents import read_contents
-from pipeline.sources.depth_file import DepthFile
-from pipeline.sources.haven_file import read_havens
-from pipeline.sources.land.vector import VectorFile
+from pipeline.sources.combined_charts import DepthFile
+from pipeline.sources.land.vector import VectorFile, read_havens
 
 REGION = shapely.box(119.5, 9.5, 120.5, 10.5)
 ISLAND = shapely.box(120.0, 10.0, 120.1, 10.1)

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-from pipeline.sources import depth_file
-from pipeline.sources.depth_file import DepthFile
+from pipeline.sources import combined_charts
+from pipeline.sources.combined_charts import DepthFile
 from tests.pipeline.sources import depth_grids
 
 Writer = Callable[[Path, FloatArray, FloatArray, FloatArray], Path]
@@ -127,6 +127,6 @@ def test_too_many_cells_are_refused_and_a_region_without_cells_gives_none(
 ) -> None:
     found = DepthFile.open(depth_grids.gebco(tmp_path / "grid.nc", LON, LAT, HEIGHT))
     assert found.heights((10.0, 49.0, 11.0, 50.0)) is None
-    monkeypatch.setattr(depth_file, "_MAX_CELLS", 100)
+    monkeypatch.setattr(combined_charts, "_MAX_CELLS", 100)
     with pytest.raises(RequestError, match=r"21 x 41 cells in the region, more than 100; shrink"):
         found.heights((-3.0, 48.0, 3.0, 52.0))

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError
-from pipeline.sources.haven_file import read_havens
+from pipeline.sources.land.vector import read_havens
 from tests.pipeline.sources import pointing_files
 
 # What belongs to the process itself: names of its services, not of a file's addresses.

@@ -11,8 +11,7 @@ from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
-from pipeline.sources.combined_charts import shallow_polygons
-from pipeline.sources.depth_file import Heights
+from pipeline.sources.combined_charts import Heights, shallow_polygons
 
 CELL = 0.01
 

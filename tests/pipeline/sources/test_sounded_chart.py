@@ -17,8 +17,7 @@ from pipeline.findings.note_words import note_text
 from pipeline.model import Credit, Land
 from pipeline.model.depths import DepthRule
 from pipeline.scenario.region import ChartSpec
-from pipeline.sources.combined_charts import SoundedChart
-from pipeline.sources.depth_file import DepthFile
+from pipeline.sources.combined_charts import DepthFile, SoundedChart
 from pipeline.sources.registry import land_source
 from tests.pipeline.sources import depth_grids
 

@@ -21,8 +21,7 @@ def test_turns_that_met_land_are_reported_with_the_first_place() -> None:
     collided = np.zeros(len(turns.points), dtype=bool)
     collided[[5, 9]] = True
     rows = tuple(
-        replace(row, collisions=2 if row.season == "winter" else 0)
-        for row in rows_of(result)
+        replace(row, collisions=2 if row.season == "winter" else 0) for row in rows_of(result)
     )
     flown = {**result.evaluation.contingency, ("winter", 1): replace(turns, collided=collided)}
     (note,) = note_texts(safety_notes(replace(result, evaluation=Evaluation(rows, flown))))

@@ -26,7 +26,7 @@ from pipeline.formats.report.page import gather
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.scenario.model import Scenario
-from pipeline.sources.haven_file import read_havens
+from pipeline.sources.land.vector import read_havens
 from pipeline.voyage.named_files import tables_of
 from pipeline.voyage.request import VoyageRequest
 from tests.pipeline import tidal_run

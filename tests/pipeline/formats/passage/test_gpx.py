@@ -110,7 +110,9 @@ def test_the_usual_file_has_the_best_of_each_side(any_run: RunResult, tmp_path: 
     found = both_sides(any_run.case(any_run.results[0].name))
     assert [route.number for route in gpx.routes] == [p.ranked.rank for p in found]
     assert found[0].ranked.rank == 1
-    first, *others = (p.ranked.metrics for p in case_waypoints(any_run.case(found[0].ranked.season)))
+    first, *others = (
+        p.ranked.metrics for p in case_waypoints(any_run.case(found[0].ranked.season))
+    )
     elsewhere = [row for row in others if row.main_passage != first.main_passage]
     if elsewhere:
         assert [p.ranked.metrics for p in found[1:]] == [min(elsewhere, key=lambda r: r.fuel)]

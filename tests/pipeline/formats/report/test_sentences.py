@@ -135,8 +135,7 @@ def test_the_reason_is_length_or_the_current() -> None:
     )
     unhelped = replace(BEST, speed_m_s=1.251)
     assert (
-        "the current adds nothing to its speed and takes"
-        in CaseFacts([unhelped, OTHER]).because()
+        "the current adds nothing to its speed and takes" in CaseFacts([unhelped, OTHER]).because()
     )
 
 

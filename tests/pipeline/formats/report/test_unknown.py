@@ -20,8 +20,7 @@ def test_land_of_another_shoreline_stands_above_the_answer_and_an_unknown_curren
     summer, winter = known.fetched.currents
     summer = replace(summer, notes=(Note.of("still-water"),))
     rows = tuple(
-        replace(row, filled_share=1.0) if row.season == "winter" else row
-        for row in rows_of(known)
+        replace(row, filled_share=1.0) if row.season == "winter" else row for row in rows_of(known)
     )
     crossings = (
         ShoreCrossing(1, 119.4, 9.4, 2000.0),
@@ -72,8 +71,7 @@ def test_other_notes_are_no_warning(result: RunResult) -> None:
 
 def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
     rows = tuple(
-        replace(row, filled_share=0.25 if row.rank == 2 else 0.0)
-        for row in rows_of(result)
+        replace(row, filled_share=0.25 if row.rank == 2 else 0.0) for row in rows_of(result)
     )
     straits = tuple(
         ShutStrait(119.6, 9.5, 900.0 - i, 1000.0, "padding", ("winter",) if i == 0 else ())

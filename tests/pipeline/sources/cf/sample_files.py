@@ -13,7 +13,7 @@ import xarray as xr
 from pipeline.errors import RequestError
 from pipeline.geo.lonlat import Bounds
 from pipeline.sources.cf.contents import find_files, read_contents
-from pipeline.sources.cf.grid import FieldReader, find_window
+from pipeline.sources.cf.fields import FieldReader, find_window
 from pipeline.sources.current_field import Field
 from tests.pipeline.synthetic_currents import dataset, sea, write
 

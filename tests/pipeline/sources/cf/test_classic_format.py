@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import RequestError
-from pipeline.sources.cf.classic import missing_bytes
+from pipeline.sources.cf.dataset import missing_bytes
 from tests.pipeline.sources.cf.sample_files import SEA, read
 from tests.pipeline.synthetic_currents import dataset
 

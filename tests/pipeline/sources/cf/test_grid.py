@@ -13,9 +13,9 @@ import xarray as xr
 from hypothesis import given, strategies as st
 
 from pipeline.geo.lonlat import Bounds
+from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.contents import Contents, read_contents
-from pipeline.sources.cf.grid import FieldReader, coverage_faults, find_window
-from pipeline.sources.cf.times import TimeSteps
+from pipeline.sources.cf.fields import FieldReader, coverage_faults, find_window
 from tests.pipeline.sources.cf.sample_files import BOX, LAT, LON, SEA, read
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
@@ -152,7 +152,7 @@ def test_a_region_beyond_both_ends_of_the_grid_is_not_covered(tmp_path: Path) ->
 READ_BIG_FILE = """
 import resource, sys
 from pipeline.sources.cf.contents import find_files, read_contents
-from pipeline.sources.cf.grid import FieldReader, find_window
+from pipeline.sources.cf.fields import FieldReader, find_window
 import dask.array, netCDF4, numcodecs, xarray, zarr
 contents = read_contents(find_files(sys.argv[1:]))
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.sources.cf.axes import latest_steps
 from pipeline.sources.cf.contents import read_contents
-from pipeline.sources.cf.times import latest_steps
 from tests.pipeline.nightly.nights import REFERENCE, write_forecast
 
 

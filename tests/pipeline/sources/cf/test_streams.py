@@ -16,7 +16,7 @@ from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_text
 from pipeline.model import CurrentGrid, Land
 from pipeline.scenario.season import Season
-from pipeline.sources.cf import grid as reading
+from pipeline.sources.cf import fields as reading
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.registry import current_source
 from pipeline.sources.tides.fit import fit_files
@@ -191,7 +191,7 @@ def test_large_regions_have_longer_steps_so_that_the_fields_fit_in_memory(
 ) -> None:
     before = note_of(fetched(season(mixed)), "tidal-streams")
     grid = fetched(season(mixed))
-    monkeypatch.setattr("pipeline.sources.cf.streams._MAX_VALUES", 40 * grid.u[0].size)
+    monkeypatch.setattr("pipeline.sources.cf.fields._MAX_VALUES", 40 * grid.u[0].size)
     after = note_of(fetched(season(mixed)), "tidal-streams")
     assert (before["step_min"], after["step_min"]) == (30, 60)
     assert after["error_m_s"] == pytest.approx(4 * float(str(before["error_m_s"])))
@@ -199,7 +199,7 @@ def test_large_regions_have_longer_steps_so_that_the_fields_fit_in_memory(
 
 def test_fields_are_summed_some_at_a_time(mixed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = fetched(season(mixed))
-    monkeypatch.setattr(reading, "_CHUNK_BYTES", 3 * 8 * LON.size * LAT.size)
+    monkeypatch.setattr(reading, "_CHUNK_VALUES", 3 * LON.size * LAT.size)
     parts = fetched(season(mixed))
     np.testing.assert_allclose(parts.u, whole.u, atol=1e-12)
     np.testing.assert_allclose(parts.v, whole.v, atol=1e-12)

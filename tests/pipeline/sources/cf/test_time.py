@@ -13,8 +13,8 @@ from hypothesis import given, strategies as st
 from pipeline.findings.note_words import note_text
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import period
-from pipeline.sources.cf.slices import select_steps
-from pipeline.sources.cf.times import TimeSteps, merge_steps, read_steps, reference_time
+from pipeline.sources.cf.axes import TimeSteps, merge_steps, read_steps, reference_time
+from pipeline.sources.cf.fields import select_steps
 
 HOUR = timedelta(hours=1)
 

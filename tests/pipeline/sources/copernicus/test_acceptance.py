@@ -16,7 +16,11 @@ from hypothesis import given, strategies as st
 from pipeline.errors import StageError
 from pipeline.model import Credit, Land
 from pipeline.scenario.catalogue import CopernicusSpec
-from pipeline.sources.copernicus.acceptance import Expected, accept, largest_spike
+from pipeline.scenario.times import period
+from pipeline.sources.cf.axes import TimeSteps
+from pipeline.sources.cf.fields import SelectedSteps
+from pipeline.sources.copernicus.acceptance import accept, largest_spike
+from pipeline.sources.copernicus.download import Request, select
 from pipeline.sources.current_field import Field
 
 REGION = shapely.box(117, 8, 120, 11)
@@ -39,12 +43,12 @@ SPEC = CopernicusSpec(
     cell_deg=STEP,
     speed_limit_m_s=3.0,
 )
-EXPECTED = Expected(SPEC, labels=("2024-07",), weights=(1.0,), label_format="%Y-%m", region=REGION)
-DAYS = replace(
-    EXPECTED,
-    labels=("2024-07-01", "2024-07-02", "2024-07-03"),
-    weights=(0.5, 0.25, 0.25),
-    label_format="%Y-%m-%d",
+MONTH = Request(SPEC, REGION, *select(SPEC, period("2024-07"), "mean"))
+DAYS = Request(
+    SPEC.model_copy(update={"step": "day"}),
+    REGION,
+    TimeSteps(labels=("2024-07-01", "2024-07-02", "2024-07-03")),
+    SelectedSteps(weights=({0: 0.5, 1: 0.25, 2: 0.25},), valid=""),
 )
 
 
@@ -101,7 +105,7 @@ def write(
 
 def test_a_valid_file_is_accepted_unchanged(tmp_path: Path) -> None:
     made = field()
-    read = accept(write(tmp_path / "valid.nc", made), EXPECTED, LAND)
+    read, _ = accept(write(tmp_path / "valid.nc", made), MONTH, (), LAND)
     assert np.allclose(read.lon, made.lon, atol=1e-5)
     assert np.allclose(read.lat, made.lat, atol=1e-5)
     assert np.allclose(read.u, made.u, atol=4e-4, equal_nan=True)
@@ -111,8 +115,8 @@ def test_a_valid_file_is_accepted_unchanged(tmp_path: Path) -> None:
 def test_descending_latitudes_and_other_longitudes_are_the_same_field(tmp_path: Path) -> None:
     made = field()
     other = Field(made.lon - 360, made.lat[::-1], made.u[::-1], made.v[::-1])
-    read = accept(write(tmp_path / "other.nc", other), EXPECTED, LAND)
-    expected = accept(write(tmp_path / "made.nc", made), EXPECTED, LAND)
+    read, _ = accept(write(tmp_path / "other.nc", other), MONTH, (), LAND)
+    expected, _ = accept(write(tmp_path / "made.nc", made), MONTH, (), LAND)
     assert np.allclose(read.lon, expected.lon, atol=1e-4)
     assert np.allclose(read.lat, expected.lat)
     assert np.array_equal(read.u, expected.u, equal_nan=True)
@@ -162,7 +166,7 @@ def test_every_defect_is_refused_with_its_reason(
 ) -> None:
     path = write(tmp_path / "bad.nc", make(), **options)
     with pytest.raises(StageError) as caught:
-        accept(path, EXPECTED, LAND)
+        accept(path, MONTH, (), LAND)
     assert "bad.nc" in str(caught.value)
     assert message in str(caught.value)
 
@@ -173,7 +177,7 @@ def test_a_truncated_file_is_refused(tmp_path: Path, share: float) -> None:
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(StageError, match=r"cut\.nc"):
-        accept(path, EXPECTED, LAND)
+        accept(path, MONTH, (), LAND)
 
 
 def test_a_real_file_with_other_days_and_cells_is_refused(shared: Path) -> None:
@@ -184,7 +188,7 @@ def test_a_real_file_with_other_days_and_cells_is_refused(shared: Path) -> None:
         / "cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc"
     )
     with pytest.raises(StageError, match=r"longitude steps by 0\.99999 to 1 degrees, not 0\.08"):
-        accept(path, EXPECTED, LAND)
+        accept(path, MONTH, (), LAND)
 
 
 # --- several time steps -------------------------------------------------------------------------
@@ -198,7 +202,7 @@ def _days() -> list[Field]:
 
 def test_the_steps_are_summed_by_their_weights(tmp_path: Path) -> None:
     first, second, third = _days()
-    read = accept(write(tmp_path / "days.nc", first, second, third), DAYS, LAND)
+    read, _ = accept(write(tmp_path / "days.nc", first, second, third), DAYS, (), LAND)
     u = 0.5 * first.u + 0.25 * second.u + 0.25 * third.u
     v = 0.5 * first.v + 0.25 * second.v + 0.25 * third.v
     assert np.allclose(read.u, u, atol=4e-4, equal_nan=True)
@@ -211,10 +215,10 @@ def test_missing_additional_and_unordered_steps_are_refused(tmp_path: Path) -> N
         with pytest.raises(
             StageError, match=r"its times are \[.*2024-07-0[24].*not \['2024-07-01'"
         ):
-            accept(write(tmp_path / "days.nc", *wrong), DAYS, LAND)
-    later = replace(DAYS, labels=("2024-07-02", "2024-07-03", "2024-07-04"))
+            accept(write(tmp_path / "days.nc", *wrong), DAYS, (), LAND)
+    steps = TimeSteps(labels=("2024-07-02", "2024-07-03", "2024-07-04"))
     with pytest.raises(StageError, match="its times are"):
-        accept(write(tmp_path / "days.nc", *days), later, LAND)
+        accept(write(tmp_path / "days.nc", *days), replace(DAYS, steps=steps), (), LAND)
 
 
 @pytest.mark.parametrize("day", [0, 1, 2])
@@ -224,8 +228,9 @@ def test_a_gap_in_only_one_step_is_refused(tmp_path: Path, day: int) -> None:
     days[day].u[2, 3] = days[day].v[2, 3] = np.nan
     path = write(tmp_path / "hole.nc", *days)
     with pytest.raises(StageError, match="1 cells have gaps"):
-        accept(path, DAYS, LAND)
-    icy = accept(path, replace(DAYS, spec=SPEC.model_copy(update={"gaps_vary": True})), LAND)
+        accept(path, DAYS, (), LAND)
+    spec = DAYS.spec.model_copy(update={"gaps_vary": True})
+    icy, _ = accept(path, replace(DAYS, spec=spec), (), LAND)
     assert np.isnan(icy.u[0, 2, 3]), "a gap in one step is a gap in the mean"
 
 
@@ -233,7 +238,7 @@ def test_an_impossible_speed_in_one_step_is_refused(tmp_path: Path) -> None:
     days = _days()
     days[1] = replace(days[1], u=days[1].u * 20)
     with pytest.raises(StageError, match="at 2024-07-02 speeds reach"):
-        accept(write(tmp_path / "wild.nc", *days), DAYS, LAND)
+        accept(write(tmp_path / "wild.nc", *days), DAYS, (), LAND)
 
 
 # --- chunks that the service does not have ------------------------------------------------------
@@ -243,7 +248,7 @@ def test_a_missing_chunk_of_land_is_accepted(tmp_path: Path) -> None:
     path = write(tmp_path / "land.nc", field())
     for turn in (0, -360, 360):
         box = (118.1 + turn, 9.1, 119.4 + turn, 10.4)
-        accept(path, replace(EXPECTED, missing_boxes=(box,)), LAND)
+        accept(path, MONTH, (box,), LAND)
 
 
 @pytest.mark.parametrize(
@@ -259,12 +264,12 @@ def test_a_missing_chunk_with_a_little_water_is_refused(
 ) -> None:
     path = write(tmp_path / "wet.nc", field())
     with pytest.raises(StageError, match=r"had no data for \d+ cells of water"):
-        accept(path, replace(EXPECTED, missing_boxes=(box,)), LAND)
+        accept(path, MONTH, (box,), LAND)
 
 
 def test_a_missing_chunk_outside_the_region_is_accepted(tmp_path: Path) -> None:
     path = write(tmp_path / "beyond.nc", field())
-    accept(path, replace(EXPECTED, missing_boxes=((120.1, 7.0, 122.0, 12.0),)), LAND)
+    accept(path, MONTH, ((120.1, 7.0, 122.0, 12.0),), LAND)
 
 
 # --- spikes -------------------------------------------------------------------------------------

@@ -117,7 +117,7 @@ def test_the_client_without_network_gives_a_reason_and_leaves_nothing(
 
 @pytest.mark.parametrize("name", world.names())
 def test_a_request_is_strict_pinned_and_wider_than_the_region(name: str) -> None:
-    arguments = source(name).subset_arguments(REGION)
+    arguments = source(name).asked(REGION, season("2024-07")).arguments
     assert arguments["coordinates_selection_method"] == "strict-inside"
     assert "skip_existing" not in arguments
     assert "overwrite" not in arguments
@@ -130,7 +130,7 @@ def test_a_request_is_strict_pinned_and_wider_than_the_region(name: str) -> None
 
 
 def test_a_request_does_not_exceed_the_grid() -> None:
-    arguments = source().subset_arguments(shapely.box(10, -80, 20, 90))
+    arguments = source().asked(shapely.box(10, -80, 20, 90), season("2024-07")).arguments
     assert (arguments["minimum_latitude"], arguments["maximum_latitude"]) == (-80, 90)
 
 

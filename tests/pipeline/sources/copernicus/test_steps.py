@@ -8,61 +8,77 @@ from datetime import UTC, date, datetime, timedelta
 import pytest
 from hypothesis import given, strategies as st
 
-from pipeline.scenario.catalogue import StepKind, StepLength
+from pipeline.scenario.catalogue import CopernicusSpec, StepKind, StepLength
 from pipeline.scenario.season import TimeMethod
 from pipeline.scenario.times import Period, period
-from pipeline.sources.copernicus.download import TimeResolution, select_steps
+from pipeline.sources.cf.axes import TimeSteps
+from pipeline.sources.copernicus.download import select, step_ends
+from tests.loopback_store.world import spec
 
-MONTHS, DAYS, HOURS = (
-    TimeResolution("month", "mean"),
-    TimeResolution("day", "mean"),
-    TimeResolution("hour", "mean"),
-)
-SIX_HOURS, INSTANTS = TimeResolution("6 hours", "instant"), TimeResolution("hour", "instant")
 LENGTHS: tuple[StepLength, ...] = ("month", "day", "6 hours", "hour")
 KINDS: tuple[StepKind, ...] = ("mean", "instant")
 MOMENTS = st.datetimes(datetime(1993, 1, 1), datetime(2050, 1, 1))  # noqa: DTZ001 - made aware below
 
 
+def dataset(length: StepLength, kind: StepKind) -> CopernicusSpec:
+    """Return an entry of the catalogue with other steps."""
+    entry = spec("copernicus-glorys-monthly")
+    return entry.model_copy(update={"step": length, "kind": kind})
+
+
+MONTHS, DAYS, HOURS = dataset("month", "mean"), dataset("day", "mean"), dataset("hour", "mean")
+SIX_HOURS, INSTANTS = dataset("6 hours", "instant"), dataset("hour", "instant")
+
+
+def chosen(
+    entry: CopernicusSpec, valid: str, method: TimeMethod
+) -> tuple[TimeSteps, tuple[float, ...]]:
+    """Return the steps of a period's one field, and their weights."""
+    steps, selected = select(entry, period(valid), method)
+    (weights,) = selected.weights
+    assert list(weights) == list(range(len(steps.labels)))
+    return steps, tuple(weights.values())
+
+
 def test_a_month_in_months_is_one_step() -> None:
-    chosen = select_steps(period("2024-07"), MONTHS, "mean")
-    assert (chosen.labels, chosen.weights) == (("2024-07",), (1.0,))
-    assert chosen.end == datetime(2024, 8, 1, tzinfo=UTC)
+    steps, weights = chosen(MONTHS, "2024-07", "mean")
+    assert (steps.labels, weights) == (("2024-07",), (1.0,))
+    assert steps.moments == (datetime(2024, 7, 16, 12, tzinfo=UTC),)
 
 
 @given(st.dates(date(1993, 1, 1), date(2050, 1, 1)))
 def test_a_month_in_finer_steps_is_all_of_them_with_equal_weights(when: date) -> None:
     days = calendar.monthrange(when.year, when.month)[1]
-    for resolution, count in ((DAYS, days), (SIX_HOURS, 4 * days), (HOURS, 24 * days)):
-        chosen = select_steps(period(when.isoformat()[:7]), resolution, "mean")
-        assert len(set(chosen.labels)) == len(chosen.starts) == count
-        assert list(chosen.labels) == sorted(chosen.labels)
-        assert sum(chosen.weights) == pytest.approx(1)
-        assert len(set(chosen.weights)) == 1
-        assert all((start.year, start.month) == (when.year, when.month) for start in chosen.starts)
+    for entry, count in ((DAYS, days), (SIX_HOURS, 4 * days), (HOURS, 24 * days)):
+        steps, weights = chosen(entry, when.isoformat()[:7], "mean")
+        assert len(set(steps.labels)) == len(steps.moments) == count
+        assert list(steps.labels) == sorted(steps.labels)
+        assert sum(weights) == pytest.approx(1)
+        assert len(set(weights)) == 1
+        assert all((at.year, at.month) == (when.year, when.month) for at in steps.moments)
 
 
 def test_a_day_is_its_own_steps_but_no_month() -> None:
-    assert select_steps(period("2024-07-15"), DAYS, "mean").labels == ("2024-07-15",)
-    assert select_steps(period("2024-07-15"), SIX_HOURS, "mean").labels == (
+    assert chosen(DAYS, "2024-07-15", "mean")[0].labels == ("2024-07-15",)
+    assert chosen(SIX_HOURS, "2024-07-15", "mean")[0].labels == (
         "2024-07-15T00",
         "2024-07-15T06",
         "2024-07-15T12",
         "2024-07-15T18",
     )
     with pytest.raises(ValueError, match="has time steps of a month, which are longer"):
-        select_steps(period("2024-07-15"), MONTHS, "mean")
+        chosen(MONTHS, "2024-07-15", "mean")
 
 
 @pytest.mark.parametrize(("length", "words"), [("6 hours", "of 6 hours,"), ("hour", "of an hour,")])
 def test_the_length_of_steps_is_written_in_words(length: StepLength, words: str) -> None:
     moment = datetime(2024, 7, 15, 12, tzinfo=UTC)
     with pytest.raises(ValueError, match=words):
-        select_steps(Period(moment, moment), TimeResolution(length, "mean"), "mean")
+        select(dataset(length, "mean"), Period(moment, moment), "mean")
 
 
 @pytest.mark.parametrize(
-    ("valid", "resolution", "labels"),
+    ("valid", "entry", "labels"),
     [
         ("2024-07-15T08:59Z", SIX_HOURS, ("2024-07-15T06",)),
         ("2024-07-15T09:00Z", SIX_HOURS, ("2024-07-15T06",)),
@@ -74,13 +90,13 @@ def test_the_length_of_steps_is_written_in_words(length: StepLength, words: str)
     ],
 )
 def test_an_instant_is_the_nearest_field_or_the_mean_that_contains_it(
-    valid: str, resolution: TimeResolution, labels: tuple[str, ...]
+    valid: str, entry: CopernicusSpec, labels: tuple[str, ...]
 ) -> None:
-    assert select_steps(period(valid), resolution, "nearest").labels == labels
+    assert chosen(entry, valid, "nearest")[0].labels == labels
 
 
 @pytest.mark.parametrize(
-    ("valid", "resolution", "labels", "weights"),
+    ("valid", "entry", "labels", "weights"),
     [
         ("2024-07-15T08:00Z", SIX_HOURS, ("2024-07-15T06", "2024-07-15T12"), (2 / 3, 1 / 3)),
         ("2024-07-15T06:00Z", SIX_HOURS, ("2024-07-15T06",), (1.0,)),
@@ -91,36 +107,47 @@ def test_an_instant_is_the_nearest_field_or_the_mean_that_contains_it(
     ],
 )
 def test_linear_selects_the_two_fields_around_with_means_in_their_middle(
-    valid: str, resolution: TimeResolution, labels: tuple[str, ...], weights: tuple[float, ...]
+    valid: str, entry: CopernicusSpec, labels: tuple[str, ...], weights: tuple[float, ...]
 ) -> None:
-    chosen = select_steps(period(valid), resolution, "linear")
-    assert chosen.labels == labels
-    assert chosen.weights == pytest.approx(weights)
+    steps, found = chosen(entry, valid, "linear")
+    assert steps.labels == labels
+    assert found == pytest.approx(weights)
 
 
 @given(MOMENTS, st.sampled_from(LENGTHS), st.sampled_from(KINDS))
 def test_linear_reproduces_a_linear_function_of_time(
     moment: datetime, length: StepLength, kind: StepKind
 ) -> None:
-    resolution = TimeResolution(length, kind)
     moment = moment.replace(tzinfo=UTC, second=0, microsecond=0)
-    chosen = select_steps(period(f"{moment:%Y-%m-%dT%H:%MZ}"), resolution, "linear")
-    times = [resolution.valid_time(start).timestamp() for start in chosen.starts]
-    mean = sum(weight * time for weight, time in zip(chosen.weights, times, strict=True))
+    steps, weights = chosen(dataset(length, kind), f"{moment:%Y-%m-%dT%H:%MZ}", "linear")
+    times = [at.timestamp() for at in steps.moments]
+    mean = sum(weight * time for weight, time in zip(weights, times, strict=True))
     assert mean == pytest.approx(moment.timestamp(), abs=1e-3)
-    assert all(0 < weight <= 1 for weight in chosen.weights)
-    assert sum(chosen.weights) == pytest.approx(1)
+    assert all(0 < weight <= 1 for weight in weights)
+    assert sum(weights) == pytest.approx(1)
 
 
 @given(MOMENTS, st.sampled_from(LENGTHS))
 def test_the_nearest_instant_is_at_most_half_a_step_away(
     moment: datetime, length: StepLength
 ) -> None:
-    resolution = TimeResolution(length, "instant")
+    entry = dataset(length, "instant")
     moment = moment.replace(tzinfo=UTC, second=0, microsecond=0)
-    (start,) = select_steps(period(f"{moment:%Y-%m-%dT%H:%MZ}"), resolution, "nearest").starts
-    others = (resolution.next_start(start), resolution.start(start - timedelta(hours=1)))
-    assert all(abs(moment - start) <= abs(moment - other) for other in others)
+    (at,) = chosen(entry, f"{moment:%Y-%m-%dT%H:%MZ}", "nearest")[0].moments
+    others = (step_ends(entry, at)[1], step_ends(entry, at - timedelta(hours=1))[0])
+    assert all(abs(moment - at) <= abs(moment - other) for other in others)
+
+
+@given(MOMENTS, st.sampled_from(LENGTHS))
+def test_the_nearest_mean_is_the_one_that_contains_the_moment(
+    moment: datetime, length: StepLength
+) -> None:
+    """Even where the middle of a month beside it is nearer, as on 31 January."""
+    entry = dataset(length, "mean")
+    moment = moment.replace(tzinfo=UTC, second=0, microsecond=0)
+    (at,) = chosen(entry, f"{moment:%Y-%m-%dT%H:%MZ}", "nearest")[0].moments
+    begin, end = step_ends(entry, at)
+    assert begin <= moment < end
 
 
 @pytest.mark.parametrize("valid", ["1802-07", "2024-07-31", "2024-07-31T23:31Z"])
@@ -128,16 +155,15 @@ def test_the_nearest_instant_is_at_most_half_a_step_away(
 def test_a_climatology_gives_the_field_of_the_month_in_any_year(
     valid: str, method: TimeMethod
 ) -> None:
-    climatology = TimeResolution("month", "climatology")
-    chosen = select_steps(period(valid), climatology, method)
-    assert (chosen.labels, chosen.weights) == (("07",), (1.0,))
+    climatology = dataset("month", "climatology")
+    steps, weights = chosen(climatology, valid, method)
+    assert (steps.labels, weights) == (("07",), (1.0,))
     with pytest.raises(ValueError, match="not interpolated in time"):
-        select_steps(period(valid), climatology, "linear")
+        chosen(climatology, valid, "linear")
 
 
 def test_nearest_and_linear_select_around_the_middle_of_a_period() -> None:
-    assert select_steps(period("2024-07-15"), MONTHS, "nearest").labels == ("2024-07",)
-    assert select_steps(period("2024-07-15"), INSTANTS, "nearest").labels == ("2024-07-15T12",)
-    assert select_steps(period("2024-07-15"), DAYS, "linear").labels == ("2024-07-15",)
-    july = select_steps(period("2024-07"), SIX_HOURS, "linear")
-    assert july.labels == ("2024-07-16T12",)
+    assert chosen(MONTHS, "2024-07-15", "nearest")[0].labels == ("2024-07",)
+    assert chosen(INSTANTS, "2024-07-15", "nearest")[0].labels == ("2024-07-15T12",)
+    assert chosen(DAYS, "2024-07-15", "linear")[0].labels == ("2024-07-15",)
+    assert chosen(SIX_HOURS, "2024-07", "linear")[0].labels == ("2024-07-16T12",)

@@ -18,7 +18,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model.depths import DepthRule
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
-from pipeline.sources.land.s57_chart import S57Chart
+from pipeline.sources.land.s57 import S57Chart
 from tests.pipeline.results import rows_of
 from tests.true_scale import clearance_m
 

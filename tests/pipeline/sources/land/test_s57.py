@@ -18,8 +18,8 @@ from pipeline.model import Land
 from pipeline.model.depths import DepthRule
 from pipeline.scenario.region import ChartSpec
 from pipeline.sources.land import s57
+from pipeline.sources.land.s57 import S57Chart
 from pipeline.sources.land.s57_cells import Cell, Objects, base_files, read_cell
-from pipeline.sources.land.s57_chart import S57Chart
 from pipeline.sources.registry import land_source
 
 GEOD = pyproj.Geod(ellps="WGS84")

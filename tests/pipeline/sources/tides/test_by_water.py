@@ -11,8 +11,7 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.geo.projection import Projection
-from pipeline.sources.tides.station import Station
-from pipeline.sources.tides.zones import distances_by_water, tide_zones
+from pipeline.sources.tides.station import Station, distances_by_water, tide_zones
 
 PLANE = Projection.at(42.3, -71.0, 1.0)
 EXTENT = shapely.box(-4000, -3000, 4000, 3000)

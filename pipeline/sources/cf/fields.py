@@ -1,0 +1,581 @@
+"""The fields of a season: which steps of the files make them up, with which weights; reading them.
+
+Only a window is read. It is cut out of each step before the steps are summed, some megabytes at a
+time. The fields of tidal streams are sums of harmonic constants; here is the time between them, and
+where the constants are weak.
+"""
+
+import calendar
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from itertools import groupby, islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+import renew
+from pipeline._types import BoolArray, FloatArray, IndexArray
+from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond, widened
+from pipeline.model import Note
+from pipeline.scenario.season import Season, TimeMethod
+from pipeline.scenario.times import Period
+from pipeline.sources.cf.axes import SAME_SHARE, Step, TimeSteps, label
+from pipeline.sources.cf.contents import Component, Contents
+from pipeline.sources.cf.dataset import open_dataset, reading
+from pipeline.sources.current_field import Field
+from renew.inputs.tide import arguments, speeds
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Steps that are further apart than this multiple of the median interval have a hole between them.
+_MISSING_STEP = 1.5
+# Number of faults of one kind that a message names.
+_MAX_FAULTS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class SelectedSteps:
+    """A season's fields: the weights (sum 1) of steps, by index, that make up each of them.
+
+    `valid` is the time that they stand for. `times_s` are seconds since departure, and `labels` the
+    times as text, one for each field; 0 and "" for a single one.
+    """
+
+    weights: tuple[Mapping[int, float], ...]
+    valid: str
+    notes: tuple[Note, ...] = ()
+    is_climatology: bool = False
+    times_s: tuple[float, ...] = (0.0,)
+    labels: tuple[str, ...] = ("",)
+
+
+LONGEST_STEP = timedelta(hours=1)
+"""Longest time between the fields of tidal streams."""
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def steps_of_season(
+    contents: Contents,
+    season: Season,
+    step: timedelta = LONGEST_STEP,
+    *,
+    with_mean: bool = True,
+) -> SelectedSteps:
+    """Select the steps of files, or the harmonic constants, that make up a season's fields.
+
+    `step` is the time between fields that are computed from harmonic constants, at its whole
+    multiples in UTC; `with_mean` says whether they include the constants' mean, if there is one.
+
+    Raises
+    ------
+    ValueError
+        There are no steps, or some are missing during the voyage.
+    """
+    if contents.constituents:
+        return _of_constants(contents, season, step, with_mean=with_mean)
+    if season.is_changing:
+        return select_all_steps(contents.steps, season.period, contents.u_index)
+    return select_steps(contents.steps, season.period, season.resolved_time_method)
+
+
+def select_steps(steps: TimeSteps, period: Period, method: TimeMethod) -> SelectedSteps:
+    """Select the steps that make up a period's one field.
+
+    Raises
+    ------
+    ValueError
+        No step fits the period; the message says which steps there are.
+    """
+    middle = period.begin + (period.end - period.begin) / 2
+    if steps.months:
+        return _month_of_climatology(steps, middle, method)
+    if not steps.moments:
+        return SelectedSteps(({0: 1.0},), "", (Note.of("time-assumed"),))
+    if method == "mean":
+        return _mean(steps, period)
+    return (_linear if method == "linear" else _nearest)(steps, middle)
+
+
+def _month_of_climatology(steps: TimeSteps, moment: datetime, method: TimeMethod) -> SelectedSteps:
+    """Select the step of the moment's month, whatever the year."""
+    if method == "linear":
+        raise ValueError(
+            "it is a climatology, one field per month: leave 'time_method' out, or use 'nearest'"
+        )
+    name = calendar.month_name[moment.month]
+    if moment.month not in steps.months:
+        raise ValueError(f"it is {steps.span}, not of {name}; give a file of that month")
+    index = steps.months.index(moment.month)
+    return SelectedSteps(({index: 1.0},), f"{name} of a climatology", is_climatology=True)
+
+
+def _mean(steps: TimeSteps, period: Period) -> SelectedSteps:
+    """Select all steps in the period, with equal weights."""
+    inside = [i for i, moment in enumerate(steps.moments) if period.begin <= moment < period.end]
+    if not inside:
+        _, distance = steps.nearest(period.begin + (period.end - period.begin) / 2)
+        is_near = steps.is_near(distance)
+        other = ', or time_method = "nearest" for the one around it' if is_near else ""
+        raise ValueError(
+            f"it has {steps.span}, none inside {label(period.begin)} to {label(period.end)}; set "
+            f"the season's 'valid' to what it has{other}"
+        )
+    first, last = inside[0], inside[-1]
+    valid = "/".join(steps.labels[i] for i in dict.fromkeys((first, last)))
+    weights = dict.fromkeys(inside, 1 / len(inside))
+    return SelectedSteps((weights,), valid, _sparse_notes(steps, inside, period))
+
+
+def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> tuple[Note, ...]:
+    """Return a note if the steps do not fill the period."""
+    interval = steps.interval
+    # A step stands for the time around it, or after it.
+    times = [period.begin - interval / 2, *(steps.moments[i] for i in inside), period.end]
+    largest = max(later - earlier for earlier, later in itertools.pairwise(times))
+    if largest <= _MISSING_STEP * interval:
+        return ()
+    span = tuple(dict.fromkeys((steps.labels[inside[0]], steps.labels[inside[-1]])))
+    asked = (label(period.begin), label(period.end))
+    return (Note.of("steps-sparse", count=len(inside), steps=span, asked=asked),)
+
+
+def _nearest(steps: TimeSteps, moment: datetime) -> SelectedSteps:
+    """Select the nearest step, at most half an interval away."""
+    index, distance = steps.nearest(moment)
+    if not steps.is_near(distance):
+        hours = steps.interval.total_seconds() / 2 / 3600
+        within = f"{hours:.3g} hours" if hours < 48 else f"{hours / 24:.3g} days"
+        raise ValueError(
+            f"it has {steps.span}, none within {within} of {label(moment)}; "
+            "set the season's 'valid' to what it has"
+        )
+    return SelectedSteps(({index: 1.0},), steps.labels[index], steps.notes)
+
+
+def _linear(steps: TimeSteps, moment: datetime) -> SelectedSteps:
+    """Select the two steps around a moment, with the weights of linear interpolation."""
+    after = int(np.searchsorted([own.timestamp() for own in steps.moments], moment.timestamp()))
+    if after < len(steps.moments) and steps.moments[after] == moment:
+        return SelectedSteps(({after: 1.0},), steps.labels[after], steps.notes)
+    if not 0 < after < len(steps.moments):
+        raise ValueError(
+            f"it has {steps.span}, which do not lie on both sides of {label(moment)}; set the "
+            "season's 'valid' to a time between them"
+        )
+    earlier, later = steps.moments[after - 1], steps.moments[after]
+    if later - earlier > _MISSING_STEP * steps.interval:
+        raise ValueError(
+            f"it has no steps between {label(earlier)} and {label(later)}; give a file that has"
+        )
+    share = (moment - earlier) / (later - earlier)
+    return SelectedSteps(({after - 1: 1 - share, after: share},), label(moment), steps.notes)
+
+
+def _of_constants(
+    contents: Contents, season: Season, step: timedelta, *, with_mean: bool
+) -> SelectedSteps:
+    """Return fields from an hour before a period, for a vessel that is early, to its end.
+
+    Linear interpolation between fields damps a constituent by sinc² of half its change of phase in
+    a step. The fields are divided by this factor, so that no error adds up on the way.
+    """
+    if not season.is_changing:
+        raise ValueError(
+            "it has harmonic constants, which need a clock: give the season time_method = "
+            "'changing' and a 'departure', as --depart does"
+        )
+    period, names = season.period, contents.constituents
+    first = math.floor((period.begin - LONGEST_STEP - _EPOCH) / step)
+    last = math.ceil((period.end - _EPOCH) / step)
+    moments = [_EPOCH + number * step for number in range(first, last + 1)]
+    instants = np.array([one.replace(tzinfo=None) for one in moments], "datetime64[us]")
+    try:
+        factors, angles = arguments(names, instants)
+    except renew.ParameterError as error:
+        raise ValueError(str(error)) from None
+    factors = factors / np.sinc(speeds(names)[:, None] * (step / timedelta(hours=1)) / 360) ** 2
+    shares = [*factors * np.cos(angles), *-factors * np.sin(angles)]
+    if contents.has_mean and with_mean:
+        shares.append(np.ones(len(moments)))
+    labels = tuple(map(label, moments))
+    return SelectedSteps(
+        weights=tuple(dict(enumerate(column)) for column in np.array(shares).T.tolist()),
+        times_s=tuple((moment - period.begin).total_seconds() for moment in moments),
+        labels=labels,
+        valid=f"{labels[0]}/{labels[-1]}",
+    )
+
+
+def select_all_steps(steps: TimeSteps, period: Period, index: Sequence[Step] = ()) -> SelectedSteps:
+    """Select all steps from the one before a period's begin to the one after its end.
+
+    Each is a field of its own. `index` says where each step stands in its files, if known.
+
+    Raises
+    ------
+    ValueError
+        The period does not begin between two steps, steps are missing in it, or in a file they
+        stand in another order than their times.
+    """
+    moments, departure = steps.moments, period.begin
+    if len(moments) < 2:
+        raise ValueError(
+            f"it has {steps.span}, which do not show how the current changes; give a file with "
+            "two time steps or more, or leave time_method out"
+        )
+    if not moments[0] <= departure < moments[-1]:
+        order = (
+            f"{label(departure)}, is before its first step, {label(moments[0])}"
+            if departure < moments[0]
+            else f"{label(departure)}, is not before its last step, {label(moments[-1])}"
+        )
+        raise ValueError(f"the departure, {order}; depart between them, or give another file")
+    times = np.array([(moment - departure).total_seconds() for moment in moments])
+    first = int(np.searchsorted(times, 0.0, side="right")) - 1
+    end_s = (period.end - departure).total_seconds()
+    last = min(max(int(np.searchsorted(times, end_s)), first + 1), len(times) - 1)
+    chosen = range(first, last + 1)
+    faults = [*_holes(steps, chosen), *_descending(moments, index, chosen if index else ())]
+    if faults:
+        raise ValueError("; ".join(faults))
+    labels = tuple(label(moments[i]) for i in chosen)
+    return SelectedSteps(
+        weights=tuple({i: 1.0} for i in chosen),
+        times_s=tuple(times[first : last + 1].tolist()),
+        labels=labels,
+        valid=f"{labels[0]}/{labels[-1]}",
+        notes=steps.notes,
+    )
+
+
+def _holes(steps: TimeSteps, chosen: Sequence[int]) -> Iterator[str]:
+    """Find steps that are missing between others."""
+    moments = [steps.moments[i] for i in chosen]
+    gaps = [later - earlier for earlier, later in itertools.pairwise(moments)]
+    usual = min(sorted(gaps)[(len(gaps) - 1) // 2], steps.interval)
+    holes = [i for i, gap in enumerate(gaps) if gap > _MISSING_STEP * usual]
+    for i in holes[:_MAX_FAULTS]:
+        yield (
+            f"it has no step between {label(moments[i])} and {label(moments[i + 1])}, and others "
+            f"every {usual.total_seconds() / 3600:g} hours; give a file without holes"
+        )
+
+
+def _descending(
+    moments: Sequence[datetime], index: Sequence[Step], chosen: Sequence[int]
+) -> Iterator[str]:
+    """Find steps of one file that stand in another order than their times."""
+    wrong = [
+        (earlier, later)
+        for earlier, later in itertools.pairwise(chosen)
+        if index[earlier][0] == index[later][0] and index[earlier][1] > index[later][1]
+    ]
+    for earlier, later in wrong[:_MAX_FAULTS]:
+        yield (
+            f"its steps don't ascend: {label(moments[later])} stands before "
+            f"{label(moments[earlier])}; sort them by time"
+        )
+
+
+# Number of values read at a time, 32 MB; but at least one step.
+_CHUNK_VALUES = 4 << 20
+# Largest number of nodes in a region: checks and planning take some 600 bytes for each.
+_MAX_NODES = 2_000_000
+# Neighbouring nodes further apart than this multiple of the axis's largest step have a gap between.
+_GAP_STEPS = 1.5
+_MAX_OPEN = 2  # files at a time: one for each component
+
+
+@dataclass(frozen=True)
+class Window:
+    """Part of a grid: ascending lon (nx,), lat (ny,) in degrees, and their indices in the files.
+
+    `columns` are contiguous runs in the file, from west to east: two where the window crosses the
+    file's own seam. The slices descend where the file's axes do.
+    """
+
+    lon: FloatArray
+    lat: FloatArray
+    rows: slice
+    columns: tuple[slice, ...]
+
+
+def find_window(lon: FloatArray, lat: FloatArray, bounds: Bounds) -> Window:
+    """Find the nodes of monotonic axes inside bounds, in the bounds' own longitudes, degrees."""
+    west, south, east, north = bounds
+    turns = range(int((west - lon.max()) // 360), int((east - lon.min()) // 360) + 1)
+    all_lon = np.concatenate([lon + 360 * turn for turn in turns])
+    all_columns = np.tile(np.arange(lon.size), len(turns))
+    inside = np.flatnonzero((all_lon >= west) & (all_lon <= east))
+    order = inside[np.argsort(all_lon[inside], kind="stable")]
+    if order.size > 1:
+        # A file may have both 0 and 360 degrees.
+        is_distinct = np.diff(all_lon[order]) > SAME_SHARE * np.abs(np.diff(lon)).min()
+        order = order[np.concatenate([[True], is_distinct])]
+    rows = np.flatnonzero((lat >= south) & (lat <= north))
+    rows = rows[np.argsort(lat[rows])]
+    columns = _runs(all_columns[order], 1 if lon[-1] > lon[0] else -1)
+    return Window(all_lon[order], lat[rows], _runs(rows, 1 if lat[-1] > lat[0] else -1)[0], columns)
+
+
+def _runs(indices: IndexArray, step: int) -> tuple[slice, ...]:
+    """Divide indices into runs with a step of 1 or -1; return them as slices, at least one."""
+    ends = np.flatnonzero(np.diff(indices) != step) + 1
+    return tuple(
+        slice(int(run[0]), stop if (stop := int(run[-1]) + step) >= 0 else None, step)
+        for run in np.split(indices, ends)
+        if run.size
+    ) or (slice(0, 0),)
+
+
+def read_window(variable: "xr.Variable", dims: tuple[str, str], window: Window) -> FloatArray:
+    """Read a variable in a window (..., ny, nx); `dims` are its dimensions along lat and lon."""
+    lat, lon = dims
+    runs = [
+        variable.isel({lat: window.rows, lon: run}).load().transpose(..., lat, lon).values
+        for run in window.columns
+    ]
+    return np.concatenate(runs, axis=-1).astype(float)
+
+
+def coverage_faults(contents: Contents, region: Bounds) -> list[str]:
+    """Say how far a region reaches beyond the grid's cells."""
+    cell = contents.largest_cell
+    around = find_window(contents.lon, contents.lat, widened(region, *cell))
+    lon, lat = around.lon, around.lat
+    if lon.size * lat.size > _MAX_NODES:
+        fault = (
+            f"it has {lat.size:,} x {lon.size:,} nodes in the region, more than {_MAX_NODES:,}; "
+            "shrink the region, or give a coarser file, as with `ncks -d` and a stride"
+        )
+        return [fault]
+    if lon.size == 0 or lat.size == 0:
+        return ["it has no data there at all; give a file of the region"]
+    lacking = sides_beyond(region, cell_bounds(lon, lat, cell))
+    gaps = np.diff(lon) > _GAP_STEPS * cell[0]
+    if gaps.any():
+        first = int(gaps.argmax())
+        lacking.append(f"between {lon[first]:g} and {lon[first + 1]:g} E")
+    if lon.size < 2 or lat.size < 2:
+        lacking.append("at more than one node, too few for a field")
+    if not lacking:
+        return []
+    return [f"it has no data {' nor '.join(lacking)}; shrink the region, or give another file"]
+
+
+def covered_bounds(contents: Contents, region: Bounds) -> Bounds | None:
+    """Return the bounds of the part of a region that the grid's cells cover; None where none is."""
+    cell = contents.largest_cell
+    around = find_window(contents.lon, contents.lat, widened(region, *cell))
+    if around.lon.size < 2 or around.lat.size < 2:
+        return None
+    return common_bounds(region, cell_bounds(around.lon, around.lat, cell))
+
+
+class FieldReader:
+    """Reads fields of a window, one after the other; a context manager that closes the files.
+
+    The files read last stay open, as most often they hold the next field as well.
+    """
+
+    def __init__(self, contents: Contents, window: Window) -> None:
+        self._contents, self._window = contents, window
+        self._open: dict[Path, xr.Dataset] = {}
+
+    def __enter__(self) -> Self:
+        """Return itself; files are opened when they are needed."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the files."""
+        self._close_all_but(0)
+
+    def field(self, weights: Mapping[int, float]) -> Field:
+        """Read the weighted sum of steps, with a gap where any step or component has one.
+
+        Raises
+        ------
+        ValueError
+            The file is damaged.
+        """
+        return next(self.fields([weights]))
+
+    def fields(self, weights: Iterable[Mapping[int, float]]) -> Iterator[Field]:
+        """Read the fields of several weights, as `field` does.
+
+        Consecutive fields of the same steps are summed together, some megabytes of them at a time.
+        """
+        contents, window = self._contents, self._window
+        most = max(1, _CHUNK_VALUES // max(1, window.lat.size * window.lon.size))
+        for _, same in groupby(weights, key=tuple):
+            while some := list(islice(same, most)):
+                east = self._weighted_sums(contents.u, contents.u_index, some)
+                north = self._weighted_sums(contents.v, contents.v_index, some)
+                for u, v in zip(east, north, strict=True):
+                    gap = ~(np.isfinite(u) & np.isfinite(v))
+                    u[gap] = v[gap] = np.nan
+                    yield Field(window.lon, window.lat, u, v)
+
+    def _weighted_sums(
+        self,
+        files: Sequence[Component],
+        index: Sequence[tuple[int, int]],
+        weights: Sequence[Mapping[int, float]],
+    ) -> FloatArray:
+        """Return weighted sums (n, ny, nx) of a component's steps in m/s, all of the same steps."""
+        total = np.zeros((len(weights), self._window.lat.size, self._window.lon.size))
+        for steps, values in self.blocks(files, index, weights[0]):
+            shares = [[one[step] for step in steps] for one in weights]
+            total += np.tensordot(shares, values, axes=1)
+        return total
+
+    def blocks(
+        self, files: Sequence[Component], index: Sequence[tuple[int, int]], steps: Iterable[int]
+    ) -> Iterator[tuple[list[int], FloatArray]]:
+        """Yield numbers and values (nt, ny, nx), m/s, of some megabytes of steps at a time."""
+        by_file: dict[int, dict[int, int]] = {}
+        for step in steps:
+            file, own = index[step]
+            by_file.setdefault(file, {})[own] = step
+        most = max(1, _CHUNK_VALUES // max(1, self._window.lat.size * self._window.lon.size))
+        for file, numbers in by_file.items():
+            for first in range(0, len(numbers), most):
+                some = sorted(numbers)[first : first + most]
+                yield [numbers[own] for own in some], self._values(files[file], some)
+
+    def _values(self, component: Component, steps: Sequence[int]) -> FloatArray:
+        """Read ascending steps of a file (nt, ny, nx), m/s."""
+        window = self._window
+        part = dict[str, slice | list[int]]()
+        if component.time:
+            is_range = steps[-1] - steps[0] == len(steps) - 1
+            part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)
+        try:
+            variable = component.lazy(self._dataset(component.file))
+            with reading():
+                values = read_window(variable.isel(part), (component.lat, component.lon), window)
+        except ValueError as error:
+            raise ValueError(f"{component.file.name}: {error}") from None
+        return component.unit_m_s * values.reshape(-1, window.lat.size, window.lon.size)
+
+    def _dataset(self, file: Path) -> "xr.Dataset":
+        """Return an open file."""
+        if file not in self._open:
+            self._close_all_but(_MAX_OPEN - 1)
+            self._open[file] = open_dataset(file)
+        return self._open[file]
+
+    def _close_all_but(self, count: int) -> None:
+        """Close files, the longest open first, until `count` are left."""
+        while len(self._open) > count:
+            self._open.pop(next(iter(self._open))).close()
+
+
+WEAK_SHARE = 0.7
+"""Share of the variance below which the constants of a node count as unreliable."""
+# Largest difference between the streams and straight lines in time between their fields, m/s.
+_ERROR_M_S = 0.03
+# Times between fields, minutes: parts of an hour, so that the hours of other currents are kept.
+_STEPS_MIN = (60, 30, 20, 15, 12, 10, 6, 5)
+# Number of values of all fields above which the time between them is longer: 160 MB a component.
+_MAX_VALUES = 20_000_000
+# Years beyond the series of a fit after which its constants are called old.
+_OLD_YEARS = 5.0
+
+
+def stream_steps(
+    contents: Contents, season: Season, bounds: Bounds, *, with_mean: bool
+) -> SelectedSteps:
+    """Return the fields of a season inside bounds, with notes on them.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged.
+    """
+    window = find_window(contents.lon, contents.lat, bounds)
+    step, error_m_s = _time_step(contents, window, season)
+    selected = steps_of_season(contents, season, step, with_mean=with_mean)
+    notes = [
+        Note.of(
+            "tidal-streams",
+            names=contents.constituents,
+            step_min=step / timedelta(minutes=1),
+            error_m_s=error_m_s,
+            has_mean=contents.has_mean and with_mean,
+        ),
+        *_age_notes(contents, season.period.begin),
+    ]
+    return replace(selected, notes=tuple(notes))
+
+
+def _time_step(contents: Contents, window: Window, season: Season) -> tuple[timedelta, float]:
+    """Return the time between fields, and the largest error of interpolation between them, m/s.
+
+    A constituent of amplitude A is too large by A (ω h)² / 12 in its fields, which
+    :func:`steps_of_season` enlarges, and too small by half of that midway between two fields. A is
+    bounded by the largest of its parts at any node.
+    """
+    names, count = contents.constituents, len(contents.constituents)
+    peaks = np.zeros((2, len(contents.u_index)))
+    with FieldReader(contents, window) as reader:
+        for row, (files, index) in enumerate(
+            ((contents.u, contents.u_index), (contents.v, contents.v_index))
+        ):
+            for steps, values in reader.blocks(files, index, range(2 * count)):
+                sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
+                peaks[row, steps] = sizes.max(axis=(1, 2), initial=0.0)
+    amplitudes = np.sqrt((peaks[:, : 2 * count] ** 2).reshape(2, 2, count).sum(axis=(0, 1)))
+    at = np.array([season.period.begin.replace(tzinfo=None)], "datetime64[us]")
+    factors, _ = arguments(names, at)
+    turns_h = np.radians(speeds(names))
+    bend = float((factors[:, 0] * amplitudes * turns_h**2).sum()) / 12  # m/s for an hour's step
+
+    hours = (season.period.end - season.period.begin + LONGEST_STEP) / timedelta(hours=1)
+    nodes = window.lon.size * window.lat.size
+    fitting = [
+        minutes
+        for minutes in _STEPS_MIN
+        if bend * (minutes / 60) ** 2 <= _ERROR_M_S or minutes == _STEPS_MIN[-1]
+    ]
+    small = [minutes for minutes in _STEPS_MIN if nodes * hours * 60 / minutes <= _MAX_VALUES]
+    minutes = max(fitting[0], small[-1] if small else _STEPS_MIN[0])
+    return timedelta(minutes=minutes), bend * (minutes / 60) ** 2
+
+
+def _age_notes(contents: Contents, departure: datetime) -> list[Note]:
+    """Return a note where the departure is years from the series that gave the constants."""
+    series = []
+    for side in ("start", "end"):
+        try:
+            found = datetime.fromisoformat(contents.attributes[f"time_coverage_{side}"])
+        except (KeyError, ValueError):
+            return []
+        series.append(found if found.tzinfo else found.replace(tzinfo=UTC))
+    years = max(series[0] - departure, departure - series[1]) / timedelta(days=365.25)
+    if years <= _OLD_YEARS:
+        return []
+    return [Note.of("constants-old", begin=series[0], end=series[1], years=years)]
+
+
+def weak_cells(contents: Contents, bounds: Bounds) -> BoolArray | None:
+    """Return where constants explain too little variance (ny, nx); None if the file doesn't say.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged.
+    """
+    part = contents.u[0]
+    window = find_window(contents.lon, contents.lat, bounds)
+    with open_dataset(part.file) as dataset:
+        share = dataset.variables.get("variance_share")
+        if share is None or share.dims != (part.lat, part.lon):
+            return None
+        with reading():
+            return np.asarray(read_window(share, (part.lat, part.lon), window) < WEAK_SHARE)
