@@ -1,15 +1,15 @@
-"""Run the seven stages of a scenario in order; its seasons are planned as independent tasks."""
+"""Run the stages of a scenario in order; its cases are planned as independent tasks."""
 
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal, get_args
 
-from pipeline.errors import LateFaults, StageError
+from pipeline.errors import LateFaults, NoWayError, PipelineError, StageError
 from pipeline.findings.note_words import note_text, note_texts
 from pipeline.findings.result import RunResult, addressed
 from pipeline.findings.text import clearance, environment, season_name, season_text
@@ -17,21 +17,28 @@ from pipeline.geo.lonlat import position_text
 from pipeline.machine.first_compilation import first_compilation
 from pipeline.machine.interpreters import give_back_memory
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
-from pipeline.model import Evaluation, Fetched, Note, Say, SeasonPlan
+from pipeline.model import CaseResult, Fetched, Note, Say, SideBound
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.under_way import UnderWay
 from pipeline.session import Origin, session
 from pipeline.stages.choose import choose
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.coverage import require_covered
-from pipeline.stages.choosing.region import chosen_region, search_region
-from pipeline.stages.choosing.under_way import Sailed, scenario_before, season_sailed
+from pipeline.stages.choosing.region import (
+    MAX_WIDENINGS,
+    best_paths,
+    chosen_region,
+    edge_notes,
+    opened_region,
+    wider_region,
+)
+from pipeline.stages.choosing.under_way import Sailed, case_sailed, scenario_before
 from pipeline.stages.compare import bounds_of_sides, compare
 from pipeline.stages.cover import cover, havens_in
 from pipeline.stages.fetch import fetch
-from pipeline.stages.plan import Planned, plan_seasons
+from pipeline.stages.plan import plan_cases
+from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.project import projected
-from pipeline.stages.seasons.one_season import OnStep, ignore_step
 from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import SimplifiedLand, simplify
 from pipeline.texts import clean
@@ -80,16 +87,6 @@ class Outcome:
         return self.result.scenario
 
     @property
-    def plans(self) -> tuple[SeasonPlan, ...]:
-        """The plans of all seasons, including failed ones."""
-        return self.result.plans
-
-    @property
-    def evaluation(self) -> Evaluation:
-        """The measurements of the routes."""
-        return self.result.evaluation
-
-    @property
     def choices(self) -> tuple[str, ...]:
         """Sentences on the values that were chosen because the scenario leaves them out."""
         return tuple(note_texts(self.result.choices))
@@ -102,15 +99,18 @@ class Outcome:
     @property
     def failures(self) -> tuple[str, ...]:
         """One line for each failed season, each route over the original land, and late fault."""
-        seasons = [f"{season_text(p.season)}: {p.failure}" for p in self.plans if p.failure]
-        over_land = [
-            f"{season_text(row.season)}: route {row.rank} crosses {row.land_m:.0f} m of the "
-            f"original {row.no_go_name}, the most at {position_text(row.land_lon, row.land_lat)}; "
-            "raise chart.margin_m"
-            for row in self.evaluation.routes
-            if row.land_m > 0
-        ]
-        return (*seasons, *over_land, *self.late_faults)
+        without_plan, over_land = list[str](), list[str]()
+        for case in self.result.cases:
+            where = season_text(case.name)
+            without_plan += [f"{where}: {case.result.failure}"] * bool(case.result.failure)
+            over_land += [
+                f"{where}: route {row.rank} crosses {row.land_m:.0f} m of the original "
+                f"{row.no_go_name}, the most at {position_text(row.land_lon, row.land_lat)}; raise "
+                "chart.margin_m"
+                for row in case.measures.routes
+                if row.land_m > 0
+            ]
+        return (*without_plan, *over_land, *self.late_faults)
 
     @property
     def exit_code(self) -> int:
@@ -181,7 +181,9 @@ def run(
             stages = _Stages(held.store, beside, on_event or ignore, compiled, *asked, read)
             result = stages.result(scenario)
         bound = partial(bounds_of_sides, result, held.store)
-        bounds = beside.submit(stages.late.attempt, "the bound on other sides", bound, ())
+        bounds: Future[dict[str, SideBound]] = beside.submit(
+            stages.late.attempt, "the bound on other sides", bound, {}
+        )
         result = replace(result, value=replace(result.value, side_bounds=bounds.result))
         fresh = stages.write(result, held.directory)
         stages.on_result(result.value)
@@ -247,33 +249,77 @@ class _Stages:
         if asked.region is not None or asked.is_planar:
             made = self._in_region(asked, ())
         else:
-            self.on_event(Event("choose", "part", detail="the region"))
-            made = search_region(
-                asked, self.store, self._in_region, self.late, offline=self.offline
-            )
+            made = self._in_chosen_region(asked)
         if asked.havens is None:
             return made
         with self._stage("cover", asked) as say:
             return self.late.attempt("the cover", partial(cover, made, self.store, say), made)
 
+    def _in_chosen_region(self, asked: Scenario) -> Artefact[RunResult]:
+        """Choose a region, and widen it until it has a way, and no best route nears its edge.
+
+        The search ends at the first wider region that fails, and returns the last result. If no
+        region has a way from start to goal, the error is that of the widest one.
+        """
+        self.on_event(Event("choose", "part", detail="the region"))
+        region = chosen_region(asked, self.store, offline=self.offline)
+        for openings in range(MAX_WIDENINGS + 1):
+            try:
+                made = self._in_region(region.complete(asked), region.notes)
+                break
+            except NoWayError:
+                opened = opened_region(region) if openings < MAX_WIDENINGS else None
+                if opened is None:
+                    raise
+                region = opened
+        for _ in range(MAX_WIDENINGS):
+            wider = wider_region(region, best_paths(made.value))
+            if wider is None:
+                break
+            run = partial(self._in_region, wider.complete(asked), wider.notes)
+            try:
+                again = self.late.attempt("planning in a wider region", run, None)
+            except PipelineError:
+                break
+            if again is None:
+                break
+            region, made = wider, again
+        edges = edge_notes(region, best_paths(made.value))
+        return replace(made, value=made.value.with_choices(edges))
+
     def _in_region(self, scenario: Scenario, region_notes: tuple[Note, ...]) -> Artefact[RunResult]:
         """Run all stages except "write" in the scenario's region, with notes on its choice."""
-        chosen, land = self.chosen(scenario, region_notes)
+        sailed = self._sailed(scenario.under_way)
+        if sailed is not None:
+            scenario = sailed.ahead(scenario)
+        chosen, land = self.chosen(scenario, region_notes, sailed)
         with self._stage("plan", chosen.scenario):
             planned = self.planned(chosen, land)
-        for plan in planned.value.plans:
-            self.timings[f"plan {plan.season}"] = plan.seconds
+        for one in planned.value:
+            self.timings[f"plan {one.name}"] = one.seconds
         with self._stage("compare", chosen.scenario) as say:
             made = compare(chosen, land, planned, self.store, say, self.late)
         self.on_result(made.value)
         return made
 
+    def _sailed(self, voyage: UnderWay | None) -> Sailed | None:
+        """Return the voyage that the vessel is on, from the store or made again; None if none."""
+        if voyage is None:
+            return None
+        quiet = replace(self, on_event=ignore, on_step=ignore_step, timings={})
+        chosen, land = quiet.chosen(scenario_before(voyage))
+        own = case_sailed(voyage, chosen)
+        planned = quiet.planned(own, land)
+        return Sailed(voyage, own, land, planned.value[0], planned.key)
+
     def chosen(
-        self, scenario: Scenario, region_notes: tuple[Note, ...] = ()
+        self,
+        scenario: Scenario,
+        region_notes: tuple[Note, ...] = (),
+        sailed: Sailed | None = None,
     ) -> tuple[Chosen, Artefact[SimplifiedLand]]:
-        """Run the stages before "plan"."""
-        store, sailed = self.store, self._sailed(scenario.under_way)
-        scenario = scenario if sailed is None else sailed.ahead(scenario)
+        """Run the stages before "plan"; of a voyage that is sailed, use what its plan used."""
+        store = self.store
         with self._stage("fetch", scenario) as say:
             for note in region_notes[-1:]:
                 say(note)
@@ -294,35 +340,27 @@ class _Stages:
                 say(note)
         with self._stage("project", scenario):
             before = None if sailed is None else sailed.before(scenario)
-            scene = projected(scenario, data.fetched, data.current_keys, land, store, before)
-            havens_in(scenario, scene.value)  # refused before planning
+            cases = projected(scenario, data.fetched, data.current_keys, land, store, before)
+            havens_in(scenario, cases.value[0].water)  # refused before planning
         with self._stage("choose", scenario) as say:
-            given = Chosen(scenario, data, scene, notes=(*self.read, *region_notes))
+            given = Chosen(scenario, data, cases, notes=(*self.read, *region_notes))
             return choose(given, store, say, self.scheduler), land
 
-    def planned(self, chosen: Chosen, land: Artefact[SimplifiedLand]) -> Artefact[Planned]:
-        """Plan all seasons, when the planner is compiled."""
+    def planned(
+        self, chosen: Chosen, land: Artefact[SimplifiedLand]
+    ) -> Artefact[tuple[CaseResult, ...]]:
+        """Plan all cases, when the planner is compiled."""
         self.compiled()
-        return plan_seasons(
+        return plan_cases(
             chosen,
             land,
             self.store,
-            self._say_season,
+            self._say_case,
             scheduler=self.scheduler,
             limit_s=self.limit_s,
             meanwhile=lambda: self.beside.submit(load_libraries),
             on_step=self.on_step,
         )
-
-    def _sailed(self, voyage: UnderWay | None) -> Sailed | None:
-        """Return the voyage that the vessel is on, from the store or made again; None if none."""
-        if voyage is None:
-            return None
-        quiet = replace(self, on_event=ignore, on_step=ignore_step, timings={})
-        chosen, land = quiet.chosen(scenario_before(voyage))
-        own = season_sailed(voyage, chosen)
-        planned = quiet.planned(own, land)
-        return Sailed(voyage, own, land, planned.value.plans[0], planned.key)
 
     def write(self, result: Artefact[RunResult], directory: Path) -> bool:
         """Write all files unless the folder has them already; return whether they were written."""
@@ -360,8 +398,8 @@ class _Stages:
         self.timings[stage] = time.perf_counter() - started
         self.on_event(Event(stage, "done", seconds=self.timings[stage]))
 
-    def _say_season(self, status: Status) -> None:
-        """Report how a season ended."""
+    def _say_case(self, status: Status) -> None:
+        """Report how a case ended."""
         ended: Literal["failed", "done"] = "failed" if status.failure else "done"
         self.on_event(Event("plan", ended, season=status.season, detail=status.failure))
 

@@ -13,12 +13,10 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.errors import LateFaults, StageError
-from pipeline.findings.names import MANIFEST, season_stem
-from pipeline.findings.result import RunResult
+from pipeline.findings.names import MANIFEST
+from pipeline.findings.result import RunCase, RunResult
 from pipeline.machine.files import replacing
 from pipeline.machine.interpreters import seldom_collecting
-from pipeline.model import CurrentGrid
-from pipeline.scenario.season import Season
 
 Format = Callable[[RunResult, Path], None]
 
@@ -123,96 +121,89 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.formats.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
 
+    tables_of = {
+        "departures.csv": (tables.write_departures_csv, bool(result.departures)),
+        "ensemble.csv": (tables.write_ensemble_csv, has_ensembles(result)),
+        "havens.csv": (write_havens, bool(result.coverages)),
+        "trade-off.csv": (tables.write_trade_off_csv, bool(trade_offs(result))),
+    }
     formats: dict[str, Format] = {
         "routes.gpkg": write_geopackage,
         "metrics.csv": tables.write_metrics,
         "scenario.toml": tables.write_scenario,
+        **{name: writer for name, (writer, is_there) in tables_of.items() if is_there},
     }
-    if result.departures:
-        formats["departures.csv"] = tables.write_departures_csv
-    if has_ensembles(result):
-        formats["ensemble.csv"] = tables.write_ensemble_csv
-    if result.coverages:
-        formats["havens.csv"] = write_havens
-    if trade_offs(result):
-        formats["trade-off.csv"] = tables.write_trade_off_csv
-    for grid in result.fetched.currents:  # a planar scenario has none: its current is a formula
-        formats |= _current_formats(result, grid)
-    if not result.scenario.is_planar:  # a plane lies nowhere on earth: nobody can navigate by it
-        if result.routes:
-            formats["passage-plan.pdf"] = write_passage_plan
-        for season in result.scenario.seasons:
-            if result.season_routes(season.name):
-                formats |= _season_formats(result, season)
-                formats |= _haven_formats(result, season.name)
+    for case in result.cases:
+        if case.grid is not None:  # a planar scenario has none: its current is a formula
+            formats |= _current_formats(case)
+    # A plane lies nowhere on earth: nobody can navigate by it.
+    navigated = [case for case in result.cases if case.routes and not result.scenario.is_planar]
+    if navigated:
+        formats["passage-plan.pdf"] = write_passage_plan
+    for case in navigated:
+        formats |= _case_formats(case)
+        formats |= _haven_formats(case)
     # Last, because it waits for the bounds on other sides.
     return {**formats, "report.html": write_report}
 
 
-def _current_formats(result: RunResult, grid: CurrentGrid) -> dict[str, Format]:
-    """Return the files of a season's current; for a plotter only where its time is known."""
+def _current_formats(case: RunCase) -> dict[str, Format]:
+    """Return the files of a case's current; for a plotter only where its time is known."""
     from pipeline.formats.grib import fields_from, write_grib
     from pipeline.formats.records import write_currents
 
-    stem = f"{season_stem(result.scenario.name, grid.season)}-currents"
-    found: dict[str, Format] = {
-        f"{stem}.nc": lambda result, path: write_currents(result, grid.season, path)
-    }
-    if fields_from(result, grid) is not None:
-        found[f"{stem}.grb"] = lambda result, path: write_grib(result, grid.season, path)
+    stem = f"{case.stem}-currents"
+    found = {f"{stem}.nc": _of(write_currents, case)}
+    if fields_from(case) is not None:
+        found[f"{stem}.grb"] = _of(write_grib, case)
     return found
 
 
-def _season_formats(result: RunResult, season: Season) -> dict[str, Format]:
-    """Return the files of one season for navigation devices, with the function that writes each."""
+def _case_formats(case: RunCase) -> dict[str, Format]:
+    """Return the files of one case for navigation devices, with the function that writes each."""
     from pipeline.formats.gis.geopackage import write_geojson
     from pipeline.formats.passage import missions, routes, rtz
 
-    def of_season(writer: Callable[..., None], **options: object) -> Format:
-        return lambda result, path: writer(result, season.name, path, **options)
-
-    scenario, timed = result.scenario, {"departure": season.departure}
-    stem = season_stem(scenario.name, season.name)
-    sides = [one.metrics.main_passage for one in result.season_routes(season.name)]
+    timed, stem = {"departure": case.spec.departure}, case.stem
+    sides = [one.metrics.main_passage for one in case.routes]
     others: dict[str, Format] = {}
     if len(sides) > min(2, len(set(sides))):  # else the other file has every route
-        others = {f"{stem}-all.gpx": of_season(routes.write_gpx, every=True, **timed)}
+        others = {f"{stem}-all.gpx": _of(routes.write_gpx, case, every=True, **timed)}
     return others | {
-        f"{stem}.rtz": of_season(rtz.write_rtz, version=scenario.outputs.rtz_version, **timed),
-        f"{stem}.gpx": of_season(routes.write_gpx, **timed),
-        f"{stem}.geojson": of_season(write_geojson),
-        f"{stem}.kml": of_season(routes.write_kml, **timed),
-        f"{stem}.plan": of_season(missions.write_plan),
-        f"{stem}.waypoints": of_season(missions.write_mission),
+        f"{stem}.rtz": _of(rtz.write_rtz, case, **timed),
+        f"{stem}.gpx": _of(routes.write_gpx, case, **timed),
+        f"{stem}.geojson": _of(write_geojson, case),
+        f"{stem}.kml": _of(routes.write_kml, case, **timed),
+        f"{stem}.plan": _of(missions.write_plan, case),
+        f"{stem}.waypoints": _of(missions.write_mission, case),
     }
 
 
-def _haven_formats(result: RunResult, season: str) -> dict[str, Format]:
-    """Return the files of a season's ways to havens; none without havens, or without a way."""
+def _haven_formats(case: RunCase) -> dict[str, Format]:
+    """Return the files of a case's ways to havens; none without havens, or without a way."""
     from pipeline.findings.haven_rows import main_ways
     from pipeline.formats.passage import haven_routes
 
-    coverage = result.coverages.get(season)
-    if coverage is None or not coverage.diversions:
+    if case.coverage is None or not case.coverage.diversions:
         return {}
-    stem = f"{season_stem(result.scenario.name, season)}-haven"
-    version = result.scenario.outputs.rtz_version
-
-    def rtz(number: int) -> Format:
-        return lambda result, path: haven_routes.write_haven_rtz(
-            result, season, path, number=number, version=version
-        )
-
-    count = len(coverage.diversions)
+    stem, count = f"{case.stem}-haven", len(case.coverage.diversions)
     digits = len(str(count))
     names = [f"{stem}-{number:0{digits}d}" for number in range(1, count + 1)]
     return {
-        f"{stem}s.gpx": lambda result, path: haven_routes.write_haven_gpx(result, season, path),
-        f"{stem}s-missions.zip": lambda result, path: haven_routes.write_haven_missions(
-            result, season, path, names=names
-        ),
-        **{f"{names[way.number - 1]}.rtz": rtz(way.number) for way in main_ways(result, season)},
+        f"{stem}s.gpx": _of(haven_routes.write_haven_gpx, case),
+        f"{stem}s-missions.zip": _of(haven_routes.write_haven_missions, case, names=names),
+        **{
+            f"{names[way.number - 1]}.rtz": _of(
+                haven_routes.write_haven_rtz, case, number=way.number
+            )
+            for way in main_ways(case)
+        },
     }
+
+
+def _of(writer: Callable[..., None], case: RunCase, **options: object) -> Format:
+    """Return what writes a file of a case, by the case's name in the run that is written."""
+    return lambda result, path: writer(result.case(case.name), path, **options)
 
 
 def _check_target(directory: Path, names: Sequence[str]) -> None:

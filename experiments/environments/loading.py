@@ -16,13 +16,13 @@ from pipeline.errors import RequestError
 from pipeline.findings.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Store
-from pipeline.model import Evaluation, Fetched, SeasonPlan, Simplified, planner_vessel
+from pipeline.model import CaseResult, Fetched, Simplified, planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import near_miss, validated
 from pipeline.stages.fetch import fetch
-from pipeline.stages.places import fetched_plane, plane_scene, unsimplified
+from pipeline.stages.places import fetched_plane, unsimplified
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
 from renew._types import FloatArray
@@ -45,13 +45,13 @@ class Environment:
         fetched = self.result.fetched
         names = [credit.text for credit in fetched.land.credits]
         names += dict.fromkeys(f"{grid.credit.text} ({grid.valid})" for grid in fetched.currents)
-        if self.result.scene.is_planar:
+        if self.result.water.is_planar:
             names.append("currents as given in the environment's file")
         return "; ".join(names)
 
     def voyage(self, case: Case) -> Voyage:
         """The voyage of a case, m and m/s."""
-        scene, chart = self.result.scene, self.result.scene.chart
+        scene, chart = self.result.scene, self.result.water.chart
         if case.vertices is not None:
             ends = np.stack([scene.start, scene.goal])
             chart = coarse(chart, scene.land, case.vertices, ends)
@@ -62,9 +62,8 @@ class Environment:
         """On which side of the spec's island a path passes; empty if it names none."""
         if self.spec.island is None:
             return ""
-        scene = self.result.scene
-        middle = scene.projection.to_plane(np.array([self.spec.island]))[0]
-        way = scene.goal - scene.start
+        middle = self.result.water.projection.to_plane(np.array([self.spec.island]))[0]
+        way = self.result.stops[-1] - self.result.stops[0]
         square = np.array([-way[1], way[0]]) * np.sign(-way[1])
         # The half-line that leads from the island eastward, square to the way, is met or not.
         line = shapely.LineString([middle, middle + square])
@@ -113,16 +112,23 @@ def load_environment(spec: EnvironmentSpec, store: Store) -> Environment:
     scenario = _scenario(spec)
     if scenario.is_planar:
         fetched = fetched_plane(scenario)
-        simplified, scene = unsimplified(fetched.land), plane_scene(scenario)
+        simplified = unsimplified(fetched.land)
     else:
         fetched = fetch(scenario, store, offline=True).fetched
         simplified = _simplified(scenario, fetched)
-        scene = project(scenario, fetched, simplified)
-    seasons = tuple(SeasonPlan(season.name, None, "", 0.0) for season in scenario.seasons)
-    none = Evaluation((), {})
-    now = datetime.now(UTC)
+    cases = project(scenario, fetched, simplified)
     return Environment(
-        spec, RunResult(scenario, fetched, simplified, scene, seasons, none, {}, now)
+        spec,
+        RunResult(
+            scenario,
+            fetched,
+            simplified,
+            cases[0].water,
+            {case.name: case for case in cases},
+            tuple(CaseResult(season.name, None, "", 0.0) for season in scenario.seasons),
+            {},
+            datetime.now(UTC),
+        ),
     )
 
 

@@ -71,5 +71,5 @@ def drawings(found: Findings) -> Iterator[Drawing]:
         "of their reach. The current and its "
         "spread are ours: the inputs of the published pair 4.47 m and 1.96 m are not in the paper."
     )
-    vessel = found.environments[0].result.scene.vessel
+    vessel = found.environments[0].result.cases[0].case.vessel
     yield Drawing("turning-circles", curves.turning_circles(vessel), caption)

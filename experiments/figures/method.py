@@ -68,7 +68,7 @@ def channels(result: RunResult, season: str) -> Figure:
 
     The best class of each passage of the main island is among them.
     """
-    chosen = _best_of_passages(result.season_routes(season), len(CLASS_COLOURS))
+    chosen = _best_of_passages(result.case(season).routes, len(CLASS_COLOURS))
     passing = _passing_edges(_triangulation(result, season))
     figure, maps = chart_map.map_figure(
         result,
@@ -98,8 +98,8 @@ def channels(result: RunResult, season: str) -> Figure:
 
 def _triangulation(result: RunResult, season: str) -> Triangulation:
     """Triangulate as the planner did, without the overpowered water."""
-    plan = result.plan_of(season)
-    return triangulate(result.scene.chart, closed=plan.overpowering if plan else None)
+    plan = result.case(season).plan
+    return triangulate(result.water.chart, closed=plan.overpowering if plan else None)
 
 
 def _passing_edges(triangles: Triangulation) -> FloatArray:
@@ -129,7 +129,7 @@ def _class_title(ranked: RankedRoute) -> tuple[str, str]:
 
 def padding(result: RunResult, season: str) -> Figure:
     """Draw the best route's soft no-go zone, and hard-over turns at its tightest places."""
-    best = result.season_routes(season)[0]
+    best = result.case(season).routes[0]
     places = _tightest(best.route)
     handles = [
         *season_map.land_handles(result),
@@ -253,7 +253,7 @@ def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatAr
     return fly_turns(
         points,
         np.arctan2(ahead[:, 1], ahead[:, 0]),
-        result.scene.currents[ranked.season],
+        result.case(ranked.season).case.current,
         result.scene.vessel_in(ranked.season),
         np.zeros((1, 1, 2)),
         np.interp(along, np.append(0.0, passed), ranked.route.times),

@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
-from datetime import datetime
 from typing import NoReturn
 
 import typer
@@ -12,13 +11,11 @@ import typer
 from pipeline.cli.progress import progress
 from pipeline.cli.terminal import say, table, terminal_width
 from pipeline.findings import text
-from pipeline.findings.names import season_stem
 from pipeline.findings.note_words import caveats_json, note_json, note_texts
 from pipeline.findings.rejections import rejections
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RankedRoute
 from pipeline.findings.text import json_value
 from pipeline.machine.paths import short_path
-from pipeline.model import RouteMetrics
 from pipeline.run import Outcome
 from pipeline.scenario.model import Scenario
 
@@ -62,23 +59,23 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
     For each season it has the best route on each side of the main island. Ways are wrapped where
     the table is wider than `width`, in characters.
     """
-    lengths = [row.length_m for row in outcome.evaluation.routes]
+    lengths = [one.metrics.length_m for one in outcome.result.routes]
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
     head = tuple(_HEAD.format(unit=unit).split(","))
     rows: list[tuple[str, ...]] = [head]
     passed: set[str] = set()
-    for plan in outcome.plans:
-        if plan.plan is None:
+    for case in outcome.result.cases:
+        if case.plan is None:
             blank = ("",) * (len(head) - _LEFT_ALIGNED)
-            rows.append((text.season_name(plan.season), "-", "not planned", *blank))
+            rows.append((text.season_name(case.name), "-", "not planned", *blank))
             continue
         seen: set[str] = set()
-        for row in outcome.evaluation.routes:
-            if row.season == plan.season and row.main_passage not in seen:
+        for ranked in case.routes:
+            row = ranked.metrics
+            if row.main_passage not in seen:
                 seen.add(row.main_passage)
                 passed.update(name for passage in row.passages for name in passage.islands)
-                best = next(one for one in outcome.evaluation.routes if one.season == row.season)
-                rows.append(_row(outcome.result, row, best.fuel, 1.0 if unit == "m" else 1000.0))
+                rows.append(_row(ranked, 1.0 if unit == "m" else 1000.0))
     result = outcome.result
     crossed = [note for note in result.unknowns if note.kind == "second-shoreline"]
     unknown = [note for note in result.unknowns if note not in crossed]
@@ -93,17 +90,18 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
         lines += [title, *(f"- {line}" for line in note_texts(notes))] * bool(notes)
     if places := [
         f"{'island ' * (not island.name)}{island.label} at {island.place}"
-        for island in outcome.evaluation.islands
+        for island in result.islands
         if island.label in passed
     ]:
         lines.append(f"\nPassed: {'; '.join(places)}.")
     no_go = outcome.fetched.land.no_go_name
     lines += [
-        f"\n{text.season_name(one.season)}: {text.gap_text(one, no_go)}"
-        for one in outcome.evaluation.gap_shares
+        f"\n{text.season_name(case.name)}: {text.gap_text(case.measures.gap_shares, no_go)}"
+        for case in result.cases
+        if case.measures.gap_shares is not None
     ]
-    rejected = sum(len(plan.plan.rejected) for plan in outcome.plans if plan.plan is not None)
-    routes = text.count(len(outcome.evaluation.routes), "route", "routes")
+    rejected = sum(len(case.plan.rejected) for case in result.cases if case.plan is not None)
+    routes = text.count(len(result.routes), "route", "routes")
     classes = text.count(rejected, "rejected class", "rejected classes")
     reasons = f"; {classes}, with reasons" if rejected else ""
     sides = "The best route on each side of the main island. " if passed else ""
@@ -112,11 +110,12 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
 
 
 def _passages(outcome: Outcome) -> Iterator[str]:
-    """Yield a line for each season with a departure: when its best route leaves and arrives."""
-    for row in outcome.evaluation.routes:
-        passage = outcome.scenario.passage(row.season, round(row.duration_s))
-        if row.rank == 1 and passage is not None:
-            about = "".join(f"{one}: " for one in outcome.scenario.season_if_several(row.season))
+    """Yield a line for each case with a departure: when its best route leaves and arrives."""
+    for ranked in outcome.result.routes:
+        name = ranked.case.name
+        passage = outcome.scenario.passage(name, round(ranked.metrics.duration_s))
+        if ranked.rank == 1 and passage is not None:
+            about = "".join(f"{one}: " for one in outcome.scenario.season_if_several(name))
             leave, arrive = text.exact_moment_text(passage[0]), text.moment_text(passage[1])
             yield f"{about}Leave at {leave}, arrive at {arrive}.\n"
 
@@ -133,31 +132,33 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
 
 
 def _unknown_currents(outcome: Outcome) -> Iterator[str]:
-    """Yield one line on the seasons whose current is not known, if there are any."""
-    seasons = [grid.season for grid in outcome.fetched.currents]
-    lacking = [one for one in seasons if outcome.result.lacks_current(one)]
+    """Yield one line on the cases whose current is not known, if there are any."""
+    lacking = [case.name for case in outcome.result.cases if case.lacks_current]
     if lacking:
-        names = ", ".join(map(text.season_name, lacking)) if len(seasons) > 1 else ""
+        several = len(outcome.fetched.currents) > 1
+        names = ", ".join(map(text.season_name, lacking)) if several else ""
         about = f": {names}" if names else ""
         yield f"Current NOT known{about}; nothing is proven for the real one"
 
 
-def _row(result: RunResult, row: RouteMetrics, least_fuel: float, unit_m: float) -> tuple[str, ...]:
+def _row(ranked: RankedRoute, unit_m: float) -> tuple[str, ...]:
     """Return one route's cells; the last is "collisions/all" of the simulated hard-over turns.
 
-    The season's best route has its fuel, each other route the percentage that it needs more.
+    The case's best route has its fuel, each other route the percentage that it needs more.
     """
+    row, case = ranked.metrics, ranked.case
+    more = row.fuel / case.routes[0].metrics.fuel - 1
     kept = text.clearance(row.clearance_m) if row.has_land else "-"
     return (
-        text.season_name(row.season),
+        text.season_name(case.name),
         str(row.rank),
         row.way or "-",
         f"{row.length_m / unit_m:.1f}",
         text.days(row.duration_s) or text.hours(row.duration_s),
         kept,
-        text.number(row.fuel) if row.rank == 1 else f"{100 * (row.fuel / least_fuel - 1):+.1f} %",
+        text.number(row.fuel) if row.rank == 1 else f"{100 * more:+.1f} %",
         f"{row.fuel_per_distance:.3f}",
-        result.gap_figure(row) if math.isfinite(row.optimality_gap) else "-",
+        case.gap_figure(row) if math.isfinite(row.optimality_gap) else "-",
         f"{row.collisions}/{row.trials:,}" if row.has_land else "-",
     )
 
@@ -166,42 +167,35 @@ def outcome_json(outcome: Outcome) -> str:
     """Return an outcome as JSON on one line; numbers that are not finite are null.
 
     Lengths are in true metres, durations in seconds. `files` of the best route are all files of its
-    season. `files` of another route are those with all routes of the season: a GPX and a GeoJSON.
+    case. `files` of another route are those with all routes of the case: a GPX and a GeoJSON.
     """
     files = sorted(path.name for path in outcome.directory.iterdir() if path.is_file())
     fields = {
         "scenario": outcome.scenario.name,
         "directory": str(outcome.directory),
         "files": files,
-        "routes": [
-            _route(
-                row,
-                outcome.scenario.passage(row.season, round(row.duration_s)),
-                season_stem(outcome.scenario.name, row.season),
-                files,
-            )
-            for row in outcome.evaluation.routes
-        ],
+        "routes": [_route(ranked, files) for ranked in outcome.result.routes],
         "rejected": [
-            {"season": plan.season, **one}
-            for plan in outcome.plans
-            for one in rejections(outcome.result, plan.season)
+            {"season": case.name, **one}
+            for case in outcome.result.cases
+            for one in rejections(case)
         ],
         "clock_worth": [
             {
-                "season": one.season,
-                "best_fuel": one.best,
-                "departure_plan_fuel": one.frozen,
-                "mean_plan_fuel": one.mean,
-                "shortest_path_fuel": one.shortest,
-                "fuel_bound": one.bound,
+                "season": case.name,
+                "best_fuel": worth.best,
+                "departure_plan_fuel": worth.frozen,
+                "mean_plan_fuel": worth.mean,
+                "shortest_path_fuel": worth.shortest,
+                "fuel_bound": worth.bound,
             }
-            for one in outcome.evaluation.clock_worths
+            for case in outcome.result.cases
+            if (worth := case.measures.clock_worth) is not None
         ],
         "replanned": [
-            {"season": plan.season, **asdict(plan.replanned)}
-            for plan in outcome.plans
-            if plan.replanned is not None
+            {"season": one.name, **asdict(one.replanned)}
+            for one in outcome.result.results
+            if one.replanned is not None
         ],
         **caveats_json(outcome.result),
         "notes": note_texts(outcome.fetched.notes),
@@ -211,14 +205,14 @@ def outcome_json(outcome: Outcome) -> str:
     return json.dumps(json_value(fields), ensure_ascii=False, allow_nan=False)
 
 
-def _route(
-    row: RouteMetrics, passage: tuple[datetime, datetime] | None, stem: str, files: list[str]
-) -> dict[str, object]:
+def _route(ranked: RankedRoute, files: list[str]) -> dict[str, object]:
     """Return one route's values and the files that contain it."""
+    row, case, stem = ranked.metrics, ranked.case, ranked.case.stem
+    passage = case.scenario.passage(case.name, round(row.duration_s))
     of_all = ("-all.gpx", ".geojson")
     of_best = (".rtz", ".gpx", *of_all, ".kml", ".plan", ".waypoints")
     return {
-        "season": row.season,
+        "season": case.name,
         "rank": row.rank,
         "way": row.way,
         "class": row.homotopy,

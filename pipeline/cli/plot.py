@@ -83,19 +83,18 @@ def plot(
     with planned_scenario(
         scenario, output, offline=offline, origin=origin, on_event=on_event
     ) as result:
-        failures = {
-            entry.season: f"{season_text(entry.season)}: {entry.failure}"
-            for entry in result.plans
-            if entry.season in chosen and entry.failure
-        }
+        cases = [case for case in result.cases if case.name in chosen]
+        failures = [
+            f"{season_text(case.name)}: {case.result.failure}" for case in cases if not case.routes
+        ]
         directory = output_directory(output.resolve(), scenario.name) / FOLDER
         files = []
-        for name, kind in product((name for name in chosen if name not in failures), selected):
-            path = directory / f"{safe_name(name)}-{kind.value}.{form.value}"
+        for case, kind in product((case for case in cases if case.routes), selected):
+            path = directory / f"{safe_name(case.name)}-{kind.value}.{form.value}"
             about = result.scenario.title or scenario.name
-            title = f"{about}, {result.season_title(name)}: {kind.value}"
-            files.append(_save(figure(result, name, kind, width), path, title))
-    return Drawn(directory, tuple(files), tuple(failures.values()))
+            title = f"{about}, {case.title}: {kind.value}"
+            files.append(_save(figure(case, kind, width), path, title))
+    return Drawn(directory, tuple(files), tuple(failures))
 
 
 def _save(drawing: "Figure", path: Path, title: str) -> Path:

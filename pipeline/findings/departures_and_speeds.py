@@ -9,8 +9,8 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.findings import text
-from pipeline.findings.result import RunResult
-from pipeline.model import DepartureChoice, Note, RouteMetrics, SpeedChoice
+from pipeline.findings.result import RankedRoute, RunCase, RunResult
+from pipeline.model import DepartureChoice, Note, SpeedChoice
 
 AS_GOOD = 0.01
 """A departure that needs at most this share of fuel above the least counts as good."""
@@ -99,7 +99,7 @@ class TradeOff:
 
     Attributes
     ----------
-    season : the season's name.
+    case : its name.
     departure, arrive_by : times of departure and of the latest allowed arrival, UTC.
     choice : the speeds that may be chosen.
     durations_s : (n,) seconds under way, ascending; the first is sailed at the highest speed.
@@ -108,7 +108,7 @@ class TradeOff:
     slowest, fastest : its lowest and highest speed through water, m/s.
     """
 
-    season: str
+    case: str
     departure: datetime
     arrive_by: datetime
     choice: SpeedChoice
@@ -128,18 +128,19 @@ class TradeOff:
         return self.departure + timedelta(seconds=round(duration_s))
 
 
-def trade_off(result: RunResult, season: str) -> TradeOff | None:
-    """Return the trade-off of a season; None where no speeds were chosen, or no route was found."""
-    choice, ranked = result.scene.speeds.get(season), result.season_routes(season)
-    plan, departure = result.plan_of(season), result.spec_of(season).departure
-    if choice is None or not ranked or plan is None or plan.trade_off is None or departure is None:
+def trade_off(case: RunCase) -> TradeOff | None:
+    """Return the trade-off of a case; None where no speeds were chosen, or no route was found."""
+    plan, departure = case.plan, case.spec.departure
+    if not case.routes or plan is None or plan.trade_off is None or departure is None:
         return None
-    route, metrics = ranked[0].route, ranked[0].metrics
+    choice, route, metrics = case.case.speeds, case.routes[0].route, case.routes[0].metrics
+    if choice is None:
+        return None
     # True seconds for each second of the planner; durations are counted from the departure.
     stretch = metrics.duration_s / route.duration
     begin = departure.astimezone(UTC)
     return TradeOff(
-        season=season,
+        case=case.name,
         departure=begin,
         arrive_by=begin + timedelta(seconds=choice.within_s),
         choice=choice,
@@ -153,8 +154,8 @@ def trade_off(result: RunResult, season: str) -> TradeOff | None:
 
 
 def trade_offs(result: RunResult) -> tuple[TradeOff, ...]:
-    """Return the trade-offs of all seasons that have one."""
-    found = (trade_off(result, season.name) for season in result.scenario.seasons)
+    """Return the trade-offs of all cases that have one."""
+    found = map(trade_off, result.cases)
     return tuple(one for one in found if one is not None)
 
 
@@ -175,9 +176,9 @@ def trade_off_text(found: TradeOff) -> tuple[str, ...]:
 
 
 def speed_notes(result: RunResult) -> tuple[Note, ...]:
-    """Note the speeds of each season in which they are chosen."""
+    """Note the speeds of each case in which they are chosen."""
     return tuple(
-        Note.of("speeds-chosen", found=one).about(*result.scenario.season_if_several(one.season))
+        Note.of("speeds-chosen", found=one).about(*result.scenario.season_if_several(one.case))
         for one in trade_offs(result)
     )
 
@@ -212,19 +213,19 @@ def _worth(found: TradeOff) -> Iterator[str]:
         )
 
 
-def still_speed_m_s(result: RunResult, metrics: RouteMetrics) -> float:
+def still_speed_m_s(ranked: RankedRoute) -> float:
     """Return the speed at which a route would be sailed in still water, m/s.
 
     Where speeds are chosen: the route's mean speed over ground, within the allowed speeds.
     """
-    choice = result.scene.speeds.get(metrics.season)
-    if choice is None:
-        return result.scene.vessel.speed
-    return float(np.clip(text.speed_over_ground(metrics), choice.least, choice.most))
+    case = ranked.case.case
+    if case.speeds is None:
+        return case.vessel.speed
+    speed = text.speed_over_ground(ranked.metrics)
+    return float(np.clip(speed, case.speeds.least, case.speeds.most))
 
 
-def still_fuel_per_metre(result: RunResult, metrics: RouteMetrics) -> float:
+def still_fuel_per_metre(ranked: RankedRoute) -> float:
     """Return the fuel per metre of the planner's plane that a route would take in still water."""
-    vessel = result.scene.vessel
-    speed = still_speed_m_s(result, metrics)
-    return float(vessel.fuel_coefficient * speed ** (vessel.fuel_exponent - 1))
+    vessel = ranked.case.case.vessel
+    return float(vessel.fuel_coefficient * still_speed_m_s(ranked) ** (vessel.fuel_exponent - 1))

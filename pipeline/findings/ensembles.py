@@ -1,11 +1,11 @@
-"""How sure a season's side is, for readers: sentences, and a row for each route and member."""
+"""How sure a case's side is, for readers: sentences, and a row for each route and member."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pipeline.findings import text
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.model import EnsembleFigures, Note, RouteMetrics
 
 # Saving that is not worth a sentence, as a share of the mean fuel.
@@ -23,18 +23,13 @@ ENSEMBLE_COLUMNS = ("season", "member", "weight", "rank", "way", "homotopy", "fu
 """Fuel is in the planner's units, of the route in this member; empty where it can't be sailed."""
 
 
-def ensemble_of(result: RunResult, season: str) -> EnsembleFigures | None:
-    """Return how a season's routes do in the members of its current; None without members."""
-    return next((plan.ensemble for plan in result.plans if plan.season == season), None)
-
-
 def has_ensembles(result: RunResult) -> bool:
-    """Whether any season has members."""
-    return any(plan.ensemble is not None for plan in result.plans)
+    """Whether any case has members."""
+    return any(one.ensemble is not None for one in result.results)
 
 
 ENSEMBLE_FIGURES = ("members_count", "members_flips", "members_waiting_saves", "members_gap")
-"""How sure a season's first route is: how many members there are, in how many of them another side
+"""How sure a case's first route is: how many members there are, in how many of them another side
 is the best, what is saved on average if the member is known before (the planner's fuel), and the
 share by which any single route may have a smaller mean, at most."""
 
@@ -66,7 +61,7 @@ def sides_text(found: EnsembleFigures, routes: Sequence[RouteMetrics]) -> str:
 
 
 def ensemble_figures(found: EnsembleFigures, routes: Sequence[RouteMetrics]) -> dict[str, Any]:
-    """Return the figures of a season's routes, by rank; None where one is not finite."""
+    """Return the figures of a case's routes, by rank; None where one is not finite."""
     sides = {one.rank: way_text(one) for one in routes}
     flips = sum(sides.get(rank, sides[1]) != sides[1] for rank in found.best_in)
     figures = (found.waiting_saves, found.gap("mean"))
@@ -80,25 +75,25 @@ def flips_text(figures: Mapping[str, Any]) -> str:
     return f"the side flips in {flips or 'none'} of {count} members"
 
 
-def ensemble_text(result: RunResult, season: str) -> tuple[str, ...]:
+def ensemble_text(case: RunCase) -> tuple[str, ...]:
     """Say in sentences how sure the side is; empty without members."""
-    found, routes = ensemble_of(result, season), result.season_routes(season)
+    found, routes = case.result.ensemble, case.routes
     return () if found is None or not routes else tuple(_sentences(found, routes))
 
 
 def ensemble_notes(result: RunResult) -> tuple[Note, ...]:
-    """Note how sure the side of each season with members is."""
+    """Note how sure the side of each case with members is."""
     return tuple(
         Note.of("how-sure", said=said[0].removesuffix(".")).about(
-            *result.scenario.season_if_several(plan.season)
+            *result.scenario.season_if_several(case.name)
         )
-        for plan in result.plans
-        if (said := ensemble_text(result, plan.season))
+        for case in result.cases
+        if (said := ensemble_text(case))
     )
 
 
 def _sentences(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[str]:
-    """Yield what the members say of a season's routes."""
+    """Yield what the members say of a case's routes."""
     metrics = [one.metrics for one in routes]
     best = way_text(metrics[0])
     others = close_sides(found, metrics)
@@ -152,18 +147,18 @@ def _shut(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[s
 
 
 def ensemble_rows(result: RunResult) -> Iterator[dict[str, Any]]:
-    """Yield a row for each route in each member, of all seasons that have members."""
-    for plan in result.plans:
-        found = plan.ensemble
+    """Yield a row for each route in each member, of all cases that have members."""
+    for case in result.cases:
+        found = case.result.ensemble
         if found is None:
             continue
         for at, (member, weight) in enumerate(
             zip(found.names, found.weights.tolist(), strict=True)
         ):
-            for one in result.season_routes(plan.season):
+            for one in case.routes:
                 fuel = float(found.fuels[one.rank - 1, at])
                 yield {
-                    "season": plan.season,
+                    "season": case.name,
                     "member": member,
                     "weight": weight,
                     "rank": one.rank,

@@ -15,7 +15,7 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RunCase
 from pipeline.findings.text import planner_text
 
 _GEOD = pyproj.Geod(ellps="WGS84")
@@ -29,7 +29,7 @@ LAST_TURNS = ("abort point", "point of no return", *MOMENTS)
 
 @dataclass(frozen=True)
 class Way:
-    """A way to a haven, with its number among the season's, from 1.
+    """A way to a haven, with its number among the case's, from 1.
 
     Attributes
     ----------
@@ -82,10 +82,16 @@ class HavenRow:
     reason: str = ""
 
 
-def haven_ways(result: RunResult, season: str) -> dict[renew.Diversion, Way]:
-    """Return the ways to havens of a season's best route, in the order of their times."""
-    coverage, clock = result.coverages[season], _Clock.of(result, season)
-    projection = result.scene.projection
+def coverage_of(case: RunCase) -> renew.Coverage:
+    """Return a case's coverage; ValueError without havens."""
+    if case.coverage is None:
+        raise ValueError(f"{case.name} has no havens")
+    return case.coverage
+
+
+def haven_ways(case: RunCase) -> dict[renew.Diversion, Way]:
+    """Return the ways to havens of a case's best route, in the order of their times."""
+    coverage, clock, projection = coverage_of(case), _Clock.of(case), case.case.projection
     return {
         one: Way(
             number=number,
@@ -103,13 +109,13 @@ def haven_ways(result: RunResult, season: str) -> dict[renew.Diversion, Way]:
     }
 
 
-def main_ways(result: RunResult, season: str) -> list[Way]:
+def main_ways(case: RunCase) -> list[Way]:
     """Return the ways that a navigator needs at hand, in the order of their times.
 
     They serve stretches of a share of the limit at least, or are those of the last places to turn
     off. Near a limit there are many more, each for a few minutes of the route.
     """
-    coverage = result.coverages[season]
+    coverage = coverage_of(case)
     stretches = coverage.stretches
     least = _STRETCH * min(coverage.within, stretches[-1].end - stretches[0].begin)
     ends = [*coverage.abort_points, *filter(None, [coverage.no_return])]
@@ -117,18 +123,17 @@ def main_ways(result: RunResult, season: str) -> list[Way]:
     main |= {one.diversion for one in ends}
     main |= {one.diversion for one in coverage.class_turns}
     main |= {way for one in coverage.equal_points for way in (one.before, one.after)}
-    return [way for one, way in haven_ways(result, season).items() if one in main]
+    return [way for one, way in haven_ways(case).items() if one in main]
 
 
-def haven_rows(result: RunResult, season: str) -> list[HavenRow]:
-    """Return the rows of a season's best route: its stretches, then its last places to turn off."""
-    return list(_rows(result, season))
+def haven_rows(case: RunCase) -> list[HavenRow]:
+    """Return the rows of a case's best route: its stretches, then its last places to turn off."""
+    return list(_rows(case))
 
 
-def _rows(result: RunResult, season: str) -> Iterator[HavenRow]:
+def _rows(case: RunCase) -> Iterator[HavenRow]:
     """Yield stretches, abort points, the point of no return, equal points, and last changes."""
-    coverage, clock = result.coverages[season], _Clock.of(result, season)
-    ways = haven_ways(result, season)
+    coverage, clock, ways = coverage_of(case), _Clock.of(case), haven_ways(case)
     for one in coverage.stretches:
         cause = one.cause
         yield HavenRow(
@@ -138,7 +143,7 @@ def _rows(result: RunResult, season: str) -> Iterator[HavenRow]:
             None if one.diversion is None else ways[one.diversion],
             clock.stretch * one.longest,
             clock.stretch * one.least,
-            "" if cause is None else planner_text(cause.text, result.scene, season),
+            "" if cause is None else planner_text(cause.text, case.case),
         )
     last = [("abort point", one) for one in coverage.abort_points]
     if coverage.no_return is not None:
@@ -154,9 +159,9 @@ def _rows(result: RunResult, season: str) -> Iterator[HavenRow]:
         yield HavenRow("last change", way.turn_off_s, way.turn_off_s, way, way.longest_s)
 
 
-def stretch_line(result: RunResult, season: str, row: HavenRow) -> shapely.LineString:
-    """Return the part of a season's best route, planar metres, that a row is about."""
-    route, clock = result.season_routes(season)[0].route, _Clock.of(result, season)
+def stretch_line(case: RunCase, row: HavenRow) -> shapely.LineString:
+    """Return the part of a case's best route, planar metres, that a row is about."""
+    route, clock = case.routes[0].route, _Clock.of(case)
     begin, end = (one / clock.stretch + clock.begin for one in (row.begin_s, row.end_s))
     track = route.trajectory[:, 0]
     times = np.concatenate([[begin], track[(track > begin) & (track < end)], [end]])
@@ -166,15 +171,15 @@ def stretch_line(result: RunResult, season: str, row: HavenRow) -> shapely.LineS
 
 @dataclass(frozen=True)
 class _Clock:
-    """The clock of a season's best route: its departure, s, and true seconds to one of its own."""
+    """The clock of a case's best route: its departure, s, and true seconds to one of its own."""
 
     begin: float
     stretch: float
 
     @classmethod
-    def of(cls, result: RunResult, season: str) -> "_Clock":
-        """Return the clock of a season."""
-        best: RankedRoute = result.season_routes(season)[0]
+    def of(cls, case: RunCase) -> "_Clock":
+        """Return the clock of a case."""
+        best = case.routes[0]
         begin = float(best.route.times[0])
         return cls(begin, best.metrics.duration_s / best.route.duration)
 

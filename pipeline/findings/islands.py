@@ -24,7 +24,7 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries, IndexArray
 from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
-from pipeline.model import PlaceName, Scene
+from pipeline.model import PlaceName, Water
 from pipeline.scenario import catalogue
 
 # Largest distance between a side and the catalogue's: degrees, and a share of the island's extent.
@@ -78,16 +78,16 @@ def islands() -> tuple[Island, ...]:
         )
 
 
-def island_places(scene: Scene) -> tuple[PlaceName, ...]:
+def island_places(water: Water) -> tuple[PlaceName, ...]:
     """Return a place for each polygon of land that is an island of the catalogue."""
-    return () if scene.is_planar or not scene.land else tuple(_Finder(scene).places())
+    return () if water.is_planar or not water.land else tuple(_Finder(water).places())
 
 
 @dataclass(frozen=True)
 class _Finder:
-    """Finds islands in one scene."""
+    """Finds islands in one chart."""
 
-    scene: Scene
+    water: Water
 
     def places(self) -> Iterator[PlaceName]:
         """Yield a point and the name of each polygon that is an island."""
@@ -98,7 +98,7 @@ class _Finder:
                 found[at] = island
         for at, island in found.items():
             point = shapely.get_coordinates(shapely.point_on_surface(self._land[at]))[0]
-            lon, lat = self.scene.projection.to_lonlat(point).tolist()
+            lon, lat = self.water.projection.to_lonlat(point).tolist()
             area_deg2 = island.area_km2 * 1e6 / METRES_PER_DEGREE**2
             yield PlaceName(island.name, lon, lat, area_deg2)
 
@@ -113,7 +113,7 @@ class _Finder:
 
     def _polygon(self, island: Island) -> int | None:
         """Return the index of an island's polygon; None without one, or if several fit."""
-        plane = self.scene.projection
+        plane = self.water.projection
         point = shapely.Point(plane.to_plane(np.array([island.lon, island.lat])))
         near = self._alike(self._tree.query(point, "intersects"), island, sides=0)
         if not len(near):
@@ -154,18 +154,18 @@ class _Finder:
         # Hulls keep the outermost points and have few others, so this is quicker.
         hulls = shapely.convex_hull(self._land[near])
         points, owner = shapely.get_coordinates(hulls, return_index=True)
-        lonlat = self.scene.projection.to_lonlat(points)
+        lonlat = self.water.projection.to_lonlat(points)
         first = np.searchsorted(owner, np.arange(len(near)))
         sides = (np.minimum.reduceat(lonlat, first), np.maximum.reduceat(lonlat, first))
         return np.hstack(sides)
 
     @cached_property
     def _area_km2(self) -> FloatArray:
-        return np.asarray(shapely.area(self._land)) * self.scene.projection.scale**2 / 1e6
+        return np.asarray(shapely.area(self._land)) * self.water.projection.scale**2 / 1e6
 
     @cached_property
     def _land(self) -> Geometries:
-        return np.array(self.scene.land, dtype=object)
+        return np.array(self.water.land, dtype=object)
 
     @cached_property
     def _tree(self) -> shapely.STRtree:
@@ -174,8 +174,8 @@ class _Finder:
     @cached_property
     def _region(self) -> tuple[float, float, float, float]:
         """The region's west, south, east and north side, degrees."""
-        corners = shapely.get_coordinates(self.scene.chart.extent)
-        return bounds_of(self.scene.projection.to_lonlat(corners))
+        corners = shapely.get_coordinates(self.water.chart.extent)
+        return bounds_of(self.water.projection.to_lonlat(corners))
 
 
 # Coasts are divided into pieces of this many segments, to measure distances between pieces.

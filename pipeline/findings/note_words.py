@@ -196,26 +196,11 @@ def _ends(ends: Sequence[Note]) -> str:
     return f"{'; '.join(note_texts(ends))}. For more, {MORE_CURRENTS}"
 
 
-def _region_chosen(bounds: Sequence[float], ends: Sequence[Note]) -> str:
+def _region_chosen(bounds: Sequence[float], ends: Sequence[Note], left_out: float) -> str:
     rest = f"; {_ends(ends)}" if ends else ""
+    longer = f"; it leaves out ways more than {left_out:g} times as long as the shortest"
     chosen = "chosen to hold the ways round the land between start and goal"
-    return f"region {text.box(bounds)}, {chosen}{rest}"
-
-
-def _island(island: str, place: Place, **_: object) -> str:
-    return island or f"the island at {place.text}"
-
-
-def _side_left_out(island: str, place: Place, ratio: float, of: str) -> str:
-    least = f"{text.rounded_down(ratio, 2):g} times as" if ratio >= 1.01 else "as"
-    need = {
-        "fuel": f"needs at least {least} much fuel as the best route",
-        "length": f"is at least {least} long as the shortest way",
-    }
-    return (
-        f"the far side of {_island(island, place)} is not planned: by a bound on a coarse grid, a "
-        f"way there {need[of]}"
-    )
+    return f"region {text.box(bounds)}, {chosen}{longer if left_out else ''}{rest}"
 
 
 WORDS: Mapping[str, str | Callable[..., str]] = {
@@ -320,15 +305,10 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
         f"the offing of {offing_m:,.0f} m decide where it runs"
     ),
     "region-chosen": _region_chosen,
-    "side-left-out": _side_left_out,
     "region-opened": "region widened to {bounds:box}, because no way joins start and goal in a "
     "smaller region",
     "region-widened": "region widened to {bounds:box}, because the best route came near its "
     "{near: and } edge",
-    "region-widened-for-sides": lambda bounds, sides: (
-        f"region widened to {text.box(bounds)}, because ways round the far side of "
-        f"{' and '.join(_island(**dict(side.values)) for side in sides)} may need little more fuel"
-    ),
     "route-near-edge": lambda ends: f"the best route comes near the region's edge: {_ends(ends)}",
     "how-sure": "{said}",
     "as-read": "{said}",

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,16 +13,16 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import FloatArray, Geometries
 from pipeline.findings.islands import narrow_gaps
 from pipeline.geo.coast import in_small_pieces
-from pipeline.machine.interpreters import cores
 from pipeline.model import (
-    Evaluation,
-    Scene,
-    SeasonPlan,
+    Case,
+    CaseResult,
     ShutStrait,
     SideBound,
     Simplified,
+    Water,
     plan_options,
 )
+from pipeline.model.result import NumberedIsland
 from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import Strait
@@ -59,102 +58,72 @@ _NO_WATER_M = 1.0
 _PLAIN = 1.01
 
 
-def side_bounds(
-    scene: Scene, plans: Sequence[SeasonPlan], evaluation: Evaluation, options: PlannerOptions
-) -> tuple[SideBound, ...]:
-    """Bound the fuel of ways on the other side, for each season with routes on both sides.
+def side_bound(
+    case: Case, result: CaseResult, main: NumberedIsland | None, options: PlannerOptions
+) -> SideBound | None:
+    """Bound the fuel of ways on the other side of the main island; None if there is no bound.
 
     The best route crosses a line from the main island to the chart's edge; no route on the island's
     other side crosses it. A strip along that line is treated as land. The lower bound on fuel
     (:mod:`renew.bounds.fuel_lower_bound`) then holds for every way that avoids the strip, however
     close to land. If the bound is above the best route's fuel, no such way is better.
     """
-
-    def bound(plan: SeasonPlan) -> SideBound:
-        return SideBound(plan.season, _bound(scene, plan, evaluation, options))
-
-    # Threads run in parallel here, because most of the work is compiled code.
-    with ThreadPoolExecutor(max_workers=cores()) as pool:
-        return tuple(one for one in pool.map(bound, plans) if math.isfinite(one.fuel))
-
-
-def _bound(
-    scene: Scene, plan: SeasonPlan, evaluation: Evaluation, options: PlannerOptions
-) -> float:
-    """Return a lower bound on the fuel of ways on the other side; inf if there is none."""
-    rows = [row for row in evaluation.routes if row.season == plan.season]
-    paths = [shapely.LineString(route.path) for route in plan.ranked_routes]
+    rows = result.measures.routes
+    paths = [shapely.LineString(route.path) for route in result.routes]
     others = [
         path
         for row, path in zip(rows, paths, strict=True)
         if row.main_passage != rows[0].main_passage
     ]
-    main = next(iter(evaluation.islands), None)
     if main is None or not others:
-        return math.inf
-    strip = strip_across(shapely.Point(main.x, main.y), paths[0], others, scene, _WIDTH)
+        return None
+    strip = strip_across(shapely.Point(main.x, main.y), paths[0], others, case)
     if strip is None:
-        return math.inf
-    is_loose = _choice(scene, plan) != NO_CHOICE and plan.season in scene.departures
-    cells = _CELLS_AT_CHOICE if is_loose else _CELLS
-    enough = _PLAIN * plan.ranked_routes[0].fuel
-    return fuel_elsewhere(strip, scene, plan, options, cells, enough)
-
-
-def fuel_elsewhere(
-    strip: BaseGeometry,
-    scene: Scene,
-    plan: SeasonPlan,
-    options: PlannerOptions,
-    cells: int,
-    enough: float,
-) -> float:
-    """Return a lower bound on the fuel of ways that avoid a strip; inf if there is none.
-
-    A grid is refined to this number of cells, or until the bound is above `enough`. Like the
-    optimality gap's bound, this one uses the land without margin or padding.
-    """
-    scene, chart = scene.leg(plan.season), scene.chart
-    elsewhere = chart.with_open_water(chart.less(chart.open_water, strip))
+        return None
+    choice = _choice(case, result)
+    is_loose = choice != NO_CHOICE and case.departure is not None
+    elsewhere = case.chart.with_open_water(case.chart.less(case.chart.open_water, strip))
     voyage = Voyage(
-        Waters(elsewhere, as_field(scene.currents[plan.season])),
-        scene.vessel_in(plan.season),
-        scene.start,
-        scene.goal,
+        Waters(elsewhere, as_field(case.current)),
+        case.vessel,
+        case.start,
+        case.goal,
         options.drift,
-        via=scene.via,
-        choice=_choice(scene, plan),
+        via=case.via,
+        choice=choice,
     )
-    return fuel_lower_bound(voyage, cells, enough)
+    cells = _CELLS_AT_CHOICE if is_loose else _CELLS
+    fuel = fuel_lower_bound(voyage, cells, _PLAIN * result.routes[0].fuel)
+    return SideBound(fuel) if math.isfinite(fuel) else None
 
 
-def _choice(scene: Scene, plan: SeasonPlan) -> SpeedChoice:
-    """Return the season's choice of speeds, with a price of time.
+def _choice(case: Case, result: CaseResult) -> SpeedChoice:
+    """Return the case's choice of speeds, with a price of time.
 
     The bound holds at any price (weak duality). The best price is nearly the slope of fuel over
     arrival time at the best route's arrival.
     """
-    speeds, planned = scene.speeds.get(plan.season), plan.plan
+    speeds, planned = case.speeds, result.plan
     if speeds is None or planned is None or planned.trade_off is None:
         return NO_CHOICE
     arrivals, fuels = planned.trade_off.arrivals, planned.trade_off.fuels
     if len(arrivals) < 2:
         return NO_CHOICE
     slope = np.interp(planned.best.times[-1], arrivals, np.gradient(fuels, arrivals))
-    return SpeedChoice(speeds.least, max(0.0, -float(slope)), plan.arrive_by_s)
+    return SpeedChoice(speeds.least, max(0.0, -float(slope)), result.arrive_by_s)
 
 
 def strip_across(
-    island: Point, best: LineString, others: Sequence[LineString], scene: Scene, width: float
+    island: Point, best: LineString, others: Sequence[LineString], case: Case
 ) -> BaseGeometry | None:
     """Return the smallest strip from an island to the chart's edge that `best` crosses.
 
     Its width is a share of the square root of the chart's area. No other route meets the strip, and
     all stops lie outside. None if there is no such strip.
     """
-    extent = scene.chart.extent
-    reach, half = extent.length, width * math.sqrt(extent.area) / 2
-    ends = shapely.points(scene.stops)
+    extent = case.chart.extent
+    reach, half = extent.length, _WIDTH * math.sqrt(extent.area) / 2
+    ends = shapely.points(case.stops)
     strips = []
     for angle in 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
         far = (island.x + reach * math.cos(angle), island.y + reach * math.sin(angle))
@@ -172,23 +141,28 @@ def strip_across(
 
 
 def shut_straits(
-    scene: Scene, simplified: Simplified, plans: Sequence[SeasonPlan], options: PlannerOptions
+    planned: Sequence[tuple[Case, CaseResult]],
+    stops: FloatArray,
+    simplified: Simplified,
+    options: PlannerOptions,
 ) -> tuple[ShutStrait, ...]:
     """Return the important straits that margin, tolerance or padding shut, the widest first.
 
     A strait is important on two conditions. The land on both sides is larger than a hundredth of
     the distance between start and goal, so that a detour is longer by about as much. And the
-    straight lines from start and goal to the strait are together hardly longer than a season's best
+    straight lines from start and goal to the strait are together hardly longer than a case's best
     route. Wider straits are added if adaptive padding fills them, so that the planner rejected
     classes.
     """
-    best = [plan.ranked_routes[0].length for plan in plans if plan.ranked_routes]
-    if scene.is_planar or not best:
+    best = [result.routes[0].length for _, result in planned if result.routes]
+    if not best or planned[0][0].water.is_planar:
         return ()
-    radius = max(scene.vessel_in(plan.season).turning_radius for plan in plans)
-    padding = plan_options(options).likely_width(radius)
-    finder = _StraitFinder(scene, simplified, padding)
-    found = [*finder.rejected(plans), *finder.shut(_LONGER * max(best))]
+    padding = plan_options(options).likely_width(
+        max(case.vessel.turning_radius for case, _ in planned)
+    )
+    finder = _StraitFinder(planned[0][0].water, stops[0], stops[-1], simplified, padding)
+    rejected = finder.rejected([result for _, result in planned])
+    found = [*rejected, *finder.shut(_LONGER * max(best))]
     return tuple(sorted(found, key=lambda strait: -strait.width_m))
 
 
@@ -199,14 +173,16 @@ class _StraitFinder:
     `padding` is the width that nearly all paddings exceed.
     """
 
-    scene: Scene
+    water: Water
+    start: FloatArray
+    goal: FloatArray
     simplified: Simplified
     padding: float
 
     @cached_property
     def _no_go(self) -> Geometries:
         """The hard no-go zone: disjoint polygons, the large ones in pieces."""
-        return in_small_pieces(np.array(self.scene.chart.no_go, dtype=object))
+        return in_small_pieces(np.array(self.water.chart.no_go, dtype=object))
 
     @cached_property
     def _tree(self) -> shapely.STRtree:
@@ -221,37 +197,37 @@ class _StraitFinder:
     @property
     def needed_m(self) -> float:
         """The width above which a strait is open, true metres, unless its padding is very wide."""
-        return self.margins_m + 2 * self.padding * self.scene.projection.scale
+        return self.margins_m + 2 * self.padding * self.water.projection.scale
 
     def shut(self, longest: float) -> Iterator[ShutStrait]:
         """Yield the important shut straits that a route of at most this length can reach."""
-        scene, scale = self.scene, self.scene.projection.scale
-        land = np.array(scene.land, dtype=object)
-        near = land[shapely.intersects(scene.chart.extent, land)]
-        least = _PART_SHARE * float(np.linalg.norm(scene.goal - scene.start))
+        water, scale = self.water, self.water.projection.scale
+        land = np.array(water.land, dtype=object)
+        near = land[shapely.intersects(water.chart.extent, land)]
+        least = _PART_SHARE * float(np.linalg.norm(self.goal - self.start))
         for gap in narrow_gaps(near, self.needed_m / scale, self._is_shut):
             middle = gap.line.mean(axis=0)
-            way = sum(np.linalg.norm(middle - end) for end in (scene.start, scene.goal))
-            is_inside = shapely.intersects_xy(scene.chart.extent, *middle)
+            way = sum(np.linalg.norm(middle - end) for end in (self.start, self.goal))
+            is_inside = shapely.intersects_xy(water.chart.extent, *middle)
             if gap.part_m < least or way > longest or not is_inside:
                 continue
             by_margin = self._open_water(gap.line) * scale <= _NO_WATER_M
-            width_m = scene.projection.geodesic_length_m(gap.line)
+            width_m = water.projection.geodesic_length_m(gap.line)
             needed_m = self.margins_m if by_margin else self.needed_m
             if width_m <= _COVERED * needed_m:
                 yield self._strait(middle, width_m, needed_m, is_margin=by_margin)
 
-    def rejected(self, plans: Iterable[SeasonPlan]) -> list[ShutStrait]:
-        """Return the straits at which classes were rejected, each once with all its seasons.
+    def rejected(self, results: Iterable[CaseResult]) -> list[ShutStrait]:
+        """Return the straits at which classes were rejected, each once with all its cases.
 
         Only straits wider than `needed_m` are returned, because `shut` finds the narrower ones. A
         strait that is wide enough for the padding of its own banks is left out, because other land
         shuts it.
         """
         found: list[ShutStrait] = []
-        for plan in plans:
-            for one in plan.plan.rejected if plan.plan else ():
-                strait = self._padded(one.strait, plan.season) if one.strait else None
+        for result in results:
+            for one in result.plan.rejected if result.plan else ():
+                strait = self._padded(one.strait, result.name) if one.strait else None
                 if strait is None or not self.needed_m < strait.width_m <= strait.needed_m:
                     continue
                 same = next(
@@ -265,17 +241,17 @@ class _StraitFinder:
 
     def _is_same(self, one: ShutStrait, other: ShutStrait) -> bool:
         """Whether two straits are closer to each other than the larger of the widths they need."""
-        apart_m = self.scene.projection.geodesic_length_m(
-            self.scene.projection.to_plane([(one.lon, one.lat), (other.lon, other.lat)])
+        apart_m = self.water.projection.geodesic_length_m(
+            self.water.projection.to_plane([(one.lon, one.lat), (other.lon, other.lat)])
         )
         return apart_m <= max(one.needed_m, other.needed_m)
 
-    def _padded(self, strait: Strait, season: str) -> ShutStrait | None:
-        """Return the strait at which a season's class was rejected; None if a bank is not land.
+    def _padded(self, strait: Strait, case: str) -> ShutStrait | None:
+        """Return the strait at which a case's class was rejected; None if a bank is not land.
 
         A planner's gap may end at a corner of its channel that has water beyond it.
         """
-        land, projection = np.array(self.scene.land, dtype=object), self.scene.projection
+        land, projection = np.array(self.water.land, dtype=object), self.water.projection
         ends = shapely.points(strait.gap)
         _, to_land = shapely.STRtree(land).query_nearest(
             ends, return_distance=True, all_matches=False
@@ -286,7 +262,7 @@ class _StraitFinder:
         width_m = projection.geodesic_length_m(strait.gap) + to_land.sum() * projection.scale
         return self._strait(
             strait.gap.mean(axis=0), width_m, self.margins_m + taken_m, is_margin=False,
-            seasons=(season,),
+            seasons=(case,),
         )  # fmt: skip
 
     def _strait(
@@ -299,14 +275,14 @@ class _StraitFinder:
         seasons: tuple[str, ...] = (),
     ) -> ShutStrait:
         """Return a strait whose middle is a planar point (2,)."""
-        lon, lat = self.scene.projection.to_lonlat(middle).tolist()
+        lon, lat = self.water.projection.to_lonlat(middle).tolist()
         return ShutStrait(
             lon, lat, float(width_m), float(needed_m), "margin" if is_margin else "padding", seasons
         )
 
     def _is_shut(self, line: FloatArray) -> bool:
         """Whether margin, tolerance and padding leave no way through a gap (2, 2)."""
-        scale = self.scene.projection.scale
+        scale = self.water.projection.scale
         width = float(np.linalg.norm(line[1] - line[0]))
         # A gap narrower than margins and padding is shut; any other needs a test on the zone.
         if width * scale < 2 * self.simplified.margin_m + 2 * self.padding * scale:
@@ -321,6 +297,6 @@ class _StraitFinder:
 
 
 def _combined(one: ShutStrait, other: ShutStrait) -> ShutStrait:
-    """Combine two records of one strait: the larger needed width, and the seasons of both."""
+    """Combine two records of one strait: the larger needed width, and the cases of both."""
     seasons = tuple(dict.fromkeys((*one.seasons, *other.seasons)))
     return replace(max(one, other, key=lambda strait: strait.needed_m), seasons=seasons)

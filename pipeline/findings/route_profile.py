@@ -10,9 +10,9 @@ import pyproj
 import shapely
 
 from pipeline._types import FloatArray, Geometries, IntArray
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RankedRoute
 from pipeline.geo.projection import Projection, cut, densified
-from pipeline.model import Scene
+from pipeline.model import Case
 from renew.inputs.options import Drift
 from renew.voyage.fuel import passage, speeds_along
 
@@ -60,9 +60,9 @@ class Steps:
     through_water_m_s: FloatArray
 
 
-def legs(ranked: RankedRoute, result: RunResult) -> Legs:
+def legs(ranked: RankedRoute) -> Legs:
     """Return legs of a route as planned; they add up to the route's length and duration."""
-    projection = result.scene.projection
+    projection = ranked.case.case.projection
     path = np.asarray(ranked.route.path, dtype=float)
     longest = _PIECE_M / projection.scale
     points, first = cut(path, longest)
@@ -71,7 +71,7 @@ def legs(ranked: RankedRoute, result: RunResult) -> Legs:
         lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
     )
     length = np.add.reduceat(np.asarray(step), first)
-    time = planned_times(ranked, result)
+    time = planned_times(ranked)
     return Legs(
         lonlat=lonlat[np.append(first, -1)],
         course_deg=np.append(np.asarray(azimuth)[first] % 360, np.nan),
@@ -82,52 +82,43 @@ def legs(ranked: RankedRoute, result: RunResult) -> Legs:
     )
 
 
-def planned_times(ranked: RankedRoute, result: RunResult) -> FloatArray:
+def planned_times(ranked: RankedRoute) -> FloatArray:
     """Return seconds since departure (n,) at which each vertex of a route's path is reached."""
     path = np.asarray(ranked.route.path, dtype=float)
-    return times_at(metres_along(path), path, ranked, result)
+    return times_at(metres_along(path), path, ranked)
 
 
-def times_at(
-    along: FloatArray, path: FloatArray, ranked: RankedRoute, result: RunResult
-) -> FloatArray:
+def times_at(along: FloatArray, path: FloatArray, ranked: RankedRoute) -> FloatArray:
     """Return seconds since departure (n,) at distances `along` (n,) a path (m, 2), planar m.
 
     The path is the route's own, or has more points; the goal is reached at the route's duration.
     """
-    points = densified(path, _PIECE_M / result.scene.projection.scale)
-    found = steps(points, ranked, result)
+    points = densified(path, _PIECE_M / ranked.case.case.projection.scale)
+    found = steps(points, ranked)
     return np.asarray(np.interp(along, metres_along(points), cumulative(found.true_s)))
 
 
-def steps(points: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
+def steps(points: FloatArray, ranked: RankedRoute) -> Steps:
     """Return steps between points (n, 2) of a route's path; true times add up to its duration.
 
     In a changing current they are the planner's own times, at which it read the current.
     """
-    scene, drift = result.scene, result.scenario.planner.drift
-    found = sailed(*at_speeds_sailed(points, ranked), scene, ranked.season, drift)
-    times = found.true_s if scene.currents[ranked.season].is_steady else found.planner_s
+    case, drift = ranked.case.case, ranked.case.scenario.planner.drift
+    found = sailed(*at_speeds_sailed(points, ranked), case, drift)
+    times = found.true_s if case.current.is_steady else found.planner_s
     return replace(found, true_s=times * (ranked.metrics.duration_s / times.sum()))
 
 
 def sailed(
-    pieces: FloatArray,
-    first: IntArray,
-    speeds: FloatArray,
-    scene: Scene,
-    season: str,
-    drift: Drift,
+    pieces: FloatArray, first: IntArray, speeds: FloatArray, case: Case, drift: Drift
 ) -> Steps:
-    """Return steps sailed in a season's current; each begins at its `first` (n - 1,) piece.
+    """Return steps sailed in a case's current; each begins at its `first` (n - 1,) piece.
 
     The pieces' ends (m, 2) are in the plane; their speeds (m - 1,) are through water. Where the
     plane is stretched, a planar metre takes less true time.
     """
-    projection = scene.projection
-    planar = passage(
-        pieces, scene.currents[season], scene.vessel_in(season), drift=drift, speeds=speeds
-    ).durations
+    projection = case.projection
+    planar = passage(pieces, case.current, case.vessel, drift=drift, speeds=speeds).durations
     middles = projection.to_lonlat((pieces[:-1] + pieces[1:]) / 2)
     true = planar * projection.scale / projection.point_scale(middles)
     planner_s = np.add.reduceat(planar, first)
@@ -173,14 +164,14 @@ def mean_speed(length_m: FloatArray, time_s: FloatArray) -> FloatArray:
     return speed
 
 
-def steps_along_legs(line: FloatArray, ranked: RankedRoute, result: RunResult) -> Steps:
+def steps_along_legs(line: FloatArray, ranked: RankedRoute) -> Steps:
     """Return steps between points (n, 2) of the plane along a route's legs, as it can be sailed."""
     pieces, first, speeds = at_speeds_sailed(line, ranked)
 
     def at(speeds: FloatArray) -> Steps:
-        return sailed(pieces, first, speeds, result.scene, ranked.season, "crab")
+        return sailed(pieces, first, speeds, ranked.case.case, "crab")
 
-    choice = result.scene.speeds.get(ranked.season)
+    choice = ranked.case.case.speeds
     if choice is None:
         return at(speeds)
     found = at(speeds)
@@ -244,19 +235,19 @@ class RouteProfile:
     clearance_m: FloatArray
 
 
-def route_profile(ranked: RankedRoute, result: RunResult, *, points: int = 200) -> RouteProfile:
+def route_profile(ranked: RankedRoute, *, points: int = 200) -> RouteProfile:
     """Sample a route every 1/points of its length and at its vertices.
 
     Fuel and time end at the route's own figures, and the least clearance is the route's.
     """
-    scene, metrics = result.scene, ranked.metrics
-    projection = scene.projection
+    case, metrics = ranked.case.case, ranked.metrics
+    projection = case.projection
     path = np.asarray(ranked.route.path, dtype=float)
     # Without vertices that repeat the one before them.
     path = path[np.append(True, np.diff(path, axis=0).any(axis=1))]
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     sampled = densified(path, min(length / points, _MAX_STEP_M / projection.scale))
-    coast = coast_index(scene.land)
+    coast = coast_index(case.water.land)
     closest = coast.closest_approach(sampled, projection)
     if closest is not None:
         sampled = _with_point(sampled, closest.point, _SAME_POINT * length)
@@ -265,11 +256,10 @@ def route_profile(ranked: RankedRoute, result: RunResult, *, points: int = 200) 
     azimuth, back, step_m = pyproj.Geod(ellps="WGS84").inv(
         lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
     )
-    current = scene.currents[ranked.season]
-    found = steps(sampled, ranked, result)
+    found = steps(sampled, ranked)
     way = np.diff(sampled, axis=0)
     tangent = _with_last_repeated(way / np.linalg.norm(way, axis=1, keepdims=True))
-    step_fuel = found.planner_s * found.through_water_m_s**scene.vessel.fuel_exponent
+    step_fuel = found.planner_s * found.through_water_m_s**case.vessel.fuel_exponent
     clearance = coast.clearance_m(sampled, projection, crosses_land=metrics.land_m > 0)
     if closest is not None:
         nearest = np.argmin(np.linalg.norm(sampled - closest.point, axis=1))
@@ -285,9 +275,9 @@ def route_profile(ranked: RankedRoute, result: RunResult, *, points: int = 200) 
         fuel=cumulative(step_fuel * (metrics.fuel / step_fuel.sum())),
         speed_m_s=_with_last_repeated(step_m / found.true_s),
         through_water_m_s=_with_last_repeated(found.through_water_m_s),
-        current_along_m_s=(current.velocity(sampled, cumulative(found.planner_s)) * tangent).sum(
-            axis=1
-        ),
+        current_along_m_s=(
+            case.current.velocity(sampled, cumulative(found.planner_s)) * tangent
+        ).sum(axis=1),
         clearance_m=clearance,
     )
 

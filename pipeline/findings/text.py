@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup, escape
 
-from pipeline.model import GapShares, RouteMetrics, Scene, Zone
-from pipeline.model.planning import largest_stretch
+from pipeline.model import Case, GapShares, RouteMetrics, Zone
+from pipeline.model.case import largest_stretch
 from pipeline.scenario.times import named_departure
 from renew.errors import Duration, Moment, Text, in_seconds
 
@@ -240,16 +240,15 @@ def moments_of(departure: datetime | None, stretch: float = 1.0) -> Callable[[Mo
     )
 
 
-def planner_text(text: Text, scene: Scene, season: str, stretch: float = 1.0) -> str:
+def planner_text(text: Text, case: Case, stretch: float = 1.0) -> str:
     """Write a message of the planner with positions, dates and true lengths for readers."""
-    moments = moments_of(scene.departures.get(season), stretch)
-    scale = scene.projection.scale
+    moments, scale = moments_of(case.departure, stretch), case.projection.scale
 
     def lasting(one: Duration) -> str:
-        return str(Duration(one.seconds * largest_stretch(scene, season)))
+        return str(Duration(one.seconds * largest_stretch(case)))
 
     words = text.spelled(
-        scene.place_text, moments, lambda one: distance(scale * one.metres), lasting
+        case.water.place_text, moments, lambda one: distance(scale * one.metres), lasting
     )
     return " ".join(words.split())
 

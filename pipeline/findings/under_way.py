@@ -12,10 +12,10 @@ _LEAST, _LEAST_S, _LEAST_M = 5e-5, 30.0, 1.0
 
 
 def replanned_notes(result: RunResult) -> Iterator[Note]:
-    """Yield what planning again answered for the season that is sailed."""
-    for plan in result.plans:
-        if plan.replanned is not None:
-            yield Note.of("replanned", found=plan.replanned).about(plan.season)
+    """Yield what planning again answered for the case that is sailed."""
+    for one in result.results:
+        if one.replanned is not None:
+            yield Note.of("replanned", found=one.replanned).about(one.name)
 
 
 def replanned_text(found: Replanned) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from pipeline import model
 from pipeline.model import ShoreCrossing
-from pipeline.model.inputs import Note, Place, of_seasons
+from pipeline.model.inputs import Note, Place
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.region import ChartSpec
 
@@ -20,7 +20,7 @@ def has_all_depths(metrics: model.RouteMetrics) -> bool:
 
 
 def route_notes(rows: Sequence[model.RouteMetrics]) -> list[Note]:
-    """Note how much of a season's routes lacks depths, and how much lacks data of the current."""
+    """Note how much of a case's routes lacks depths, and how much lacks data of the current."""
     found = []
     for kind, name in (("current-filled", "filled_share"), ("depth-uncharted", "uncharted_share")):
         every = ((row.rank, getattr(row, name)) for row in rows)
@@ -43,26 +43,20 @@ def strait_notes(straits: Sequence[model.ShutStrait]) -> Iterator[Note]:
 
 
 def crossing_notes(crossings: Sequence[ShoreCrossing], chart: ChartSpec) -> tuple[Note, ...]:
-    """Return a note for each season on the places where its routes cross the second shoreline.
+    """Return a note on the places where a case's routes cross the second shoreline, if any.
 
     Crossings of the best route come first; the longest come first within both groups.
     """
     kind = "second-shoreline" if has_world_land(chart) else "unlisted-land"
-    return of_seasons(
-        {
-            season: [Note.of(kind, crossings=_crossing_places(crossings, season))]
-            for season in dict.fromkeys(one.season for one in crossings)
-        }
-    )
+    return (Note.of(kind, crossings=_crossing_places(crossings)),) if crossings else ()
 
 
-def _crossing_places(crossings: Sequence[ShoreCrossing], season: str) -> tuple[Note, ...]:
-    """Return the places of a season, each with its longest crossing and all routes that cross."""
+def _crossing_places(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
+    """Return the places, each with its longest crossing and all routes that cross."""
     there: dict[tuple[float, float], list[ShoreCrossing]] = {}
     for one in crossings:
-        if one.season == season:
-            place = round(one.lon, _SAME_PLACE), round(one.lat, _SAME_PLACE)
-            there.setdefault(place, []).append(one)
+        place = round(one.lon, _SAME_PLACE), round(one.lat, _SAME_PLACE)
+        there.setdefault(place, []).append(one)
     found = [
         (min(one.rank for one in group) > 1, max(group, key=lambda one: one.length_m), group)
         for group in there.values()

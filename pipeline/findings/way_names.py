@@ -4,16 +4,17 @@ An island has the chart's name, else the catalogue's
 (:mod:`pipeline.findings.islands`), else its number in the planner's homotopy classes
 (:mod:`renew.classes.h_signature`: the largest island is 1). If several islands share a name, only
 the largest has it. A way's name has only as many islands as distinguish its route from the other
-routes of its season. Numbers are equal in all seasons. Every name begins with the main island: the
+routes of its case. Numbers are equal in all cases. Every name begins with the main island: the
 largest that distinguishes any two routes.
 """
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -21,8 +22,8 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.findings.islands import island_places
-from pipeline.model import Evaluation, Passage, PlaceName, RouteKey, Scene, SeasonPlan
-from pipeline.model.evaluation import NumberedIsland, Side
+from pipeline.model import CaseResult, Passage, PlaceName, RouteKey, Water
+from pipeline.model.result import NumberedIsland, Side
 from renew.classes.h_signature import Rays, rays_that_matter
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
@@ -33,33 +34,40 @@ _SAMPLES, _NEAR = 1000, 2.0
 _MAX_LETTERS = 8
 
 
-def with_way_names(
-    evaluation: Evaluation, scene: Scene, plans: Sequence[SeasonPlan], places: Sequence[PlaceName]
-) -> Evaluation:
+class WayNames(NamedTuple):
+    """The passages of each route, and the islands in names of ways and in names of classes."""
+
+    passages: Mapping[RouteKey, tuple[Passage, ...]]
+    islands: tuple[NumberedIsland, ...] = ()
+    class_islands: tuple[NumberedIsland, ...] = ()
+
+    def name(self, result: CaseResult) -> CaseResult:
+        """Return a case's result with the names of its ways."""
+        rows = tuple(
+            replace(row, passages=self.passages.get((result.name, row.rank), ()))
+            for row in result.measures.routes
+        )
+        return replace(result, measures=replace(result.measures, routes=rows))
+
+
+def way_names(water: Water, results: Sequence[CaseResult], places: Sequence[PlaceName]) -> WayNames:
     """Name the way of each route; `places` are the chart's names of land."""
     routes = {
-        (plan.season, rank): route
-        for plan in plans
-        for rank, route in enumerate(plan.ranked_routes, start=1)
+        (result.name, rank): route
+        for result in results
+        for rank, route in enumerate(result.routes, start=1)
     }
-    namer = _WayNamer(scene, routes, tuple(places))
-    rows = [
-        replace(row, passages=namer.passages((row.season, row.rank))) for row in evaluation.routes
-    ]
-    rejected = [one for plan in plans if plan.plan is not None for one in plan.plan.rejected]
-    return replace(
-        evaluation,
-        routes=tuple(rows),
-        islands=namer.islands(),
-        class_islands=namer.class_islands(_letters(rejected)),
-    )
+    namer = _WayNamer(water, routes, tuple(places))
+    passages = {key: namer.passages(key) for key in routes}
+    rejected = [one for result in results if result.plan for one in result.plan.rejected]
+    return WayNames(passages, namer.islands(), namer.class_islands(_letters(rejected)))
 
 
-def class_names_text(names: Sequence[str], scene: Scene) -> Iterator[str]:
+def class_names_text(names: Sequence[str], water: Water) -> Iterator[str]:
     """Yield a sentence that explains some names of classes, if there are any."""
     found = [letter for name in names for letter in re.findall(r"\b([ps])(\d+)\b", name)]
     letters = dict.fromkeys((side, int(number)) for side, number in found)
-    meanings = _WayNamer(scene, {}, ()).meanings(letters)
+    meanings = _WayNamer(water, {}, ()).meanings(letters)
     if "e" in names:
         meanings.append("e stands for none of the letters")
     if meanings:
@@ -75,11 +83,11 @@ class _WayNamer:
     """Names the ways of all routes of a run."""
 
     def __init__(
-        self, scene: Scene, routes: dict[RouteKey, renew.Route], places: tuple[PlaceName, ...]
+        self, water: Water, routes: dict[RouteKey, renew.Route], places: tuple[PlaceName, ...]
     ) -> None:
-        self._scene, self._routes, self._places = scene, routes, places
-        self._catalogued = island_places(scene)
-        self._rays = Rays.of(scene.chart)
+        self._water, self._routes, self._places = water, routes, places
+        self._catalogued = island_places(water)
+        self._rays = Rays.of(water.chart)
         # Winding number: passages north of an island eastward, less those westward. Two routes pass
         # an island on different sides exactly if these numbers differ.
         self._windings = {
@@ -128,7 +136,7 @@ class _WayNamer:
         sides = {"p": "port", "s": "starboard"}
         return [
             f"{side}{island} leaves {self._catalogue_name(island) or 'the island'} at "
-            f"{self._scene.place_text(self._point(island))} to {sides[side]}"
+            f"{self._water.place_text(self._point(island))} to {sides[side]}"
             for side, island in letters
             if island in known
         ][:_MAX_LETTERS]
@@ -136,24 +144,24 @@ class _WayNamer:
     def _numbered(self, island: int, name: str = "") -> NumberedIsland:
         """Return an island with its number, name and position."""
         point = self._point(island)
-        place = self._scene.place_text(point)
+        place = self._water.place_text(point)
         if not name and self._places:
             place += f", {self._nearest(point)}"
         return NumberedIsland(island, name, float(point[0]), float(point[1]), place)
 
     @cached_property
     def _distinguishing_any(self) -> list[int]:
-        """Islands that two routes of some season pass on different sides, the largest first."""
-        seasons = {season for season, _ in self._routes}
+        """Islands that two routes of some case pass on different sides, the largest first."""
+        cases = {case for case, _ in self._routes}
         return sorted(
             island
             for island in self._spelled & set(self._rays.island.tolist())
-            if any(len(set(self._values(island, season))) > 1 for season in seasons)
+            if any(len(set(self._values(island, case))) > 1 for case in cases)
         )
 
     @cached_property
     def _main(self) -> int | None:
-        """The main island; if the routes of no season differ, the largest on the way."""
+        """The main island; if the routes of no case differ, the largest on the way."""
         if self._distinguishing_any or not self._routes:
             return next(iter(self._distinguishing_any), None)
         best = next(iter(self._routes.values()))
@@ -161,7 +169,7 @@ class _WayNamer:
         return next(iter(on_the_way), None)
 
     def _distinguishing(self, key: RouteKey, main: int) -> list[int]:
-        """Return a few islands that, with the main one, distinguish a route in its season."""
+        """Return a few islands that, with the main one, distinguish a route in its case."""
         mine = self._windings[key]
         alike = [
             winding
@@ -183,7 +191,7 @@ class _WayNamer:
     def _straits(self, key: RouteKey, islands: list[int]) -> Iterable[tuple[int, int]]:
         """Yield pairs of islands between which a route passes, the closest first, no island twice.
 
-        A gap is skipped if another route of the season crosses it with other winding numbers, as
+        A gap is skipped if another route of the case crosses it with other winding numbers, as
         "between A and B" would describe both.
         """
         gaps = {pair: self._gap(*pair) for pair in combinations(islands, 2)}
@@ -214,8 +222,8 @@ class _WayNamer:
         direction = self._direction(island, mine)
         if len(values) == 2:
             direction = direction - self._direction(island, *(values - {mine}))
-        east, north = self._scene.projection.rotate_to_lonlat(
-            self._scene.projection.to_lonlat(self._point(island)), direction
+        east, north = self._water.projection.rotate_to_lonlat(
+            self._water.projection.to_lonlat(self._point(island)), direction
         )
         bearing = float(np.degrees(np.arctan2(east, north)))
         return _COMPASS[round(bearing / 90) % 4]
@@ -244,9 +252,9 @@ class _WayNamer:
         path = shapely.LineString(self._routes[key].path)
         return float(path.project(shapely.Point(self._centre(island))))
 
-    def _values(self, island: int, season: str) -> list[int]:
-        """Return the winding numbers of a season's routes about an island."""
-        return [winding[island] for (of, _), winding in self._windings.items() if of == season]
+    def _values(self, island: int, case: str) -> list[int]:
+        """Return the winding numbers of a case's routes about an island."""
+        return [winding[island] for (of, _), winding in self._windings.items() if of == case]
 
     def _winding_numbers_of(self, path: FloatArray) -> Counter[int]:
         """Count how often a path passes north of each island, eastward less westward."""
@@ -293,17 +301,17 @@ class _WayNamer:
     def _on(self, places: tuple[PlaceName, ...], area: shapely.Polygon) -> list[PlaceName]:
         """Return the places that lie in an area, planar metres."""
         lonlat = [(place.lon, place.lat) for place in places]
-        points = self._scene.projection.to_plane(np.array(lonlat).reshape(-1, 2))
+        points = self._water.projection.to_plane(np.array(lonlat).reshape(-1, 2))
         inside = shapely.contains_xy(area, *points.T)
         return [place for place, is_inside in zip(places, inside, strict=True) if is_inside]
 
     def _nearest(self, point: FloatArray) -> str:
         """Say how far the chart's nearest named land is from a point (2,), planar metres."""
         lonlat = [(place.lon, place.lat) for place in self._places]
-        away = np.linalg.norm(self._scene.projection.to_plane(np.array(lonlat)) - point, axis=1)
+        away = np.linalg.norm(self._water.projection.to_plane(np.array(lonlat)) - point, axis=1)
         at = int(away.argmin())
         return (
-            f"{away[at] * self._scene.projection.scale / 1000:,.1f} km from {self._places[at].name}"
+            f"{away[at] * self._water.projection.scale / 1000:,.1f} km from {self._places[at].name}"
         )
 
     def _point(self, island: int) -> FloatArray:
@@ -329,11 +337,11 @@ class _WayNamer:
 
     @cached_property
     def _land(self) -> shapely.STRtree:
-        return shapely.STRtree(self._scene.chart.no_go)
+        return shapely.STRtree(self._water.chart.no_go)
 
     @cached_property
     def _original_land(self) -> shapely.STRtree:
-        return shapely.STRtree(self._scene.land)
+        return shapely.STRtree(self._water.land)
 
 
 def _crosses(path: FloatArray, gap: shapely.LineString) -> bool:

@@ -1,4 +1,4 @@
-"""A season's current as GRIB 1, which plotter programs such as OpenCPN draw over the chart.
+"""A case's current as GRIB 1, which plotter programs such as OpenCPN draw over the chart.
 
 Written here and not by a library: the format is a few bytes, all values have 16 bits, and whoever
 takes a route to a plotter need not install ecCodes, of 175 MB. Source: the WMO's Manual on Codes
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase
 from pipeline.formats.records import valid_period
 from pipeline.model import CurrentGrid
 from renew.inputs.current import as_field
@@ -32,41 +32,40 @@ _HAS_GRID_AND_BITMAP, _HAS_STEPS, _NORTHWARDS, _PADDED = 0xC0, 0x80, 0x40, 0x08
 _BITS, _LEAST_SPAN_M_S = 16, 1e-6
 
 
-def fields_from(result: RunResult, grid: CurrentGrid) -> datetime | None:
-    """Return when a season's current begins: the zero of its clock, or when a steady one is given.
+def fields_from(case: RunCase) -> datetime | None:
+    """Return when a case's current begins: the zero of its clock, or when a steady one is given.
 
     A steady current is given for the departure, or without one for the middle of the period that
     its values represent; None where neither is known.
     """
-    season = next(season for season in result.scenario.seasons if season.name == grid.season)
-    departure = result.scene.departures.get(grid.season) or season.departure
+    departure = case.case.departure or case.spec.departure
     if departure is not None:
         return departure.astimezone(UTC)
-    valid = valid_period(grid)
+    valid = valid_period(case.source_grid)
     return valid.begin + (valid.end - valid.begin) / 2 if valid else None
 
 
-def write_grib(result: RunResult, season: str, path: Path) -> None:
-    """Write the current of a season that has a grid, and a time, to a new file at `path`.
+def write_grib(case: RunCase, path: Path) -> None:
+    """Write the current of a case that has a grid, and a time, to a new file at `path`.
 
     The nodes are a regular grid in degrees, with the planner's current there; those outside its
     chart, and those for which the source has no figure, have no value.
     """
-    grid = next(grid for grid in result.fetched.currents if grid.season == season)
-    begin, scene = fields_from(result, grid), result.scene
+    begin, grid, planned = fields_from(case), case.source_grid, case.case
     if begin is None:
-        raise ValueError(f"the current of season {season!r} has no time")
+        raise ValueError(f"the current of {case.name!r} has no time")
+    projection = planned.projection
     lon, lat = _axes_mdeg(grid)
     lonlat = np.stack(np.meshgrid(lon / 1000, lat / 1000), axis=-1)
-    xy = scene.projection.to_plane(lonlat)
-    xmin, ymin, xmax, ymax = scene.chart.bounds
+    xy = projection.to_plane(lonlat)
+    xmin, ymin, xmax, ymax = planned.chart.bounds
     known = grid.cells.at(lonlat.reshape(-1, 2)).reshape(lonlat.shape[:2])
     known &= ((xy >= (xmin, ymin)) & (xy <= (xmax, ymax))).all(axis=-1)
-    field = as_field(scene.currents[season])
+    field = as_field(planned.current)
     with path.open("wb") as file:
         for seconds in field.slice_times:
             planar = field.velocity(xy, float(seconds))
-            east_north = scene.projection.rotate_to_lonlat(lonlat, planar)
+            east_north = projection.rotate_to_lonlat(lonlat, planar)
             time = begin + timedelta(minutes=round(float(seconds) / 60))
             for number, values in zip(_PARAMETERS, np.moveaxis(east_north, -1, 0), strict=True):
                 file.write(_message(number, time, lon, lat, values, known))

@@ -6,8 +6,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, get_args
 
-from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
-from pipeline.findings.result import RunResult
+from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, coverage_of, haven_rows
+from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.text import duration, fuel, percent, to_minute
 from pipeline.formats.figures.artists import drawable
 from pipeline.formats.passage.waypoints import NAUTICAL_MILE_M, time_after, wrapped_longitude
@@ -27,23 +27,24 @@ of the way among the season's; lengths are true metres, fuel is in the planner's
 
 
 def write_havens(result: RunResult, path: Path) -> None:
-    """Write the coverage of all seasons as CSV: stretches first, then the last places to turn."""
+    """Write the coverage of all cases as CSV: stretches first, then the last places to turn."""
     rows = (
-        _cells(season, row, result.spec_of(season).departure)
-        for season in result.coverages
-        for row in haven_rows(result, season)
+        _cells(case.name, row, case.spec.departure)
+        for case in result.cases
+        if case.coverage is not None
+        for row in haven_rows(case)
     )
     write_csv(path, COLUMNS, rows)
 
 
-def _cells(season: str, row: HavenRow, departure: datetime | None) -> dict[str, Any]:
+def _cells(case: str, row: HavenRow, departure: datetime | None) -> dict[str, Any]:
     """Return a row's cells by column; figures that are not finite are left empty."""
 
     def moment(seconds: float) -> str:
         return "" if departure is None else utc_text(time_after(departure, seconds))
 
     cells = {
-        "season": season,
+        "season": case,
         "kind": row.kind,
         "begin": moment(row.begin_s),
         "end": moment(row.end_s),
@@ -76,10 +77,9 @@ PRINTED_HEADINGS = (
 """Headings of the printed table; the fuel is in the planner's units."""
 
 
-def printed_rows(result: RunResult, season: str) -> list[tuple[str, ...]]:
-    """Return the rows of a season for the passage plan, under `PRINTED_HEADINGS`."""
-    departure = result.spec_of(season).departure
-    return [_printed(row, departure) for row in haven_rows(result, season)]
+def printed_rows(case: RunCase) -> list[tuple[str, ...]]:
+    """Return the rows of a case for the passage plan, under `PRINTED_HEADINGS`."""
+    return [_printed(row, case.spec.departure) for row in haven_rows(case)]
 
 
 def moment_cell(seconds: float, departure: datetime | None) -> str:
@@ -113,9 +113,9 @@ def _printed(row: HavenRow, departure: datetime | None) -> tuple[str, ...]:
     )
 
 
-def haven_facts(result: RunResult, season: str) -> list[str]:
+def haven_facts(case: RunCase) -> list[str]:
     """Return what a reader needs to know beside the table: limits, shares, how to use it."""
-    coverage, limits = result.coverages[season], result.scenario.havens
+    coverage, limits = coverage_of(case), case.scenario.havens
     asked = [f"within {limits.within}"] if limits and limits.within else []
     if limits and limits.endurance:
         asked.append(f"with fuel for {limits.endurance} at departure")

@@ -1,4 +1,4 @@
-"""`passage-plan.pdf`: the best route of each season for a navigator's files, to print on A4."""
+"""`passage-plan.pdf`: the best route of each case for a navigator's files, to print on A4."""
 
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.text import (
     duration,
     moment_text,
@@ -33,10 +33,10 @@ from pipeline.formats.passage.waypoints import (
     NAUTICAL_MILE_M,
     Waypoints,
     attribution,
+    case_waypoints,
     document_title,
     limits_text,
     route_name,
-    season_waypoints,
     time_after,
     vessel_name,
 )
@@ -64,34 +64,33 @@ _NOTES_GAP_PT = 14.0
 
 
 def write_passage_plan(result: RunResult, path: Path) -> None:
-    """Write the passage plan of every season that has a route."""
+    """Write the passage plan of every case that has a route."""
     about = {
         "Title": drawable(f"Passage plan: {result.scenario.title or result.scenario.name}", 120),
         "Author": "RENEW",
         "CreationDate": result.created,
     }
     with path.open("wb") as file, PdfPages(file, metadata=about) as pages:
-        for index, entry in enumerate(result.plans):
-            if result.season_routes(entry.season):
-                for page in _season_pages(result, entry.season, season_colour(index)):
+        for case in result.cases:
+            if case.routes:
+                for page in _case_pages(case):
                     pages.savefig(page)
-            if entry.season in result.coverages:
-                for page in _haven_pages(result, entry.season):
+            if case.coverage is not None:
+                for page in _haven_pages(case):
                     pages.savefig(page)
 
 
-def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figure]:
-    """Yield the pages of a season: facts, map and table first, then the rest of the table."""
-    departure = result.spec_of(season).departure
-    points = season_waypoints(result, season)[0]
-    table = rows(points, result, departure)
-    caveats = limits_text(result, points.ranked.metrics)
+def _case_pages(case: RunCase) -> Iterator[Figure]:
+    """Yield the pages of a case: facts, map and table first, then the rest of the table."""
+    result, points = case.run, case_waypoints(case)[0]
+    table = rows(points, case.spec.departure)
+    caveats = limits_text(points.ranked)
     relied_on = note_texts([note for note in result.fetched.notes if note.kind == "tide-relied-on"])
-    facts = _wrapped(_facts(points, result), _BESIDE_MAP)
+    facts = _wrapped(_facts(points), _BESIDE_MAP)
     texts = [
         f"Mind: {caveats}" if caveats else "",
         f"Tide: {'; '.join(relied_on)}." if relied_on else "",
-        " ".join(_autopilot_texts(result, season)),
+        " ".join(_autopilot_texts(case)),
         f"Sources: {attribution(result)}.",
         "Not for navigation without the official charts and the navigator's own judgement.",
     ]
@@ -100,25 +99,25 @@ def _season_pages(result: RunResult, season: str, colour: str) -> Iterator[Figur
     below = top - max(_height(facts), _MAP_PT[1]) - 4
     pages = list(_paged(table, below, top, _NOTES_GAP_PT + _height(notes)))
     for number, part in enumerate(pages, start=1):
-        page = _page(result, points, f"page {number} of {len(pages)}")
+        page = _page(points, f"page {number} of {len(pages)}")
         if number == 1:
             _paragraphs(page, facts, top)
-            _put_map(page, points, result, colour, top + 6)
+            _put_map(page, points, top + 6)
         end = _put_table(page, headings(points), _COLUMNS, part, below if number == 1 else top)
         if number == len(pages):
             _paragraphs(page, notes, end - _NOTES_GAP_PT, size=_SMALL)
         yield page
 
 
-def _haven_pages(result: RunResult, season: str) -> Iterator[Figure]:
-    """Yield the pages of a season's ways to havens: what is covered, and when to turn off where."""
-    points = season_waypoints(result, season)[0]
-    facts = _wrapped(haven_facts(result, season), _WIDE)
+def _haven_pages(case: RunCase) -> Iterator[Figure]:
+    """Yield the pages of a case's ways to havens: what is covered, and when to turn off where."""
+    points = case_waypoints(case)[0]
+    facts = _wrapped(haven_facts(case), _WIDE)
     top = _HEIGHT - _MARGIN - 30
     below = top - _height(facts) - _NOTES_GAP_PT
-    pages = list(_paged(printed_rows(result, season), below, top, 0.0))
+    pages = list(_paged(printed_rows(case), below, top, 0.0))
     for number, part in enumerate(pages, start=1):
-        page = _page(result, points, f"ways to havens, page {number} of {len(pages)}")
+        page = _page(points, f"ways to havens, page {number} of {len(pages)}")
         if number == 1:
             _paragraphs(page, facts, top)
         level = below if number == 1 else top
@@ -141,20 +140,22 @@ def _paged(
         table, first_top = table[count:], top
 
 
-def _page(result: RunResult, points: Waypoints, number: str) -> Figure:
+def _page(points: Waypoints, number: str) -> Figure:
     """Start a page with its title and foot."""
     page = Figure(figsize=(_WIDTH / 72, _HEIGHT / 72))
-    title = f"Passage plan: {document_title(result, points.ranked.season)}"
+    title = f"Passage plan: {document_title(points.ranked.case)}"
     _write(page, drawable(title, 90), _MARGIN, _HEIGHT - _MARGIN - 6, _LARGE, bold=True)
-    foot = f"{route_name(points.ranked, result)} · made {result.created:%Y-%m-%d %H:%M} UTC"
+    created = points.ranked.case.run.created
+    foot = f"{route_name(points.ranked)} · made {created:%Y-%m-%d %H:%M} UTC"
     _write(page, drawable(foot, 120), _MARGIN, _FOOT, _SMALL)
     _write(page, number, _WIDTH - _MARGIN, _FOOT, _SMALL, right=True)
     return page
 
 
-def _facts(points: Waypoints, result: RunResult) -> list[str]:
+def _facts(points: Waypoints) -> list[str]:
     """Return facts of the route, a paragraph each."""
-    planned, sailed, vessel = points.ranked.metrics, points.metrics, result.scenario.vessel
+    case = points.ranked.case
+    planned, sailed, vessel = points.ranked.metrics, points.metrics, case.scenario.vessel
     knots = speed_over_ground(sailed) * KNOTS_PER_M_S
     speeds = points.through_water_m_s[:-1] * KNOTS_PER_M_S
     through = f"{speeds.min():.2f} kn"
@@ -162,20 +163,20 @@ def _facts(points: Waypoints, result: RunResult) -> list[str]:
         through = f"{' to '.join(speed_range(speeds.min(), speeds.max()))} kn, leg by leg,"
     turn_rate = f"{vessel.turn_rate_deg_s:.3g}°"
     length, no_go = sailed.length_m / NAUTICAL_MILE_M, planned.no_go_name
-    ship = ", ".join(filter(None, (vessel_name(result), f"{vessel.length_m:g} m long")))
+    ship = ", ".join(filter(None, (vessel_name(case.scenario), f"{vessel.length_m:g} m long")))
     way = f"{planned.way or 'the only one'}; {length:.1f} NM by waypoints"
     least = distance_text(planned.clearance_m)
-    gap = f"Optimality gap: {result.gap_figure(planned)}."
+    gap = f"Optimality gap: {case.gap_figure(planned)}."
     passage = f"{duration(sailed.duration_s)}, {knots:.2f} kn over ground on average"
     return [
         f"Vessel: {ship}; {through} through the water, turns at {turn_rate} a second.",
         f"Way: {way}, {passage}.",
-        _times_text(points, result),
+        _times_text(points),
         f"Least clearance of the planned path from {no_go}: {least}; {turns_text(planned)}. {gap}",
-        tightest_text(points, result),
-        _current_text(result, planned.season),
+        tightest_text(points),
+        _current_text(case),
         "Depths are charted all along the planned path." if has_all_depths(planned) else "",
-        _scale_text(result.scenario.scale),
+        _scale_text(case.scenario.scale),
         (
             "Within a leg's cross-track limits the vessel stays out of the soft no-go zone. "
             f"Legs are {points.curve.lower()}s; positions are WGS 84."
@@ -193,20 +194,20 @@ def _scale_text(scale: float) -> str:
     )
 
 
-def _current_text(result: RunResult, season: str) -> str:
-    """Say which current a season was planned on; empty if it was a formula."""
-    grid = result.grid_of(season)
+def _current_text(case: RunCase) -> str:
+    """Say which current a case was planned on; empty if it was a formula."""
+    grid = case.grid
     if grid is None:
         return ""
     # Still water has no time for which it is valid.
     moves = np.nan_to_num(grid.u).any() or np.nan_to_num(grid.v).any()
-    parts = (grid.credit.name, result.valid_text(season) if moves else "")
+    parts = (grid.credit.name, case.valid_text if moves else "")
     return f"Current: {', '.join(part for part in parts if part)}."
 
 
-def _autopilot_texts(result: RunResult, season: str) -> Iterator[str]:
+def _autopilot_texts(case: RunCase) -> Iterator[str]:
     """Yield what has to be set on an autopilot because the mission's file can't tell it."""
-    told = autopilot(result, season)
+    told = autopilot(case)
     if told.fence is None:
         yield (
             f"The mission has no fence: none of at most {MAX_VERTICES} vertices was found around "
@@ -220,17 +221,17 @@ def _autopilot_texts(result: RunResult, season: str) -> Iterator[str]:
         )
 
 
-def _times_text(points: Waypoints, result: RunResult) -> str:
+def _times_text(points: Waypoints) -> str:
     """Say when the vessel leaves and arrives, and how long the planned path takes."""
     planned_s, sailed_s = points.ranked.metrics.duration_s, points.metrics.duration_s
-    season = points.ranked.season
-    spec = result.spec_of(season)
+    case = points.ranked.case
+    spec = case.spec
     texts = ["Times are since departure: none was given."]
     if spec.departure is not None:
         arrival = time_after(spec.departure, sailed_s)
         leaves = moment_text(time_after(spec.departure, 0))
         texts = [f"Departure {leaves}, arrival {moment_text(arrival)}."]
-        choice = result.departure_choice(season)
+        choice = case.departure_choice
         by = spec.arrive_by if choice is None else choice.arrive_by
         if by is not None and to_minute(arrival) > to_minute(by):
             late = duration((to_minute(arrival) - to_minute(by)).total_seconds())
@@ -269,11 +270,12 @@ def _put_table(
     return level
 
 
-def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, top: float) -> None:
+def _put_map(page: Figure, points: Waypoints, top: float) -> None:
     """Draw the route with its waypoints' numbers over the land, in the upper right corner."""
-    width, height = _MAP_PT
+    case, (width, height) = points.ranked.case, _MAP_PT
+    result, colour = case.run, season_colour(case.number)
     axes = axes_at(page, (_WIDTH - _MARGIN - width, top - height, width, height))
-    way = result.scene.projection.to_plane(points.lonlat)
+    way = result.water.projection.to_plane(points.lonlat)
     low, high = way.min(axis=0), way.max(axis=0)
     reach = max((high - low) * np.array([height / width, 1.0])) * (0.5 + _MAP_MARGIN)
     middle, size = (low + high) / 2, reach * np.array([width / height, 1.0])
@@ -291,7 +293,7 @@ def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, to
     _put_region_edge(axes, result, frame)
     axes.add_line(stroke(way, colour, 1.2, 3))
     axes.plot(*way.T, "o", color=colour, markersize=2.5, zorder=4)
-    shores = result.scene.projection.to_plane(result.crossings(points.ranked.season, 1))
+    shores = result.water.projection.to_plane(case.crossings(1))
     axes.plot(*shores.T, "o", mfc="none", mec=COLOURS["shut"], markersize=6, zorder=4)
     for number, (x, y) in enumerate(way, start=1):
         axes.annotate(str(number), (x, y), (3, 2), textcoords="offset points", fontsize=6, zorder=5)
@@ -299,7 +301,7 @@ def _put_map(page: Figure, points: Waypoints, result: RunResult, colour: str, to
 
 def _put_region_edge(axes: Axes, result: RunResult, frame: shapely.Polygon) -> None:
     """Draw the region's edge where the map shows it, and name it below the map."""
-    edge = shapely.intersection(result.scene.chart.extent.exterior, frame)
+    edge = shapely.intersection(result.water.chart.extent.exterior, frame)
     parts = [part for part in shapely.get_parts(edge) if part.length > 0]
     for part in parts:
         axes.add_line(stroke(shapely.get_coordinates(part), COLOURS["frame"], 0.6, 2.5))

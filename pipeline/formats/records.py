@@ -28,7 +28,7 @@ import shapely
 from pipeline.findings.names import SCHEMA_VERSION, without_folders
 from pipeline.findings.note_words import caveats_json, note_json, note_texts
 from pipeline.findings.rejections import rejections
-from pipeline.findings.result import MAX_STRAITS, RunResult
+from pipeline.findings.result import MAX_STRAITS, RunCase, RunResult
 from pipeline.findings.text import json_value, os_error, write_json
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import code_commit, code_hash, file_hash
@@ -63,16 +63,16 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
         "inputs": _inputs(result),
         "seasons": [
             {
-                "season": entry.season,
-                "status": "failed" if entry.failure else "planned",
-                "failure": entry.failure,
-                "classes": len(entry.plan.routes) if entry.plan else 0,
-                "rejected": len(entry.plan.rejected) if entry.plan else 0,
-                "rejections": json_value(rejections(result, entry.season)),
-                "seconds": round(entry.seconds, 3),
-                **_gap_shares(result, entry.season),
+                "season": case.name,
+                "status": "failed" if case.result.failure else "planned",
+                "failure": case.result.failure,
+                "classes": len(case.plan.routes) if case.plan else 0,
+                "rejected": len(case.plan.rejected) if case.plan else 0,
+                "rejections": json_value(rejections(case)),
+                "seconds": round(case.result.seconds, 3),
+                **_gap_shares(case),
             }
-            for entry in result.plans
+            for case in result.cases
         ],
         **caveats_json(result),
         "note_values": json_value([note_json(note) for note in result.fetched.notes]),
@@ -86,13 +86,13 @@ def manifest(result: RunResult, outputs: Sequence[Path]) -> dict[str, object]:
     return {key: without_folders(value) for key, value in content.items()}
 
 
-def _gap_shares(result: RunResult, season: str) -> dict[str, object]:
-    """Return the parts of a season's optimality gap, if they were asked for."""
-    shares = result.evaluation.gap_shares_of(season)
+def _gap_shares(case: RunCase) -> dict[str, object]:
+    """Return the parts of a case's optimality gap, if they were asked for."""
+    shares = case.measures.gap_shares
     if shares is None:
         return {}
     found = {"chart": shares.chart, "padding": shares.padding, "bound": shares.bound}
-    return {"gap_shares": found | ({"tide": shares.tide} if result.scenario.tide else {})}
+    return {"gap_shares": found | ({"tide": shares.tide} if case.scenario.tide else {})}
 
 
 def provenance(result: RunResult) -> dict[str, object]:
@@ -200,45 +200,41 @@ _TIME = {
 }
 
 
-def write_currents(result: RunResult, season: str, path: Path) -> None:
-    """Write the current of a season that has a grid to a new file at `path`.
+def write_currents(case: RunCase, path: Path) -> None:
+    """Write the current of a case that has a grid to a new file at `path`.
 
     Raises
     ------
     OSError
         The file can't be written.
     """
-    grid = next(grid for grid in result.fetched.currents if grid.season == season)
-    table = result.scene.currents[season].table(result.scene.chart.bounds)
-    projection = result.scene.projection
+    grid, planned = case.source_grid, case.case
+    table, projection = planned.current.table(planned.chart.bounds), planned.projection
     lonlat = projection.to_lonlat(np.stack(np.meshgrid(table.x, table.y), axis=-1))
     import netCDF4
 
     try:
         with netCDF4.Dataset(path, "w", format="NETCDF4") as dataset:
-            dataset.setncatts(_about(result, grid))
+            dataset.setncatts(_about(case, grid))
             _put_plane(dataset, projection, table)
             for name, degrees in (("lon", lonlat[..., 0]), ("lat", lonlat[..., 1])):
                 _put(dataset, name, "f8", ("y", "x"), _DEGREES[name])[:] = degrees
             filled = ~grid.cells.at(lonlat.reshape(-1, 2)).reshape(lonlat.shape[:2])
             _put(dataset, "filled", "i1", ("y", "x"), _FILLED)[:] = filled
-            has_time = _put_time(dataset, grid, table, result.scene.departures.get(season))
+            has_time = _put_time(dataset, grid, table, planned.departure)
             _put_velocity(dataset, projection, table, lonlat, has_time=has_time)
     except RuntimeError as error:  # HDF5's
         raise os_error(path, error) from error
 
 
-def _about(result: RunResult, grid: CurrentGrid) -> dict[str, str]:
+def _about(case: RunCase, grid: CurrentGrid) -> dict[str, str]:
     """Return global attributes, without empty ones."""
-    made = result.created.strftime("%Y-%m-%dT%H:%M:%SZ")
+    made = case.run.created.strftime("%Y-%m-%dT%H:%M:%SZ")
     software = f"renew-planner {versions().get('renew-planner', '')}".strip()
-    scenario, credit, valid = result.scenario, grid.credit, valid_period(grid)
+    scenario, credit, valid = case.scenario, grid.credit, valid_period(grid)
     attributes = {
         "Conventions": _CONVENTIONS,
-        "title": (
-            f"Surface current of {scenario.title or scenario.name}: "
-            f"{result.season_title(grid.season)}"
-        ),
+        "title": (f"Surface current of {scenario.title or scenario.name}: {case.title}"),
         "history": f"{made}: written by {software}",
         "source": credit.name,
         "references": _listed([credit.url, _REFERENCES]),
@@ -247,7 +243,7 @@ def _about(result: RunResult, grid: CurrentGrid) -> dict[str, str]:
         "acknowledgement": credit.text,
         "date_created": made,
         "scenario": scenario.name,
-        "season": grid.season,
+        "season": case.name,
         "valid": grid.valid,
         "time_coverage_start": valid.begin.isoformat() if valid else "",
         "time_coverage_end": valid.end.isoformat() if valid else "",

@@ -17,10 +17,9 @@ from pipeline.findings.ensembles import (
     ENSEMBLE_COLUMNS,
     ENSEMBLE_FIGURES,
     ensemble_figures,
-    ensemble_of,
     ensemble_rows,
 )
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.route_profile import coast_index, cumulative, steps_along_legs
 from pipeline.findings.text import duration as duration_text, to_minute
 from pipeline.formats.passage.tracks import tracks
@@ -31,14 +30,14 @@ from pipeline.formats.passage.waypoints import (
     time_after,
     wrapped_longitude,
 )
-from pipeline.model import DepartureChoice, RouteMetrics
+from pipeline.model import Case, DepartureChoice, RouteMetrics, Water
 from pipeline.scenario.loading import scenario_text
 from pipeline.texts import cell
 
 # Fields of RouteMetrics in their order, and their columns. Fuel and length_planner_m are in the
 # planner's scaled units, every other `_m` in true metres.
 _FIELDS = (
-    *("season", "rank", "way", "homotopy", "fuel", "fuel_per_distance", "length", "length_m"),
+    *("rank", "way", "homotopy", "fuel", "fuel_per_distance", "length", "length_m"),
     *("clearance_m", "duration_s", "speed_m_s", "optimality_gap"),
     *("trials", "collisions"),
     *("land_m", "land_lon", "land_lat", "filled_share", "uncharted_share"),
@@ -86,17 +85,18 @@ def utc_text(moment: datetime) -> str:
 def write_metrics(result: RunResult, path: Path) -> None:
     """Write the evaluation as CSV; departure and arrival are empty where none is given."""
     rows = []
-    for metrics in (ranked.metrics for ranked in result.routes):
-        passage = result.scenario.passage(metrics.season, round(metrics.duration_s)) or ()
-        cells = {column: _cell(metrics, field) for column, field in METRICS_COLUMNS.items()}
+    for ranked in result.routes:
+        metrics, case = ranked.metrics, ranked.case
+        passage = result.scenario.passage(case.name, round(metrics.duration_s)) or ()
+        cells: dict[str, Any] = {"season": case.name, "current": case.current_text}
+        cells |= {column: _cell(metrics, field) for column, field in METRICS_COLUMNS.items()}
         cells |= dict(zip(_PASSAGE, map(utc_text, passage), strict=False))
-        found = ensemble_of(result, metrics.season)
-        if found is not None and metrics.rank == 1:
-            routes = [one.metrics for one in result.season_routes(metrics.season)]
-            cells |= ensemble_figures(found, routes)
-        cells["current"] = result.current_text(metrics.season)
+        found = case.result.ensemble
+        if found is not None and ranked.rank == 1:
+            cells |= ensemble_figures(found, [one.metrics for one in case.routes])
         rows.append(cells)
-    write_csv(path, [*METRICS_COLUMNS, *ENSEMBLE_FIGURES, *_PASSAGE, "current"], rows)
+    columns = ["season", *METRICS_COLUMNS, *ENSEMBLE_FIGURES, *_PASSAGE, "current"]
+    write_csv(path, columns, rows)
 
 
 def _cell(metrics: RouteMetrics, field: str) -> str:
@@ -110,16 +110,18 @@ def _cell(metrics: RouteMetrics, field: str) -> str:
 
 
 def write_departures_csv(result: RunResult, path: Path) -> None:
-    """Write all departures of all seasons as CSV."""
-    rows = (row for choice in result.departures for row in _departure_rows(result, choice))
+    """Write all departures of all cases as CSV."""
+    rows = (
+        row
+        for choice in result.departures
+        for row in _departure_rows(choice, result.case(choice.season))
+    )
     write_csv(path, DEPARTURE_COLUMNS, rows)
 
 
-def _departure_rows(result: RunResult, choice: DepartureChoice) -> Iterator[dict[str, Any]]:
+def _departure_rows(choice: DepartureChoice, case: RunCase) -> Iterator[dict[str, Any]]:
     """Yield a row for each departure, with its way if a planned route has the same class."""
-    ways = {
-        one.homotopy: one.way for one in result.evaluation.routes if one.season == choice.season
-    }
+    ways = {one.homotopy: one.way for one in case.measures.routes}
     unproven = choice.unproven_s / 60 if math.isfinite(choice.unproven_s) else None
     best = int(abs(choice.departures_s - choice.chosen_s).argmin())
     planned = zip(
@@ -152,9 +154,9 @@ def _moment(choice: DepartureChoice, seconds: float) -> str:
 
 
 def write_trade_off_csv(result: RunResult, path: Path) -> None:
-    """Write the trade-offs of all seasons as CSV."""
+    """Write the trade-offs of all cases as CSV."""
     rows = (
-        {"season": found.season, **row}
+        {"season": found.case, **row}
         for found in trade_offs(result)
         for row in _trade_off_rows(found)
     )
@@ -177,7 +179,7 @@ def _trade_off_rows(found: TradeOff) -> Iterator[dict[str, Any]]:
 
 
 def write_ensemble_csv(result: RunResult, path: Path) -> None:
-    """Write the fuel of each route in each member, of all seasons with members, as CSV."""
+    """Write the fuel of each route in each member, of all cases with members, as CSV."""
     write_csv(path, ENSEMBLE_COLUMNS, ensemble_rows(result))
 
 
@@ -187,7 +189,7 @@ def write_scenario(result: RunResult, path: Path) -> None:
     seasons = tuple(
         open_ones.get(one.name) or one
         for one in result.scenario.seasons
-        if one.name not in result.scene.onward
+        if not (one.name in result.planned and result.planned[one.name].follows)
     )
     asked = result.scenario.model_copy(update={"seasons": seasons})
     path.write_text(_HEAD + scenario_text(asked), encoding="utf-8")
@@ -239,14 +241,15 @@ def has_speeds(points: Waypoints) -> bool:
     return bool(np.ptp(points.ranked.route.speeds) > 0)
 
 
-def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> list[Row]:
+def rows(points: Waypoints, departure: datetime | None) -> list[Row]:
     """Return rows of a route's waypoints, from start to goal."""
+    case = points.ranked.case.case
     begin, end = points.lonlat[:-1], points.lonlat[1:]
-    drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M)
+    drawn = tracks(begin, end, points.curve, case.projection, _ERROR_M)
     line, ends = drawn.chain
-    times = cumulative(steps_along_legs(line, points.ranked, result).planner_s)
-    currents = _currents(line, ends, times, points, result)
-    water = _least_water(line, ends, times, points, result)
+    times = cumulative(steps_along_legs(line, points.ranked).planner_s)
+    currents = _currents(line, ends, times, case)
+    water = _least_water(line, ends, times, case)
     to_go = np.append(np.cumsum(points.length_m[:-1][::-1])[::-1], 0.0) / NAUTICAL_MILE_M
     found = []
     for index, (longitude, latitude) in enumerate(points.lonlat):
@@ -262,7 +265,7 @@ def rows(points: Waypoints, result: RunResult, departure: datetime | None) -> li
             passed=passed,
         )
         if index:
-            nearest = _nearest_land(drawn.xy[drawn.leg == index - 1], result)
+            nearest = _nearest_land(drawn.xy[drawn.leg == index - 1], case.water)
             row = row._replace(**_leg(points, index - 1), **nearest)
             row = row._replace(current=currents[index - 1], water=water[index - 1])
         found.append(row)
@@ -299,29 +302,22 @@ def distance_text(metres: float) -> str:
     return f"{math.floor(metres)} m"
 
 
-def _least_water(
-    line: FloatArray, ends: IntArray, times: FloatArray, points: Waypoints, result: RunResult
-) -> list[str]:
+def _least_water(line: FloatArray, ends: IntArray, times: FloatArray, case: Case) -> list[str]:
     """Return the least water under the keel on each leg when passed, m, rounded down.
 
     It is empty where no depth counts with the tide: there is enough water at any time.
     """
-    depth = result.scene.tidal_depths.get(points.ranked.season)
-    if depth is None:
+    if case.tidal_depth is None:
         return [""] * (len(ends) - 1)
-    water = depth.spare_along(line, times) + result.scene.under_keel_clearance_m
+    water = case.tidal_depth.spare_along(line, times) + case.under_keel_clearance_m
     least = np.minimum.reduceat(water, ends[:-1]).tolist()
     return [f"{math.floor(10 * one) / 10:.1f}" if math.isfinite(one) else "" for one in least]
 
 
-def _currents(
-    line: FloatArray, ends: IntArray, times: FloatArray, points: Waypoints, result: RunResult
-) -> list[str]:
+def _currents(line: FloatArray, ends: IntArray, times: FloatArray, case: Case) -> list[str]:
     """Return the mean current on each leg when passed: direction of set, and speed in knots."""
-    scene = result.scene
-    field = scene.currents[points.ranked.season]
-    lonlat = scene.projection.to_lonlat(line)
-    velocity = scene.projection.rotate_to_lonlat(lonlat, field.velocity(line, times))
+    lonlat = case.projection.to_lonlat(line)
+    velocity = case.projection.rotate_to_lonlat(lonlat, case.current.velocity(line, times))
     texts = []
     for first, last in itertools.pairwise(ends.tolist()):
         lengths = np.linalg.norm(np.diff(line[first : last + 1], axis=0), axis=1)
@@ -333,27 +329,25 @@ def _currents(
     return texts
 
 
-def _nearest_land(line: FloatArray, result: RunResult) -> dict[str, str]:
+def _nearest_land(line: FloatArray, water: Water) -> dict[str, str]:
     """Return the least clearance of a leg from the original land, and the point where it is."""
-    closest = coast_index(result.scene.land).closest_approach(line, result.scene.projection)
+    closest = coast_index(water.land).closest_approach(line, water.projection)
     if closest is None:
         return {"clearance": "no land"}
-    longitude, latitude = result.scene.projection.to_lonlat(closest.point)
+    longitude, latitude = water.projection.to_lonlat(closest.point)
     where = f"{position(float(latitude), 'NS', 2)}  {position(float(longitude), 'EW', 3)}"
     return {"clearance": distance_text(closest.clearance_m), "nearest_land": where}
 
 
-def tightest_text(points: Waypoints, result: RunResult) -> str:
+def tightest_text(points: Waypoints) -> str:
     """Say the padding where the route is nearest to a padded edge; empty without padding."""
-    scene, ranked = result.scene, points.ranked
-    found = renew.tightest(
-        ranked.route, scene.currents[ranked.season], scene.vessel_in(ranked.season)
-    )
+    case = points.ranked.case.case
+    found = renew.tightest(points.ranked.route, case.current, case.vessel)
     if found is None:
         return ""
-    longitude, latitude = scene.projection.to_lonlat(found.point)
+    longitude, latitude = case.projection.to_lonlat(found.point)
     widths = (found.padding, found.turns, found.gap)
-    padding, turns, gap = (f"{math.floor(one * scene.projection.scale):,} m" for one in widths)
+    padding, turns, gap = (f"{math.floor(one * case.projection.scale):,} m" for one in widths)
     return (
         f"Padding at the tightest place, {position(float(latitude), 'NS', 2)} "
         f"{position(float(longitude), 'EW', 3)}: {padding}, of which turns need {turns}, and the "

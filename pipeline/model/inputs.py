@@ -17,7 +17,6 @@ from shapely.geometry.base import BaseGeometry
 from pipeline._types import BoolArray, FloatArray
 from pipeline.geo.lonlat import Bounds, DepthCover, KnownCells, position_text
 from pipeline.model.depths import DepthArea, TidalWater
-from pipeline.model.ensemble import MemberGrid
 from pipeline.scenario.season import Season
 from pipeline.texts import clean
 
@@ -199,6 +198,19 @@ class PassedOver:
 
     source: str
     reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MemberGrid:
+    """A member of a current on its source's grid: `u`, `v` (nt, ny, nx), m/s to east and north.
+
+    `weight` is how likely it is; the sum over all members is 1.
+    """
+
+    name: str
+    u: FloatArray
+    v: FloatArray
+    weight: float
 
 
 @dataclass(frozen=True, slots=True)

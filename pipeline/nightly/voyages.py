@@ -98,7 +98,7 @@ def _answered(config: NightConfig, spec: VoyageSpec, folder: Path, fix: Fix) -> 
         )
     )
     ended = run(scenario, folder.absolute().parent)
-    (found,) = (one.replanned for one in ended.plans)
+    (found,) = (one.replanned for one in ended.result.results)
     if found is None:
         raise RequestError("; ".join(ended.failures))
     return SailedVoyage(

@@ -1,4 +1,4 @@
-"""What the page shows of a plan: the routes of each season, best first, and why to take which."""
+"""What the page shows of a plan: the routes of each case, best first, and why to take which."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -8,9 +8,9 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.findings.note_words import caveats_json, note_texts
-from pipeline.findings.result import RankedRoute, RunResult, addressed
+from pipeline.findings.result import RankedRoute, RunCase, RunResult, addressed
 from pipeline.findings.text import capitalised, json_value
-from pipeline.formats.report.season import season_facts
+from pipeline.formats.report.season import case_facts
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 
 # Largest distance of a drawn line from the route, as a share of the route's longer side: half a
@@ -31,7 +31,7 @@ def drawn(path: FloatArray) -> list[list[float]]:
 
 
 def sides(result: RunResult) -> dict[str, Any]:
-    """Return each season's routes with their figures and sentences, ready for JSON.
+    """Return each case's routes with their figures and sentences, ready for JSON.
 
     Lengths and distances are in true metres, durations in seconds. The first route by each passage
     of the main island is marked as a side's best one. `gap` is a share, None where none is proven.
@@ -46,12 +46,12 @@ def sides(result: RunResult) -> dict[str, Any]:
                 "no_go": result.fetched.land.no_go_name,
                 "seasons": [
                     {
-                        "name": entry.season,
-                        "title": result.season_title(entry.season),
-                        "failure": entry.failure,
-                        "routes": list(_routes(result, entry.season)),
+                        "name": case.name,
+                        "title": case.title,
+                        "failure": case.result.failure,
+                        "routes": list(_routes(case)),
                     }
-                    for entry in result.plans
+                    for case in result.cases
                 ],
                 "warnings": [capitalised(one) for one in note_texts(stand_ins)],
                 **caveats_json(result),
@@ -61,19 +61,18 @@ def sides(result: RunResult) -> dict[str, Any]:
     )
 
 
-def _routes(result: RunResult, season: str) -> Iterator[dict[str, Any]]:
-    """Yield the routes of a season, best first."""
-    ranked = result.season_routes(season)
-    facts = season_facts(result, [one.metrics for one in ranked])
+def _routes(case: RunCase) -> Iterator[dict[str, Any]]:
+    """Yield the routes of a case, best first."""
+    facts = case_facts(case)
     passed: set[str] = set()
-    for one in ranked:
+    for one in case.routes:
         row = one.metrics
         because = "" if facts is None else facts.because() if one.rank == 1 else ""
         if facts is not None and one.rank > 1:
             because = facts.why_dearer(row)
         yield {
-            **_figures(result, one),
-            "excess": row.fuel / ranked[0].metrics.fuel - 1,
+            **_figures(one),
+            "excess": row.fuel / case.routes[0].metrics.fuel - 1,
             "because": because,
             "certainty": facts.certainty() if facts is not None and one.rank == 1 else "",
             "is_side": row.main_passage not in passed,
@@ -81,10 +80,10 @@ def _routes(result: RunResult, season: str) -> Iterator[dict[str, Any]]:
         passed.add(row.main_passage)
 
 
-def _figures(result: RunResult, ranked: RankedRoute) -> dict[str, Any]:
+def _figures(ranked: RankedRoute) -> dict[str, Any]:
     """Return a route's figures and its line."""
-    row = ranked.metrics
-    passage = result.scenario.passage(row.season, round(row.duration_s))
+    row, case = ranked.metrics, ranked.case
+    passage = case.scenario.passage(case.name, round(row.duration_s))
     return {
         "rank": row.rank,
         "way": row.way,
@@ -93,10 +92,10 @@ def _figures(result: RunResult, ranked: RankedRoute) -> dict[str, Any]:
         "length_m": row.length_m,
         "duration_s": row.duration_s,
         "clearance_m": row.clearance_m,
-        "gap": None if result.lacks_current(row.season) else row.optimality_gap,
+        "gap": None if case.lacks_current else row.optimality_gap,
         "trials": row.trials,
         "collisions": row.collisions,
         "departure": passage[0].isoformat() if passage else None,
         "arrival": passage[1].isoformat() if passage else None,
-        "line": drawn(result.scene.projection.to_lonlat(np.asarray(ranked.route.path))),
+        "line": drawn(case.run.water.projection.to_lonlat(np.asarray(ranked.route.path))),
     }

@@ -26,8 +26,8 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError, StageError
 from pipeline.findings.text import season_text
-from pipeline.machine.store import Store, artefact_key
-from pipeline.model import DepartureChoice, Note, Say, Scene, SeasonPlan
+from pipeline.machine.store import Artefact, Store, artefact_key
+from pipeline.model import Case, CaseResult, DepartureChoice, Note, Say, SpeedChoice, Water
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.times import departure_name, named_departure
@@ -39,14 +39,14 @@ from pipeline.stages.seasons.task import Status
 
 
 def choose(given: Chosen, store: Store, say: Say, scheduler: str | None = None) -> Chosen:
-    """Return a complete scenario with its scene, and report each choice through `say`.
+    """Return a complete scenario with its cases, and report each choice through `say`.
 
     Raises
     ------
     RequestError, StageError
         No season has a departure that can be planned.
     """
-    split = with_onward_legs(_with_offing(given), store)
+    split = with_onward_legs(_with_offing(given))
     chosen = choose_departures(split, store, say, scheduler)
     chosen = replace(chosen, notes=(*chosen.notes, *waiting_notes(chosen)))
     for note in chosen.notes[len(given.notes) :]:
@@ -57,7 +57,7 @@ def choose(given: Chosen, store: Store, say: Say, scheduler: str | None = None) 
 def _with_offing(given: Chosen) -> Chosen:
     """Set the planner's clearance to the chosen offing if the scenario does not give one."""
     scenario, accuracy_m = given.scenario, given.data.fetched.land.accuracy_m
-    options = with_offing(scenario, given.scene.value, accuracy_m)
+    options = with_offing(scenario, given.cases.value[0], accuracy_m)
     if options is scenario.planner:
         return given
     note = Note.of(
@@ -81,12 +81,12 @@ _SPACING = 0.1
 _CLOSER = 0.99
 
 
-def with_offing(scenario: Scenario, scene: Scene, accuracy_m: float) -> PlannerOptions:
+def with_offing(scenario: Scenario, case: Case, accuracy_m: float) -> PlannerOptions:
     """Return a scenario's options; without a clearance on a chart, the clearance is the offing."""
     options = scenario.planner
     if options.clearance is not None or scenario.is_planar:
         return options
-    distance_m = scene.projection.geodesic_length_m(scene.stops)
+    distance_m = case.projection.geodesic_length_m(case.stops)
     metres = offing_m(scenario.fastest_vessel, accuracy_m, distance_m)
     # In whole metres, except on the smallest charts.
     kept = float(math.floor(metres)) if metres > 1 else metres
@@ -105,35 +105,35 @@ def offing_m(vessel: VesselSpec, accuracy_m: float, distance_m: float) -> float:
 
 
 def narrows_notes(
-    scene: Scene, plans: Sequence[SeasonPlan], options: PlannerOptions
+    water: Water, results: Sequence[CaseResult], options: PlannerOptions
 ) -> tuple[Note, ...]:
-    """Return a note for each season whose best route is closer to land than the offing."""
+    """Return a note for each case whose best route is closer to land than the offing."""
     if not options.clearance or options.narrow_share == 1.0:
         return ()
     notes = (
-        (plan.season, _narrows(scene, np.asarray(plan.ranked_routes[0].path), options.clearance))
-        for plan in plans
-        if plan.ranked_routes and plan.ranked_routes[0].clearance < _CLOSER * options.clearance
+        (one.name, _narrows(water, np.asarray(one.routes[0].path), options.clearance))
+        for one in results
+        if one.routes and one.routes[0].clearance < _CLOSER * options.clearance
     )
-    return tuple(note.about(season) for season, note in notes if note is not None)
+    return tuple(note.about(name) for name, note in notes if note is not None)
 
 
 def room_notes(
-    scene: Scene, plans: Sequence[SeasonPlan], options: PlannerOptions
+    water: Water, results: Sequence[CaseResult], options: PlannerOptions
 ) -> tuple[Note, ...]:
-    """Return a note for each season on what its best route's room is for: turns, or an offing."""
-    scale, offing = scene.projection.scale, options.clearance or 0.0
+    """Return a note for each case on what its best route's room is for: turns, or an offing."""
+    scale, offing = water.projection.scale, options.clearance or 0.0
     return tuple(
-        Note.of("room-kept", turns_m=scale * most, offing_m=scale * offing).about(plan.season)
-        for plan in plans
-        for most in [float(one.turn_padding.max(initial=0.0)) for one in plan.ranked_routes[:1]]
+        Note.of("room-kept", turns_m=scale * most, offing_m=scale * offing).about(result.name)
+        for result in results
+        for most in [float(one.turn_padding.max(initial=0.0)) for one in result.routes[:1]]
         if offing and options.padding == "adaptive"
     )
 
 
-def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
+def _narrows(water: Water, path: FloatArray, offing: float) -> Note | None:
     """Return a note on how far and where a path (n, 2) is closer to land than the offing."""
-    land = np.array(scene.chart.no_go, dtype=object)
+    land = np.array(water.chart.no_go, dtype=object)
     if not len(land):
         return None
     places = shapely.get_coordinates(
@@ -143,7 +143,7 @@ def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
     _, apart = shapely.STRtree(land).query_nearest(
         shapely.points(middles), return_distance=True, all_matches=False
     )
-    closer, nearest, scale = apart < _CLOSER * offing, int(apart.argmin()), scene.projection.scale
+    closer, nearest, scale = apart < _CLOSER * offing, int(apart.argmin()), water.projection.scale
     if not closer.any():
         return None
     length = np.linalg.norm(np.diff(places, axis=0), axis=1)[closer].sum()
@@ -152,14 +152,14 @@ def _narrows(scene: Scene, path: FloatArray, offing: float) -> Note | None:
         offing_m=offing * scale,
         length_m=float(length) * scale,
         least_m=float(apart[nearest]) * scale,
-        place=scene.place(middles[nearest]),
+        place=water.place(middles[nearest]),
     )
 
 
 def choose_departures(
     given: Chosen, store: Store, say: Say, scheduler: str | None = None
 ) -> Chosen:
-    """Choose the departure of every season that leaves it open, and store the new scene.
+    """Choose the departure of every season that leaves it open, and store the new cases.
 
     The seasons are independent tasks; see :mod:`pipeline.stages.seasons.running`.
 
@@ -182,8 +182,8 @@ def choose_departures(
         about = given.scenario.season_if_several(task.season)
         return sweep(task, lambda note: say(note.about(*about)))
 
-    if waiting:  # tasks load the scene from the store
-        store.load_or_make("project", given.scene.key, Scene, lambda: given.scene.value)
+    if waiting:  # tasks load their case from the store
+        store.load_or_make("project", given.cases.key, tuple, lambda: given.cases.value)
     run_tasks(waiting, scheduler, report, work)
     departed = given
     for season, task in tasks.items():
@@ -196,8 +196,7 @@ def choose_departures(
     if given.scenario.seasons and not departed.data.current_keys:
         reasons = [f"{season_text(n)}: {why}" for n, why in departed.data.failures.items()]
         raise StageError("; ".join(reasons)) if crashed else RequestError(reasons)
-    if departed.scene.key != given.scene.key:
-        store.load_or_make("project", departed.scene.key, Scene, lambda: departed.scene.value)
+    store.load_or_make("project", departed.cases.key, tuple, lambda: departed.cases.value)
     return departed
 
 
@@ -207,10 +206,10 @@ def _sweeps(given: Chosen, store: Store) -> Iterator[SweepTask]:
     for season in given.scenario.seasons:
         if season.leaves_departure_open and season.name in given.data.current_keys:
             key = artefact_key(
-                "departures", given.scene.key, options.model_dump(mode="json"), season.model_dump()
+                "departures", given.cases.key, options.model_dump(mode="json"), season.model_dump()
             )
-            scene, choice = store.path("project", given.scene.key), store.path("departures", key)
-            yield SweepTask(season, scene, choice, options, store.owner)
+            cases, choice = store.path("project", given.cases.key), store.path("departures", key)
+            yield SweepTask(season, cases, choice, options, store.owner)
 
 
 def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
@@ -221,8 +220,11 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
     chosen = choice.first + timedelta(seconds=shift)
     label = _label(departed.scenario, name, chosen)
     scenario = departed.scenario.departing(name, chosen, label)
+    case = departed.case(name)
+    season = next(one for one in scenario.seasons if one.name == label)
+    begun = replace(case.later(shift, label), speeds=SpeedChoice.of(season))
     return replace(
-        departed.at_clock(scenario, name, label, shift),
+        departed.at_clock(scenario, begun, case, shift),
         choices=(*departed.choices, replace(choice, season=label)),
         notes=(
             *departed.notes,
@@ -243,4 +245,9 @@ def _without(departed: Chosen, season: str, reason: str) -> Chosen:
     data = departed.data
     keys = {name: key for name, key in data.current_keys.items() if name != season}
     failures = {**data.failures, season: reason}
-    return replace(departed, data=replace(data, current_keys=keys, failures=failures))
+    cases = tuple(case for case in departed.cases.value if case.name != season)
+    return replace(
+        departed,
+        data=replace(data, current_keys=keys, failures=failures),
+        cases=Artefact(artefact_key("without", departed.cases.key, season), cases),
+    )

@@ -1,7 +1,8 @@
-"""Sixth stage: compare the routes of all seasons, and name the way that each takes."""
+"""Sixth stage: compare the routes of all cases, and name the way that each takes."""
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -13,18 +14,19 @@ import renew
 from pipeline.errors import LateFaults
 from pipeline.findings.departures_and_speeds import speed_notes
 from pipeline.findings.ensembles import ensemble_notes
-from pipeline.findings.other_ways import shut_straits, side_bounds
+from pipeline.findings.other_ways import shut_straits, side_bound
 from pipeline.findings.result import RunResult, addressed, unsafe_notes
 from pipeline.findings.under_way import replanned_notes
-from pipeline.findings.way_names import with_way_names
+from pipeline.findings.way_names import WayNames, way_names
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
+from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import CurrentGrid, Note, Place, Say, Scene, SeasonPlan, SideBound
+from pipeline.model import Case, CaseResult, CurrentGrid, Note, Place, Say, SideBound, Water
 from pipeline.sources.cf.fields import WEAK_SHARE
 from pipeline.stages.choose import narrows_notes, room_notes
 from pipeline.stages.choosing.chosen import Chosen, in_thread
 from pipeline.stages.places import shut_notes
-from pipeline.stages.plan import Planned
+from pipeline.stages.project import planar_stops
 from pipeline.stages.simplify import SimplifiedLand
 from pipeline.stages.tides import tide_notes
 
@@ -32,7 +34,7 @@ from pipeline.stages.tides import tide_notes
 def compare(
     chosen: Chosen,
     land: Artefact[SimplifiedLand],
-    planned: Artefact[Planned],
+    planned: Artefact[tuple[CaseResult, ...]],
     store: Store,
     say: Say,
     late: LateFaults,
@@ -41,42 +43,58 @@ def compare(
 
     Returns the result with its notes on choices, data, land and routes.
     """
-    options, scene = chosen.scenario.planner, chosen.scene.value
-    plans, inputs = planned.value.plans, (planned.key, chosen.scene.key)
-    unnamed, places = planned.value.evaluation, chosen.data.fetched.land.places
-    name = partial(with_way_names, unnamed, scene, plans, places)
-    named = late.attempt("naming the ways", name, unnamed)
-    found = partial(shut_straits, scene, land.value.simplified, plans, options)
+    scenario, fetched, simplified = chosen.scenario, chosen.data.fetched, land.value.simplified
+    inputs, water = (planned.key, chosen.cases.key), chosen.cases.value[0].water
+    find_names = partial(way_names, water, planned.value, fetched.land.places)
+    names = late.attempt("naming the ways", find_names, WayNames({}))
+    cases = {case.name: case for case in chosen.cases.value}
+    results = tuple(map(names.name, planned.value))
+    pairs = [(cases[one.name], one) for one in results if one.name in cases]
+    stops = planar_stops(scenario, water)
+    found = partial(shut_straits, pairs, stops, simplified, scenario.planner)
     find = partial(store.artefact, "straits", tuple, inputs, found)
     straits = late.attempt("the search for shut straits", lambda: in_thread(find).value, ())
     result = RunResult(
-        chosen.scenario,
-        chosen.data.fetched,
-        land.value.simplified,
-        scene,
-        plans,
-        named,
+        scenario,
+        fetched,
+        simplified,
+        water,
+        cases,
+        results,
         {},
         datetime.now(UTC),
-        chosen.notes,
-        straits,
-        chosen.choices,
+        names.islands,
+        names.class_islands,
+        straits=straits,
+        departures=chosen.choices,
     )
     said = late.attempt("what is said of the result", partial(_said, result), ())
-    result = replace(result, choices=addressed((*chosen.notes, *said), result.scenario))
-    notes = (*said, *late.attempt("notes on the routes", partial(_notes, result), ()))
+    notes = (*said, *late.attempt("notes on the routes", partial(_notes, result, pairs), ()))
     for note in notes:
         say(note)
-    every = (*chosen.notes, *chosen.data.fetched.notes, *land.value.notes, *notes)
-    fetched = replace(chosen.data.fetched, notes=addressed(every, result.scenario))
-    return Artefact(artefact_key("compare", *inputs), replace(result, fetched=fetched))
+    every = (*chosen.notes, *fetched.notes, *land.value.notes, *notes)
+    complete = replace(
+        result,
+        choices=addressed((*chosen.notes, *said), scenario),
+        fetched=replace(fetched, notes=addressed(every, scenario)),
+    )
+    return Artefact(artefact_key("compare", *inputs), complete)
 
 
-def bounds_of_sides(result: Artefact[RunResult], store: Store) -> tuple[SideBound, ...]:
+def bounds_of_sides(result: Artefact[RunResult], store: Store) -> dict[str, SideBound]:
     """Bound the fuel of ways on the other sides; this takes long, and only reports show it."""
     run, options = result.value, result.value.scenario.planner
-    bounds = partial(side_bounds, run.scene, run.plans, run.evaluation, options)
-    return store.artefact("sides", tuple, (result.key, options.drift), bounds).value
+
+    def bounds() -> dict[str, SideBound]:
+        planned = [case for case in run.cases if case.planned is not None]
+        main = next(iter(run.islands), None)
+        # Threads run in parallel here, because most of the work is compiled code.
+        with ThreadPoolExecutor(max_workers=cores()) as pool:
+            found = pool.map(lambda one: side_bound(one.case, one.result, main, options), planned)
+            bound_of = {one.name: bound for one, bound in zip(planned, found, strict=True)}
+        return {name: bound for name, bound in bound_of.items() if bound is not None}
+
+    return store.artefact("sides", dict, (result.key, options.drift), bounds).value
 
 
 def _said(result: RunResult) -> tuple[Note, ...]:
@@ -85,18 +103,18 @@ def _said(result: RunResult) -> tuple[Note, ...]:
         *speed_notes(result),
         *replanned_notes(result),
         *ensemble_notes(result),
-        *room_notes(result.scene, result.plans, result.scenario.planner),
-        *narrows_notes(result.scene, result.plans, result.scenario.planner),
+        *room_notes(result.water, result.results, result.scenario.planner),
+        *narrows_notes(result.water, result.results, result.scenario.planner),
     )
 
 
-def _notes(result: RunResult) -> tuple[Note, ...]:
+def _notes(result: RunResult, planned: Sequence[tuple[Case, CaseResult]]) -> tuple[Note, ...]:
     """Return the notes on the routes and on unknowns."""
     return (
         *safety_notes(result),
-        *shut_notes(result.scene, result.plans),
-        *tide_notes(result.scenario, result.scene, result.plans),
-        *waiting_notes(result.scene, result.plans),
+        *shut_notes(planned),
+        *tide_notes(result.scenario, planned),
+        *waiting_notes(planned),
         *unresolved_strait_notes(result),
         *weak_stream_notes(result),
         *result.unknowns,
@@ -104,10 +122,10 @@ def _notes(result: RunResult) -> tuple[Note, ...]:
 
 
 def safety_notes(result: RunResult) -> Iterator[Note]:
-    """Yield a note for each season whose best route has a hard-over turn that meets no-go."""
-    for row in result.evaluation.routes:
-        if row.rank == 1:
-            yield from (note.about(row.season) for note in unsafe_notes(result, row))
+    """Yield a note for each case whose best route has a hard-over turn that meets no-go."""
+    for case in result.cases:
+        for best in case.routes[:1]:
+            yield from (note.about(case.name) for note in unsafe_notes(best))
 
 
 # Minimum number of cells across a strait for the grid to resolve its tide.
@@ -116,76 +134,78 @@ _MIN_CELLS = 2.0
 _ON_COAST = 1e-6
 
 
-def waiting_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> Iterator[Note]:
+def waiting_notes(planned: Iterable[tuple[Case, CaseResult]]) -> Iterator[Note]:
     """Yield notes on the hours when the current blocks ways of routes or of rejected classes."""
-    for plan in plans:
-        routes = {f"route {rank}": one for rank, one in enumerate(plan.ranked_routes, start=1)}
-        rejected = plan.plan.rejected if plan.plan else ()
+    for case, result in planned:
+        routes = {f"route {rank}": one for rank, one in enumerate(result.routes, start=1)}
+        rejected = result.plan.rejected if result.plan else ()
         classes = {f"class {one.homotopy}": one for one in rejected}
         for kind, ways in (("routes-shut-for-hours", routes), ("classes-shut-for-hours", classes)):
             shut = tuple(
-                Note.of("way-shut", way=name, places=_places(one.overpowered, scene, plan.season))
+                Note.of("way-shut", way=name, places=_places(one.overpowered, case))
                 for name, one in ways.items()
                 if one.overpowered
             )
             if shut:
-                yield Note.of(kind, ways=shut).about(plan.season)
+                yield Note.of(kind, ways=shut).about(case.name)
 
 
-def _places(hours: Iterable[renew.OverpoweredHours], scene: Scene, season: str) -> tuple[Note, ...]:
+def _places(hours: Iterable[renew.OverpoweredHours], case: Case) -> tuple[Note, ...]:
     """Return the places where the current blocks a way, each with its hours."""
     return tuple(
         Note.of(
             "place-shut",
-            place=scene.place(one.place),
-            begin=scene.moment(season, one.begin),
-            until=scene.moment(season, one.end),
+            place=case.water.place(one.place),
+            begin=case.moment(one.begin),
+            until=case.moment(one.end),
         )
         for one in hours
     )
 
 
 def unresolved_strait_notes(result: RunResult) -> Iterator[Note]:
-    """Yield a note for each season's best route on the worst strait with an unresolved tide."""
-    for grid in result.fetched.currents:
-        if not grid.changes:
+    """Yield a note for each case's best route on the worst strait with an unresolved tide."""
+    for case in result.cases:
+        grid = case.grid
+        if grid is None or not grid.changes:
             continue
-        for best in result.season_routes(grid.season)[:1]:
+        for best in case.routes[:1]:
             straits = [
                 (width_m * _MIN_CELLS / cell, width_m, cell, middle)
-                for width_m, middle in straits_of(best.route, result.scene)
+                for width_m, middle in straits_of(best.route, result.water)
                 if (cell := _cell_m(grid, middle[1])) * _MIN_CELLS > width_m
             ]
             if straits:
                 _, width_m, cell, middle = min(straits, key=lambda one: one[0])
                 yield Note.of(
                     "strait-unresolved", place=Place(*middle), width_m=width_m, cell_m=cell
-                ).about(grid.season)
+                ).about(case.name)
 
 
 def weak_stream_notes(result: RunResult) -> Iterator[Note]:
-    """Yield a note for each season on its routes' shares with unreliable tidal constants."""
-    for grid in result.fetched.currents:
-        if grid.weak is None or not grid.weak.any():
+    """Yield a note for each case on its routes' shares with unreliable tidal constants."""
+    for case in result.cases:
+        grid = case.grid
+        if grid is None or grid.weak is None or not grid.weak.any():
             continue
         strong = KnownCells(grid.lon, grid.lat, ~grid.weak)
         found = [
-            (one.rank, share_without(one.route.path, result.scene.projection, strong.at))
-            for one in result.season_routes(grid.season)
+            (one.rank, share_without(one.route.path, result.water.projection, strong.at))
+            for one in case.routes
         ]
         if shares := tuple((rank, share) for rank, share in found if share > 0):
             note = Note.of("streams-weak", limit=WEAK_SHARE, first=found[0][0], shares=shares)
-            yield note.about(grid.season)
+            yield note.about(case.name)
 
 
-def straits_of(route: renew.Route, scene: Scene) -> Iterator[tuple[float, tuple[float, float]]]:
+def straits_of(route: renew.Route, water: Water) -> Iterator[tuple[float, tuple[float, float]]]:
     """Yield the straits on a route: true width (m), and the middle (lon, lat), degrees.
 
     A strait is a triangle's side that the route crosses and that joins two islands.
     """
-    if not scene.chart.no_go:
+    if not water.chart.no_go:
         return
-    coasts = shapely.STRtree(scene.chart.no_go)
+    coasts = shapely.STRtree(water.chart.no_go)
     channel = route.channel
     for here, ahead in itertools.pairwise(channel):
         side = here[(here[:, None] == ahead[None]).all(axis=-1).any(axis=1)]
@@ -194,8 +214,8 @@ def straits_of(route: renew.Route, scene: Scene) -> Iterator[tuple[float, tuple[
         end, coast = coasts.query(shapely.points(side), predicate="dwithin", distance=_ON_COAST)
         one, other = (set(coast[end == i].tolist()) for i in (0, 1))
         if one and other and not one & other:
-            lon, lat = scene.projection.to_lonlat(side.mean(axis=0)).tolist()
-            yield scene.projection.geodesic_length_m(side), (lon, lat)
+            lon, lat = water.projection.to_lonlat(side.mean(axis=0)).tolist()
+            yield water.projection.geodesic_length_m(side), (lon, lat)
 
 
 def _cell_m(grid: CurrentGrid, lat: float) -> float:

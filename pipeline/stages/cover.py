@@ -15,18 +15,19 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.findings.result import RunResult, addressed
+from pipeline.findings.result import RunCase, RunResult, addressed
 from pipeline.findings.text import hours, planner_text, season_text
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import HavenLimits, Note, Place, Say, Scene, plan_options
+from pipeline.model import Note, Place, Say, Water, plan_options
+from pipeline.model.case import MIN_LATENESS_S, largest_stretch
+from pipeline.scenario.havens import HavensSpec
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.vector import HavenPoint, read_havens
-from pipeline.stages.seasons.one_season import MIN_LATENESS_S
 
 
-def havens_in(scenario: Scenario, scene: Scene) -> tuple[tuple[renew.Haven, ...], tuple[Note, ...]]:
-    """Return the scenario's havens that lie in the water of a scene, and notes on the others.
+def havens_in(scenario: Scenario, water: Water) -> tuple[tuple[renew.Haven, ...], tuple[Note, ...]]:
+    """Return the scenario's havens that lie in the water, and notes on the others.
 
     Raises
     ------
@@ -37,57 +38,56 @@ def havens_in(scenario: Scenario, scene: Scene) -> tuple[tuple[renew.Haven, ...]
         return (), ()
     found, left_out = list[renew.Haven](), list[Note]()
     for one in read_havens(Path(scenario.havens.path)):
-        reason = _misplaced(scenario, scene, one)
+        reason = _misplaced(scenario, water, one)
         if reason:
             place = Place(one.lon, one.lat)
             left_out.append(Note.of("haven-left-out", haven=one.name, place=place, reason=reason))
         else:
-            found.append(renew.Haven(one.name, scene.projection.to_plane((one.lon, one.lat))))
+            found.append(renew.Haven(one.name, water.projection.to_plane((one.lon, one.lat))))
     if not found:
         names = [f"{dict(note.values)['haven']} {dict(note.values)['reason']}" for note in left_out]
         raise RequestError(f"havens.path: no haven can be used: {'; '.join(names)}")
     return tuple(found), tuple(left_out)
 
 
-def _misplaced(scenario: Scenario, scene: Scene, haven: HavenPoint) -> str:
-    """Say why a haven does not lie in the water of a scene; "" if it does."""
+def _misplaced(scenario: Scenario, water: Water, haven: HavenPoint) -> str:
+    """Say why a haven does not lie in the water; "" if it does."""
     area, here = scenario.area, shapely.Point(haven.lon, haven.lat)
     west, _, east, _ = area.bounds
     turns = round((haven.lon - (west + east) / 2) / 360)
     if not area.covers(shapely.Point(haven.lon - 360 * turns, haven.lat)):
         return "lies outside the region; widen the region, or leave it out"
-    chart = scene.chart
-    here = shapely.Point(scene.projection.to_plane((haven.lon, haven.lat)))
+    chart = water.chart
+    here = shapely.Point(water.projection.to_plane((haven.lon, haven.lat)))
     if chart.water.covers(here):
         return ""
     line = shapely.get_coordinates(shapely.shortest_line(here, chart.water))
-    metres = scene.projection.geodesic_length_m(line)
+    metres = water.projection.geodesic_length_m(line)
     obstacle = "land or water too shallow for the vessel" if scenario.chart.depths else "land"
     return (
         f"lies on {obstacle} or within the margin around it, {metres:.0f} m from the nearest "
-        f"water at {scene.place_text(line[-1])}; move it there"
+        f"water at {water.place_text(line[-1])}; move it there"
     )
 
 
 def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunResult]:
-    """Return a result with the coverage of each season's best route by havens, and its notes.
+    """Return a result with the coverage of each case's best route by havens, and its notes.
 
     Raises
     ------
     RequestError
-        The endurance is below a route's own time; all seasons are named.
+        The endurance is below a route's own time; all cases are named.
     """
     run = result.value
-    spec, scene = run.scenario.havens, run.scene
+    spec = run.scenario.havens
     if spec is None:
         return result
-    havens, notes = havens_in(run.scenario, scene)
-    limited = limits_of(run.scenario, havens)
-    best = {one.season: one for one in run.routes if one.rank == 1}
+    havens, notes = havens_in(run.scenario, run.water)
+    best = {case.name: case.routes[0] for case in run.cases if case.routes}
     faults = [
         f"havens.endurance = {spec.endurance!r} is below the {hours(one.metrics.duration_s)} that "
-        f"the best route of {season_text(season)} takes; give more"
-        for season, one in best.items()
+        f"the best route of {season_text(name)} takes; give more"
+        for name, one in best.items()
         if spec.endurance_s is not None and spec.endurance_s < one.metrics.duration_s
     ]
     if faults:
@@ -95,9 +95,9 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
     places = [(haven.name, *haven.place.tolist()) for haven in havens]
     limits = spec.model_dump(mode="json", exclude={"path"})
 
-    def covered(season: str) -> renew.Coverage:
-        key = artefact_key("cover", result.key, season, places, limits)
-        make = partial(_covered, run, season, limited)
+    def covered(name: str) -> renew.Coverage:
+        key = artefact_key("cover", result.key, name, places, limits)
+        make = partial(_covered, run.case(name), spec, havens)
         return store.load_or_make("cover", key, renew.Coverage, make)
 
     with ThreadPoolExecutor(min(len(best), cores())) as pool:
@@ -111,32 +111,29 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
     return Artefact(key, replace(found, fetched=fetched))
 
 
-def limits_of(scenario: Scenario, havens: Sequence[renew.Haven]) -> HavenLimits:
-    """Return a scenario's limits on the way to havens; none if it has no havens."""
-    spec = scenario.havens
-    if spec is None:
-        return HavenLimits((), None, None)
-    return HavenLimits(tuple(havens), spec.within_s, spec.endurance_s)
+def _covered(case: RunCase, spec: HavensSpec, havens: Sequence[renew.Haven]) -> renew.Coverage:
+    """Return the coverage of a case's best route, with the ways that it needs.
 
-
-def _covered(run: RunResult, season: str, limited: HavenLimits) -> renew.Coverage:
-    """Return the coverage of a season's best route, with the ways that it needs."""
-    scene = run.scene.leg(season)
-    within, endurance = limited.in_plane(scene, season)
-    best, *others = run.season_routes(season)
+    Limits are lowered so far that ways keep them in true time.
+    """
+    planned, stretch = case.case, largest_stretch(case.case)
+    endurance_s, within_s = spec.endurance_s, spec.within_s
+    best, *others = case.routes
     sides = {one.metrics.main_passage: one for one in reversed(others)}
     sides.pop(best.metrics.main_passage, None)
-    ranks = {} if len(scene.via) else {one.route: one.rank for one in sides.values()}
+    ranks = {} if len(planned.via) else {one.route: one.rank for one in sides.values()}
     coverage = renew.cover(
         best.route,
-        scene.chart,
-        scene.currents[season],
-        scene.vessel_in(season),
-        limited.havens,
-        within=within,
-        endurance=endurance,
+        planned.chart,
+        planned.current,
+        planned.vessel,
+        havens,
+        within=None if within_s is None else within_s / stretch,
+        endurance=(
+            None if endurance_s is None else planned.vessel.fuel_rate * endurance_s / stretch
+        ),
         others=tuple(ranks),
-        options=plan_options(run.scenario.planner, min_lateness=MIN_LATENESS_S),
+        options=plan_options(case.scenario.planner, min_lateness=MIN_LATENESS_S),
     )
     turns = tuple(_named(one, f"goal by route {ranks[one.other]}") for one in coverage.class_turns)
     coverage = replace(coverage, class_turns=turns)
@@ -162,18 +159,18 @@ def _needed(coverage: renew.Coverage) -> Iterator[renew.Diversion]:
 
 
 def _notes(run: RunResult) -> Iterator[Note]:
-    """Yield notes on each season's coverage, and on havens to which no way was found."""
-    for season, coverage in run.coverages.items():
+    """Yield notes on each case's coverage, and on havens to which no way was found."""
+    for name, coverage in run.coverages.items():
         yield Note.of(
             "coverage",
             covered=coverage.share("covered"),
             uncovered=coverage.share("uncovered"),
             not_settled=coverage.share("not settled"),
-        ).about(season)
+        ).about(name)
         for haven, error in coverage.left_out:
             yield Note.of(
                 "haven-left-out",
                 haven=haven.name,
-                place=run.scene.place(np.asarray(haven.place)),
-                reason=f"is not used: {planner_text(error.text, run.scene, season)}",
-            ).about(season)
+                place=run.water.place(np.asarray(haven.place)),
+                reason=f"is not used: {planner_text(error.text, run.case(name).case)}",
+            ).about(name)

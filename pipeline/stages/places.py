@@ -5,7 +5,7 @@ works.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -17,18 +17,18 @@ from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.text import moment_text
 from pipeline.geo.projection import Projection
 from pipeline.model import (
+    Case,
+    CaseResult,
     Credit,
     Current,
     Fetched,
     Land,
     Note,
-    Scene,
-    SeasonPlan,
     Simplified,
+    Water,
     Zone,
     planner_vessel,
 )
-from pipeline.model.planning import speed_choices
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import AvoidedArea, ChartSource, Plane
@@ -43,17 +43,20 @@ _BEYOND_SHORE_M = (50.0, 200.0, 1000.0, 5000.0)
 # Decimals of a degree to which a suggested position is rounded: 11 m.
 _DECIMALS = 4
 # Number of vertices above which an area to avoid is thinned: planning round a million takes many
-# minutes. It grows by at most some ten-thousandths of its longer side.
-_MANY_VERTICES, _CUT = 10_000, 1e-4
+# minutes.
+_MANY_VERTICES = 10_000
+# A thinned area grows by at most this share of its longer side.
+_CUT = 1e-4
 # Segments per quarter circle of a buffer: its round corners are slightly too narrow.
 _QUADRANT_SEGMENTS = 2
 
 
-def check_endpoints(scenario: Scenario, chart: renew.Chart, projection: Projection) -> None:
+def check_endpoints(scenario: Scenario, chart_water: Water) -> None:
     """Raise RequestError if a stop is not in water, or no water connects it with the start.
 
     NoWayError is raised if a wider region might connect them.
     """
+    chart, projection = chart_water.chart, chart_water.projection
     water = shapely.get_parts(chart.water)
     bodies, dry = dict[str, set[int]](), dict[str, shapely.Point]()
     given_places = np.array(list(scenario.stops.values()), dtype=float)
@@ -124,12 +127,12 @@ def lakes_text(scenario: Scenario) -> str:
     return " (this chart has only the sea, without lakes and rivers)" * is_sea_alone
 
 
-def is_shut_in(scene: Scene, straits: Sequence[Strait], width: float) -> bool:
+def is_shut_in(case: Case, straits: Sequence[Strait], width: float) -> bool:
     """Whether a stop can't reach the chart's edge, so that no wider region can help.
 
     The way to the edge keeps `width` planar metres off land, and passes none of the straits.
     """
-    chart = scene.chart
+    chart = case.chart
     # Buffered, so that the cuts reach the banks and separate the water.
     gaps = shapely.linestrings(np.array([strait.gap for strait in straits]).reshape(-1, 2, 2))
     shut = [
@@ -140,7 +143,7 @@ def is_shut_in(scene: Scene, straits: Sequence[Strait], width: float) -> bool:
     open_parts = [part for part in parts if _reaches_edge(part, chart)]
     # A stop may lie in the padding.
     reached = shapely.dwithin(
-        np.array(open_parts, dtype=object)[:, None], shapely.points(scene.stops), 2 * width
+        np.array(open_parts, dtype=object)[:, None], shapely.points(case.stops), 2 * width
     )
     return not reached.any(axis=0).all()
 
@@ -237,63 +240,57 @@ def hours_text(area: AvoidedArea) -> str:
     return f"shut{begin}{until}" if area.has_hours else "always shut"
 
 
-def shut_areas(
+def shut_polygons(
     scenario: Scenario, zones: Iterable[Zone], projection: Projection
-) -> dict[str, tuple[renew.ShutArea, ...]]:
-    """Return each season's shut areas in the plane, with hours in s since its first departure."""
+) -> tuple[tuple[AvoidedArea, Zone, shapely.Geometry], ...]:
+    """Return each area that is shut for some time, its zone, and its polygons in the plane."""
     shut = [zone for zone in zones if zone.kind == "shut"]
-    polygons = [shapely.union_all(in_plane([zone.area], projection)) for zone in shut]
-    return {
-        season.name: tuple(
-            renew.ShutArea(
-                polygon,
-                _seconds(area.begin, season.first_departure, -math.inf),
-                _seconds(area.until, season.first_departure, math.inf),
-                zone.name,
-            )
-            for area, zone, polygon in zip(scenario.avoid, shut, polygons, strict=True)
-        )
-        for season in scenario.seasons
-    }
-
-
-def later(areas: Iterable[renew.ShutArea], shift: float) -> tuple[renew.ShutArea, ...]:
-    """Return areas with hours that are counted from a departure `shift` seconds later."""
     return tuple(
-        renew.ShutArea(area.polygon, area.begin - shift, area.end - shift, area.name)
-        for area in areas
+        (area, zone, shapely.union_all(in_plane([zone.area], projection)))
+        for area, zone in zip(scenario.avoid, shut, strict=True)
     )
 
 
-def shut_notes(scene: Scene, plans: Iterable[SeasonPlan]) -> tuple[Note, ...]:
+def shut_areas(
+    shut: Iterable[tuple[AvoidedArea, Zone, shapely.Geometry]], begin: datetime | None
+) -> tuple[renew.ShutArea, ...]:
+    """Return the shut areas on a clock that begins at a first departure."""
+    return tuple(
+        renew.ShutArea(
+            polygon,
+            _seconds(area.begin, begin, -math.inf),
+            _seconds(area.until, begin, math.inf),
+            zone.name,
+        )
+        for area, zone, polygon in shut
+    )
+
+
+def shut_notes(planned: Iterable[tuple[Case, CaseResult]]) -> tuple[Note, ...]:
     """Return notes on the areas that routes avoid because they are shut during the voyage."""
     return tuple(
         Note.of(
             "area-shut",
             area=area.name,
-            begin=scene.moment(plan.season, area.begin),
-            until=scene.moment(plan.season, area.end),
-        ).about(plan.season)
-        for plan in plans
-        if plan.plan is not None
-        for area in plan.plan.shut
+            begin=case.moment(area.begin),
+            until=case.moment(area.end),
+        ).about(case.name)
+        for case, result in planned
+        if result.plan is not None
+        for area in result.plan.shut
         if isinstance(area, renew.ShutArea)
     )
 
 
-def known_clocks(scenario: Scenario) -> Mapping[str, datetime]:
-    """Return the first departure of each season whose plan depends on the date."""
-    return {
-        season.name: season.first_departure
-        for season in scenario.seasons
-        if season.first_departure is not None
-        and (
-            season.is_changing
-            or season.speed is not None
-            or scenario.tide is not None
-            or any(area.has_hours for area in scenario.avoid)
-        )
-    }
+def known_clock(scenario: Scenario, season: Season) -> datetime | None:
+    """Return a season's first departure if its plan depends on the date, else None."""
+    depends = (
+        season.is_changing
+        or season.speed is not None
+        or scenario.tide is not None
+        or any(area.has_hours for area in scenario.avoid)
+    )
+    return season.first_departure if depends else None
 
 
 def _file(area: AvoidedArea) -> VectorFile:
@@ -330,25 +327,14 @@ def unsimplified(land: Land) -> Simplified:
     )
 
 
-def plane_scene(scenario: Scenario) -> Scene:
-    """Build the planner's input from the given metres; a detour over lon/lat would round them."""
+def plane_water(scenario: Scenario) -> Water:
+    """Build the chart from the given metres; a detour over lon/lat would round them."""
     obstacles = _obstacles(scenario)
-    chart = renew.Chart(scenario.area, obstacles)
-    projection = _projection(scenario)
-    check_endpoints(scenario, chart, projection)
-    return Scene(
-        chart=chart,
-        land=obstacles,
-        currents={season.name: _current(season, scenario.area) for season in scenario.seasons},
-        start=np.asarray(scenario.start, dtype=float),
-        goal=np.asarray(scenario.goal, dtype=float),
-        projection=projection,
-        vessel=planner_vessel(scenario.vessel),
-        is_planar=True,
-        via=np.array([*scenario.stops.values()][1:-1], dtype=float).reshape(-1, 2),
-        departures=known_clocks(scenario),
-        speeds=speed_choices(scenario),
+    water = Water(
+        renew.Chart(scenario.area, obstacles), obstacles, _projection(scenario), is_planar=True
     )
+    check_endpoints(scenario, water)
+    return water
 
 
 def _plane(scenario: Scenario) -> Plane:
@@ -368,7 +354,7 @@ def _projection(scenario: Scenario) -> Projection:
     return Projection.at(0.0, 0.0, scenario.scale)
 
 
-def _current(season: Season, extent: shapely.Polygon) -> Current:
+def plane_current(season: Season, extent: shapely.Polygon) -> Current:
     """Return the gyre or uniform current of a season."""
     if season.gyre is not None:
         _, _, width, height = extent.bounds

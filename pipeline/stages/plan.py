@@ -1,66 +1,59 @@
-"""Fifth stage: plan and evaluate every season, each in an independent task."""
+"""Fifth stage: plan every case and measure its routes, each in an independent task."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import renew
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.findings.text import seasons_text
 from pipeline.findings.way_names import class_names_text
 from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import Evaluation, SeasonPlan
-from pipeline.model.planning import speed_choices
+from pipeline.model import CaseResult
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.cover import havens_in
+from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.project import scene_inputs
-from pipeline.stages.seasons.one_season import OnStep, combine_seasons, ignore_step
 from pipeline.stages.seasons.running import run_tasks
-from pipeline.stages.seasons.task import SeasonTask, Status, plan_and_evaluate
+from pipeline.stages.seasons.task import CaseTask, Status
 from pipeline.stages.simplify import SimplifiedLand
 
 
-@dataclass(frozen=True, slots=True)
-class Planned:
-    """The plans of all seasons, in the scenario's order, and the measurements of their routes."""
-
-    plans: tuple[SeasonPlan, ...]
-    evaluation: Evaluation
-
-
-def plan_seasons(
+def plan_cases(
     chosen: Chosen,
     land: Artefact[SimplifiedLand],
     store: Store,
-    on_season: Callable[[Status], None],
+    on_case: Callable[[Status], None],
     *,
     scheduler: str | None = None,
     limit_s: float | None = None,
     meanwhile: Callable[[], object] = lambda: None,
     on_step: OnStep = ignore_step,
-) -> Artefact[Planned]:
-    """Plan each season and evaluate its routes; a season that fails does not stop the others.
+) -> Artefact[tuple[CaseResult, ...]]:
+    """Plan each case and measure its routes; a case that fails does not stop the others.
+
+    Returns the results of all seasons of the scenario, in its order.
 
     Parameters
     ----------
     chosen
-        The complete scenario, its data and its scene.
+        The complete scenario, its data and its cases.
     land
         The simplified land.
-    on_season
-        Called at the end of each season whose result was not in the store.
+    on_case
+        Called at the end of each case whose result was not in the store.
     scheduler, limit_s
         Where the tasks run, see `run_tasks`, and the time limit of each, s.
     meanwhile
         Called before planning, unless the store has all results; it starts work for other threads.
     on_step
-        Called with the steps of the seasons that are planned in threads of this process.
+        Called with the steps of the cases that are planned in threads of this process.
 
     Raises
     ------
     PipelineError
-        No season has a plan; NoWayError if a wider region might have a way.
+        No case has a plan; NoWayError if a wider region might have a way.
     """
     tasks = list(_tasks(chosen, land, store, limit_s))
+    cases = {case.name: case for case in chosen.cases.value}
     done = {task.season: result for task in tasks if (result := task.result()) is not None}
     waiting = [task for task in tasks if task.season not in done]
     crashed = dict(chosen.data.failures)
@@ -68,67 +61,74 @@ def plan_seasons(
     def report(status: Status) -> None:
         if status.crashed:
             crashed[status.season] = status.failure
-        on_season(status)
+        on_case(status)
+
+    def work(task: CaseTask) -> str:
+        done[task.season] = task.planned(cases[task.season].copy(), on_step)
+        return done[task.season].failure
 
     if waiting:
         meanwhile()
-    run_tasks(waiting, scheduler, report, lambda task: plan_and_evaluate(task, on_step))
+    run_tasks(waiting, scheduler, report, work)
     for task in waiting:
-        result = None if task.season in crashed else task.result()
-        if result is not None:
+        if task.season in crashed or task.season in done:
+            continue
+        if (result := task.result()) is not None:
             done[task.season] = result
         else:
-            crashed.setdefault(task.season, "its result is missing from the store; run again")
+            crashed[task.season] = "its result is missing from the store; run again"
     names = [season.name for season in chosen.scenario.seasons]
-    plans = tuple(
-        done[name][0] if name in done else SeasonPlan(name, None, crashed[name], 0.0)
-        for name in names
+    results = tuple(
+        done[name] if name in done else CaseResult(name, None, crashed[name], 0.0) for name in names
     )
-    if not any(plan.plan is not None for plan in plans):
-        reasons = _reasons(plans)
-        if crashed:
-            raise StageError("; ".join(reasons))
-        if chosen.scenario.under_way is not None:  # at sea it is an answer, not a wrong request
-            raise StageError(f"no way from here: {'; '.join(reasons)}")
-        names = [name for plan in plans for name in plan.class_names]
-        reasons += class_names_text(names, chosen.scene.value)
-        raise (NoWayError if any(plan.is_shut for plan in plans) else RequestError)(reasons)
+    if not any(result.plan is not None for result in results):
+        raise _no_plan(results, chosen, is_crash=bool(crashed))
     key = artefact_key(
-        "planned", [task.evaluation_path.name for task in tasks], [plan.failure for plan in plans]
+        "planned", [task.measures_path.name for task in tasks], [one.failure for one in results]
     )
-    return Artefact(
-        key, Planned(plans, combine_seasons(done[name][1] for name in names if name in done))
-    )
+    return Artefact(key, results)
+
+
+def _no_plan(results: Sequence[CaseResult], chosen: Chosen, *, is_crash: bool) -> Exception:
+    """Return the error that no case has a plan."""
+    reasons = _reasons(results)
+    if is_crash:
+        return StageError("; ".join(reasons))
+    if chosen.scenario.under_way is not None:  # at sea it is an answer, not a wrong request
+        return StageError(f"no way from here: {'; '.join(reasons)}")
+    names = [name for result in results for name in result.class_names]
+    reasons += class_names_text(names, chosen.cases.value[0].water)
+    return (NoWayError if any(one.is_shut for one in results) else RequestError)(reasons)
 
 
 def _tasks(
     chosen: Chosen, land: Artefact[SimplifiedLand], store: Store, limit_s: float | None
-) -> Iterator[SeasonTask]:
-    """Yield a task for each season that has a current."""
+) -> Iterator[CaseTask]:
+    """Yield a task for each case."""
     scenario, parts = chosen.scenario, chosen.data
     options, explains_gap = scenario.planner, scenario.outputs.explain_gap
     havens: tuple[renew.Haven, ...] = ()
     if scenario.havens is not None and scenario.under_way is not None:
-        havens = tuple(havens_in(scenario, chosen.scene.value)[0])
+        havens = tuple(havens_in(scenario, chosen.cases.value[0].water)[0])
     # The file of the havens may change, so their places count.
     places = [(one.name, *one.place.tolist()) for one in havens]
-    for season, current_key in parts.current_keys.items():
-        # The scene's key is not used: it depends on the other seasons' currents, too.
+    for case in chosen.cases.value:
+        # The key of all cases is not used: it depends on the other cases' currents, too.
         plan_key = artefact_key(
             "plan",
             land.key,
-            current_key,
+            parts.current_keys[case.name],
             scene_inputs(scenario),
             options.model_dump(mode="json"),
-            speed_choices(scenario).get(season),
+            case.speeds,
             places,
         )
-        evaluation_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
-        yield SeasonTask(
-            season=season,
-            scene_path=store.path("project", chosen.scene.key),
+        measures_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
+        yield CaseTask(
+            season=case.name,
+            scene_path=store.path("project", chosen.cases.key),
             plan_path=store.path("plan", plan_key),
-            evaluation_path=store.path("evaluate", evaluation_key),
+            measures_path=store.path("evaluate", measures_key),
             options=options,
             owner=store.owner,
             limit_s=limit_s,
@@ -137,9 +137,9 @@ def _tasks(
         )
 
 
-def _reasons(plans: Sequence[SeasonPlan]) -> list[str]:
-    """Return one line for each reason of failure, with the seasons that failed for it."""
-    seasons: dict[str, list[str]] = {}
-    for plan in plans:
-        seasons.setdefault(plan.failure, []).append(plan.season)
-    return [f"{seasons_text(names)}: {failure}" for failure, names in seasons.items()]
+def _reasons(results: Sequence[CaseResult]) -> list[str]:
+    """Return one line for each reason of failure, with the cases that failed for it."""
+    cases: dict[str, list[str]] = {}
+    for result in results:
+        cases.setdefault(result.failure, []).append(result.name)
+    return [f"{seasons_text(names)}: {failure}" for failure, names in cases.items()]

@@ -20,16 +20,18 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import Projection, rotated
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import (
+    Case,
     Current,
     CurrentGrid,
     Fetched,
+    Land,
     MemberCurrents,
-    Scene,
     Simplified,
+    SpeedChoice,
     VoyageBefore,
+    Water,
     planner_vessel,
 )
-from pipeline.model.planning import speed_choices
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.interpolation import bilinear
@@ -39,12 +41,14 @@ from pipeline.stages.members import from_source, stirred
 from pipeline.stages.places import (
     area_identities,
     check_endpoints,
-    known_clocks,
-    plane_scene,
+    known_clock,
+    plane_current,
+    plane_water,
     shut_areas,
+    shut_polygons,
 )
 from pipeline.stages.simplify import SimplifiedLand
-from pipeline.stages.tides import tidal_depths
+from pipeline.stages.tides import tidal_depth
 
 # Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees
 # is curved in the plane. An edge is halved only until it sags less, and at most _MAX_HALVINGS
@@ -66,8 +70,8 @@ def projected(
     land: Artefact[SimplifiedLand],
     store: Store,
     before: VoyageBefore | None = None,
-) -> Artefact[Scene]:
-    """Build the planner's input, or load it from the store; `current_keys` is keyed by season.
+) -> Artefact[tuple[Case, ...]]:
+    """Build a scenario's cases, or load them from the store; `current_keys` is keyed by season.
 
     With a voyage `before`, the keys depend on it, too.
 
@@ -77,19 +81,20 @@ def projected(
         For the reasons of `project`, or the no-go zone leaves no water.
     """
 
-    def make() -> Scene:
+    def make() -> tuple[Case, ...]:
         try:
             made = project(scenario, fetched, land.value.simplified)
-            return replace(with_members(made, scenario, fetched), before=before)
         except renew.PlanningError as error:
             raise RequestError(str(error)) from error
+        return tuple(replace(case, before=before) for case in made)
 
-    inputs = land.key, dict(current_keys), scene_inputs(scenario), speed_choices(scenario)
-    return store.artefact("project", Scene, inputs, make)
+    speeds = [SpeedChoice.of(season) for season in scenario.seasons]
+    inputs = land.key, dict(current_keys), scene_inputs(scenario), speeds
+    return store.artefact("project", tuple, inputs, make)
 
 
 def scene_inputs(scenario: Scenario) -> dict[str, object]:
-    """Return the scenario's values that a scene depends on, except chart, currents and speeds."""
+    """Return the scenario's values that its cases depend on, except chart, currents and speeds."""
     names = {"region", "plane", "vessel", "scale", "start", "goal", "via"}
     inputs = scenario.model_dump(mode="json", include=names)
     members = [season.members for season in scenario.seasons]
@@ -104,8 +109,8 @@ def scene_inputs(scenario: Scenario) -> dict[str, object]:
     return {**inputs, "avoid": avoid, "clocks": clocks, "tide": tide, "datum": datum}
 
 
-def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Scene:
-    """Build the planner's input.
+def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> tuple[Case, ...]:
+    """Build a case for each season that has a current.
 
     Raises
     ------
@@ -114,69 +119,91 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> Sce
     renew.GeometryError
         The no-go zone leaves no water.
     """
+    water = water_of(scenario, fetched.land, simplified)
+    grids = {grid.season: grid for grid in fetched.currents}
+    shut = shut_polygons(scenario, fetched.land.zones, water.projection)
+    tide = tidal_depth(scenario, fetched.land, simplified, water.chart.extent, water.projection)
+    stops = planar_stops(scenario, water)
+    cases = []
+    for season in scenario.seasons:
+        grid = grids.get(season.name)
+        if grid is None and not water.is_planar:
+            continue
+        current = current_of(season, grid, water)
+        cases.append(
+            Case(
+                season.name,
+                water,
+                planner_vessel(scenario.vessel_in(season)),
+                stops[0],
+                stops[-1],
+                current,
+                via=stops[1:-1],
+                current_cells=None if grid is None else grid.cells,
+                departure=known_clock(scenario, season),
+                areas=shut_areas(shut, season.first_departure),
+                tidal_depth=tide(season.first_departure),
+                under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
+                speeds=SpeedChoice.of(season),
+                members=members_of(water, scenario, season, current, grid),
+            )
+        )
+    return tuple(cases)
+
+
+def water_of(scenario: Scenario, land: Land, simplified: Simplified) -> Water:
+    """Build the chart in the plane; errors are those of `project`."""
     if scenario.region is None:
-        return plane_scene(scenario)
+        return plane_water(scenario)
     region = scenario.region.shape
     projection = Projection.for_region(region, scenario.scale, scenario.region.crs)
-    charted = fetched.land
     no_go, inner_land = (
         projection.geometry_to_plane(np.array(polygons, dtype=object))
         for polygons in (simplified.polygons, simplified.inner_polygons)
     )
-    land, second_shore = (
-        in_plane(polygons, projection) for polygons in (charted.polygons, charted.second_shore)
+    original, second_shore = (
+        tuple(in_plane(polygons, projection)) for polygons in (land.polygons, land.second_shore)
     )
     chart = renew.Chart(extent_polygon(region, projection), no_go, land=inner_land)
-    check_endpoints(scenario, chart, projection)
-    _ = chart.open_water  # worked out before it is stored: each season's bound needs it
-    return Scene(
-        chart=chart,
-        land=tuple(land),
-        currents={
-            grid.season: planar_current(grid, projection, chart.bounds) for grid in fetched.currents
-        },
-        start=projection.to_plane(scenario.start),
-        goal=projection.to_plane(scenario.goal),
-        projection=projection,
-        vessel=planner_vessel(scenario.vessel),
-        second_shore=tuple(second_shore),
-        refused_m=charted.refused_m,
-        depths=charted.depths,
-        current_cells={grid.season: grid.cells for grid in fetched.currents},
-        departures=known_clocks(scenario),
-        via=projection.to_plane(np.array([*scenario.stops.values()][1:-1]).reshape(-1, 2)),
-        anchorage=scenario.anchorage and scenario.anchorage[0],
-        areas=shut_areas(scenario, charted.zones, projection),
-        under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
-        tidal_depths=tidal_depths(scenario, charted, simplified, chart.extent, projection),
-        speeds=speed_choices(scenario),
+    water = Water(
+        chart,
+        original,
+        projection,
+        second_shore=second_shore,
+        refused_m=land.refused_m,
+        depths=land.depths,
     )
+    check_endpoints(scenario, water)
+    _ = chart.open_water  # worked out before it is stored: each case's bound needs it
+    return water
 
 
-def with_members(scene: Scene, scenario: Scenario, fetched: Fetched) -> Scene:
-    """Return a scene with the members of each season's current, where it has any."""
-    grids = {grid.season: grid for grid in fetched.currents}
-    found = {
-        season.name: members_of(scene, scenario, season, current, grids.get(season.name))
-        for season in scenario.seasons
-        if (current := scene.currents.get(season.name)) is not None
-    }
-    return replace(scene, members={name: one for name, one in found.items() if one is not None})
+def planar_stops(scenario: Scenario, water: Water) -> FloatArray:
+    """Return start, via points and goal in the plane (n + 2, 2)."""
+    given = np.array([*scenario.stops.values()], dtype=float)
+    return given if water.is_planar else water.projection.to_plane(given)
+
+
+def current_of(season: Season, grid: CurrentGrid | None, water: Water) -> Current:
+    """Return a season's current in the plane; without a grid it is given by numbers."""
+    if grid is None:
+        return plane_current(season, water.chart.extent)
+    return planar_current(grid, water.projection, water.chart.bounds)
 
 
 def members_of(
-    scene: Scene, scenario: Scenario, season: Season, current: Current, grid: CurrentGrid | None
+    water: Water, scenario: Scenario, season: Season, current: Current, grid: CurrentGrid | None
 ) -> MemberCurrents | None:
-    """Return the members of a season's planar current in a scene, or None where it has none.
+    """Return the members of a season's planar current, or None where it has none.
 
     `grid` is the current as its source has it; a plane has none.
     """
-    spec, bounds = season.members, scene.chart.bounds
+    spec, bounds = season.members, water.chart.bounds
     if spec is None:
         return None
     if spec.spread is not None:
         return stirred(current, spec, bounds, scenario.scale, scenario.planner.seed)
-    planar = partial(planar_current, projection=scene.projection, bounds=bounds)
+    planar = partial(planar_current, projection=water.projection, bounds=bounds)
     return None if grid is None else from_source(grid, spec, planar)
 
 

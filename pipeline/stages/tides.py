@@ -1,8 +1,7 @@
-"""The tide over a chart: the hours when water is deep enough, on each season's clock."""
+"""The tide over a chart: the hours when water is deep enough, on each case's clock."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
 
 import numpy as np
@@ -12,7 +11,7 @@ import renew
 from pipeline._types import Geometries
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
-from pipeline.model import Land, Note, Scene, SeasonPlan, Simplified
+from pipeline.model import Case, CaseResult, Land, Note, Simplified
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.shapes import extract_polygons, repaired
 from pipeline.sources.tides.station import Station, refuse_far_water, stations_of, tide_zones
@@ -25,14 +24,14 @@ _QUADRANT_SEGMENTS = 4
 _FLAT = math.cos(math.pi / 4 / _QUADRANT_SEGMENTS)
 
 
-def tidal_depths(
+def tidal_depth(
     scenario: Scenario,
     land: Land,
     simplified: Simplified,
     extent: shapely.Polygon,
     projection: Projection,
-) -> dict[str, renew.TidalDepth]:
-    """Return the tidal water in an extent, planar m, on the clock of each season's departure.
+) -> Callable[[datetime | None], renew.TidalDepth | None]:
+    """Return the tidal water in an extent, planar m, on any clock that begins at a departure.
 
     Areas are grown by the chart's margin, as land is. Where land parts them from every station, so
     that none is near by water, they are never deep enough.
@@ -43,7 +42,7 @@ def tidal_depths(
         Chart and stations have different datums, or some water has no station near it.
     """
     if scenario.tide is None:
-        return {}
+        return lambda _: None
     stations = stations_of(scenario.tide)
     _check_datum(scenario, land, stations)
     areas, needs, names, of = list[shapely.Polygon](), list[float](), list[str](), list[int]()
@@ -64,27 +63,19 @@ def tidal_depths(
             names += [water.name] * len(parts)
             of += [at if is_known else 0] * len(parts)
 
-    def on_clock(departure: datetime) -> renew.TidalDepth:
+    spec = scenario.tide
+
+    def on_clock(departure: datetime | None) -> renew.TidalDepth | None:
+        if departure is None:
+            return None
         tides = [station.tide(departure) for station in stations]
         relied_on = {"surge": spec.surge_m, "lag": spec.lag_s}
         return renew.TidalDepth(areas, needs, [tides[at] for at in of], names=names, **relied_on)
 
-    spec = scenario.tide
-    departures = {season.name: season.first_departure for season in scenario.seasons}
-    return {name: on_clock(begin) for name, begin in departures.items() if begin is not None}
+    return on_clock
 
 
-def later_tides(depth: renew.TidalDepth, shift_s: float) -> renew.TidalDepth:
-    """Return tidal water on a clock that begins `shift_s` seconds later."""
-    given = [depth.tide] if isinstance(depth.tide, renew.Tide) else depth.tide
-    shift = np.timedelta64(round(shift_s * 1e6), "us")
-    later = {tide: replace(tide, epoch=np.datetime64(tide.epoch) + shift) for tide in given}
-    if isinstance(depth.tide, renew.Tide):
-        return replace(depth, tide=later[depth.tide])
-    return replace(depth, tide=[later[tide] for tide in depth.tide])
-
-
-def tide_notes(scenario: Scenario, scene: Scene, plans: Iterable[SeasonPlan]) -> Iterator[Note]:
+def tide_notes(scenario: Scenario, planned: Sequence[tuple[Case, CaseResult]]) -> Iterator[Note]:
     """Yield notes on the tide relied on, on the least water, and on water that is too shallow."""
     if scenario.tide is None:
         return
@@ -96,49 +87,48 @@ def tide_notes(scenario: Scenario, scene: Scene, plans: Iterable[SeasonPlan]) ->
         lag_min=scenario.tide.lag_s / 60,
         surge_m=scenario.tide.surge_m,
     )
-    for depth in [*scene.tidal_depths.values()][:1]:
+    for case, depth in [(case, case.tidal_depth) for case, _ in planned if case.tidal_depth][:1]:
         for at in np.flatnonzero(np.asarray(depth.needs) == _NEVER_M)[:1]:
             place = shapely.get_coordinates(shapely.point_on_surface(depth.areas[at]))[0]
-            yield Note.of("tide-unknown", place=scene.place(place))
-    for plan in plans:
-        if plan.plan is not None:
-            yield from _least_water(scene, plan.season, plan.plan)
-            for area in plan.plan.shut:
+            yield Note.of("tide-unknown", place=case.water.place(place))
+    for case, result in planned:
+        if result.plan is not None:
+            yield from _least_water(case, result.plan)
+            for area in result.plan.shut:
                 if isinstance(area, renew.TidalArea):
-                    departure = float(plan.plan.best.times[0])
-                    begin, until = _next_hours(scene, plan.season, area, departure)
+                    begin, until = _next_hours(case, area, float(result.plan.best.times[0]))
                     yield Note.of(
                         "tide-too-low", area=area.name, need_m=area.need, begin=begin, until=until
-                    ).about(plan.season)
+                    ).about(case.name)
 
 
-def _least_water(scene: Scene, season: str, plan: renew.Plan) -> Iterator[Note]:
-    """Yield a note on the least water of a season's best route, with the hours around it."""
-    least, kept_m = plan.best.least_water, scene.under_keel_clearance_m
+def _least_water(case: Case, plan: renew.Plan) -> Iterator[Note]:
+    """Yield a note on the least water of a case's best route, with the hours around it."""
+    least, kept_m = plan.best.least_water, case.under_keel_clearance_m
     if least is None:
         return
-    begin, until = _next_hours(scene, season, least.area, least.time)
+    begin, until = _next_hours(case, least.area, least.time)
     yield Note.of(
         "least-water",
         least_m=least.spare + kept_m,
         early_m=least.early + kept_m,
         late_m=least.late + kept_m,
-        at=scene.moment(season, least.time),
-        place=scene.place(least.place),
+        at=case.moment(least.time),
+        place=case.water.place(least.place),
         begin=begin,
         until=until,
-    ).about(season)
+    ).about(case.name)
 
 
 def _next_hours(
-    scene: Scene, season: str, area: renew.TidalArea, time_s: float
+    case: Case, area: renew.TidalArea, time_s: float
 ) -> tuple[datetime | float | None, datetime | float | None]:
     """Return begin and end of an area's hours of enough water around a time (s), or next to it."""
     hours = area.next_hours(time_s)
     if hours is None:
         return None, None
     begin, until = hours
-    return scene.moment(season, begin), scene.moment(season, until)
+    return case.moment(begin), case.moment(until)
 
 
 def _check_datum(scenario: Scenario, land: Land, stations: Sequence[Station]) -> None:

@@ -25,7 +25,6 @@ from pipeline.model import Credit, CurrentGrid, Fetched, Land, Scene
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.sources.land import osm
 from pipeline.stages.project import project
-from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most
 from tests.bench.pipeline_figures import run_scenario
@@ -151,7 +150,7 @@ def _check(
     return Checked(
         tuple(
             _measured(scene, land, np.asarray(route.path), row.clearance_m)
-            for route, row in zip(plan.ranked_routes, rows, strict=True)
+            for route, row in zip(plan.routes, rows, strict=True)
         ),
         "",
     )

@@ -155,7 +155,7 @@ def _real_days() -> Iterator[Figure]:
     for is_back, day in itertools.product((False, True), range(_DAYS_BEFORE, 26, 2)):
         own = replace(sea, is_back=is_back)
         members = [own.forecast((day - lag) * _DAY_S) for lag in range(1, _DAYS_BEFORE + 1)]
-        ends = (own.scene.goal, own.scene.start) if is_back else (own.scene.start, own.scene.goal)
+        ends = (own.stops[-1], own.stops[0]) if is_back else (own.stops[0], own.stops[-1])
         found = renew.plan_ensemble(
             own.chart, members, own.craft, *ends, classes=2, drift="crab", padding="none"
         )

@@ -98,8 +98,8 @@ class _Case:
     @property
     def _wall(self) -> yardstick.Wall:
         """Through Palawan, square to the way."""
-        way = self.scene.goal - self.scene.start
-        middle = self.scene.projection.to_plane(np.array(PALAWAN))
+        way = self.stops[-1] - self.stops[0]
+        middle = self.water.projection.to_plane(np.array(PALAWAN))
         return yardstick.Wall(middle, way / np.linalg.norm(way))
 
     def _side(self, path: FloatArray) -> int:
@@ -118,7 +118,7 @@ class _Case:
         if path is None:
             return Figure(name, asked, "no route", met=False)
         hours = self._hours(path)
-        apart = float(shapely.distance(shapely.LineString(path), np.array(self.scene.land)).min())
+        apart = float(shapely.distance(shapely.LineString(path), np.array(self.water.land)).min())
         clear = apart >= self.clearance - _TOUCH_M
         said = "" if clear else f", {apart:.0f} m from land"
         return Figure(name, asked, f"{hours:.3f}{said}", clear and hours <= limit)

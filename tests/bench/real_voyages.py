@@ -51,12 +51,12 @@ class RealSea:
     @property
     def chart(self) -> renew.Chart:
         """The chart."""
-        return self.scene.chart
+        return self.water.chart
 
     @cached_property
     def truth(self) -> renew.VaryingCurrent:
         """The true current, on a clock that begins at the departure."""
-        current = self.scene.currents["january"]
+        current = self.case("january").case.current
         if not isinstance(current, renew.VaryingCurrent):
             raise TypeError("the fields change")
         return renew.VaryingCurrent(current.slice_times - self.departure, current.slices)
@@ -76,7 +76,7 @@ class RealSea:
 
     def plan(self, current: renew.CurrentField) -> renew.Plan:
         """Plan the voyage at time 0."""
-        ends = (self.scene.start, self.scene.goal)
+        ends = (self.stops[0], self.stops[-1])
         return renew.plan(
             self.chart,
             current,

@@ -36,11 +36,11 @@ def figures() -> Iterator[Figure]:
     for scale, environment in scaled.items():
         for case in spec.cases[:2]:
             yield _sides(environment, f"at_{scale}_{case.season}", environment.voyage(case))
-        still = Waters(environment.result.scene.chart, renew.UniformCurrent(0.0, 0.0))
+        still = Waters(environment.result.water.chart, renew.UniformCurrent(0.0, 0.0))
         voyage = replace(environment.voyage(spec.cases[0]), waters=still)
         yield _sides(environment, f"at_{scale}_still", voyage)
         yield _vertices(f"at_{scale}", voyage)
-    own = scaled[1].result.scene.vessel
+    own = scaled[1].result.cases[0].case.vessel
     vessels = {f"speed_{10 * speed:.0f}": replace(own, speed=speed) for speed in SPEEDS_M_S}
     vessels["usv"] = planner_vessel(catalogue.vessel("usv-7m"))
     for key, vessel in vessels.items():

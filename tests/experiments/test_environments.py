@@ -58,7 +58,7 @@ def test_the_side_on_which_a_path_passes(
     palawan: Environment, abeam: tuple[float, float], side: str
 ) -> None:
     lonlat = np.array([palawan.result.scenario.start, abeam, palawan.result.scenario.goal])
-    assert palawan.side(palawan.result.scene.projection.to_plane(lonlat)) == side
+    assert palawan.side(palawan.result.water.projection.to_plane(lonlat)) == side
 
 
 def test_at_the_papers_scale_the_side_flips_on_a_chart_of_its_size_only(

@@ -23,6 +23,7 @@ from pipeline.model import Passage
 from renew._types import FloatArray
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.figures.legible import assert_texts_apart, ink_at_the_edge, is_land
+from tests.pipeline.results import rows_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +78,7 @@ def labels(axes: Axes) -> list[str]:
 
 def test_the_mesh_is_a_constrained_triangulation_of_the_water(result: RunResult) -> None:
     (axes,) = method.mesh(result, "winter").axes
-    chart = result.scene.chart
+    chart = result.water.chart
     constrained = shapely.linestrings(segments(axes, COLOURS["ink"]))
     no_go = shapely.union_all(chart.no_go)
     # They are exactly the no-go zone's edges.
@@ -96,7 +97,7 @@ def test_the_mesh_is_a_constrained_triangulation_of_the_water(result: RunResult)
 
 
 def test_each_channel_is_in_its_own_colour_and_holds_its_route(result: RunResult) -> None:
-    routes = result.season_routes("winter")
+    routes = result.case("winter").routes
     drawn = method.channels(result, "winter").axes
     assert len(drawn) == min(4, len(routes))
     for axes, colour, ranked in zip(drawn, method.CLASS_COLOURS, routes, strict=False):
@@ -114,7 +115,7 @@ def test_the_best_by_each_passage_has_its_channel_drawn(
     result: RunResult,
 ) -> None:
     """The only southern class is one of the four, although it is the last of five."""
-    routes = result.season_routes("winter")
+    routes = result.case("winter").routes
     rows = [
         replace(
             ranked.metrics,
@@ -134,7 +135,7 @@ def test_the_best_by_each_passage_has_its_channel_drawn(
 def test_the_soft_zone_is_the_padded_edges_and_the_turns_begin_on_the_route(
     result: RunResult,
 ) -> None:
-    best = result.season_routes("winter")[0]
+    best = result.case("winter").routes[0]
     axes, *windows = method.padding(result, "winter").axes
     soft = area(axes, COLOURS["soft"])
     padded = best.route.soft_no_go
@@ -142,7 +143,7 @@ def test_the_soft_zone_is_the_padded_edges_and_the_turns_begin_on_the_route(
     assert strokes(axes, COLOURS["best"])[0] == pytest.approx(best.route.path)
     assert 1 <= len(windows) <= 3
     path = shapely.LineString(best.route.path)
-    land = shapely.union_all(result.scene.chart.no_go)
+    land = shapely.union_all(result.water.chart.no_go)
     for number, window in enumerate(windows, start=1):
         turns = segments(window, COLOURS["ink"])
         assert len(turns) >= 2
@@ -166,7 +167,7 @@ def test_turns_in_still_water_are_circles(planar_result: RunResult) -> None:
         ),
     )
     _, window, *_ = method.padding(still, "gyre").axes
-    radius = planar_result.scene.vessel.turning_radius
+    radius = planar_result.cases[0].case.vessel.turning_radius
     for turn in segments(window, COLOURS["ink"]):
         centre = turn[:-1].mean(axis=0)
         assert np.linalg.norm(turn - centre, axis=1) == pytest.approx(radius, rel=0.02)
@@ -182,10 +183,10 @@ def test_a_windows_scale_bar_is_as_long_as_its_label(result: RunResult) -> None:
 
 
 def test_open_sea_has_no_padding_and_no_windows(planar_result: RunResult) -> None:
-    entry = planar_result.plans[0]
+    entry = planar_result.results[0]
     assert entry.plan is not None
     bare = replace(entry.plan.best, padding_used=np.empty((0, 5)))
-    rows = (planar_result.evaluation.routes[0],)
+    rows = (rows_of(planar_result)[0],)
     open_sea = replace(
         planar_result,
         plans=(replace(entry, plan=replace(entry.plan, routes=(bare,))),),
@@ -200,7 +201,7 @@ def test_open_sea_has_no_padding_and_no_windows(planar_result: RunResult) -> Non
 @pytest.mark.parametrize("planar", [False, True])
 def test_a_figure_is_legible(draw: Callable[[RunResult, str], Figure], *, planar: bool) -> None:
     result = small_run.parts(planar=planar)
-    drawn = draw(result, result.plans[0].season)
+    drawn = draw(result, result.results[0].name)
     assert_texts_apart(drawn)
     assert ink_at_the_edge(drawn) == 0
     if planar:

@@ -10,11 +10,10 @@ import numpy as np
 
 import renew
 from pipeline.findings.result import RunResult
-from pipeline.findings.way_names import with_way_names
-from pipeline.model import CurrentGrid, Fetched, Land, Scene, Simplified, SpeedChoice
-from pipeline.scenario.model import PlannerOptions
+from pipeline.findings.way_names import way_names
+from pipeline.model import Case, CurrentGrid, Fetched, Land, Simplified, SpeedChoice
+from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
-from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from tests.pipeline.formats import small_run
 from tests.pipeline.tidal_run import BBOX, CREDIT, DEPARTURE, ISLAND
 
@@ -24,7 +23,7 @@ WITHIN = timedelta(hours=1, minutes=40)
 
 
 def choice() -> SpeedChoice:
-    """The season's choice."""
+    """The case's choice."""
     return SpeedChoice(*SPEEDS, WITHIN.total_seconds())
 
 
@@ -59,13 +58,21 @@ def run() -> RunResult:
     grids = tuple(stream(season.name) for season in asked.seasons)
     got = Fetched(Land((ISLAND,), (small_run.LAND,), 60.0), grids)
     simplified = Simplified((ISLAND.buffer(0.0005),), (ISLAND,), 0, 0, 0.0, 0.0)
-    scene = project(asked, got, simplified)
-    plans = tuple(plan_season(scene, one.name, asked.planner) for one in asked.seasons)
-    evaluation = combine_seasons(
-        evaluate_season(scene, plan, PlannerOptions(drift="crab")) for plan in plans
+    cases = project(asked, got, simplified)
+    results = [plan_case(case, asked.planner) for case in cases]
+    names = way_names(cases[0].water, results, ())
+    return RunResult(
+        asked,
+        got,
+        simplified,
+        cases[0].water,
+        {case.name: case for case in cases},
+        tuple(map(names.name, results)),
+        {},
+        DEPARTURE,
+        names.islands,
+        names.class_islands,
     )
-    evaluation = with_way_names(evaluation, scene, plans, ())
-    return RunResult(asked, got, simplified, scene, plans, evaluation, {}, DEPARTURE)
 
 
 @cache
@@ -76,13 +83,13 @@ def planned() -> RunResult:
 
 def plan_by_renew(result: RunResult, arrive_by_s: float) -> renew.Plan:
     """Plan the run's voyage with `renew` itself, to arrive by a time, s."""
-    scene = result.scene
+    case = result.case("chosen").case
     return renew.plan(
-        scene.chart,
-        scene.currents["chosen"],
-        scene.vessel,
-        scene.start,
-        scene.goal,
+        case.chart,
+        case.current,
+        case.vessel,
+        case.start,
+        case.goal,
         **{**result.scenario.planner.model_dump(), "clearance": 100.0},
         min_lateness=3600.0,
         speed=SPEEDS,
@@ -90,17 +97,17 @@ def plan_by_renew(result: RunResult, arrive_by_s: float) -> renew.Plan:
     )
 
 
-def stretched(scene: Scene) -> Scene:
-    """The same scene on a plane whose scale grows by 2 % from its west to its east."""
-    xmin, _, xmax, _ = scene.chart.bounds
+def stretched(case: Case) -> Case:
+    """The same case on a plane whose scale grows by 2 % from its west to its east."""
+    xmin, _, xmax, _ = case.chart.bounds
 
-    class Stretched(type(scene.projection)):  # type: ignore[misc]
-        """The scene's projection with another point scale."""
+    class Stretched(type(case.projection)):  # type: ignore[misc]
+        """The case's projection with another point scale."""
 
         def point_scale(self, lonlat: object) -> np.ndarray:
             x = self.to_plane(np.asarray(lonlat))[..., 0]
             return np.asarray(1.0 + 0.02 * (x - xmin) / (xmax - xmin))
 
-    plane = scene.projection
+    plane = case.projection
     other = Stretched(plane.crs, plane.scale, plane.central_longitude)
-    return replace(scene, projection=other)
+    return replace(case, water=replace(case.water, projection=other))

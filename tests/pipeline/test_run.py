@@ -71,7 +71,7 @@ def test_a_second_run_writes_nothing_and_reports_the_same(first: Path) -> None:
     assert not outcome.fresh
     assert outcome.exit_code == 0
     assert tree(first) == before
-    assert outcome.evaluation.routes[0].fuel > 0
+    assert rows_of(outcome.result)[0].fuel > 0
 
 
 def test_changed_results_are_written_again_without_planning(first: Path) -> None:
@@ -193,6 +193,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from pipeline.run import run
+from tests.pipeline.results import rows_of
 from pipeline.scenario.model import Scenario
 if __name__ == "__main__":
     scenario = Scenario.model_validate_json(Path(sys.argv[1]).read_text())
@@ -241,7 +242,7 @@ def test_a_killed_run_continues_where_it_stopped(tmp_path: Path) -> None:
     assert not (output / "single-gyre" / "manifest.json").exists()
     outcome = run(two_seasons(), output)
     assert outcome.exit_code == 0
-    assert {plan.season for plan in outcome.plans if plan.plan} == {"quick", "long"}
+    assert {plan.name for plan in outcome.result.results if plan.plan} == {"quick", "long"}
     after = tree(plans)
     assert {name: after[name] for name in stored} == stored
 
@@ -261,7 +262,7 @@ def test_palawan_both_seasons(tmp_path: Path) -> None:
     scenario = load_scenario("palawan-season")
     outcome = run(scenario, tmp_path, offline=True)
     assert outcome.exit_code == 0
-    rows = outcome.evaluation.routes
+    rows = rows_of(outcome.result)
     assert {row.season for row in rows} == {"summer", "winter"}
     for season in ("summer", "winter"):
         ways = {row.main_passage for row in rows if row.season == season}
@@ -290,7 +291,7 @@ def with_speeds(**season: object) -> Scenario:
 def test_a_run_with_a_choice_of_speeds_is_in_time(tmp_path: Path) -> None:
     outcome = run(with_speeds(), tmp_path)
     assert outcome.exit_code == 0
-    best = outcome.evaluation.routes[0]
+    best = rows_of(outcome.result)[0]
     assert 99.8 < best.duration_s <= 100
     assert any("chosen from leg to leg among 0.6–2 m/s" in choice for choice in outcome.choices)
     folder = tmp_path / outcome.scenario.name
@@ -303,7 +304,7 @@ def test_a_run_with_a_choice_of_speeds_is_in_time(tmp_path: Path) -> None:
     assert not run(with_speeds(), tmp_path).fresh
     slower = run(with_speeds(speed={"least": 0.6, "most": 1.5}), tmp_path)
     assert slower.fresh
-    assert slower.evaluation.routes[0].fuel >= best.fuel * (1 - 1e-3)
+    assert rows_of(slower.result)[0].fuel >= best.fuel * (1 - 1e-3)
 
 
 def test_a_time_that_cannot_be_made_is_refused_with_season_and_dates(tmp_path: Path) -> None:

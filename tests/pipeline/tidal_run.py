@@ -11,10 +11,9 @@ import shapely
 
 from pipeline.findings.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
-from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
-from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
-from pipeline.stages.seasons.task import clock_worth
+from pipeline.stages.worth import clock_worth
 from tests.pipeline.formats import small_run
 
 BBOX = (119.0, 9.50, 119.10, 9.56)
@@ -62,14 +61,11 @@ def run(grid: CurrentGrid, islands: tuple[shapely.Polygon, ...] = (ISLAND,)) -> 
     got = Fetched(Land(islands, (small_run.LAND,), 60.0), (grid,))
     no_go = tuple(island.buffer(0.0005) for island in islands)
     simplified = Simplified(no_go, islands, 0, 0, 0.0, 0.0)
-    scene = project(asked, got, simplified)
-    plan = plan_season(scene, "tide", asked.planner)
-    evaluated = evaluate_season(scene, plan, PlannerOptions(drift=asked.planner.drift))
-    worth = clock_worth(scene, plan, asked.planner)
-    evaluation = combine_seasons(
-        [replace(evaluated, clock_worths=() if worth is None else (worth,))]
-    )
-    return RunResult(asked, got, simplified, scene, (plan,), evaluation, {}, DEPARTURE)
+    (case,) = project(asked, got, simplified)
+    found = plan_case(case, asked.planner)
+    worth = clock_worth(case, found, asked.planner)
+    found = replace(found, measures=replace(found.measures, clock_worth=worth))
+    return RunResult(asked, got, simplified, case.water, {"tide": case}, (found,), {}, DEPARTURE)
 
 
 @cache

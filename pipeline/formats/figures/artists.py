@@ -195,7 +195,7 @@ def _glyphs() -> frozenset[int]:
 
 def draw_island_labels(axes: Axes, result: RunResult) -> None:
     """Write each island's number or name on it, on a halo, below the routes' ends."""
-    for island in result.evaluation.islands:
+    for island in result.islands:
         axes.text(
             island.x,
             island.y,

@@ -66,8 +66,8 @@ class Margins:
     @classmethod
     def of(cls, result: RunResult) -> Self:
         """Return room for the longest labels: a whole one at the left, half of one at the right."""
-        scene = result.scene
-        grid = graticule(scene.projection, scene.chart.extent, in_metres=result.scenario.is_planar)
+        water = result.water
+        grid = graticule(water.projection, water.chart.extent, in_metres=water.is_planar)
         parallels = [text_width(g.label, SMALL_PT) for g in grid if not g.is_meridian]
         meridians = [text_width(g.label, SMALL_PT) / 2 for g in grid if g.is_meridian]
         return cls(
@@ -200,9 +200,9 @@ def draw_map(
 def _draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[ArrayLike]) -> None:
     """Mark start (circle) and goal (diamond), with labels that keep off the paths if possible."""
     drawn = shapely.MultiLineString([shapely.LineString(path) for path in paths])
-    scene = result.scene
-    via = [(point, "s", f"Via {at}") for at, point in enumerate(scene.via, start=1)]
-    for end, marker, name in ((scene.start, "o", "Start"), *via, (scene.goal, "D", "Goal")):
+    start, *between, goal = result.stops
+    via = [(point, "s", f"Via {at}") for at, point in enumerate(between, start=1)]
+    for end, marker, name in ((start, "o", "Start"), *via, (goal, "D", "Goal")):
         x, y = (float(value) for value in end)
         axes.plot(
             [x],
@@ -233,8 +233,8 @@ def _draw_start_and_goal(axes: Axes, result: RunResult, paths: Sequence[ArrayLik
 
 def _draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
     """Draw the grid with its labels, the neatline and the scale bar."""
-    extent = result.scene.chart.extent
-    grid = graticule(result.scene.projection, extent, in_metres=result.scenario.is_planar)
+    extent = result.water.chart.extent
+    grid = graticule(result.water.projection, extent, in_metres=result.scenario.is_planar)
     for line in grid:
         for part in line.parts:
             drawn = Line2D(part[:, 0], part[:, 1], color=COLOURS["grid"], linewidth=0.5, zorder=1)
@@ -245,7 +245,7 @@ def _draw_frame(axes: Axes, result: RunResult, sea: PathPatch) -> None:
     frame = patch(extent, facecolor="none", edgecolor=COLOURS["frame"], linewidth=0.9, zorder=7.5)
     axes.add_artist(frame)
     frame.set_clip_on(False)
-    draw_scale_bar(axes, result.scene.projection)
+    draw_scale_bar(axes, result.water.projection)
 
 
 def _labelled(axes: Axes, grid: Sequence[GridLine]) -> Sequence[GridLine]:
@@ -263,7 +263,7 @@ def _labelled(axes: Axes, grid: Sequence[GridLine]) -> Sequence[GridLine]:
 
 def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> float:
     """Return the height of one map with its margins, points, for a width with its margins."""
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     ratio = float(np.clip((ymax - ymin) / (xmax - xmin), _MIN_RATIO, _MAX_RATIO))
     return (width_pt - margins.left - margins.right) * ratio + BOTTOM_PT + TOP_PT
 
@@ -297,9 +297,9 @@ def _map_axes(
 ) -> tuple[Axes, PathPatch]:
     """Return axes over the chart's extent, and its water as a patch to clip layers to."""
     axes = axes_at(figure, box_pt)
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     axes.set_xlim(xmin, xmax)
     axes.set_ylim(ymin, ymax)
-    sea = patch(result.scene.chart.extent, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
+    sea = patch(result.water.chart.extent, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
     axes.add_artist(sea)
     return axes, sea

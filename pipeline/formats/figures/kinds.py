@@ -1,4 +1,4 @@
-"""Kinds, widths and file types of a season's figures."""
+"""Kinds, widths and file types of a case's figures."""
 
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pipeline.findings.result import RunResult
+    from pipeline.findings.result import RunCase
 
 
 class Kind(StrEnum):
-    """What a figure shows of a season: its map, or what the best route meets along the way."""
+    """What a figure shows of a case: its map, or what the best route meets along the way."""
 
     ROUTES = "routes"
     ALONG = "along"
@@ -38,15 +38,15 @@ class Form(StrEnum):
     PDF = "pdf"
 
 
-def figure(result: "RunResult", season: str, kind: Kind, width: Width = Width.SCREEN) -> "Figure":
-    """Draw a figure of a season that has a route."""
+def figure(case: "RunCase", kind: Kind, width: Width = Width.SCREEN) -> "Figure":
+    """Draw a figure of a case that has a route."""
     from pipeline.formats.figures.artists import in_season_colour
     from pipeline.formats.figures.plots import profile_figure
     from pipeline.formats.figures.season_map import overview_figure
     from pipeline.formats.palette import season_colour
 
     if kind is Kind.ROUTES:
-        return overview_figure(result, [season], width.points)
-    drawn = profile_figure(result, result.season_routes(season)[0], width.points)
-    in_season_colour(drawn, season_colour(result.season_index(season)))
+        return overview_figure([case], width.points)
+    drawn = profile_figure(case.routes[0], width.points)
+    in_season_colour(drawn, season_colour(case.number))
     return drawn

@@ -9,8 +9,9 @@ import shapely
 from shapely import Polygon
 
 from pipeline._types import BoolArray, FloatArray
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase, RunResult
 from pipeline.geo.projection import Projection
+from pipeline.model import Water
 
 # Steps between lines, degrees: round numbers of degrees, minutes and seconds of arc.
 _STEPS_DEG = (
@@ -172,7 +173,7 @@ class SpeedScale:
 
 @dataclass(frozen=True)
 class Arrows:
-    """A season's arrows: positions (n, 2) in the plane, on water, and the current (n, 2), m/s."""
+    """A case's arrows: positions (n, 2) in the plane, on water, and the current (n, 2), m/s."""
 
     positions: FloatArray
     velocity: FloatArray
@@ -197,44 +198,45 @@ class Arrows:
 
 
 def speed_scale(result: RunResult) -> SpeedScale:
-    """Return classes of equal, round width up to the strongest current drawn in any season."""
-    strongest = max(float(arrows(result, e.season).speed.max(initial=0.0)) for e in result.plans)
+    """Return classes of equal, round width up to the strongest current drawn in any case."""
+    strongest = max(float(arrows(case).speed.max(initial=0.0)) for case in result.cases)
     step = nice_step(max(strongest, _MIN_STRONGEST) / _MAX_CLASSES)
     count = max(1, math.ceil(strongest / step - 1e-9))
     return SpeedScale(tuple(round(step * (i + 1), 10) for i in range(count)))
 
 
 def has_arrows(result: RunResult) -> bool:
-    """Whether any season has arrows: still water has none."""
-    return any(len(arrows(result, entry.season).speed) for entry in result.plans)
+    """Whether any case has arrows: still water has none."""
+    return any(len(arrows(case).speed) for case in result.cases)
 
 
-def arrows(result: RunResult, season: str) -> Arrows:
+def arrows(case: RunCase) -> Arrows:
     """Return arrows of the planner's own current, on a staggered lattice over the water."""
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    water = case.run.water
+    xmin, ymin, xmax, ymax = water.chart.bounds
     spacing = max(xmax - xmin, ymax - ymin) / _COUNT_ACROSS
     x, y = np.meshgrid(
         np.arange(xmin + spacing / 2, xmax, spacing), np.arange(ymin + spacing / 2, ymax, spacing)
     )
     x[1::2] += spacing / 2
     positions = np.stack([x.ravel(), y.ravel()], axis=-1)
-    positions = positions[on_water(result, positions)]
-    if season not in result.scene.currents or not len(positions):
+    positions = positions[on_water(water, positions)]
+    if case.planned is None or not len(positions):
         return Arrows(np.empty((0, 2)), np.empty((0, 2)), spacing)
-    velocity = np.asarray(result.scene.currents[season](positions), dtype=float)
+    velocity = np.asarray(case.planned.current(positions), dtype=float)
     # Still water has no direction to show.
     moves = velocity.any(axis=1)
     return Arrows(positions[moves], velocity[moves], spacing)
 
 
-def on_water(result: RunResult, positions: FloatArray) -> BoolArray:
+def on_water(water: Water, positions: FloatArray) -> BoolArray:
     """Whether positions (n, 2) in the plane lie inside the chart and not on land."""
-    chart, land = result.scene.chart, np.array(result.scene.land, dtype=object)
-    water = np.asarray(shapely.contains_xy(chart.extent, positions))
+    chart, land = water.chart, np.array(water.land, dtype=object)
+    inside = np.asarray(shapely.contains_xy(chart.extent, positions))
     # The land is the query, not the tree: shapely prepares queries, and a coast may be long.
     on_land = shapely.STRtree(shapely.points(positions)).query(land, predicate="intersects")[1]
-    water[on_land] = False
-    return water
+    inside[on_land] = False
+    return inside
 
 
 def _outline(positions: FloatArray, velocity: FloatArray, length: float) -> shapely.Geometry:

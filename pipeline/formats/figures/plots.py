@@ -15,7 +15,7 @@ from matplotlib.transforms import Transform
 
 from pipeline._types import FloatArray
 from pipeline.findings.departures_and_speeds import still_fuel_per_metre
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RankedRoute
 from pipeline.findings.route_profile import RouteProfile, metres_along, route_profile
 from pipeline.findings.text import (
     clearance as kept,
@@ -39,10 +39,10 @@ _KILOMETRES_FROM_M = 2_000.0
 DASHES = (0, (4, 3))
 
 
-def profile_figure(result: RunResult, ranked: RankedRoute, width_pt: float | None = None) -> Figure:
+def profile_figure(ranked: RankedRoute, width_pt: float | None = None) -> Figure:
     """Plot fuel, speed, current, and distance to land and water if known, by distance run."""
-    profile = route_profile(ranked, result)
-    plot = _ProfilePlot(result, ranked, profile, *distance_unit(float(profile.distance_m[-1])))
+    profile = route_profile(ranked)
+    plot = _ProfilePlot(ranked, profile, *distance_unit(float(profile.distance_m[-1])))
     draws: list[Callable[[Axes], None]] = [plot.draw_fuel, plot.draw_speed, plot.draw_current]
     if np.isfinite(profile.clearance_m).all():
         draws.append(plot.draw_clearance)
@@ -61,7 +61,6 @@ def profile_figure(result: RunResult, ranked: RankedRoute, width_pt: float | Non
 class _ProfilePlot:
     """Panels of a route's profile, each against the distance run."""
 
-    result: RunResult
     ranked: RankedRoute
     profile: RouteProfile
     unit: str
@@ -74,8 +73,8 @@ class _ProfilePlot:
 
     def draw_fuel(self, axes: Axes) -> None:
         """Draw the fuel used, and the fuel for the same distance in still water."""
-        scale = self.result.scene.projection.scale
-        a_metre = still_fuel_per_metre(self.result, self.ranked.metrics)
+        scale = self.ranked.case.case.projection.scale
+        a_metre = still_fuel_per_metre(self.ranked)
         still = a_metre * self.profile.distance_m / scale
         used, maximum = self.profile.fuel, float(max(still[-1], self.profile.fuel[-1]))
         unit, name = titled_fuel_unit(maximum)
@@ -146,9 +145,11 @@ class _ProfilePlot:
 
     def draw_water(self, axes: Axes) -> None:
         """Draw the water under the keel where depth and tide are known, and the least allowed."""
-        route, scene = self.ranked.route, self.result.scene
-        kept_m, depth = scene.under_keel_clearance_m, scene.tidal_depths[self.ranked.season]
-        points = scene.projection.to_plane(self.profile.lonlat)
+        route, case = self.ranked.route, self.ranked.case.case
+        kept_m, depth = case.under_keel_clearance_m, case.tidal_depth
+        if depth is None:
+            raise ValueError(f"{case.name} has no tide")
+        points = case.projection.to_plane(self.profile.lonlat)
         times = np.interp(metres_along(points), metres_along(route.path), route.times)
         spare = depth.spare_along(points, times) + kept_m
         water = np.where(np.isfinite(spare), spare, np.nan)
@@ -165,7 +166,7 @@ class _ProfilePlot:
     def _padding_m(self) -> FloatArray:
         """Return the padding (n,), true metres, of the constrained edge nearest to each point."""
         padded = self.ranked.route.padding_used
-        projection = self.result.scene.projection
+        projection = self.ranked.case.case.projection
         if not len(padded):
             return np.zeros(len(self.run))
         edges = shapely.linestrings(padded[:, :4].reshape(-1, 2, 2))

@@ -1,6 +1,6 @@
-"""Maps of seasons, and their layers: land, no-go zones, hazards, currents and routes.
+"""Maps of cases, and their layers: land, no-go zones, hazards, currents and routes.
 
-`season_svg` is for a page, which sets the colours, light or dark; `overview_figure` is for files.
+`case_svg` is for a page, which sets the colours, light or dark; `overview_figure` is for files.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from matplotlib.patches import Patch, PathPatch
 
 from pipeline._types import ArrayLike, Geometries
 from pipeline.findings.haven_rows import haven_rows, stretch_line
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.text import distance, fuel
 from pipeline.formats.figures.artists import (
     draw_island_labels,
@@ -43,10 +43,10 @@ def chart_layers(axes: Axes, result: RunResult) -> list[Artist]:
     Details too small to see are dropped. In a planar scenario the no-go zone is the land itself.
     """
     detail = DETAIL_PT * point(axes)
-    no_go = () if result.scenario.is_planar else result.scene.chart.no_go
+    no_go = () if result.scenario.is_planar else result.water.chart.no_go
     zones = visible(np.array(no_go, dtype=object), detail)
-    land = visible(np.array(result.scene.land, dtype=object), detail)
-    to_plane = result.scene.projection.geometry_to_plane
+    land = visible(np.array(result.water.land, dtype=object), detail)
+    to_plane = result.water.projection.geometry_to_plane
     shoals = to_plane(np.array(result.shoals, dtype=object))
     hazards = to_plane(np.array(result.hazards, dtype=object))
     return [
@@ -78,7 +78,7 @@ def soft_layer(axes: Axes, area: shapely.Geometry) -> Artist:
 
 
 def route_layers(routes: Sequence[RankedRoute]) -> list[Artist]:
-    """Return a season's routes: the best thick on a halo, over all others, which are thin."""
+    """Return a case's routes: the best thick on a halo, over all others, which are thin."""
     best = [one.route.path for one in routes if one.rank == 1]
     others = [one.route.path for one in reversed(routes) if one.rank > 1]
     return [
@@ -92,14 +92,14 @@ def haloed(path: ArrayLike, colour: str) -> list[Artist]:
     return [stroke(path, COLOURS["halo"], 4.0, 6), stroke(path, colour, 2.2, 7)]
 
 
-def haven_layers(result: RunResult, season: str) -> list[Artist]:
+def haven_layers(case: RunCase) -> list[Artist]:
     """Return ways to havens, what they cover of the best route, and the havens; empty if none."""
-    coverage = result.coverages.get(season)
+    coverage = case.coverage
     if coverage is None:
         return []
     own, halo = COLOURS["haven"], COLOURS["halo"]
-    rows = [row for row in haven_rows(result, season) if row.kind in STATES]
-    lines = [(stretch_line(result, season, row).coords, STATES[row.kind]) for row in rows]
+    rows = [row for row in haven_rows(case) if row.kind in STATES]
+    lines = [(stretch_line(case, row).coords, STATES[row.kind]) for row in rows]
     return [
         *(stroke(way.route.path, own, 0.8, 5.5) for way in coverage.diversions),
         *(stroke(line, state, 1.4, 7.2) for line, state in lines),
@@ -174,86 +174,82 @@ def visible(areas: Geometries, detail: float) -> Geometries:
     )
 
 
-def season_svg(result: RunResult, season: str, *, identity: str, label: str) -> Markup:
-    """Draw a season as an `<svg>` element for a page; see `page_svg`."""
-    figure, [(axes, sea)] = map_figure(result)
-    draw_season(axes, sea, result, season)
+def case_svg(case: RunCase, *, identity: str, label: str) -> Markup:
+    """Draw a case as an `<svg>` element for a page; see `page_svg`."""
+    figure, [(axes, sea)] = map_figure(case.run)
+    draw_case(axes, sea, case)
     return page_svg(figure, identity=identity, label=label)
 
 
-def overview_figure(
-    result: RunResult, seasons: Sequence[str] = (), width_pt: float | None = None
-) -> Figure:
-    """Draw seasons side by side, each under its title; all seasons if none are given."""
-    chosen = seasons or [entry.season for entry in result.plans]
+def overview_figure(cases: Sequence[RunCase], width_pt: float | None = None) -> Figure:
+    """Draw cases of a run, at least one, side by side, each under its title."""
     figure, maps = map_figure(
-        result,
-        _handles(result, chosen),
-        titles=[_titles(result, season) for season in chosen],
-        columns=len(chosen),
+        cases[0].run,
+        _handles(cases),
+        titles=[_titles(case) for case in cases],
+        columns=len(cases),
         width_pt=width_pt,
     )
-    for season, (axes, sea) in zip(chosen, maps, strict=True):
-        draw_season(axes, sea, result, season)
-        in_season_colour(axes, season_colour(result.season_index(season)))
+    for case, (axes, sea) in zip(cases, maps, strict=True):
+        draw_case(axes, sea, case)
+        in_season_colour(axes, season_colour(case.number))
     return figure
 
 
-def _titles(result: RunResult, season: str) -> tuple[str, str]:
-    """Return a season's title, and a line on the way, length and fuel of its best route.
+def _titles(case: RunCase) -> tuple[str, str]:
+    """Return a case's title, and a line on the way, length and fuel of its best route.
 
     If the current is not the scenario's first choice, the title names the period of the current.
     """
-    title = result.season_title(season)
-    if result.is_stand_in(season) and (period := result.period_text(season)):
+    title = case.title
+    if case.is_stand_in and (period := case.period_text):
         title = f"{title}: current of {period}"
-    ranked = result.season_routes(season)
-    if not ranked:
+    if not case.routes:
         return title, "no route"
-    best = ranked[0].metrics
+    best = case.routes[0].metrics
     way = f"{best.main_passage}, " if best.way else ""
     return title, f"{way}{distance(best.length_m)}, fuel {fuel(best.fuel)}"
 
 
-def draw_season(axes: Axes, sea: PathPatch, result: RunResult, season: str) -> None:
+def draw_case(axes: Axes, sea: PathPatch, case: RunCase) -> None:
     """Draw currents, zones, land, routes (if it has any) and frame on a map of `map_figure`."""
-    routes = result.season_routes(season)
-    layers = [*_area_layers(axes, result, season), *route_layers(routes)]
-    layers += haven_layers(result, season)
+    result, routes = case.run, case.routes
+    layers = [*_area_layers(axes, case), *route_layers(routes), *haven_layers(case)]
     draw_island_labels(axes, result)
     axes.plot(
-        *result.scene.projection.to_plane(result.crossings(season, 1)).T,
+        *result.water.projection.to_plane(case.crossings(1)).T,
         "o", markersize=7.0, markerfacecolor="none", markeredgecolor=COLOURS["shut"], zorder=7.6,
     )  # fmt: skip
     draw_map(axes, sea, result, layers, [ranked.route.path for ranked in routes])
 
 
-def _area_layers(axes: Axes, result: RunResult, season: str) -> list[Artist]:
+def _area_layers(axes: Axes, case: RunCase) -> list[Artist]:
     """Return currents, over them the best route's soft no-go zone, and land on top."""
-    outlines = arrows(result, season).outlines(speed_scale(result))
+    result, outlines = case.run, arrows(case).outlines(speed_scale(case.run))
     return [
         *(
             patch(outline, facecolor=COLOURS[f"speed{i}"], edgecolor="none", zorder=2)
             for i, outline in enumerate(outlines)
             if not outline.is_empty
         ),
-        *(soft_layer(axes, best.route.soft_no_go) for best in result.season_routes(season)[:1]),
+        *(soft_layer(axes, best.route.soft_no_go) for best in case.routes[:1]),
         *chart_layers(axes, result),
         *zone_layers(result),
     ]
 
 
-def _handles(result: RunResult, seasons: Sequence[str]) -> list[Artist]:
+def _handles(cases: Sequence[RunCase]) -> list[Artist]:
     """Return the legend of lines, areas and speeds."""
+    result = cases[0].run
     bests = [
         Line2D(
             [],
             [],
-            color=season_colour(result.season_index(season)),
+            color=season_colour(case.number),
             linewidth=2.2,
-            label=f"best route, {season}" if len(seasons) > 1 else "best route",
+            label=f"best route, {case.name}" if len(cases) > 1 else "best route",
         )
-        for season in seasons
+        for case in cases
     ]
     handles: list[Artist] = [
         *bests,

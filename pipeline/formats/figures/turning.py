@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import renew
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RankedRoute
 from pipeline.findings.text import at_most_percent, clearance
 from pipeline.formats.figures import plots
 from pipeline.formats.palette import COLOURS
@@ -26,14 +26,10 @@ _TEXT_LEFT_FROM = 0.4
 _AXIS_FACTOR = 1.06
 
 
-def tightest_place(result: RunResult, ranked: RankedRoute) -> renew.Tightest | None:
+def tightest_place(ranked: RankedRoute) -> renew.Tightest | None:
     """Return the place where turns have the least room; None without padding."""
-    return renew.tightest(
-        ranked.route,
-        result.scene.currents[ranked.season],
-        result.scene.vessel_in(ranked.season),
-        seed=result.scenario.planner.seed,
-    )
+    case, seed = ranked.case.case, ranked.case.scenario.planner.seed
+    return renew.tightest(ranked.route, case.current, case.vessel, seed=seed)
 
 
 def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:

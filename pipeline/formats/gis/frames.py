@@ -95,7 +95,7 @@ def to_lonlat(result: RunResult, geometries: Sequence[Any], step_m: float) -> Ge
     """
     array = np.empty(len(geometries), dtype=object)
     array[:] = geometries
-    lonlat = result.scene.projection.geometry_to_lonlat(array, densify_m=step_m)
+    lonlat = result.water.projection.geometry_to_lonlat(array, densify_m=step_m)
     areas = not all(shapely.get_type_id(lonlat) == shapely.GeometryType.LINESTRING)
     return multipolygons(lonlat) if areas else lonlat
 

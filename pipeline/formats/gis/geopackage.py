@@ -26,7 +26,7 @@ import shapely
 
 from pipeline._types import FloatArray
 from pipeline.findings.note_words import caveats_json
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.text import write_json
 from pipeline.formats.figures.map_marks import nice_step
 from pipeline.formats.gis import haven_layers
@@ -58,8 +58,8 @@ from pipeline.formats.gis.styles import qml, style
 from pipeline.formats.palette import COLOURS
 from pipeline.formats.passage.waypoints import (
     attribution,
+    case_waypoints,
     document_title,
-    season_waypoints,
     split_at_antimeridian,
     within_180,
 )
@@ -352,28 +352,28 @@ def _put_project(database: sqlite3.Connection, name: str, packed: bytes, created
 _DECIMALS = 7
 
 
-def write_geojson(result: RunResult, season: str, path: Path) -> None:
-    """Write a season's routes and their waypoints, best first.
+def write_geojson(case: RunCase, path: Path) -> None:
+    """Write a case's routes and their waypoints, best first.
 
     Routes have the geometry and columns of the GeoPackage's layer `routes`: their pieces, straight
     in degrees, lie within a metre of the planned line. Lines are cut at 180 degrees. The property
     `feature` of each feature is "route" or "waypoint".
     """
-    routes = next(layer for layer in LAYERS if layer.name == "routes").frame(result)
-    routes = routes[routes.season == season]
+    routes = next(layer for layer in LAYERS if layer.name == "routes").frame(case.run)
+    routes = routes[routes.season == case.name]
     # A line across 180 degrees is drawn in parts.
     parts = (split_at_antimeridian(shapely.get_coordinates(line)) for line in routes.geometry)
     lines = [shapely.LineString(p[0]) if len(p) == 1 else shapely.MultiLineString(p) for p in parts]
-    found = season_waypoints(result, season)
+    found = case_waypoints(case)
     waypoints = waypoint_frame(found)
     waypoints["geometry_type"] = [points.curve for points in found for _ in points.lonlat]
     places = within_180(np.concatenate([points.lonlat for points in found]))
     collection = {
         "type": "FeatureCollection",
         "bbox": bounding_box(routes.total_bounds.reshape(2, 2)),
-        "title": document_title(result, season),
-        "credits": attribution(result),
-        **caveats_json(result),
+        "title": document_title(case),
+        "credits": attribution(case.run),
+        **caveats_json(case.run),
         "features": [
             *_features("route", routes.set_geometry(lines)),
             *_features("waypoint", waypoints.set_geometry(shapely.points(places))),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from datetime import timedelta
+from datetime import datetime
 
 import numpy as np
 import pyproj
@@ -10,7 +10,7 @@ import shapely
 
 import renew
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
-from pipeline.findings.result import RunResult, continued
+from pipeline.findings.result import RunCase, RunResult, continued
 from pipeline.findings.route_profile import Legs, legs as planned_legs
 from pipeline.findings.text import moment_text
 from pipeline.formats.gis import frames, haven_layers
@@ -23,7 +23,7 @@ from pipeline.formats.gis.frames import (
     to_lonlat,
 )
 from pipeline.formats.passage.tracks import tracks
-from pipeline.formats.passage.waypoints import Waypoints, limits_text, season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text
 from pipeline.model import Zone
 
 
@@ -45,8 +45,8 @@ def coast(result: RunResult) -> GeoDataFrame:
 
 def region_edge(result: RunResult) -> GeoDataFrame:
     """Return the edge of the region, or of a plane's extent."""
-    edge = shapely.boundary(np.array([result.scene.chart.extent], dtype=object))
-    return frame([result.scene.projection.geometry_to_lonlat(edge, ZONE_STEP_M)], {})
+    edge = shapely.boundary(np.array([result.water.chart.extent], dtype=object))
+    return frame([result.water.projection.geometry_to_lonlat(edge, ZONE_STEP_M)], {})
 
 
 def hazards(result: RunResult) -> GeoDataFrame:
@@ -68,23 +68,24 @@ def depth_areas(result: RunResult) -> GeoDataFrame:
 
 def islands(result: RunResult) -> GeoDataFrame:
     """Return points on the islands that distinguish the ways."""
-    islands = result.evaluation.islands
+    islands = result.islands
     places = np.array([[island.x, island.y] for island in islands]).reshape(-1, 2)
-    points = shapely.points(result.scene.projection.to_lonlat(places))
+    points = shapely.points(result.water.projection.to_lonlat(places))
     return frame(points, columns_of(islands, "number", "name"))
 
 
 def _tidal_water(result: RunResult) -> GeoDataFrame:
-    """Return areas that the tide shuts for some hours, with the hours of each season's voyage."""
+    """Return areas that the tide shuts for some hours, with the hours of each case's voyage."""
     found = [
-        (season, area, _open_hours(result, season, area))
-        for season, depth in result.scene.tidal_depths.items()
-        for area in depth.tidal_areas
+        (case.name, area, _open_hours(case, area))
+        for case in result.cases
+        if case.planned is not None and case.planned.tidal_depth is not None
+        for area in case.planned.tidal_depth.tidal_areas
     ]
     return frame(
         to_lonlat(result, [area.polygon for _, area, _ in found], ZONE_STEP_M),
         {
-            "season": [season for season, _, _ in found],
+            "season": [name for name, _, _ in found],
             "name": [area.name for _, area, _ in found],
             "need_m": [area.need for _, area, _ in found],
             "hours": [hours for _, _, hours in found],
@@ -92,20 +93,23 @@ def _tidal_water(result: RunResult) -> GeoDataFrame:
     )
 
 
-def _open_hours(result: RunResult, season: str, area: renew.TidalArea) -> str:
-    """Write when an area has enough water, from a season's departure to a day after arrival."""
-    ends = [float(one.route.times[-1]) for one in result.routes if one.season == season]
+def _open_hours(case: RunCase, area: renew.TidalArea) -> str:
+    """Write when an area has enough water, from a case's departure to a day after arrival."""
+    ends = [float(one.route.times[-1]) for one in case.routes]
     hours = area.tide.high_enough(area.need, 0.0, max(ends, default=0.0) + _DAY_S)
-    first = result.scene.departures[season]
     spelled = [
-        " to ".join(moment_text(first + timedelta(seconds=one)) for one in pair)
-        for pair in hours.tolist()
+        " to ".join(_moment(case.case.moment(one)) for one in pair) for pair in hours.tolist()
     ]
     return ", ".join(spelled) or "never"
 
 
+def _moment(moment: datetime | float | None) -> str:
+    """Write a moment of a clock that begins at a date."""
+    return moment_text(moment) if isinstance(moment, datetime) else ""
+
+
 def no_go(result: RunResult) -> GeoDataFrame:
-    """Return the hard no-go zone, the same in every season."""
+    """Return the hard no-go zone, the same in every case."""
     return _counted(result.simplified.polygons)
 
 
@@ -185,14 +189,13 @@ def _waypoints(result: RunResult) -> list[Waypoints]:
     """Return waypoints of all routes; none of a planar scenario, which lies nowhere on earth."""
     if result.scenario.is_planar:
         return []
-    seasons = dict.fromkeys(ranked.season for ranked in result.routes)
-    return [points for season in seasons for points in season_waypoints(result, season)]
+    return [points for case in result.cases for points in case_waypoints(case)]
 
 
 def _areas(points: Waypoints, result: RunResult) -> Geometries:
     """Return the area of each leg between its limits; empty where both are 0."""
     begin, end = points.lonlat[:-1], points.lonlat[1:]
-    drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M)
+    drawn = tracks(begin, end, points.curve, result.water.projection, _ERROR_M)
     geod, line = pyproj.Geod(ellps="WGS84"), drawn.lonlat
     ahead = np.asarray(geod.inv(line[:-1, 0], line[:-1, 1], line[1:, 0], line[1:, 1])[0])
     # The last point of a leg has the course on which the leg arrives there.
@@ -221,8 +224,8 @@ def _routes(result: RunResult) -> frames.GeoDataFrame:
     at = np.array([one and moment_text(one) for one in moments], dtype=object)
     texts = {
         "least_water_at": list(at),
-        "current": [result.current_text(r.season) for r in ranked],
-        "caveats": [limits_text(result, r.metrics) for r in ranked],
+        "current": [r.case.current_text for r in ranked],
+        "caveats": [limits_text(r) for r in ranked],
     }
     routes = frame(lines, {**frames.route_key(ranked), **measured, **texts})
     return routes.rename(columns={"speed_m_s": "speed_through_water_m_s"})
@@ -231,7 +234,7 @@ def _routes(result: RunResult) -> frames.GeoDataFrame:
 def _path_points(result: RunResult) -> frames.GeoDataFrame:
     """Return vertices of the routes, each with the leg that leaves it; the goal has none."""
     ranked = result.routes
-    tables = [planned_legs(r, result) for r in ranked]
+    tables = [planned_legs(r) for r in ranked]
     return frame(
         [shapely.points(t.lonlat) for t in tables],
         {
@@ -245,17 +248,14 @@ def _path_points(result: RunResult) -> frames.GeoDataFrame:
 def _channels(result: RunResult) -> frames.GeoDataFrame:
     """Return channels of triangles, of planned and of rejected classes."""
     rows: list[tuple[str, int, str, str, FloatArray]] = []
-    for entry in result.plans:
-        if entry.plan is None:
+    for case in result.cases:
+        if case.plan is None:
             continue
-        rows += [
-            (entry.season, r.rank, r.metrics.homotopy, "", r.route.channel)
-            for r in result.season_routes(entry.season)
-        ]
+        rows += [(case.name, r.rank, r.metrics.homotopy, "", r.route.channel) for r in case.routes]
         # A rejected class has no route, so no rank among the routes.
         rows += [
-            (entry.season, 0, r.homotopy, result.rejection_reason(entry.season, r), r.channel)
-            for r in entry.plan.rejected
+            (case.name, 0, r.homotopy, case.rejection_reason(r), r.channel)
+            for r in case.plan.rejected
         ]
     outlines = [shapely.union_all(shapely.polygons(triangles)) for *_, triangles in rows]
     return frame(
@@ -273,7 +273,7 @@ def _channels(result: RunResult) -> frames.GeoDataFrame:
 def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
     """Return each route's soft no-go zone, if any, with its least and greatest padding."""
     ranked = [r for r in result.routes if not r.route.soft_no_go.is_empty]
-    scale = result.scene.projection.scale
+    scale = result.water.projection.scale
     paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
     return frame(
         to_lonlat(result, [r.route.soft_no_go for r in ranked], frames.ZONE_STEP_M),
@@ -289,12 +289,11 @@ def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
 
 def _currents(result: RunResult) -> frames.GeoDataFrame:
     """Return the current at the points of the source, towards east and north."""
-    seasons = [entry.season for entry in result.plans]
-    samples = [result.current_samples(season) for season in seasons]
+    samples = [case.current_samples() for case in result.cases]
     currents = frame(
         [shapely.points(lonlat) for lonlat, _ in samples],
         {
-            "season": seasons,
+            "season": [case.name for case in result.cases],
             "u": [velocity[:, 0] for _, velocity in samples],
             "v": [velocity[:, 1] for _, velocity in samples],
         },
@@ -306,8 +305,8 @@ def _currents(result: RunResult) -> frames.GeoDataFrame:
 
 def _contingency(result: RunResult) -> frames.GeoDataFrame:
     """Return points from which turns were simulated, and whether a turn from there met land."""
-    ranked, to_lonlat = result.routes, result.scene.projection.to_lonlat
-    turns = [result.evaluation.contingency[r.season, r.rank] for r in ranked]
+    ranked, to_lonlat = result.routes, result.water.projection.to_lonlat
+    turns = [r.case.measures.turns[r.rank - 1] for r in ranked]
     shown = [_shown(np.asarray(t.collided, dtype=bool)) for t in turns]
     chosen = list(zip(turns, shown, strict=True))
     return frame(
@@ -321,13 +320,13 @@ def _contingency(result: RunResult) -> frames.GeoDataFrame:
 
 def _shore_crossings(result: RunResult) -> frames.GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
-    found = result.evaluation.shore_crossings
+    found = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
     return frame(
-        shapely.points(np.array([[one.lon, one.lat] for one in found]).reshape(-1, 2)),
+        shapely.points(np.array([[one.lon, one.lat] for _, one in found]).reshape(-1, 2)),
         {
-            "season": [one.season for one in found],
-            "rank": [one.rank for one in found],
-            "length_m": [one.length_m for one in found],
+            "season": [name for name, _ in found],
+            "rank": [one.rank for _, one in found],
+            "length_m": [one.length_m for _, one in found],
         },
     )
 

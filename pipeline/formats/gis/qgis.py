@@ -74,27 +74,25 @@ class View:
 def view(result: RunResult) -> View:
     """Describe how a map shows a run."""
     ranked = [route for route in result.routes if route.rank == 1]
-    first = result.plans[0].season
-    lead = min(ranked, key=lambda route: route.metrics.fuel).season if ranked else first
-    planned = {route.season for route in ranked}
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
-    across_m = max(xmax - xmin, ymax - ymin) * result.scene.projection.scale
+    lead = min(ranked, key=lambda route: route.metrics.fuel).case if ranked else result.cases[0]
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
+    across_m = max(xmax - xmin, ymax - ymin) * result.water.projection.scale
     seasons = []
-    for index, entry in enumerate(result.plans):
+    for case in result.cases:
         spacing_m, origin, step = across_m * _SPACING_SHARE, (0.0, 0.0), None
-        if (grid := result.grid_of(entry.season)) is not None:
+        if (grid := case.grid) is not None:
             step = float(np.diff(grid.lon).min()), float(np.diff(grid.lat).min())
             origin = float(grid.lon[0]), float(grid.lat[0])
             narrow = float(np.cos(np.radians(grid.lat.mean())))
             spacing_m = min(step[0] * narrow, step[1]) * METRES_PER_DEGREE
         seasons.append(
             SeasonView(
-                number=index + 1,
-                name=entry.season,
-                title=result.season_title(entry.season),
-                colour=season_colour(index),
-                leads=entry.season == lead,
-                planned=entry.season in planned,
+                number=case.number + 1,
+                name=case.name,
+                title=case.title,
+                colour=season_colour(case.number),
+                leads=case is lead,
+                planned=bool(case.routes),
                 spacing_m=spacing_m,
                 origin=origin,
                 step_deg=step,
@@ -128,7 +126,7 @@ class MapCrs:
 
 def map_crs(result: RunResult) -> MapCrs:
     """Choose the reference system of a run's map."""
-    projection, extent = result.scene.projection, result.scene.chart.extent
+    projection, extent = result.water.projection, result.water.chart.extent
     outline = shapely.get_coordinates(
         projection.geometry_to_lonlat(shapely.segmentize(extent, extent.length * _SEGMENT_SHARE))
     )

@@ -11,11 +11,12 @@ import pyproj
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase
 from pipeline.formats.passage.safe_corridor import kept_out
 from pipeline.formats.passage.tracks import in_pieces, tracks
-from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, case_waypoints
 from pipeline.geo.lonlat import EARTH_RADIUS_M, METRES_PER_DEGREE
+from pipeline.model import Water
 
 STORAGE_BYTES = 672
 """What ArduPilot Rover keeps its fence in: 8 bytes a vertex, 2 a polygon and 5 more."""
@@ -72,29 +73,29 @@ class Autopilot:
     rally: FloatArray | None
 
 
-def autopilot(result: RunResult, season: str) -> Autopilot:
-    """Return fence and rally points for a season's best route; worked out once."""
-    cached: dict[str, Autopilot] = result.kept.setdefault(_CACHE, {})
-    if season not in cached:
-        cached[season] = _autopilot(result, season)
-    return cached[season]
+def autopilot(case: RunCase) -> Autopilot:
+    """Return fence and rally points for a case's best route; worked out once."""
+    cached: dict[str, Autopilot] = case.run.kept.setdefault(_CACHE, {})
+    if case.name not in cached:
+        cached[case.name] = _autopilot(case)
+    return cached[case.name]
 
 
-def _autopilot(result: RunResult, season: str) -> Autopilot:
-    points, flat = season_waypoints(result, season)[0], _Flat(result)
+def _autopilot(case: RunCase) -> Autopilot:
+    points, flat = case_waypoints(case)[0], _Flat(case.run.water)
     least_m = float(np.minimum(points.port_m, points.starboard_m)[:-1].min())
     if flat.crosses_180 or least_m <= 0:
         return Autopilot(None, None)
-    parts = shapely.get_parts(flat.of(open_water(result, season)))
-    kept = flat.of(_beside(points, result))
+    parts = shapely.get_parts(flat.of(open_water(case)))
+    kept = flat.of(_beside(points))
     used = shapely.buffer(kept, _USED_SHARE * least_m)
     water = parts[shapely.distance(parts, used).argmin()]
     shapely.prepare(water)
     found = _fence(flat, water, used, kept)
-    given = result.coverages[season].havens if season in result.coverages else ()
+    given = case.coverage.havens if case.coverage is not None else ()
     # A rally point is open at all hours.
     places = [one.place for one in given if not np.isfinite([one.opens, one.closes]).any()]
-    lonlat = result.scene.projection.to_lonlat(np.reshape(places, (-1, 2)))
+    lonlat = case.run.water.projection.to_lonlat(np.reshape(places, (-1, 2)))
     havens = np.round(lonlat, _DECIMALS)
     if found is not None:  # An autopilot passes over rally points outside its fence.
         rings = found.inclusion, *found.exclusions
@@ -107,19 +108,19 @@ def _autopilot(result: RunResult, season: str) -> Autopilot:
     return Autopilot(found, None)
 
 
-def open_water(result: RunResult, season: str) -> shapely.Geometry:
-    """Return the water of a season's best route in the planner's plane: off no-go and V."""
-    scene, route = result.scene.leg(season), result.season_routes(season)[0].route
-    shut = shapely.union_all([route.soft_no_go, *kept_out(scene, season, route)])
-    return shapely.difference(scene.chart.water, shut)
+def open_water(case: RunCase) -> shapely.Geometry:
+    """Return the water of a case's best route in the planner's plane: off no-go and V."""
+    route = case.routes[0].route
+    shut = shapely.union_all([route.soft_no_go, *kept_out(case.case, route)])
+    return shapely.difference(case.case.chart.water, shut)
 
 
 class _Flat:
     """A plane in which lines are straight as in longitude and latitude; metres, nearly true."""
 
-    def __init__(self, result: RunResult) -> None:
-        self._projection = result.scene.projection
-        extent = self._projection.geometry_to_lonlat(result.scene.chart.extent, _PIECE_M)
+    def __init__(self, water: Water) -> None:
+        self._projection = water.projection
+        extent = self._projection.geometry_to_lonlat(water.chart.extent, _PIECE_M)
         west, south, east, north = extent.bounds
         self._origin = np.array([(west + east) / 2, (south + north) / 2])
         self._metres = METRES_PER_DEGREE * np.array([np.cos(np.radians(self._origin[1])), 1.0])
@@ -141,9 +142,9 @@ class _Flat:
         return lonlat
 
 
-def _beside(points: Waypoints, result: RunResult) -> shapely.Geometry:
+def _beside(points: Waypoints) -> shapely.Geometry:
     """Return the area that the fence leaves free beside the legs, planner's plane."""
-    projection = result.scene.projection
+    projection = points.ranked.case.run.water.projection
     legs = tracks(points.lonlat[:-1], points.lonlat[1:], points.curve, projection, _ERROR_M)
     # A limit is narrowest in the plane where the plane stretches the leg least.
     least = np.full(len(legs.lines), np.inf)

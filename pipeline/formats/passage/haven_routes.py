@@ -1,4 +1,4 @@
-"""Ways to havens: all of a season as GPX, each as RTZ, and all missions in one archive.
+"""Ways to havens: all of a case as GPX, each as RTZ, and all missions in one archive.
 
 They have speeds and durations but no clock times: a vessel turns off early, on time or late.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.findings.haven_rows import Way, haven_ways
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RankedRoute, RunCase
 from pipeline.findings.route_profile import coast_index
 from pipeline.findings.text import json_value
 from pipeline.formats.passage.fence import Autopilot
@@ -20,38 +20,37 @@ from pipeline.formats.passage.missions import mission_text, plan_content
 from pipeline.formats.passage.routes import gpx_document
 from pipeline.formats.passage.rtz import rtz_text
 from pipeline.formats.passage.safe_corridor import Obstacles
-from pipeline.formats.passage.waypoints import Waypoints, limits_text, waypoints
+from pipeline.formats.passage.waypoints import Waypoints, waypoints
 from pipeline.model import RouteMetrics
 from renew.results import unite_soft_no_go
 
 _CACHE = "_haven_waypoints"
 
 
-def haven_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
-    """Return waypoints of a season's ways to havens, in their order; computed once."""
-    cached: dict[str, tuple[Waypoints, ...]] = result.kept.setdefault(_CACHE, {})
-    if season not in cached:
-        ways = haven_ways(result, season).values()
+def haven_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
+    """Return waypoints of a case's ways to havens, in their order; computed once."""
+    cached: dict[str, tuple[Waypoints, ...]] = case.run.kept.setdefault(_CACHE, {})
+    if case.name not in cached:
+        ways = haven_ways(case).values()
         unite_soft_no_go([way.route for way in ways])
         # The ways pass no via point.
-        scene = replace(result.scene.leg(season), via=np.empty((0, 2)))
-        alone, obstacles = replace(result, scene=scene), Obstacles(scene)
-        cached[season] = tuple(_waypoints(way, alone, season, obstacles) for way in ways)
-    return cached[season]
+        alone = replace(case, planned=replace(case.case, via=np.empty((0, 2))))
+        obstacles = Obstacles(alone.case)
+        cached[case.name] = tuple(_waypoints(way, alone, obstacles) for way in ways)
+    return cached[case.name]
 
 
-def _waypoints(way: Way, result: RunResult, season: str, obstacles: Obstacles) -> Waypoints:
+def _waypoints(way: Way, case: RunCase, obstacles: Obstacles) -> Waypoints:
     """Return the waypoints of a way, the last one named after the haven."""
-    found = waypoints(_ranked(way, result, season), result, obstacles)
+    found = waypoints(_ranked(way, case), obstacles)
     return replace(found, names=("Turn off", *found.names[1:-1], way.haven))
 
 
-def _ranked(way: Way, result: RunResult, season: str) -> RankedRoute:
+def _ranked(way: Way, case: RunCase) -> RankedRoute:
     """Return a way as a route, with the figures that the formats show."""
-    route, projection = way.route, result.scene.projection
-    nearest = coast_index(result.scene.land).closest_approach(route.path, projection)
+    route, water = way.route, case.run.water
+    nearest = coast_index(water.land).closest_approach(route.path, water.projection)
     metrics = RouteMetrics(
-        season=season,
         rank=way.number,
         homotopy=route.homotopy,
         fuel=way.fuel,
@@ -66,31 +65,28 @@ def _ranked(way: Way, result: RunResult, season: str) -> RankedRoute:
         collisions=0,
         land_m=0.0,
     )
-    return RankedRoute(season, way.number, route, metrics, f"to {way.haven}")
+    return RankedRoute(case, way.number, route, metrics, f"to {way.haven}")
 
 
-def write_haven_gpx(result: RunResult, season: str, path: Path) -> None:
-    """Write all ways of a season as routes of one file."""
-    path.write_bytes(gpx_document(result, haven_waypoints(result, season), None, []))
+def write_haven_gpx(case: RunCase, path: Path) -> None:
+    """Write all ways of a case as routes of one file."""
+    path.write_bytes(gpx_document(haven_waypoints(case), None, []))
 
 
-def write_haven_rtz(
-    result: RunResult, season: str, path: Path, *, number: int, version: str
-) -> None:
-    """Write one way of a season, by its number from 1."""
-    points = haven_waypoints(result, season)[number - 1]
-    path.write_text(rtz_text(result, points, path.stem, version, None), encoding="utf-8")
+def write_haven_rtz(case: RunCase, path: Path, *, number: int) -> None:
+    """Write one way of a case, by its number from 1."""
+    points = haven_waypoints(case)[number - 1]
+    path.write_text(rtz_text(points, path.stem, None), encoding="utf-8")
 
 
-def write_haven_missions(result: RunResult, season: str, path: Path, *, names: list[str]) -> None:
-    """Write all ways of a season as missions in an archive, named without their ends.
+def write_haven_missions(case: RunCase, path: Path, *, names: list[str]) -> None:
+    """Write all ways of a case as missions in an archive, named without their ends.
 
     They have no fence: a way to a haven may leave that of the route.
     """
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, points in zip(names, haven_waypoints(result, season), strict=True):
-            limits = limits_text(result, points.ranked.metrics)
-            content = plan_content(points, Autopilot(None, None), limits)
+        for name, points in zip(names, haven_waypoints(case), strict=True):
+            content = plan_content(points, Autopilot(None, None))
             plan = json.dumps(json_value(content), indent=2)
             for end, text in ((".plan", plan), (".waypoints", mission_text(points))):
                 # The time that an archive holds for a file is the same for all runs.

@@ -1,7 +1,7 @@
 """Missions for autopilots, as plans of QGroundControl and as ArduPilot's tools read them.
 
 Both files hold the same MAVLink commands: go to the start, then for each leg its speed and its end.
-The speed is the speed over ground that the vessel makes there: in the season's current, at its
+The speed is the speed over ground that the vessel makes there: in the case's current, at its
 planned speed through the water. Altitudes are 0 above home: a surface vessel has none. A plan has a
 fence and rally points, too, where they are found (:mod:`.fence`).
 
@@ -13,13 +13,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase
 from pipeline.findings.text import speed_over_ground, write_json
 from pipeline.formats.passage.fence import Autopilot, autopilot
 from pipeline.formats.passage.waypoints import (
     Waypoints,
+    case_waypoints,
     limits_text,
-    season_waypoints,
     wrapped_longitude,
 )
 
@@ -45,13 +45,12 @@ class _Command:
     params: tuple[float, ...]
 
 
-def write_plan(result: RunResult, season: str, path: Path) -> None:
-    """Write the best route of a season, which must have one, as a plan of QGroundControl."""
-    points, told = season_waypoints(result, season)[0], autopilot(result, season)
-    write_json(path, plan_content(points, told, limits_text(result, points.ranked.metrics)))
+def write_plan(case: RunCase, path: Path) -> None:
+    """Write the best route of a case, which must have one, as a plan of QGroundControl."""
+    write_json(path, plan_content(case_waypoints(case)[0], autopilot(case)))
 
 
-def plan_content(points: Waypoints, told: Autopilot, limits: str) -> dict[str, object]:
+def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
     """Return a route's plan, with what an autopilot is told beside the way.
 
     Programs pass over the key `renew`: how the route is not safe, what is not known or was decided.
@@ -78,7 +77,7 @@ def plan_content(points: Waypoints, told: Autopilot, limits: str) -> dict[str, o
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
-        "renew": limits,
+        "renew": limits_text(points.ranked),
         "mission": {
             "version": 2,
             "firmwareType": _ARDUPILOT,
@@ -108,9 +107,9 @@ def _rally_points(told: Autopilot) -> list[list[float]]:
     return [] if told.rally is None else [[lat, lon, 0.0] for lon, lat in told.rally.tolist()]
 
 
-def write_mission(result: RunResult, season: str, path: Path) -> None:
-    """Write the best route of a season, which must have one, as a mission for ArduPilot's tools."""
-    path.write_text(mission_text(season_waypoints(result, season)[0]), encoding="ascii")
+def write_mission(case: RunCase, path: Path) -> None:
+    """Write the best route of a case, which must have one, as a mission for ArduPilot's tools."""
+    path.write_text(mission_text(case_waypoints(case)[0]), encoding="ascii")
 
 
 def mission_text(points: Waypoints) -> str:

@@ -1,7 +1,7 @@
 """Routes for plotters, phones and Google Earth: GPX, KML.
 
 `<scenario>-<season>.gpx` has the best route and the best one on the other side; the file with
-`-all` has all routes of the season. GPX has no speed on a route, and OpenCPN ignores the times of
+`-all` has all routes of the case. GPX has no speed on a route, and OpenCPN ignores the times of
 its points: the speed, and the departure if there is one, are in the extensions that OpenCPN reads.
 
 Google Earth draws straight lines between points as great circles, so legs are drawn in small steps.
@@ -21,7 +21,7 @@ import numpy as np
 from lxml import etree
 
 from pipeline._types import FloatArray
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RankedRoute, RunCase
 from pipeline.findings.route_profile import metres_along, times_at
 from pipeline.findings.text import (
     route_summary,
@@ -35,11 +35,11 @@ from pipeline.formats.passage.waypoints import (
     Waypoints,
     attribution,
     both_sides,
+    case_waypoints,
     document_title,
     leg_text,
     limits_text,
     route_name,
-    season_waypoints,
     split_at_antimeridian,
     time_after,
     wrapped_longitude,
@@ -54,34 +54,27 @@ _OPENCPN = "http://www.opencpn.org"
 
 
 def write_gpx(
-    result: RunResult,
-    season: str,
-    path: Path,
-    *,
-    departure: datetime | None = None,
-    every: bool = False,
+    case: RunCase, path: Path, *, departure: datetime | None = None, every: bool = False
 ) -> None:
-    """Write a season's best route and the other side's best, or `every` route, as GPX 1.1.
+    """Write a case's best route and the other side's best, or `every` route, as GPX 1.1.
 
     A `rte` holds a route's few waypoints, with its rank as number; the `trk` is the best route's
     path as planned. With a departure, which needs a time zone, all points have times.
     """
-    found = season_waypoints(result, season) if every else both_sides(result, season)
-    tracks = [_track(found[0].ranked, result, departure)]
-    path.write_bytes(gpx_document(result, found, departure, tracks))
+    found = case_waypoints(case) if every else both_sides(case)
+    tracks = [_track(found[0].ranked, departure)]
+    path.write_bytes(gpx_document(found, departure, tracks))
 
 
 def gpx_document(
-    result: RunResult,
-    found: Sequence[Waypoints],
-    departure: datetime | None,
-    tracks: list[gpxpy.gpx.GPXTrack],
+    found: Sequence[Waypoints], departure: datetime | None, tracks: list[gpxpy.gpx.GPXTrack]
 ) -> bytes:
-    """Return the file of some routes of a season, at least one, and tracks."""
-    gpx = gpxpy.gpx.GPX()
+    """Return the file of some routes of a case, at least one, and tracks."""
+    gpx, ranked = gpxpy.gpx.GPX(), found[0].ranked
+    result = ranked.case.run
     gpx.creator = "RENEW"
-    gpx.name = document_title(result, found[0].ranked.season)
-    known = limits_text(result, found[0].ranked.metrics)
+    gpx.name = document_title(ranked.case)
+    known = limits_text(ranked)
     parts = (result.scenario.description, known, attribution(result))
     gpx.description = " ".join(filter(None, parts))
     gpx.author_name = "RENEW"
@@ -90,21 +83,21 @@ def gpx_document(
     gpx.copyright_year = str(result.created.year)
     gpx.time = result.created
     gpx.nsmap = {"opencpn": _OPENCPN}
-    gpx.routes = [_route(points, result, departure) for points in found]
+    gpx.routes = [_route(points, departure) for points in found]
     gpx.tracks = tracks
     return bytes(gpx.to_xml(version="1.1").encode())
 
 
-def _route(points: Waypoints, result: RunResult, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
+def _route(points: Waypoints, departure: datetime | None) -> gpxpy.gpx.GPXRoute:
     """Return waypoints of a route, each describing the leg that leaves it."""
     ranked, count = points.ranked, len(points.lonlat)
     route = gpxpy.gpx.GPXRoute(
-        name=route_name(ranked, result),
-        description=_summary(points.metrics, result),
+        name=route_name(ranked),
+        description=_summary(points.metrics, ranked),
         number=ranked.rank,
     )
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        name = f"{ranked.season} {ranked.rank} {points.names[index]}"
+        name = f"{ranked.case.name} {ranked.rank} {points.names[index]}"
         point = gpxpy.gpx.GPXRoutePoint(
             latitude=float(latitude),
             longitude=wrapped_longitude(longitude),
@@ -139,14 +132,12 @@ def _knots(speed_m_s: float) -> str:
     return f"{speed_m_s * KNOTS_PER_M_S:.4f}"
 
 
-def _track(
-    ranked: RankedRoute, result: RunResult, departure: datetime | None
-) -> gpxpy.gpx.GPXTrack:
+def _track(ranked: RankedRoute, departure: datetime | None) -> gpxpy.gpx.GPXTrack:
     """Return the path of a route as planned, in small steps."""
-    projection = result.scene.projection
+    projection = ranked.case.run.water.projection
     path = np.asarray(ranked.route.path, dtype=float)
     dense = densified(path, _TRACK_STEP_M / projection.scale)
-    times = times_at(metres_along(dense), path, ranked, result)
+    times = times_at(metres_along(dense), path, ranked)
     lonlat = projection.to_lonlat(dense)
     segment = gpxpy.gpx.GPXTrackSegment()
     segment.points = [
@@ -158,17 +149,16 @@ def _track(
         for (longitude, latitude), seconds in zip(lonlat, times, strict=True)
     ]
     track = gpxpy.gpx.GPXTrack(
-        name=f"{route_name(ranked, result)}, as planned",
-        description=_summary(ranked.metrics, result),
+        name=f"{route_name(ranked)}, as planned",
+        description=_summary(ranked.metrics, ranked),
     )
     track.segments = [segment]
     return track
 
 
-def _summary(metrics: RouteMetrics, result: RunResult) -> str:
+def _summary(metrics: RouteMetrics, ranked: RankedRoute) -> str:
     """Return way, length, duration and clearance of a route, and what is not known about it."""
-    known = limits_text(result, metrics)
-    return " ".join(part for part in (route_summary(metrics), known) if part)
+    return " ".join(filter(None, (route_summary(metrics), limits_text(ranked))))
 
 
 # Maximum distance, true metres, between a leg and the line drawn for it.
@@ -177,29 +167,26 @@ _ERROR_M = 10.0
 _LINES = {"best": (4, 1.0), "other": (2, 0.6)}
 
 
-def write_kml(
-    result: RunResult, season: str, path: Path, *, departure: datetime | None = None
-) -> None:
-    """Write a season's best route and the other side's best, with the best one's waypoints.
+def write_kml(case: RunCase, path: Path, *, departure: datetime | None = None) -> None:
+    """Write a case's best route and the other side's best, with the best one's waypoints.
 
     With a departure, which needs a time zone, the waypoints have times.
     """
-    best, *_ = found = both_sides(result, season)
-    known = limits_text(result, best.ranked.metrics)
-    parts = (result.scenario.description, known, attribution(result))
-    colour = season_colour(result.season_index(season))
+    best, *_ = found = both_sides(case)
+    parts = (case.scenario.description, limits_text(best.ranked), attribution(case.run))
+    colour = season_colour(case.number)
     content = (
         xml_environment("pipeline.formats.passage")
         .get_template("route.kml.jinja")
         .render(
-            title=document_title(result, season),
+            title=document_title(case),
             description=" ".join(part for part in parts if part),
             styles={name: (_abgr(colour, seen), width) for name, (width, seen) in _LINES.items()},
             routes=[
                 {
-                    "name": route_name(points.ranked, result),
+                    "name": route_name(points.ranked),
                     "description": route_summary(points.metrics),
-                    "parts": _line(points, result),
+                    "parts": _line(points),
                 }
                 for points in found
             ],
@@ -209,10 +196,12 @@ def write_kml(
     path.write_text(content.lstrip(), encoding="utf-8")
 
 
-def _line(points: Waypoints, result: RunResult) -> list[FloatArray]:
+def _line(points: Waypoints) -> list[FloatArray]:
     """Return a route's legs as one line (n, 2), degrees; in parts if it crosses 180 degrees."""
     begin, end = points.lonlat[:-1], points.lonlat[1:]
-    drawn = tracks(begin, end, points.curve, result.scene.projection, _ERROR_M).lonlat
+    drawn = tracks(
+        begin, end, points.curve, points.ranked.case.run.water.projection, _ERROR_M
+    ).lonlat
     moved = np.any(np.diff(drawn, axis=0) != 0, axis=1)
     return split_at_antimeridian(drawn[np.concatenate([[True], moved])])
 

@@ -1,4 +1,4 @@
-"""`<scenario>-<season>.rtz`: the season's best route for an ECDIS, by IEC 61174 (route exchange).
+"""`<scenario>-<season>.rtz`: the case's best route for an ECDIS, by IEC 61174 (route exchange).
 
 In RTZ a waypoint holds the leg that leads to it. Versions of the format differ in their namespace,
 in the spelling of some names, and in how extensions are wrapped.
@@ -12,17 +12,17 @@ from pathlib import Path
 from typing import TypeAlias
 
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RunResult, route_caveats
+from pipeline.findings.result import RunCase, route_caveats
 from pipeline.findings.text import duration, turns_text, xml_environment
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
     Waypoints,
     attribution,
+    case_waypoints,
     document_title,
     leg_text,
     limits_text,
-    season_waypoints,
     time_after,
     vessel_name,
     wrapped_longitude,
@@ -57,15 +57,8 @@ VERSIONS = {
 """The versions that can be written: number -> what differs."""
 
 
-def write_rtz(
-    result: RunResult,
-    season: str,
-    path: Path,
-    *,
-    version: str = "1.1",
-    departure: datetime | None = None,
-) -> None:
-    """Write the best route of a season that has one.
+def write_rtz(case: RunCase, path: Path, *, departure: datetime | None = None) -> None:
+    """Write the best route of a case that has one.
 
     The stem of the file becomes the route's name, since ECDIS want the two to be equal. Without a
     departure (and its time zone) the file has the speed and duration of each leg, but no times.
@@ -73,21 +66,18 @@ def write_rtz(
     Raises
     ------
     ValueError
-        An unknown version, or a departure without a time zone.
+        A departure without a time zone.
     """
-    if version not in VERSIONS:
-        raise ValueError(f"RTZ version {version!r} is not one of {', '.join(VERSIONS)}")
-    points = season_waypoints(result, season)[0]
-    path.write_text(rtz_text(result, points, path.stem, version, departure), encoding="utf-8")
+    text = rtz_text(case_waypoints(case)[0], path.stem, departure)
+    path.write_text(text, encoding="utf-8")
 
 
-def rtz_text(
-    result: RunResult, points: Waypoints, name: str, version: str, departure: datetime | None
-) -> str:
+def rtz_text(points: Waypoints, name: str, departure: datetime | None) -> str:
     """Return the file of a route under a name; see `write_rtz`."""
-    planned = points.ranked.metrics
+    planned, scenario = points.ranked.metrics, points.ranked.case.scenario
+    version = scenario.outputs.rtz_version
     # RTZ has no place for what is not known about a route, nor for what was decided for it.
-    caveats = note_texts(route_caveats(result, planned))
+    caveats = note_texts(route_caveats(points.ranked))
     method = "; ".join(("least fuel in the current", turns_text(planned), *caveats))
     content = (
         xml_environment("pipeline.formats.passage")
@@ -99,12 +89,12 @@ def rtz_text(
                 "routeName": clean(name, _MAX_TEXT_LENGTH),
                 "routeAuthor": "RENEW",
                 "routeStatus": "planned",
-                **({"vesselName": vessel} if (vessel := vessel_name(result)) else {}),
+                **({"vesselName": vessel} if (vessel := vessel_name(scenario)) else {}),
                 "optimizationMethod": clean(method, _MAX_TEXT_LENGTH),
             },
             waypoints=list(_waypoints(points)),
             schedule=list(_schedule(points, departure)),
-            provenance=_provenance(result, points),
+            provenance=_provenance(points),
             namespace=PROVENANCE,
         )
     )
@@ -145,15 +135,16 @@ def _schedule(points: Waypoints, departure: datetime | None) -> Iterator[_Attrib
         yield values
 
 
-def _provenance(result: RunResult, points: Waypoints) -> _Attributes:
+def _provenance(points: Waypoints) -> _Attributes:
     """Return the route's origin, what is not known about it, and the credits of its sources."""
+    case = points.ranked.case
     texts = {
-        "title": document_title(result, points.ranked.season),
-        "description": result.scenario.description,
+        "title": document_title(case),
+        "description": case.scenario.description,
         "way": points.ranked.metrics.way,
-        "unknown": limits_text(result, points.ranked.metrics),
-        "credits": attribution(result),
-        "created": f"{result.created:%Y-%m-%dT%H:%M:%SZ}",
+        "unknown": limits_text(points.ranked),
+        "credits": attribution(case.run),
+        "created": f"{case.run.created:%Y-%m-%dT%H:%M:%SZ}",
     }
     return {name: clean(text, _MAX_TEXT_LENGTH) for name, text in texts.items()}
 

@@ -15,7 +15,7 @@ import renew
 from pipeline._types import FloatArray, Geometries, IndexArray, IntArray
 from pipeline.findings.route_profile import edges_of
 from pipeline.formats.passage.tracks import Tracks
-from pipeline.model import Scene
+from pipeline.model import Case
 
 # Minimum clearance of a leg from V and land, as a share of the path's own least clearance.
 _MIN_CLEARANCE_SHARE = 0.5
@@ -39,16 +39,16 @@ class IndexedEdges:
 
 
 class Obstacles:
-    """Land, no-go zone and edge of a scene's chart, planar metres, indexed once for all its routes.
+    """Land, no-go zone and edge of a case's chart, planar metres, indexed once for all its routes.
 
     `areas` are shut when a route passes them, and count as land then.
     """
 
-    def __init__(self, scene: Scene, areas: Sequence[shapely.Geometry] = ()) -> None:
-        self.scene, self._areas = scene, tuple(areas)
-        self._land = np.array([*scene.land, *areas], dtype=object)
+    def __init__(self, case: Case, areas: Sequence[shapely.Geometry] = ()) -> None:
+        self.case, self._areas = case, tuple(areas)
+        self._land = np.array([*case.water.land, *areas], dtype=object)
         self._tree = shapely.STRtree(self._land)
-        self._extent = scene.chart.extent
+        self._extent = case.chart.extent
         shapely.prepare(self._extent)
 
     def land_in(self, area: shapely.Geometry) -> shapely.Geometry:
@@ -65,7 +65,7 @@ class Obstacles:
     @cached_property
     def edges(self) -> IndexedEdges:
         """Edges of the hard no-go zone, which covers all land, and of the chart."""
-        return IndexedEdges(edges_of([*self.scene.chart.no_go, *self._areas, self._extent]))
+        return IndexedEdges(edges_of([*self.case.chart.no_go, *self._areas, self._extent]))
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) ->
     )
     land = obstacles.land_in(around)
     soft = shapely.intersection(route.soft_no_go, around)
-    radius = float(route.speeds.max()) / obstacles.scene.vessel.turn_rate
+    radius = float(route.speeds.max()) / obstacles.case.vessel.turn_rate
     path, first, last = _with_exits(soft, np.asarray(route.path, dtype=float), _EXIT_RADII * radius)
     outside = shapely.LineString(path[first : last + 1]) if first < last else shapely.Point(path[0])
     blocked = shapely.union(soft, land)
@@ -164,11 +164,11 @@ def safe_corridor(route: renew.Route, obstacles: Obstacles, tolerance: float) ->
     )
 
 
-def kept_out(scene: Scene, season: str, route: renew.Route) -> list[shapely.Geometry]:
-    """Return the areas and tidal depths of a season that count as land beside a route."""
-    areas = [area.polygon for area in scene.areas.get(season, ())]
-    if (depth := scene.tidal_depths.get(season)) is not None:
-        areas += depth.areas
+def kept_out(case: Case, route: renew.Route) -> list[shapely.Geometry]:
+    """Return the areas and tidal depths of a case that count as land beside a route."""
+    areas = [area.polygon for area in case.areas]
+    if case.tidal_depth is not None:
+        areas += case.tidal_depth.areas
     # An area that the path itself crosses is open when the vessel passes.
     line = shapely.LineString(route.path)
     return [area for area in areas if not line.intersects(area)]

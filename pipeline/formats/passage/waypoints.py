@@ -11,7 +11,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray, IntArray
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RankedRoute, RunResult, route_caveats
+from pipeline.findings.result import RankedRoute, RunCase, RunResult, route_caveats
 from pipeline.findings.route_profile import (
     at_speeds_sailed,
     cumulative,
@@ -38,6 +38,7 @@ from pipeline.formats.passage.tracks import (
     tracks,
 )
 from pipeline.model import RouteMetrics
+from pipeline.scenario.model import Scenario
 from renew.results import unite_soft_no_go
 from renew.voyage.fuel import speeds_along
 
@@ -108,30 +109,27 @@ class Waypoints:
         return replace(self.ranked.metrics, length_m=length_m, duration_s=duration_s)
 
 
-def season_waypoints(result: RunResult, season: str) -> tuple[Waypoints, ...]:
-    """Return waypoints of a season's routes, best first.
+def case_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
+    """Return waypoints of a case's routes, best first.
 
-    Computed once for each result and cached with it, since every exchange format needs them.
+    Computed once for each run and cached with it, since every exchange format needs them.
     """
-    if _CACHE not in result.kept:
-        result.kept[_CACHE] = (Obstacles(result.scene), {})
-    obstacles, cached = result.kept[_CACHE]
-    if season not in cached:
-        routes = result.season_routes(season)
-        unite_soft_no_go([ranked.route for ranked in routes])
-        cached[season] = tuple(waypoints(ranked, result, obstacles) for ranked in routes)
-    found: tuple[Waypoints, ...] = cached[season]
-    return found
+    cached: dict[str, tuple[Waypoints, ...]] = case.run.kept.setdefault(_CACHE, {})
+    if case.name not in cached:
+        unite_soft_no_go([ranked.route for ranked in case.routes])
+        obstacles = Obstacles(case.case)
+        cached[case.name] = tuple(waypoints(ranked, obstacles) for ranked in case.routes)
+    return cached[case.name]
 
 
-def both_sides(result: RunResult, season: str) -> tuple[Waypoints, ...]:
-    """Return the waypoints of a season's best route, and of the best one on another side."""
-    best, *others = season_waypoints(result, season)
+def both_sides(case: RunCase) -> tuple[Waypoints, ...]:
+    """Return the waypoints of a case's best route, and of the best one on another side."""
+    best, *others = case_waypoints(case)
     side = best.ranked.metrics.main_passage
     return (best, *[other for other in others if other.ranked.metrics.main_passage != side][:1])
 
 
-def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> Waypoints:
+def waypoints(ranked: RankedRoute, obstacles: Obstacles) -> Waypoints:
     """Thin a route's path to waypoints whose legs, as sailed, avoid land and the soft no-go zone V.
 
     The legs stay within 0.1 % of the route's length (30 m on a short route) of the planned line,
@@ -140,18 +138,18 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
     where the path itself does, at a start or goal. Each via point is a waypoint, and so is each
     place where the speed through water changes by a tenth or more.
     """
-    scene = result.scene.leg(ranked.season)
-    shut = kept_out(scene, ranked.season, ranked.route)
-    obstacles = Obstacles(scene, shut) if shut else obstacles
-    pieces = [replace(ranked.route, path=piece) for piece in scene.pieces(ranked.route.path)]
-    curve = curve_for(scene.projection.to_lonlat(ranked.route.path))
+    case, projection = ranked.case.case, ranked.case.case.projection
+    shut = kept_out(case, ranked.route)
+    obstacles = Obstacles(case, shut) if shut else obstacles
+    pieces = [replace(ranked.route, path=piece) for piece in case.pieces(ranked.route.path)]
+    curve = curve_for(projection.to_lonlat(ranked.route.path))
     length = ranked.route.length
     # Least tolerance and largest tolerance, as distances of the legs from the path, planar metres.
-    least = min(MIN_TOLERANCE_M / scene.projection.scale, _MAX_TOLERANCE * length)
+    least = min(MIN_TOLERANCE_M / projection.scale, _MAX_TOLERANCE * length)
     max_tolerance = max(TOLERANCE * length, least)
     for share in _TOLERANCE_SHARES:
         corridor = safe_corridor(ranked.route, obstacles, share * max_tolerance)
-        drawing = Drawing(scene.projection, curve, corridor.max_error * scene.projection.scale)
+        drawing = Drawing(projection, curve, corridor.max_error * projection.scale)
         corridors = [corridor]
         if len(pieces) > 1:
             tolerance = share * max_tolerance
@@ -159,39 +157,38 @@ def waypoints(ranked: RankedRoute, result: RunResult, obstacles: Obstacles) -> W
         parts = [drawing.lonlat(thin(one, drawing).xy) for one in corridors]
         lonlat = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
         final_error_m = drawing.error_m * _FINAL_ERROR_SHARE
-        legs = tracks(lonlat[:-1], lonlat[1:], curve, scene.projection, final_error_m)
-        if _fuel_along(legs.chain[0], ranked, result) <= (1 + MAX_EXTRA_FUEL) * ranked.route.fuel:
+        legs = tracks(lonlat[:-1], lonlat[1:], curve, projection, final_error_m)
+        if _fuel_along(legs.chain[0], ranked) <= (1 + MAX_EXTRA_FUEL) * ranked.route.fuel:
             break
     if len(parted := with_speed_changes(lonlat, ranked.route, drawing)) > len(lonlat):
         lonlat = parted
-        legs = tracks(lonlat[:-1], lonlat[1:], curve, scene.projection, final_error_m)
-    return _described(ranked, result, obstacles, corridor, lonlat, legs, curve)
+        legs = tracks(lonlat[:-1], lonlat[1:], curve, projection, final_error_m)
+    return _described(ranked, obstacles, corridor, lonlat, legs)
 
 
 def _described(
     ranked: RankedRoute,
-    result: RunResult,
     obstacles: Obstacles,
     corridor: SafeCorridor,
     lonlat: FloatArray,
     legs: Tracks,
-    curve: Curve,
 ) -> Waypoints:
     """Return waypoints with the figures of their legs."""
-    scene = result.scene.leg(ranked.season)
+    case, projection = ranked.case.case, ranked.case.case.projection
+    curve = curve_for(projection.to_lonlat(ranked.route.path))
     factor = np.zeros(len(lonlat) - 1)
-    np.maximum.at(factor, legs.leg, scene.projection.point_scale(legs.lonlat))
+    np.maximum.at(factor, legs.leg, projection.point_scale(legs.lonlat))
     # True metres per planar metre where the plane stretches the leg most, so that no limit is too
     # wide.
-    true = scene.projection.scale / factor
+    true = projection.scale / factor
     error = corridor.max_error * _FINAL_ERROR_SHARE
     cap = MAX_CROSS_TRACK_M / float(true.min()) + error
     limits = np.array(cross_track_limits(legs, ranked.route.soft_no_go, obstacles, cap))
     port, starboard = np.maximum(limits - error, 0.0)
-    radius = float(ranked.route.speeds.max()) / scene.vessel.turn_rate
+    radius = float(ranked.route.speeds.max()) / case.vessel.turn_rate
     turns = turning_radii(legs, corridor, min(radius, _MAX_RADIUS_M / float(true.max())))
     line, ends = legs.chain
-    found = steps_along_legs(line, ranked, result)
+    found = steps_along_legs(line, ranked)
     time = cumulative(found.true_s)[ends]
     through_water = np.add.reduceat(found.through_water_m_s * found.planner_s, ends[:-1])
     through_water /= np.add.reduceat(found.planner_s, ends[:-1])
@@ -199,7 +196,7 @@ def _described(
     nothing = np.array([np.nan])
     return Waypoints(
         ranked=ranked,
-        names=waypoint_names(scene.projection.to_plane(lonlat), scene.via),
+        names=waypoint_names(projection.to_plane(lonlat), case.via),
         lonlat=lonlat,
         curve=curve,
         course_deg=np.append(initial_course_deg(lonlat[:-1], lonlat[1:], curve), nothing),
@@ -213,16 +210,11 @@ def _described(
     )
 
 
-def _fuel_along(line: FloatArray, ranked: RankedRoute, result: RunResult) -> float:
+def _fuel_along(line: FloatArray, ranked: RankedRoute) -> float:
     """Return the fuel along a line (n, 2) of the plane, in the planner's units."""
     pieces, _, speeds = at_speeds_sailed(line, ranked)
-    return renew.fuel(
-        pieces,
-        result.scene.currents[ranked.season],
-        result.scene.vessel_in(ranked.season),
-        drift=result.scenario.planner.drift,
-        speeds=speeds,
-    )
+    case, drift = ranked.case.case, ranked.case.scenario.planner.drift
+    return renew.fuel(pieces, case.current, case.vessel, drift=drift, speeds=speeds)
 
 
 def with_speed_changes(lonlat: FloatArray, route: renew.Route, drawing: Drawing) -> FloatArray:
@@ -273,34 +265,34 @@ _MAX_VESSEL_NAME = 32
 _TURN = np.array([360.0, 0.0])
 
 
-def document_title(result: RunResult, season: str) -> str:
-    """Return the title of a season's file: the scenario's and the season's, and a stand-in."""
-    scenario, period = result.scenario, result.period_text(season)
-    used = f", in the current of {period}" if result.is_stand_in(season) and period else ""
-    return f"{scenario.title or scenario.name}: {result.season_title(season)}{used}"
+def document_title(case: RunCase) -> str:
+    """Return the title of a case's file: the scenario's and the case's, and a stand-in."""
+    scenario, period = case.scenario, case.period_text
+    used = f", in the current of {period}" if case.is_stand_in and period else ""
+    return f"{scenario.title or scenario.name}: {case.title}{used}"
 
 
-def vessel_name(result: RunResult) -> str:
+def vessel_name(scenario: Scenario) -> str:
     """Return the vessel's title, or its name if the title has more than 32 characters.
 
     It is "" for a vessel without a title or a name.
     """
-    vessel = result.scenario.vessel
+    vessel = scenario.vessel
     short = vessel.label if len(vessel.label) <= _MAX_VESSEL_NAME else vessel.name
     return short[:_MAX_VESSEL_NAME]
 
 
-def route_name(ranked: RankedRoute, result: RunResult) -> str:
+def route_name(ranked: RankedRoute) -> str:
     """Return the name of a route in a plotter's list: "Palawan summer 01 west", sorted by rank.
 
     The scenario's name, the season, the rank, and how the route passes the main island.
     """
-    digits = len(str(len(result.season_routes(ranked.season))))
-    words = re.split(r"[-_\s]+", result.scenario.name)
+    digits = len(str(len(ranked.case.routes)))
+    words = re.split(r"[-_\s]+", ranked.case.scenario.name)
     # After the season's own name the word "season" says nothing.
     place = " ".join(word for word in words if word.lower() != "season")
     rank = f"{ranked.rank:0{digits}d}"
-    parts = (capitalised(place), ranked.season, rank, ranked.label or ranked.metrics.main_side)
+    parts = (capitalised(place), ranked.case.name, rank, ranked.label or ranked.metrics.main_side)
     return " ".join(part for part in parts if part)
 
 
@@ -309,9 +301,9 @@ def attribution(result: RunResult) -> str:
     return "; ".join(dict.fromkeys(credit.text for credit in result.credits if credit.text))
 
 
-def limits_text(result: RunResult, metrics: RouteMetrics) -> str:
+def limits_text(ranked: RankedRoute) -> str:
     """Say how a route is not safe, what is not known and what was decided, in one line."""
-    found = "; ".join(note_texts(route_caveats(result, metrics)))
+    found = "; ".join(note_texts(route_caveats(ranked)))
     return f"{capitalised(found)}." if found else ""
 
 

@@ -7,14 +7,12 @@ import numpy as np
 
 from pipeline._types import FloatArray
 from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, stretch_line
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase
 
 
-def haven_lines(
-    result: RunResult, season: str, line: Callable[[FloatArray], list[int]]
-) -> dict[str, Any] | None:
-    """Return what the map shows of a season's havens, encoded by `line`; None without havens."""
-    coverage = result.coverages.get(season)
+def haven_lines(case: RunCase, line: Callable[[FloatArray], list[int]]) -> dict[str, Any] | None:
+    """Return what the map shows of a case's havens, encoded by `line`; None without havens."""
+    coverage = case.coverage
     if coverage is None:
         return None
     return {
@@ -25,9 +23,9 @@ def haven_lines(
         "stretches": [
             {
                 "state": row.kind,
-                "places": line(np.asarray(stretch_line(result, season, row).coords)),
+                "places": line(np.asarray(stretch_line(case, row).coords)),
             }
-            for row in haven_rows(result, season)
+            for row in haven_rows(case)
             if row.kind not in LAST_TURNS
         ],
     }

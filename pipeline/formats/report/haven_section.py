@@ -1,31 +1,28 @@
 """What the page says of havens: how much of a route is covered, and a table of the ways to take."""
 
-from datetime import datetime
 from typing import Any
 
 from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, haven_rows
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase
 from pipeline.findings.text import duration
 from pipeline.formats.haven_table import haven_facts, moment_cell
 from pipeline.formats.report.map_data import place_on_map
 
 
-def haven_section(result: RunResult, season: str) -> dict[str, Any] | None:
-    """Return the sentences and rows of a season's havens; None without havens."""
-    coverage = result.coverages.get(season)
-    if coverage is None:
+def haven_section(case: RunCase) -> dict[str, Any] | None:
+    """Return the sentences and rows of a case's havens; None without havens."""
+    if case.coverage is None:
         return None
-    departure = result.spec_of(season).departure
     return {
-        "sentences": [one for one in haven_facts(result, season) if one],
-        "rows": [_row(result, row, departure) for row in haven_rows(result, season)],
+        "sentences": [one for one in haven_facts(case) if one],
+        "rows": [_row(case, row) for row in haven_rows(case)],
     }
 
 
-def _row(result: RunResult, row: HavenRow, departure: datetime | None) -> dict[str, Any]:
+def _row(case: RunCase, row: HavenRow) -> dict[str, Any]:
     """Return a row of the table as text; `place` is where the vessel turns off, for a button."""
-    way = row.way
-    place = None if way is None else result.scene.projection.to_plane(way.place)
+    way, departure, water = row.way, case.spec.departure, case.run.water
+    place = None if way is None else water.projection.to_plane(way.place)
     is_last = row.kind in LAST_TURNS
     return {
         "kind": row.kind,
@@ -33,7 +30,7 @@ def _row(result: RunResult, row: HavenRow, departure: datetime | None) -> dict[s
         "end": "" if row.kind in MOMENTS else moment_cell(row.end_s, departure),
         "way": way,
         "turn_off": moment_cell(way.turn_off_s, departure) if way else "",
-        "place": "" if place is None else place_on_map(result, place),
+        "place": "" if place is None else place_on_map(water, place),
         "bearing": f"{round(way.bearing_deg) % 360:03d}°" if way else "",
         "takes": duration(way.duration_s) if way else "",
         "longest": duration(row.longest_s) if way else "",

@@ -16,12 +16,12 @@ import shapely
 
 import renew
 from pipeline._types import FloatArray, Geometries, IntArray
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.route_profile import route_profile
 from pipeline.findings.text import zone_text
 from pipeline.formats.figures.map_marks import graticule, on_water
 from pipeline.formats.report.haven_lines import haven_lines
-from pipeline.model import RouteKey
+from pipeline.model import RouteKey, Water
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
 _MIN_STEPS = 2e5
@@ -126,10 +126,10 @@ def json_for_script(data: object) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def place_on_map(result: RunResult, place: FloatArray) -> str:
+def place_on_map(water: Water, place: FloatArray) -> str:
     """Return a planar place (2,) for a button: "x,y", true metres from the lower left corner."""
-    xmin, ymin, _, _ = result.scene.chart.bounds
-    x, y = (np.asarray(place) - [xmin, ymin]) * result.scene.projection.scale
+    xmin, ymin, _, _ = water.chart.bounds
+    x, y = (np.asarray(place) - [xmin, ymin]) * water.projection.scale
     return f"{x:.0f},{y:.0f}" if max(abs(x), abs(y)) >= 1e4 else f"{x:.6g},{y:.6g}"
 
 
@@ -141,10 +141,10 @@ def positions(result: RunResult, lattice: Lattice) -> dict[str, object] | None:
     """
     if result.scenario.is_planar:
         return None
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     x, y = np.linspace(xmin, xmax, _CELLS + 1), np.linspace(ymin, ymax, _CELLS + 1)
     corners = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    lon, lat = result.scene.projection.to_lonlat(corners).T
+    lon, lat = result.water.projection.to_lonlat(corners).T
     lon = np.degrees(np.unwrap(np.radians(lon).reshape(len(y), len(x)), axis=1))
     lon = np.degrees(np.unwrap(np.radians(lon), axis=0)).ravel()
     whole = np.rint(np.stack([lon, lat]) / _UNIT_DEG).astype(np.int64)
@@ -176,37 +176,37 @@ _POINTS_BEST, _POINTS = 200, 100
 
 def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, object]:
     """Gather coast, grid, currents and routes; `speed_limits` (m/s) are those of the classes."""
-    scene = result.scene
-    lattice = Lattice.of(scene.chart.bounds, scene.projection.scale)
+    water, (start, *via, goal) = result.water, result.stops
+    lattice = Lattice.of(water.chart.bounds, water.projection.scale)
     shoals, hazards = (
-        scene.projection.geometry_to_plane(np.array(areas, dtype=object))
+        water.projection.geometry_to_plane(np.array(areas, dtype=object))
         for areas in (result.shoals, result.hazards)
     )
-    named = {island.number for island in result.evaluation.islands}
+    named = {island.number for island in result.islands}
     return {
         "stepM": lattice.step_m,
         "planar": result.scenario.is_planar,
         "noGoName": result.fetched.land.no_go_name,
-        "origin": [float(value) * scene.projection.scale for value in lattice.origin],
-        "extent": lattice.rings(np.array([scene.chart.extent], dtype=object)),
+        "origin": [float(value) * water.projection.scale for value in lattice.origin],
+        "extent": lattice.rings(np.array([water.chart.extent], dtype=object)),
         **_beyond(result, lattice),
-        "land": _areas(result, np.array(scene.land, dtype=object), lattice),
+        "land": _areas(result, np.array(water.land, dtype=object), lattice),
         "noGo": _no_go(result, lattice),
         "shoals": _areas(result, shoals, lattice),
         "hazards": _areas(result, hazards, lattice),
         "zones": _zones(result, lattice),
         "grid": _grid(result, lattice),
-        "start": lattice.line(scene.start[None, :]),
-        "goal": lattice.line(scene.goal[None, :]),
-        "via": [lattice.line(point[None, :]) for point in scene.via],
+        "start": lattice.line(start[None, :]),
+        "goal": lattice.line(goal[None, :]),
+        "via": [lattice.line(point[None, :]) for point in via],
         "islands": [
             {
                 "label": island.label,
-                "names": island in result.evaluation.islands,
-                "below": island in result.evaluation.class_islands and island.number in named,
+                "names": island in result.islands,
+                "below": island in result.class_islands and island.number in named,
                 "place": lattice.line(np.array([[island.x, island.y]])),
             }
-            for island in (*result.evaluation.islands, *result.evaluation.class_islands)
+            for island in (*result.islands, *result.class_islands)
         ],
         "positions": positions(result, lattice),
         "speedLimits": list(speed_limits),
@@ -218,7 +218,7 @@ def _areas(result: RunResult, areas: Geometries, lattice: Lattice) -> list[list[
     """Return rings of planar areas, clipped to the chart."""
     if not len(areas):
         return []
-    inside = within(areas, result.scene.chart.extent)
+    inside = within(areas, result.water.chart.extent)
     return lattice.rings(coarser(inside, lattice.step, _MAX_VERTICES))
 
 
@@ -229,7 +229,7 @@ def _beyond(result: RunResult, lattice: Lattice) -> dict[str, object]:
     """
     if not result.fetched.surroundings:
         return {"sheet": [], "beyond": []}
-    extent = result.scene.chart.extent
+    extent = result.water.chart.extent
     xmin, ymin, xmax, ymax = extent.bounds
     reach = _SHEET_SHARE * max(xmax - xmin, ymax - ymin)
     sheet = shapely.box(xmin - reach, ymin - reach, xmax + reach, ymax + reach)
@@ -246,15 +246,15 @@ def _no_go(result: RunResult, lattice: Lattice) -> list[list[int]]:
     """Return rings of the hard no-go zone in a screen's detail; none in a plane, which has land."""
     if result.scenario.is_planar:
         return []
-    no_go = within(np.array(result.scene.chart.no_go, dtype=object), result.scene.chart.extent)
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    no_go = within(np.array(result.water.chart.no_go, dtype=object), result.water.chart.extent)
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     tolerance = _NO_GO_TOLERANCE * max(xmax - xmin, ymax - ymin)
     return lattice.rings(coarser(no_go, tolerance, _MAX_NO_GO_VERTICES))
 
 
 def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
     """Open zones: their areas inside the chart, and their edges except where the chart ends."""
-    extent = result.scene.chart.extent
+    extent = result.water.chart.extent
     zones: list[dict[str, object]] = []
     for zone, area in result.open_zones:
         simple = coarser(np.array([area]), lattice.step, _MAX_VERTICES)[0]
@@ -276,7 +276,7 @@ def _zones(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
 
 def _grid(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
     """Return meridians and parallels, or a grid in metres, each with the position of its label."""
-    scene, is_planar = result.scene, result.scenario.is_planar
+    water = result.water
     return [
         {
             "label": line.label,
@@ -284,33 +284,33 @@ def _grid(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
             "foot": lattice.line(np.array([line.foot])),
             "parts": [lattice.line(part) for part in line.parts],
         }
-        for line in graticule(scene.projection, scene.chart.extent, in_metres=is_planar)
+        for line in graticule(water.projection, water.chart.extent, in_metres=water.is_planar)
     ]
 
 
 def _seasons(result: RunResult, lattice: Lattice) -> list[dict[str, object]]:
-    """Return current and routes of each season."""
+    """Return current and routes of each case."""
     soft = _soft_no_go(result)
     return [
         {
-            "title": result.season_title(entry.season),
-            "current": _current(result, entry.season, lattice),
-            "havens": haven_lines(result, entry.season, lattice.line),
+            "title": case.title,
+            "current": _current(case, lattice),
+            "havens": haven_lines(case, lattice.line),
             "routes": [
                 {
-                    **_route(result, ranked, lattice),
-                    "soft": lattice.rings(soft[ranked.season, ranked.rank]),
+                    **_route(ranked, lattice),
+                    "soft": lattice.rings(soft[case.name, ranked.rank]),
                 }
-                for ranked in result.season_routes(entry.season)
+                for ranked in case.routes
             ],
         }
-        for entry in result.plans
+        for case in result.cases
     ]
 
 
 def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
     """Return soft no-go zone of each route in the plane, simplified and clipped to the chart."""
-    chart = result.scene.chart
+    chart = result.water.chart
     xmin, ymin, xmax, ymax = chart.bounds
     tolerance = _SOFT_TOLERANCE * max(xmax - xmin, ymax - ymin)
     zones = np.array([ranked.route.soft_no_go for ranked in result.routes], dtype=object)
@@ -318,16 +318,17 @@ def _soft_no_go(result: RunResult) -> dict[RouteKey, Geometries]:
     zones = shapely.make_valid(shapely.simplify(zones, tolerance, preserve_topology=False))
     zones = coarser(zones, 2 * tolerance, _MAX_SOFT_VERTICES)
     return {
-        (ranked.season, ranked.rank): within(zones[i : i + 1], chart.extent)
+        (ranked.case.name, ranked.rank): within(zones[i : i + 1], chart.extent)
         for i, ranked in enumerate(result.routes)
     }
 
 
-def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
+def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
     """Return a route: its profile along it, and its hard-over turns."""
-    profile = route_profile(ranked, result, points=_POINTS_BEST if ranked.rank == 1 else _POINTS)
-    whole = lattice.to_steps(result.scene.projection.to_plane(profile.lonlat))
-    turns, hits = _turns(result, ranked)
+    profile = route_profile(ranked, points=_POINTS_BEST if ranked.rank == 1 else _POINTS)
+    projection = ranked.case.run.water.projection
+    whole = lattice.to_steps(projection.to_plane(profile.lonlat))
+    turns, hits = _turns(ranked)
     return {
         "rank": ranked.rank,
         "way": ranked.metrics.way,
@@ -343,40 +344,35 @@ def _route(result: RunResult, ranked: RankedRoute, lattice: Lattice) -> dict[str
         "clearance": series(profile.clearance_m),
         "turns": lattice.line(turns),
         "hits": lattice.line(hits),
-        "shores": lattice.line(
-            result.scene.projection.to_plane(result.crossings(ranked.season, ranked.rank))
-        ),
+        "shores": lattice.line(projection.to_plane(ranked.case.crossings(ranked.rank))),
     }
 
 
-def _turns(result: RunResult, ranked: RankedRoute) -> tuple[FloatArray, FloatArray]:
+def _turns(ranked: RankedRoute) -> tuple[FloatArray, FloatArray]:
     """Return points (n, 2) where hard-over turns begin: all harmful ones, some of the harmless."""
-    found = result.evaluation.contingency.get((ranked.season, ranked.rank))
-    if found is None:
-        return np.empty((0, 2)), np.empty((0, 2))
+    found = ranked.case.measures.turns[ranked.rank - 1]
     harmless = found.points[~found.collided]
     step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
     return harmless[::step], found.points[found.collided]
 
 
-def _current(result: RunResult, season: str, lattice: Lattice) -> dict[str, object] | None:
+def _current(case: RunCase, lattice: Lattice) -> dict[str, object] | None:
     """Return the planner's own current on a regular lattice over the water, in whole cm/s.
 
     A changing current is given at departure. `u` and `v` are along the plane's axes, row by
     row from below; 0, 0 is land or still water.
     """
-    scene = result.scene
-    if season not in scene.currents:
+    if case.planned is None:
         return None
-    field = scene.currents[season]
-    xmin, ymin, xmax, ymax = scene.chart.bounds
+    field = case.planned.current
+    xmin, ymin, xmax, ymax = case.planned.chart.bounds
     spacing = max(_min_spacing(field), math.sqrt((xmax - xmin) * (ymax - ymin) / _MAX_ARROWS))
     columns, rows = max(1, int((xmax - xmin) / spacing)), max(1, int((ymax - ymin) / spacing))
     x = xmin + spacing * (0.5 + np.arange(columns))
     y = ymin + spacing * (0.5 + np.arange(rows))
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     velocity = np.asarray(field(points), dtype=float)
-    velocity[~on_water(result, points)] = 0.0
+    velocity[~on_water(case.run.water, points)] = 0.0
     whole = np.rint(100 * velocity).astype(np.int64)
     return {
         "corner": lattice.line(np.array([[x[0], y[0]]])),

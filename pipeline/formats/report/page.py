@@ -16,14 +16,14 @@ from markupsafe import Markup
 
 from pipeline.findings import text
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import MAX_STRAITS, RunResult, addressed
+from pipeline.findings.result import MAX_STRAITS, RunCase, RunResult, addressed
 from pipeline.findings.text import environment
 from pipeline.formats.figures.map_marks import has_arrows, speed_scale
 from pipeline.formats.palette import style_colours
 from pipeline.formats.records import versions
 from pipeline.formats.report import assets
 from pipeline.formats.report.map_data import json_for_script, map_data, place_on_map
-from pipeline.formats.report.season import season_section
+from pipeline.formats.report.season import case_section
 from pipeline.geo.lonlat import position_text
 from pipeline.model import Credit, CurrentGrid, ShutStrait
 from pipeline.scenario.published import PublishedRow
@@ -47,7 +47,7 @@ def render(report: dict[str, Any]) -> str:
     loaded = environment("pipeline.formats.report")
     loaded.filters.update({name: getattr(text, name) for name in _FILTERS})
     loaded.filters.update({kind: partial(_quantity, kind) for kind in ("distance", "clearance")})
-    loaded.filters.update(note_texts=note_texts, season_title=result.season_title)
+    loaded.filters.update(note_texts=note_texts, season_title=lambda name: result.case(name).title)
     return loaded.get_template("report.html.jinja").render(
         report=report,
         result=result,
@@ -76,7 +76,7 @@ def _quantity(kind: str, value: float | None) -> Markup:
 def _place_on_map(result: RunResult, strait: ShutStrait) -> str:
     """Return a strait's place for a button."""
     place = np.array([strait.lon, strait.lat])
-    return place_on_map(result, result.scene.projection.to_plane(place))
+    return place_on_map(result.water, result.water.projection.to_plane(place))
 
 
 def gather(result: RunResult) -> dict[str, Any]:
@@ -87,20 +87,20 @@ def gather(result: RunResult) -> dict[str, Any]:
     speeds = speed_scale(result)
     # Decisions and unknown facts have parts of their own.
     shown = {*result.decisions, *result.unknowns}
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     return {
         "result": result,
         "notices": [(title, items) for title, items in _notices(result) if items],
         "doubts": [(title, items) for title, items in _doubts(result) if items],
         "notes": note_texts(note for note in result.fetched.notes if note not in shown),
         "lacking": [
-            row
-            for row in result.evaluation.routes
-            if not result.scenario.is_planar and (row.filled_share > 0 or row.uncharted_share > 0)
+            one
+            for one in result.routes
+            if not result.scenario.is_planar
+            and (one.metrics.filled_share > 0 or one.metrics.uncharted_share > 0)
         ],
-        "seasons": [
-            season_section(result, entry, i) for i, entry in enumerate(result.plans, start=1)
-        ],
+        "has_crossings": any(case.measures.shore_crossings for case in result.cases),
+        "seasons": [case_section(case) for case in result.cases],
         "speed_labels": speeds.labels if has_arrows(result) else (),
         # JSON without characters that could end its element.
         "map_json": Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
@@ -114,47 +114,41 @@ def gather(result: RunResult) -> dict[str, Any]:
 
 def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
     """Return every source with its use, land first."""
-    seasons: dict[Credit, list[str]] = {}
-    for grid in result.fetched.currents:
-        seasons.setdefault(grid.credit, []).append(result.season_title(grid.season))
+    titles: dict[Credit, list[str]] = {}
+    for case in result.cases:
+        if case.grid is not None:
+            titles.setdefault(case.grid.credit, []).append(case.title)
     return (
         *(("Land", credit) for credit in result.fetched.land.credits),
-        *((f"Currents, {', '.join(of)}", credit) for credit, of in seasons.items()),
+        *((f"Currents, {', '.join(of)}", credit) for credit, of in titles.items()),
     )
 
 
 def _notices(result: RunResult) -> Iterator[Notice]:
     """Yield the notices above the answer: land of another shoreline."""
-    titles = {spec.name: result.season_title(spec.name) for spec in result.scenario.seasons}
-    crossings = result.evaluation.shore_crossings
     yield (
         "Land of another shoreline on the route",
         tuple(
-            (titles[season], f": {_crossed(result, season)}")
-            for season in dict.fromkeys(one.season for one in crossings)
+            (case.title, f": {_crossed(case)}")
+            for case in result.cases
+            if case.measures.shore_crossings
         ),
     )
 
 
 def _doubts(result: RunResult) -> Iterator[Notice]:
     """Yield the notices directly below the answer: doubtful currents, and what was decided."""
-    requested = {spec.name: spec.title or spec.valid for spec in result.scenario.seasons}
-    grids = result.fetched.currents
-    titles = {grid.season: result.season_title(grid.season) for grid in grids}
+    with_grid = [case for case in result.cases if case.grid is not None]
     yield (
         "Planned with stand-in currents",
-        tuple(
-            (titles[grid.season], _stand_in(result, grid, requested.get(grid.season, "")))
-            for grid in grids
-            if result.is_stand_in(grid.season)
-        ),
+        tuple((case.title, _stand_in(case)) for case in with_grid if case.is_stand_in),
     )
     yield (
         "The current is not known",
         tuple(
-            (titles[grid.season], f": {_lacking(grid)}")
-            for grid in grids
-            if result.lacks_current(grid.season)
+            (case.title, f": {_lacking(case.source_grid)}")
+            for case in with_grid
+            if case.lacks_current
         ),
     )
     stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
@@ -163,11 +157,11 @@ def _doubts(result: RunResult) -> Iterator[Notice]:
     yield "What was decided", tuple(("", f"{text.capitalised(one)}.") for one in note_texts(others))
 
 
-def _stand_in(result: RunResult, grid: CurrentGrid, requested: str) -> str:
+def _stand_in(case: RunCase) -> str:
     """Say which current stands in for the requested one."""
+    requested, valid = case.spec.title or case.spec.valid, case.valid_text
     asked = f", requested for {requested}" if requested else ""
-    valid = result.valid_text(grid.season)
-    return f"{asked}: {grid.credit.name}{f', {valid}' if valid else ''}"
+    return f"{asked}: {case.source_grid.credit.name}{f', {valid}' if valid else ''}"
 
 
 def _lacking(grid: CurrentGrid) -> str:
@@ -180,9 +174,9 @@ def _lacking(grid: CurrentGrid) -> str:
     )
 
 
-def _crossed(result: RunResult, season: str) -> str:
-    """Say how much of a season's best route, or of others, crosses land of another shoreline."""
-    crossings = [one for one in result.evaluation.shore_crossings if one.season == season]
+def _crossed(case: RunCase) -> str:
+    """Say how much of a case's best route, or of others, crosses land of another shoreline."""
+    crossings = case.measures.shore_crossings
     best = [one.length_m for one in crossings if one.rank == 1]
     check = "Check the official chart there: the places are on the map and below."
     if best:
@@ -193,7 +187,7 @@ def _crossed(result: RunResult, season: str) -> str:
 
 
 def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
-    """Return each season's best route, followed by the season's published routes.
+    """Return each case's best route, followed by the published routes of its season.
 
     `fuel` and `length` are in the scaled units of the route's own planner, `length_m` and
     `clearance_m` true metres; unknown figures are None.
@@ -202,13 +196,13 @@ def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
     if published is None:
         return ()
     rows = []
-    seasons = {entry.season for entry in result.plans}
-    for entry in result.plans:
-        for ranked in result.season_routes(entry.season)[:1]:
+    titles = {case.name: case.title for case in result.cases}
+    for case in result.cases:
+        for ranked in case.routes[:1]:
             metrics = ranked.metrics
             rows.append(
                 {
-                    "season": result.season_title(entry.season),
+                    "season": case.title,
                     "planner": "This run",
                     "is_ours": True,
                     "scale": result.scenario.scale,
@@ -222,7 +216,7 @@ def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
             )
         rows += [
             {
-                "season": result.season_title(row.season) if row.season in seasons else row.season,
+                "season": titles.get(row.season, row.season),
                 "planner": row.label,
                 "is_ours": False,
                 "scale": published.scale,
@@ -234,7 +228,7 @@ def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
                 "clearance_m": None if row.clearance is None else row.clearance * published.scale,
             }
             for row in published.rows
-            if row.season == entry.season or (not row.season and entry is result.plans[0])
+            if row.season == case.name or (not row.season and not case.number)
         ]
     return tuple(rows)
 

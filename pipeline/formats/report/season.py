@@ -1,4 +1,4 @@
-"""A season's card and section: the best route, why, its plots, all classes, the rejected ones."""
+"""A case's card and section: the best route, why, its plots, all classes, the rejected ones."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -9,20 +9,20 @@ from markupsafe import Markup
 
 from pipeline._types import FloatArray
 from pipeline.findings import departures_and_speeds, ensembles, text
-from pipeline.findings.result import RankedRoute, RunResult
+from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.under_way import replanned_text
 from pipeline.formats.figures.artists import page_svg
 from pipeline.formats.figures.choice_plots import departure_figure, trade_off_figure
 from pipeline.formats.figures.ensemble_plots import fan_figure, share_map
 from pipeline.formats.figures.map_marks import arrows
 from pipeline.formats.figures.plots import profile_figure
-from pipeline.formats.figures.season_map import season_svg
+from pipeline.formats.figures.season_map import case_svg
 from pipeline.formats.figures.turning import padding_figure, tightest_place
 from pipeline.formats.report.haven_section import haven_section
 from pipeline.formats.report.map_data import coarser, place_on_map, within
-from pipeline.formats.report.sentences import SeasonFacts
+from pipeline.formats.report.sentences import CaseFacts
 from pipeline.geo.lonlat import position_text
-from pipeline.model import RouteMetrics, SeasonPlan
+from pipeline.model import RouteMetrics
 from renew import Rejected
 
 # Longer side of the picture, in its units, and size of the smallest details, as a share of that
@@ -33,59 +33,59 @@ _MAX_VERTICES = 900
 _MAX_RATIO = 1.6
 
 
-def season_section(result: RunResult, entry: SeasonPlan, number: int) -> dict[str, Any]:
-    """Gather what the templates show of a season; `rows` are empty if `failure` gives a reason.
+def case_section(case: RunCase) -> dict[str, Any]:
+    """Gather what the templates show of a case; `rows` are empty if `failure` gives a reason.
 
     `passage` is departure and arrival of the best route, empty if no departure is given; `said`
     tells why to take this route. `thumbnail` and `picture` are static maps; `profile` and `padding`
     are plots of the best route. `choices` are when to leave and how fast to go, if that was to be
     chosen; `speeds` are then the best route's lowest and highest, m/s.
     """
-    season, title, anchor = entry.season, result.season_title(entry.season), f"season-{number}"
-    ranked = result.season_routes(season)
+    result, ranked = case.run, case.routes
+    title, anchor = case.title, f"season-{case.number + 1}"
     metrics = [r.metrics for r in ranked]
     label = f"{title}: {_map_label(metrics, result.fetched.land.no_go_name)}"
-    passage = result.scenario.passage(season, round(metrics[0].duration_s)) if ranked else ()
-    said = season_facts(result, metrics)
+    passage = result.scenario.passage(case.name, round(metrics[0].duration_s)) if ranked else ()
+    said = case_facts(case)
     rival = said.rival if said else None
-    found = departures_and_speeds.trade_off(result, season)
+    found = departures_and_speeds.trade_off(case)
     return {
         "title": title,
         "anchor": anchor,
-        "failure": entry.failure,
-        "current": _current(result, season),
-        "valid": result.valid_text(season),
+        "failure": case.result.failure,
+        "current": _current(case),
+        "valid": case.valid_text,
         "passage": [text.moment_text(moment) for moment in passage or ()],
         "said": said,
         "best": said and said.best,
-        "remarks": _remarks(result, ranked[0]) if ranked else (),
-        "rows": _rows(result, metrics),
-        "rejected": _rejected(result, entry),
+        "remarks": _remarks(ranked[0]) if ranked else (),
+        "rows": _rows(ranked),
+        "gap_figure": case.gap_figure,
+        "rejected": _rejected(case),
         "thumbnail": {
             **thumbnail(result, [r for r in ranked if r.metrics in (metrics[0], rival)]),
             "label": label,
         },
-        "picture": season_svg(result, season, identity=anchor, label=f"Map of {label}"),
-        **(_plots(result, ranked[0], title, anchor) if ranked else {}),
-        "havens": haven_section(result, season),
+        "picture": case_svg(case, identity=anchor, label=f"Map of {label}"),
+        **(_plots(ranked[0], title, anchor) if ranked else {}),
+        "havens": haven_section(case),
         "choices": [
-            *_choices(result, entry, found, anchor),
-            *_members(result, season, anchor),
+            *_choices(case, found, anchor),
+            *_members(case, anchor),
         ],
         "speeds": found and (found.slowest, found.fastest),
     }
 
 
 def _choices(
-    result: RunResult,
-    entry: SeasonPlan,
+    case: RunCase,
     found: departures_and_speeds.TradeOff | None,
     anchor: str,
 ) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
     """Yield what is kept under way, when to leave and how fast to go: title, sentences, plot."""
-    if entry.replanned is not None:
-        yield "Planned again under way", replanned_text(entry.replanned), Markup()
-    choice = result.departure_choice(entry.season)
+    if case.result.replanned is not None:
+        yield "Planned again under way", replanned_text(case.result.replanned), Markup()
+    choice = case.departure_choice
     if choice is not None:
         said = departures_and_speeds.departure_text(choice)
         figure = departure_figure(choice)
@@ -98,49 +98,46 @@ def _choices(
         yield "How fast", said, plot
 
 
-def _members(
-    result: RunResult, season: str, anchor: str
-) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
+def _members(case: RunCase, anchor: str) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
     """Yield how sure the side is: sentences with the fans of fuel, and the map of best routes."""
-    found, ranked = ensembles.ensemble_of(result, season), result.season_routes(season)
+    found, ranked = case.result.ensemble, case.routes
     if found is None or not ranked:
         return
-    said = ensembles.ensemble_text(result, season)
-    fans, drawn = fan_figure(found, ranked), share_map(result, found, ranked)
+    said = ensembles.ensemble_text(case)
+    fans, drawn = fan_figure(found, ranked), share_map(case.run, found, ranked)
     yield "How sure", said, page_svg(fans, identity=f"{anchor}-fans", label=said[0])
     label = f"Map of the routes by their shares. {said[0]}"
     yield "Best in how many members", (), page_svg(drawn, identity=f"{anchor}-shares", label=label)
 
 
-def season_facts(result: RunResult, metrics: list[RouteMetrics]) -> SeasonFacts | None:
-    """Gather the facts for a season's sentences; None without a route."""
-    if not metrics:
+def case_facts(case: RunCase) -> CaseFacts | None:
+    """Gather the facts for a case's sentences; None without a route."""
+    if not case.routes:
         return None
-    season, evaluation = metrics[0].season, result.evaluation
-    speeds = arrows(result, season).speed
-    return SeasonFacts(
-        metrics,
+    speeds = arrows(case).speed
+    return CaseFacts(
+        [one.metrics for one in case.routes],
         float(speeds.mean()) if len(speeds) else 0.0,
-        evaluation.gap_shares_of(season),
-        evaluation.clock_worth_of(season),
-        result.side_bound_of(season),
-        result.lacks_current(season),
+        case.measures.gap_shares,
+        case.measures.clock_worth,
+        case.side_bound,
+        case.lacks_current,
     )
 
 
-def _plots(result: RunResult, best: RankedRoute, title: str, anchor: str) -> dict[str, Markup]:
+def _plots(best: RankedRoute, title: str, anchor: str) -> dict[str, Markup]:
     """Plot the best route's profile, and the reach of turns at its tightest place."""
     m = best.metrics
     profile = page_svg(
-        profile_figure(result, best),
+        profile_figure(best),
         identity=f"{anchor}-profile",
         label=f"Along the best route of {title}: fuel up to {text.fuel(m.fuel)}, speed over "
         f"ground, current along the course, and distance to {m.no_go_name}, at least "
         f"{text.clearance(m.clearance_m)}",
     )
-    found = tightest_place(result, best)
+    found = tightest_place(best)
     padding = page_svg(
-        padding_figure(found, result.scene.projection.scale) if found else None,
+        padding_figure(found, best.case.case.projection.scale) if found else None,
         identity=f"{anchor}-padding",
         label=f"How far hard-over turns reach at the tightest place of the best route of {title}",
     )
@@ -158,52 +155,52 @@ def _map_label(metrics: list[RouteMetrics], no_go: str) -> str:
     )
 
 
-def _current(result: RunResult, season: str) -> str:
-    """Return the name of the source of a season's current."""
-    if (grid := result.grid_of(season)) is not None:
-        return grid.credit.name
-    return "given in the scenario" if season in result.scene.currents else "none found"
+def _current(case: RunCase) -> str:
+    """Return the name of the source of a case's current."""
+    if case.grid is not None:
+        return case.grid.credit.name
+    return "none found" if case.planned is None else "given in the scenario"
 
 
-def _rows(result: RunResult, metrics: list[RouteMetrics]) -> list[dict[str, Any]]:
-    """Return the rows of a season's table: each route's fuel as shares of other fuels.
+def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
+    """Return the rows of a case's table: each route's fuel as shares of other fuels.
 
     `excess` is above the best route's fuel; `bar_percent` is the length of its bar, 100 for the
     greatest. `of_still` is a share of the fuel that this way takes in still water, `of_shortest`
     one of the fuel of the shortest way.
     """
-    excesses = [row.fuel / metrics[0].fuel - 1 for row in metrics]
+    excesses = [one.metrics.fuel / routes[0].metrics.fuel - 1 for one in routes]
     largest = max(map(abs, excesses), default=0.0)
-    shortest = min(metrics, key=lambda row: row.length_m, default=None)
+    shortest = min(routes, key=lambda one: one.metrics.length_m, default=None)
     return [
         {
-            "metrics": row,
+            "metrics": one.metrics,
             "excess": excess,
             "bar_percent": 100 * abs(excess) / largest if largest > 0 else 0.0,
-            "of_still": row.fuel_per_distance
-            / departures_and_speeds.still_fuel_per_metre(result, row),
-            "of_shortest": row.fuel / shortest.fuel,
+            "of_still": one.metrics.fuel_per_distance
+            / departures_and_speeds.still_fuel_per_metre(one),
+            "of_shortest": one.metrics.fuel / shortest.metrics.fuel,
         }
-        for row, excess in zip(metrics, excesses, strict=True)
+        for one, excess in zip(routes, excesses, strict=True)
         if shortest
     ]
 
 
-def _rejected(result: RunResult, entry: SeasonPlan) -> list[dict[str, Any]]:
+def _rejected(case: RunCase) -> list[dict[str, Any]]:
     """Group the rejected classes by reason, in order of first appearance.
 
     Each group has the least fuel of any class without padding, and a place for the map, or "".
     """
     groups: dict[str, list[Rejected]] = {}
-    for rejected in entry.plan.rejected if entry.plan else ():
-        groups.setdefault(result.rejection_reason(entry.season, rejected), []).append(rejected)
+    for rejected in case.plan.rejected if case.plan else ():
+        groups.setdefault(case.rejection_reason(rejected), []).append(rejected)
     return [
         {
             "reason": reason,
             "homotopies": [r.homotopy for r in group],
             "unpadded_fuel": min(r.unpadded_fuel for r in group),
             # The middle of the places that the reason names.
-            "place": place_on_map(result, np.mean(named, axis=0))
+            "place": place_on_map(case.run.water, np.mean(named, axis=0))
             if (named := group[0].text.places)
             else "",
         }
@@ -211,7 +208,7 @@ def _rejected(result: RunResult, entry: SeasonPlan) -> list[dict[str, Any]]:
     ]
 
 
-def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
+def _remarks(best: RankedRoute) -> tuple[str, ...]:
     """Return warnings about the best route: its start and goal, and areas that it passes."""
     remarks = []
     ends = [
@@ -236,7 +233,7 @@ def _remarks(result: RunResult, best: RankedRoute) -> tuple[str, ...]:
     path = shapely.LineString(best.route.path)
     crossed = dict.fromkeys(
         (text.zone_text(zone), zone.kind == "shut")
-        for zone, area in result.open_zones
+        for zone, area in best.case.run.open_zones
         if area.intersects(path)
     )
     for is_shut, kinds in (
@@ -263,8 +260,8 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute]) -> dict[str, Any]
         points = placed(shapely.get_coordinates(line))
         return f"{_line(points[:-1])}Z" if isinstance(line, shapely.LinearRing) else _line(points)
 
-    box = shapely.intersection(result.scene.chart.extent, shapely.box(*frame))
-    land = within(np.array(result.scene.land, dtype=object), box)
+    box = shapely.intersection(result.water.chart.extent, shapely.box(*frame))
+    land = within(np.array(result.water.land, dtype=object), box)
     land = coarser(land, _DETAIL * side, _MAX_VERTICES)
     return {
         "width": scale * (xmax - xmin),
@@ -275,14 +272,14 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute]) -> dict[str, Any]
             outline(shapely.simplify(shapely.LineString(one.route.path), _DETAIL * side / 2))
             for one in shown
         ],
-        "start": placed(result.scene.start),
-        "goal": placed(result.scene.goal),
+        "start": placed(result.stops[0]),
+        "goal": placed(result.stops[-1]),
     }
 
 
 def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, float, float, float]:
     """Return the chart's bounds; a much longer side is cropped to what the routes need."""
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     paths = shapely.MultiLineString([shapely.LineString(one.route.path) for one in shown])
     low, high = np.array([xmin, ymin]), np.array([xmax, ymax])
     if shown:

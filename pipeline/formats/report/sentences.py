@@ -1,4 +1,4 @@
-"""The page's sentences on a season: why to take this way, how sure that is, and how safe."""
+"""The page's sentences on a case: why to take this way, how sure that is, and how safe."""
 
 import math
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ _NO_CURRENT = 0.01
 
 
 @dataclass(frozen=True)
-class SeasonFacts:
-    """The facts for a season's sentences.
+class CaseFacts:
+    """The facts for a case's sentences.
 
     `routes`, at least one, are best first; `current_speed` is the current's mean over the water,
     m/s. For the best route, `gap` has the parts of its optimality gap, `worth` what it saves by

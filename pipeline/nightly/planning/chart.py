@@ -1,7 +1,7 @@
 """Charts and currents that the cases of a night share; each is made once and stored."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Self, TypeVar
@@ -13,17 +13,16 @@ from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.findings.note_words import note_texts
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
-from pipeline.model import Current, CurrentGrid, Fetched, MemberCurrents, Scene
-from pipeline.scenario.model import PlannerOptions, Scenario
+from pipeline.model import Case, Current, CurrentGrid, MemberCurrents, Water, planner_vessel
+from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.current_field import land_freed_at_end
 from pipeline.sources.registry import charted_land
-from pipeline.stages.choose import with_offing
 from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
-from pipeline.stages.places import plane_scene
-from pipeline.stages.project import members_of, planar_current, project
+from pipeline.stages.places import plane_current, plane_water
+from pipeline.stages.project import members_of, planar_current, water_of
 from pipeline.stages.simplify import simplify
 
 STAGE = "night-chart"
@@ -47,12 +46,12 @@ class SmallMap:
     per_metre: float
 
     @classmethod
-    def of(cls, scene: Scene) -> Self:
-        """Draw a scene's land, without details that are too small to see."""
-        xmin, ymin, xmax, ymax = scene.chart.bounds
+    def of(cls, water: Water) -> Self:
+        """Draw a chart's land, without details that are too small to see."""
+        xmin, ymin, xmax, ymax = water.chart.bounds
         per_metre = _WIDTH / max(xmax - xmin, (ymax - ymin) / 1.4)
         empty = cls((xmax - xmin) * per_metre, (ymax - ymin) * per_metre, "", xmin, ymax, per_metre)
-        land = shapely.simplify(np.array(scene.chart.no_go, dtype=object), _TOLERANCE / per_metre)
+        land = shapely.simplify(np.array(water.chart.no_go, dtype=object), _TOLERANCE / per_metre)
         rings = [
             shapely.get_coordinates(ring)
             for polygon in land
@@ -82,7 +81,7 @@ class NightChart:
     """
 
     scenario: Scenario
-    scene: Scene
+    water: Water
     land_key: str
     accuracy_m: float
     small_map: SmallMap
@@ -175,25 +174,40 @@ def chart_key(scenario: Scenario, ends: Sequence[Point]) -> str:
     return artefact_key(STAGE, land.identity, inputs, planner, list(ends))
 
 
-def options_of(chart: NightChart, start: FloatArray, goal: FloatArray) -> PlannerOptions:
-    """Return the planner's options for a start and a goal (2,), planar metres, with the offing."""
-    scene = replace(chart.scene, start=start, goal=goal)
-    return with_offing(chart.scenario, scene, chart.accuracy_m)
+def case_of(
+    name: str, ends: tuple[Point | None, Point | None], chart: NightChart, current: NightCurrent
+) -> Case:
+    """Return a case on a chart; an end that is None is the scenario's own."""
+    scenario, water = chart.scenario, chart.water
+    given = np.array(
+        [end or own for end, own in zip(ends, (scenario.start, scenario.goal), strict=True)]
+    )
+    start, goal = given if water.is_planar else water.projection.to_plane(given)
+    return Case(
+        name,
+        water,
+        planner_vessel(scenario.vessel),
+        start,
+        goal,
+        current.current,
+        under_keel_clearance_m=scenario.chart.under_keel_clearance_m,
+        members=current.members,
+    )
 
 
 def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChart:
     """Fetch, simplify and project a scenario's chart, on which `ends` stay in water."""
     if scenario.is_planar:
-        scene = replace(plane_scene(scenario), currents={})
-        return NightChart(scenario, scene, "", 0.0, SmallMap.of(scene))
+        water = plane_water(scenario)
+        return NightChart(scenario, water, "", 0.0, SmallMap.of(water))
     if scenario.region is None:
         region = chosen_region(scenario, store, offline=False)
         scenario = region.complete(scenario)
     fetcher = _fetcher(scenario, store)
     land = fetcher.land
     simplified = simplify(scenario, Artefact(fetcher.land_key, land), store, ends).value
-    scene = project(scenario, Fetched(land, ()), simplified.simplified)
-    return NightChart(scenario, scene, fetcher.land_key, land.accuracy_m, SmallMap.of(scene))
+    water = water_of(scenario, land, simplified.simplified)
+    return NightChart(scenario, water, fetcher.land_key, land.accuracy_m, SmallMap.of(water))
 
 
 def _fetcher(scenario: Scenario, store: Store) -> Fetcher:
@@ -214,24 +228,23 @@ def _current(task: CurrentTask, chart: NightChart) -> NightCurrent:
     """Fetch a current and project it to the chart's plane."""
     season = task.season
     if chart.scenario.is_planar:
-        alone = chart.scenario.model_copy(update={"seasons": (season,)})
-        current = plane_scene(alone).currents[season.name]
-        members = members_of(chart.scene, chart.scenario, season, current, None)
+        current = plane_current(season, chart.water.chart.extent)
+        members = members_of(chart.water, chart.scenario, season, current, None)
         return NightCurrent(current, season.title or season.name, "numbers", "", members)
     with land_freed_at_end():
         found = _chart_fetcher(task.chart_path, task.store_root).current(season)
     if found.grid is None:
         reasons = "; ".join(passed.reason for passed in found.passed_over)
         raise StageError(f"no source of currents could be used: {reasons}")
-    grid, scene = found.grid, chart.scene
-    current = planar_current(grid, scene.projection, scene.chart.bounds)
+    grid, water = found.grid, chart.water
+    current = planar_current(grid, water.projection, water.chart.bounds)
     left_out = tuple(one for one in grid.notes if one.kind == "member-left-out")
     return NightCurrent(
         current,
         grid.valid,
         grid.credit.name,
         _stand_in(grid),
-        members_of(scene, chart.scenario, season, current, grid),
+        members_of(water, chart.scenario, season, current, grid),
         tuple(note_texts(left_out)),
     )
 

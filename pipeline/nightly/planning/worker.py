@@ -20,25 +20,20 @@ import shapely
 import renew
 from pipeline.errors import one_line
 from pipeline.findings.ensembles import ensemble_figures, flips_text, sides_text
-from pipeline.findings.way_names import with_way_names
+from pipeline.findings.way_names import way_names
 from pipeline.machine.files import needed
 from pipeline.machine.store import read_checked
-from pipeline.model import RouteMetrics, Scene, SeasonPlan
+from pipeline.model import Case, CaseResult, RouteMetrics
 from pipeline.nightly.cycle.part_files import Row, write_part
 from pipeline.nightly.cycle.results import EarlierRoute, EarlierRoutes
 from pipeline.nightly.outcome import ACT, LOOK, SAME
-from pipeline.nightly.planning.chart import (
-    NightChart,
-    NightCurrent,
-    loaded_chart,
-    loaded_current,
-    options_of,
-)
-from pipeline.scenario.model import PlannerOptions
+from pipeline.nightly.planning.chart import NightCurrent, case_of, loaded_chart, loaded_current
 from pipeline.scenario.strict import Point
+from pipeline.stages.choose import with_offing
+from pipeline.stages.plan_case import plan_case
 from pipeline.stages.seasons.cluster import DiedBeforeError
-from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 from renew import Route
+from renew.inputs.options import Drift
 
 PLANNED, FAILED, BROKEN = "planned", "failed", "broken"
 # If start or goal moved by more than this share of the route's length, routes are not compared.
@@ -128,7 +123,7 @@ class PlanBatch:
             planning_s = 0.0
             for case in self.cases:
                 case_begun = time.perf_counter()
-                rows += plan_case(case, self.chart_path, self.rules, earlier.get(case.earlier_row))
+                rows += rows_of(case, self.chart_path, self.rules, earlier.get(case.earlier_row))
                 seconds = time.perf_counter() - case_begun
                 rows[-1]["seconds"] = seconds
                 planning_s += seconds
@@ -149,7 +144,7 @@ def _mark(path: Path) -> None:
             raise DiedBeforeError(path.name) from None
 
 
-def plan_case(
+def rows_of(
     case: CaseTask, chart_path: Path, rules: "Rules", earlier: EarlierRoute | None
 ) -> list[Row]:
     """Plan a case; return the rows of its routes, then the row of the case itself."""
@@ -158,19 +153,21 @@ def plan_case(
     try:
         chart = loaded_chart(chart_path)
         current = loaded_current(case.current_path)
-        scene = _scene(case, chart, current)
-        options = options_of(chart, scene.start, scene.goal)
-        planned = plan_season(scene, case.names[1], options)
-        measured = evaluate_season(scene, planned, options)
-        figures = with_way_names(measured, scene, [planned], ()).routes
+        voyage = case_of(case.names[1], (case.start, case.goal), chart, current)
+        if not current.current.is_steady:
+            voyage = replace(voyage, departure=case.leaves)
+        options = with_offing(chart.scenario, voyage, chart.accuracy_m)
+        planned = plan_case(voyage, options)
+        planned = way_names(voyage.water, [planned], ()).name(planned)
+        figures = planned.measures.routes
     except Exception as error:  # noqa: BLE001 - the other cases continue
         return [failed_row(case, one_line(error), rules, earlier)]
     if planned.plan is None:
         row = failed_row(case, planned.failure, rules, earlier)
         return [row | _described(current)]
     routes = [
-        _route_row(case, scene, route, figure)
-        for route, figure in zip(planned.ranked_routes, figures, strict=True)
+        _route_row(case, voyage, route, figure)
+        for route, figure in zip(planned.routes, figures, strict=True)
     ]
     best = routes[0]
     row = _row_of(case, 0) | {key: best[key] for key in best if key not in {"rank", "index"}}
@@ -185,9 +182,7 @@ def plan_case(
         "rejected": len(planned.plan.rejected),
     }
     if earlier is not None:
-        row |= compared(
-            earlier, scene, planned, figures[0], options, chart.scenario.scale, case.leaves
-        )
+        row |= compared(earlier, voyage, planned, drift=options.drift, leaves=case.leaves)
     outcome, why = judged(row, planned, rules, earlier)
     return [*routes, row | {"outcome": outcome, "why": why}]
 
@@ -234,9 +229,9 @@ def _described(current: NightCurrent) -> Row:
     }
 
 
-def _route_row(case: CaseTask, scene: Scene, route: Route, figure: RouteMetrics) -> Row:
+def _route_row(case: CaseTask, voyage: Case, route: Route, figure: RouteMetrics) -> Row:
     """Return a route's row."""
-    lonlat = scene.projection.to_lonlat(np.asarray(route.path))
+    lonlat = voyage.projection.to_lonlat(np.asarray(route.path))
     return _row_of(case, figure.rank) | {
         "side": figure.main_passage,
         "island": figure.main_island,
@@ -263,33 +258,6 @@ def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
     return None if leaves is None else leaves + timedelta(seconds=round(duration_s))
 
 
-def _scene(case: CaseTask, chart: NightChart, current: NightCurrent) -> Scene:
-    """Return the scene of one case: the shared chart with the case's ends, current and clock."""
-    start, goal = (
-        chart.scene.start if case.start is None else _placed(chart, case.start),
-        chart.scene.goal if case.goal is None else _placed(chart, case.goal),
-    )
-    season, departures = case.names[1], dict[str, datetime]()
-    members = current.members
-    if case.leaves is not None and not current.current.is_steady:
-        departures[season] = case.leaves
-    return replace(
-        chart.scene,
-        start=start,
-        goal=goal,
-        currents={season: current.current},
-        departures=departures,
-        members={} if members is None else {season: members},
-    )
-
-
-def _placed(chart: NightChart, place: Point) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Return a place (2,) in the chart's plane."""
-    if chart.scenario.is_planar:
-        return np.asarray(place, dtype=float)
-    return chart.scene.projection.to_plane(place)
-
-
 @dataclass(frozen=True, slots=True)
 class Rules:
     """Rules for "look": the smallest saving, percent; why currents are stale, or ""."""
@@ -300,11 +268,10 @@ class Rules:
 
 def compared(
     earlier: EarlierRoute,
-    scene: Scene,
-    planned: SeasonPlan,
-    best: RouteMetrics,
-    options: PlannerOptions,
-    scale: float,
+    voyage: Case,
+    planned: CaseResult,
+    *,
+    drift: Drift,
     leaves: datetime | None,
 ) -> Row:
     """Return the columns that compare tonight's best route with yesterday's.
@@ -314,38 +281,37 @@ def compared(
     arrival, or if the route now meets land. The arrival is computed from it, because
     duration and fuel are proportional at constant thrust.
     """
-    path = scene.projection.to_plane(earlier.path)
-    route = planned.ranked_routes[0]
+    path = voyage.projection.to_plane(earlier.path)
+    route = planned.routes[0]
     allowed = _SAME_END * max(route.length, 1e-9)
-    if max(np.hypot(*(path[0] - scene.start)), np.hypot(*(path[-1] - scene.goal))) > allowed:
+    if max(np.hypot(*(path[0] - voyage.start)), np.hypot(*(path[-1] - voyage.goal))) > allowed:
         return {}
-    current = scene.currents[planned.season]
-    keep = renew.fuel(path, current, scene.vessel, drift=options.drift)
+    keep = renew.fuel(path, voyage.current, voyage.vessel, drift=drift)
     line = shapely.LineString(path)
     # A route without padding may touch land, and rounding may move it onto the land.
-    is_over_land = shapely.intersection(scene.chart.hard_no_go, line).length > allowed
-    if is_over_land or keep > scene.vessel.fuel_rate * current.span[1]:
+    is_over_land = shapely.intersection(voyage.chart.hard_no_go, line).length > allowed
+    if is_over_land or keep > voyage.vessel.fuel_rate * voyage.current.span[1]:
         keep = math.inf
     row = earlier.columns()
     apart = shapely.hausdorff_distance(line, shapely.LineString(route.path), densify=_DENSIFY)
-    row["apart_m"] = float(apart) * scale
+    row["apart_m"] = float(apart) * voyage.projection.scale
     if math.isfinite(keep):
         row["keep_fuel"] = keep
         row["saving_percent"] = 100 * (keep - route.fuel) / keep
         if leaves is not None:
-            duration_s = best.duration_s * keep / route.fuel
+            duration_s = planned.measures.routes[0].duration_s * keep / route.fuel
             row["keep_arrival"] = leaves + timedelta(seconds=round(duration_s))
     return row
 
 
 def judged(
-    row: Row, planned: SeasonPlan, rules: Rules, earlier: EarlierRoute | None
+    row: Row, planned: CaseResult, rules: Rules, earlier: EarlierRoute | None
 ) -> tuple[str, str]:
     """Return a planned case's outcome, and the reasons if it is not "same"."""
     act, look = list[str](), list[str]()
     if earlier is not None and "earlier_class" in row:
         rejected = {one.homotopy for one in planned.plan.rejected} if planned.plan else set()
-        sailed = {route.homotopy for route in planned.ranked_routes}
+        sailed = {route.homotopy for route in planned.routes}
         name = earlier.homotopy
         if name in rejected - sailed or row.get("keep_fuel") is None:
             act.append(f"yesterday's class {name} can't be sailed any more")

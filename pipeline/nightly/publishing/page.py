@@ -164,8 +164,8 @@ def _add_lines(
     """Add a case's best route and, if given, yesterday's."""
     if row["geometry"] is not None:
         lonlat = shapely.get_coordinates(shapely.from_wkb(row["geometry"]))
-        path = chart.small_map.path(chart.scene.projection.to_plane(lonlat))
+        path = chart.small_map.path(chart.water.projection.to_plane(lonlat))
         chart_map.lines.append(Line(path, row["case"], row["outcome"]))
     if earlier is not None:
-        path = chart.small_map.path(chart.scene.projection.to_plane(earlier.path))
+        path = chart.small_map.path(chart.water.projection.to_plane(earlier.path))
         chart_map.lines.append(Line(path, row["case"], row["outcome"], is_earlier=True))

@@ -1,86 +1,74 @@
-"""A request with what was chosen for it, and seasons whose clock begins at a chosen time."""
+"""A request with what was chosen for it, and cases whose clock begins at a chosen time."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from datetime import timedelta
 from typing import TypeVar
 
-import renew
 from pipeline.machine.store import Artefact, artefact_key
-from pipeline.model import DepartureChoice, Note, Scene
-from pipeline.model.planning import speed_choices
+from pipeline.model import Case, DepartureChoice, Note
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import FetchedData
-from pipeline.stages.places import later
-from pipeline.stages.tides import later_tides
 
 _T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """A complete scenario with its data and scene; the chosen departures, and notes on choices."""
+    """A complete scenario with its data and cases; the chosen departures, and notes on choices."""
 
     scenario: Scenario
     data: FetchedData
-    scene: Artefact[Scene]
+    cases: Artefact[tuple[Case, ...]]
     choices: tuple[DepartureChoice, ...] = ()
     notes: tuple[Note, ...] = ()
 
+    def case(self, name: str) -> Case:
+        """Return the case of a name."""
+        return next(case for case in self.cases.value if case.name == name)
+
     def at_clock(
-        self, scenario: Scenario, name: str, label: str, shift: float, *, keeps: bool = False
+        self, scenario: Scenario, begun: Case, earlier: Case, shift: float, *, keeps: bool = False
     ) -> "Chosen":
-        """Return the choice for a scenario in which a season's clock begins `shift` seconds later.
+        """Return the choice with the case `begun`, whose clock begins `shift` seconds later.
 
-        The season is called `label` there. If it `keeps` the season, it also has it as it was, by
-        its own name.
+        It takes the place of the `earlier` case, or stands behind it if that is kept. The scenario
+        has its season.
         """
-
-        def renamed(by_season: Mapping[str, _T], value: _T | None = None) -> dict[str, _T]:
-            """Return values by season, with the one of the label."""
-            found: dict[str, _T] = {}
-            for one, known in by_season.items():
-                if one != name or keeps:
-                    found[one] = known
-                if one == name:
-                    found[label] = known if value is None else value
-            return found
-
-        data, scene = self.data, self.scene.value
-        begin = scene.departures[name] + timedelta(seconds=shift)
-        current, depth = scene.currents[name], scene.tidal_depths.get(name)
-        if isinstance(current, renew.VaryingCurrent):
-            current = renew.VaryingCurrent(current.slice_times - shift, current.slices)
-        own = [grid for grid in data.fetched.currents if grid.season == name]
-        grids = {one.season: one for one in data.fetched.currents}
-        moved = [replace(grid, season=label, times_s=grid.times_s - shift) for grid in own]
-        notes = data.fetched.notes
+        name, label, data = earlier.name, begun.name, self.data
+        fetched, keys, cases = data.fetched, dict[str, str](), list[Case]()
+        key = artefact_key("departures", data.current_keys[name], begun.departure)
+        for case in self.cases.value:
+            is_it = case.name == name
+            if keeps or not is_it:
+                keys[case.name] = data.current_keys[case.name]
+                cases.append(case)
+            if is_it:
+                keys[label] = key
+                cases.append(begun)
+        grids = []
+        for grid in fetched.currents:
+            is_it = grid.season == name
+            if keeps or not is_it:
+                grids.append(grid)
+            if is_it:
+                grids.append(replace(grid, season=label, times_s=grid.times_s - shift))
+        notes = fetched.notes
         if not keeps:
             notes = tuple(
                 one.about(*(label if of == name else of for of in one.seasons)) for one in notes
             )
-        key = artefact_key("departures", data.current_keys[name], begin)
-        fetched = replace(
-            data.fetched,
-            currents=tuple(renamed(grids, *moved).values()),
-            notes=notes,
-        )
         return replace(
             self,
             scenario=scenario,
-            data=replace(data, fetched=fetched, current_keys=renamed(data.current_keys, key)),
-            scene=Artefact(
-                artefact_key("departures", self.scene.key, name, label, begin),
-                replace(
-                    scene,
-                    currents=renamed(scene.currents, current),
-                    current_cells=renamed(scene.current_cells),
-                    areas=renamed(scene.areas, later(scene.areas.get(name, ()), shift)),
-                    tidal_depths=renamed(scene.tidal_depths, depth and later_tides(depth, shift)),
-                    departures=renamed(scene.departures, begin),
-                    speeds=speed_choices(scenario),
-                ),
+            data=replace(
+                data,
+                fetched=replace(fetched, currents=tuple(grids), notes=notes),
+                current_keys=keys,
+            ),
+            cases=Artefact(
+                artefact_key("departures", self.cases.key, name, label, begun.departure),
+                tuple(cases),
             ),
         )
 

@@ -1,18 +1,16 @@
 """Choose a missing region, and widen it while a route comes near its edge."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
-from pipeline.errors import LateFaults, NoWayError, PipelineError
 from pipeline.findings.result import RunResult
 from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, bounds_of, common_bounds
-from pipeline.machine.store import DOWNLOADS, Artefact, Store, artefact_key
+from pipeline.machine.store import DOWNLOADS, Store, artefact_key
 from pipeline.model import Note
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Region
@@ -23,15 +21,9 @@ from pipeline.stages.choosing.coverage import Coverage, covered_by_currents
 from pipeline.stages.choosing.region_choice import (
     FAR_WAY,
     MAX_WIDTH,
-    BoundedSide,
     DirectLine,
-    FarSide,
     RegionChoice,
-    are_on_both_sides,
-    bounded_sides,
     choose_region,
-    rounded_outward,
-    widened_by,
 )
 
 # Least extent of land that matters to the choice, as a share of the direct line's length.
@@ -39,31 +31,27 @@ _LEAST_LAND = 1 / 600
 SIDES = ("west", "south", "east", "north")
 """The sides of bounds, in their order."""
 
-# Distance from the edge below which a route is near it, and growth of the region, as shares of the
-# region's margin around start, goal and the ways between.
-_NEAR, _GROWTH = 0.3, 2.0
+# Distance from the edge below which a route is near it, as a share of the region's margin around
+# start, goal and the ways between.
+_NEAR = 0.3
+# Growth of the region, as a share of that margin.
+_GROWTH = 2.0
 # Growth of a region without a way from start to goal, as a share of their distance.
 _OPENING = 0.5
 # Smallest growth that justifies another plan, as a share of the wanted growth.
 _LEAST_GAIN = 0.1
-RunInRegion = Callable[[Scenario, tuple[Note, ...]], Artefact[RunResult]]
 
-# Largest number of times that a chosen region is widened; each time needs a new plan.
-_MAX_WIDENINGS = 3
+MAX_WIDENINGS = 3
+"""Largest number of times that a chosen region is widened; each time needs a new plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChosenRegion:
-    """Bounds of a region in degrees, the coverage that limits them, and notes for the report.
-
-    `far_sides` and `largest` are as in `RegionChoice`.
-    """
+    """Bounds of a region in degrees, the coverage that limits them, and notes for the report."""
 
     bounds: Bounds
     coverage: Coverage
     direct: DirectLine
-    far_sides: tuple[FarSide, ...]
-    largest: tuple[FarSide, ...]
     notes: tuple[Note, ...] = ()
 
     def complete(self, scenario: Scenario) -> Scenario:
@@ -103,12 +91,15 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
         return [choose_region(line, mask_of, coverage.bounds) for line in lines]
 
     choices = store.load_or_make("region", key, list, choose)
-    far_sides = tuple(side for choice in choices for side in choice.far_sides)
-    largest = tuple(side for choice in choices for side in choice.largest)
     bounds = bounds_of([choice.bounds for choice in choices])
-    chosen = ChosenRegion(bounds, coverage, direct, far_sides, largest)
-    ends = _ends_of_currents(chosen, range(len(SIDES)))
-    return replace(chosen, notes=(Note.of("region-chosen", bounds=bounds, ends=ends),))
+    chosen = ChosenRegion(bounds, coverage, direct)
+    note = Note.of(
+        "region-chosen",
+        bounds=bounds,
+        ends=_ends_of_currents(chosen, range(len(SIDES))),
+        left_out=FAR_WAY if any(choice.leaves_out for choice in choices) else 0.0,
+    )
+    return replace(chosen, notes=(note,))
 
 
 def wider_region(chosen: ChosenRegion, paths: Sequence[FloatArray]) -> ChosenRegion | None:
@@ -202,113 +193,10 @@ def _moved(bounds: Bounds, sides: Sequence[int], metres: float, limits: Bounds) 
     return wider if gained > _LEAST_GAIN * up else bounds
 
 
-def search_region(
-    asked: Scenario,
-    store: Store,
-    run_in_region: RunInRegion,
-    late: LateFaults,
-    *,
-    offline: bool,
-) -> Artefact[RunResult]:
-    """Return the result in a region that is widened until no best route comes near its edge.
-
-    Parameters
-    ----------
-    asked
-        A chart scenario without a region.
-    run_in_region
-        Plans a scenario with its region, given the notes on the region.
-    late
-        Takes the unexpected errors after the first region with a way; its result is kept then.
-
-    Raises
-    ------
-    PipelineError
-        The run in the first region failed; or no region had a way from start to goal, and the run
-        in the widest one failed. After a region with a way, the search stops at the first wider
-        region that fails, and returns the last result.
-    """
-    region, made = _first_with_a_way(
-        chosen_region(asked, store, offline=offline), asked, run_in_region
-    )
-    for _ in range(_MAX_WIDENINGS):
-        look = partial(_wider_or_cheaper, region, made, store)
-        wider = late.attempt(_BEYOND, look, None)
-        if wider is None:
-            break
-        run = partial(run_in_region, wider.complete(asked), wider.notes)
-        try:
-            again = late.attempt("planning in a wider region", run, None)
-        except PipelineError:
-            break
-        if again is None:
-            break
-        region, made = wider, again
-    limits = late.attempt(_BEYOND, partial(_limits, region, made, store), ())
-    result = made.value
-    fetched = replace(result.fetched, notes=(*result.fetched.notes, *limits))
-    return replace(made, value=replace(result, fetched=fetched, choices=(*result.choices, *limits)))
-
-
-_BEYOND = "the bound on ways outside the region"
-
-
-def _wider_or_cheaper(
-    region: ChosenRegion, made: Artefact[RunResult], store: Store
-) -> ChosenRegion | None:
-    """Widen a region where a best route is near its edge, or for cheap sides beyond it."""
-    return wider_region(region, _best_paths(made.value)) or _with_cheap_sides(
-        region, bounded_sides(region.far_sides, made, store)
-    )
-
-
-def _limits(region: ChosenRegion, made: Artefact[RunResult], store: Store) -> tuple[Note, ...]:
-    """Return notes on the edges that best routes come near, and on the sides that are left out."""
-    paths = [made.value.scene.projection.to_lonlat(one.route.path) for one in made.value.routes]
-    unplanned = (
-        side for side in region.largest if not are_on_both_sides(paths, (side.lon, side.lat))
-    )
-    sides = dict.fromkeys([*region.far_sides, *unplanned])
-    left_out = (side.note for side in bounded_sides(tuple(sides), made, store))
-    return (*edge_notes(region, _best_paths(made.value)), *left_out)
-
-
-def _with_cheap_sides(region: ChosenRegion, sides: Sequence[BoundedSide]) -> ChosenRegion | None:
-    """Widen a region to hold far sides that may need little fuel; None if there are none."""
-    cheap = [one for one in sides if one.fuel_ratio <= FAR_WAY]
-    around = [widened_by(one.side.around, region.direct.margin_m) for one in cheap]
-    bounds = common_bounds(bounds_of([region.bounds, *around]), region.coverage.bounds)
-    if not cheap or bounds is None:
-        return None
-    held = {one.side for one in cheap}
-    note = Note.of("region-widened-for-sides", bounds=bounds, sides=tuple(s.note for s in cheap))
-    return replace(
-        region,
-        bounds=rounded_outward(bounds),
-        far_sides=tuple(side for side in region.far_sides if side not in held),
-        notes=(*region.notes, note),
-    )
-
-
-def _first_with_a_way(
-    region: ChosenRegion, asked: Scenario, run_in_region: RunInRegion
-) -> tuple[ChosenRegion, Artefact[RunResult]]:
-    """Widen a region until it has a way from start to goal; return it and the result in it."""
-    for _ in range(_MAX_WIDENINGS):
-        try:
-            return region, run_in_region(region.complete(asked), region.notes)
-        except NoWayError:
-            wider = opened_region(region)
-            if wider is None:
-                raise
-            region = wider
-    return region, run_in_region(region.complete(asked), region.notes)
-
-
-def _best_paths(result: RunResult) -> list[FloatArray]:
-    """Return the path of every season's best route, (n, 2) in lon/lat degrees."""
+def best_paths(result: RunResult) -> list[FloatArray]:
+    """Return the path of every case's best route, (n, 2) in lon/lat degrees."""
     return [
-        result.scene.projection.to_lonlat(ranked.route.path)
-        for ranked in result.routes
-        if ranked.rank == 1
+        result.water.projection.to_lonlat(case.routes[0].route.path)
+        for case in result.cases
+        if case.routes
     ]

@@ -20,9 +20,9 @@ from pipeline.findings.text import json_value
 from pipeline.geo.projection import Projection
 from pipeline.machine.paths import shown
 from pipeline.machine.store import Artefact, artefact_key
-from pipeline.model import SeasonPlan, VoyageBefore
+from pipeline.model import Case, CaseResult, VoyageBefore
+from pipeline.model.case import true_duration_s
 from pipeline.model.hashes import current_hash, land_hash
-from pipeline.model.planning import true_duration_s
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.under_way import UnderWay
@@ -62,8 +62,8 @@ def scenario_before(voyage: UnderWay) -> Scenario:
     return scenario
 
 
-def season_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
-    """Return the season that is sailed alone, out of all that its scenario has.
+def case_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
+    """Return the case that is sailed alone, out of all that its scenario has.
 
     Raises
     ------
@@ -73,7 +73,8 @@ def season_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
     where, name = f"RESULTS: {shown(voyage.results)}", voyage.season
     own = tuple(one for one in chosen.scenario.seasons if one.name == name)
     key = chosen.data.current_keys.get(name)
-    if not own or key is None or name in chosen.scene.value.onward:
+    case = next((one for one in chosen.cases.value if one.name == name), None)
+    if not own or key is None or case is None or case.follows:
         why = chosen.data.failures.get(name, "its scenario has no such season of its own")
         raise RequestError(f"{where} can't be made again: season {name!r}: {why}")
     departure = own[0].departure
@@ -97,6 +98,7 @@ def season_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
         chosen,
         scenario=chosen.scenario.model_copy(update={"seasons": own}),
         data=replace(chosen.data, fetched=alone, current_keys={name: key}, failures={}),
+        cases=Artefact(chosen.cases.key, (case,)),
     )
 
 
@@ -106,12 +108,12 @@ _SAME_FUEL = 1e-6
 
 @dataclass(frozen=True)
 class Sailed:
-    """The season that the vessel sails, its land and plan, and a key that stands for the plan."""
+    """The case that the vessel sails, its land and plan, and a key that stands for the plan."""
 
     voyage: UnderWay
     chosen: Chosen
     land: Artefact[SimplifiedLand]
-    plan: SeasonPlan
+    result: CaseResult
     key: str
 
     def __post_init__(self) -> None:
@@ -125,9 +127,14 @@ class Sailed:
             )
 
     @property
+    def case(self) -> Case:
+        """The case that is sailed."""
+        return self.chosen.cases.value[0]
+
+    @property
     def route(self) -> renew.Route:
         """The route that is sailed."""
-        return self.plan.ranked_routes[0]
+        return self.result.routes[0]
 
     def ahead(self, asked: Scenario) -> Scenario:
         """Return the scenario asked for, with the via points that are still ahead.
@@ -137,17 +144,17 @@ class Sailed:
         RequestError
             The vessel is too far off the plan.
         """
-        scene, line = self.chosen.scene.value, shapely.LineString(self.route.path)
-        here = scene.projection.to_plane(asked.start)
+        case, line = self.case, shapely.LineString(self.route.path)
+        here = case.projection.to_plane(asked.start)
         place = abeam(self.route.path, self.route.times, here)
-        off_m = scene.projection.geodesic_length_m([here, place.point])
+        off_m = case.projection.geodesic_length_m([here, place.point])
         if off_m > _FURTHEST_M:
             raise RequestError(
                 f"start (--at) = {list(asked.start)} lies {off_m / 1000:.0f} km off the plan, and "
                 f"at most {_FURTHEST_M / 1000:.0f} km are planned again; give the vessel's "
                 "position, or plan from there by renew go"
             )
-        places = np.array(self.chosen.scene.value.via).reshape(-1, 2)
+        places = np.array(case.via).reshape(-1, 2)
         along = shapely.line_locate_point(line, shapely.points(places), normalized=True)
         passed = {
             one
@@ -182,10 +189,10 @@ class Sailed:
 
     def before(self, asked: Scenario) -> VoyageBefore:
         """Return the plan on the clock of the scenario asked for."""
-        scene, route = self.chosen.scene.value, self.route
-        current, planar_s = scene.currents[self.voyage.season], self._passed_s(asked)
+        case, route = self.case, self.route
+        current, planar_s = case.current, self._passed_s(asked)
         if current.is_steady:  # its times are those of the plane
-            planar_s *= route.duration / true_duration_s(route, scene, self.voyage.season)
+            planar_s *= route.duration / true_duration_s(route, case)
         elif isinstance(current, renew.VaryingCurrent):
             current = renew.VaryingCurrent(current.slice_times - planar_s, current.slices)
         trajectory = route.trajectory - [planar_s, 0.0, 0.0, 0.0]
@@ -193,9 +200,9 @@ class Sailed:
         return VoyageBefore(
             plan=renew.Plan((route,), ()),
             current=None if self.voyage.same_currents else current,
-            start=scene.start,
-            via=scene.via,
-            heading_rad=_planar_heading(asked, self.voyage.heading_deg, scene.projection),
+            start=case.start,
+            via=case.via,
+            heading_rad=_planar_heading(asked, self.voyage.heading_deg, case.projection),
             switch_above=self.voyage.switch_above,
         )
 

@@ -122,21 +122,6 @@ class WaterGrid:
         large = (one for one in self.large_islands if self._size[one] >= _MIN_CELLS)
         return [one for one in large if one in beyond]
 
-    def around_island(self, start: Cell, goal: Cell) -> FloatArray:
-        """Return a length, m, for each island's number: no way round its far side is shorter.
-
-        Such a way and the shortest one enclose each cell of the island. So it is no shorter than
-        two straight lines, from the start to the cell and on to the goal.
-        """
-        lon, lat = np.meshgrid(self.lon, self.lat)
-        length = np.zeros(lon.shape)
-        for end in (start, goal):
-            across = np.cos(np.radians((lat + lat[end]) / 2)) * (lon - lon[end])
-            length += METRES_PER_DEGREE * np.hypot(across, lat - lat[end])
-        longest = np.zeros(int(self.islands.max()) + 1)
-        np.maximum.at(longest, self.islands.ravel(), length.ravel())
-        return longest
-
     def shortest_paths(self, start: Cell, goal: Cell, island: int = 0) -> list[GridPath]:
         """Return the shortest path between two cells of water; with an island, on either side.
 

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 import renew
-from pipeline.errors import StageError
 from pipeline.findings.text import planner_text
 from pipeline.machine.store import load_artefact, save_artefact
-from pipeline.model import DepartureChoice, Note, Say, Scene, plan_options
+from pipeline.model import Case, DepartureChoice, Note, Say, plan_options
+from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import interval
-from pipeline.stages.seasons.one_season import MIN_LATENESS_S
-from pipeline.stages.seasons.task import Status
+from pipeline.stages.seasons.task import Status, stored_case
 
 # Number of plans between two progress notes.
 _PLANS_PER_NOTE = 5
@@ -63,32 +62,27 @@ def _ignore(note: Note) -> None:
 
 def sweep(task: SweepTask, say: Say = _ignore) -> str:
     """Choose a season's departure, and store the choice; return why there is none, or ""."""
-    scene = load_artefact(task.scene_path, Scene)
-    if scene is None:
-        raise StageError(
-            f"this worker can't read {task.scene_path}: give all workers access to the same output "
-            "folder"
-        )
+    case = stored_case(task)
     try:
-        choice = _choice(scene, task.asked, task.options, say)
+        choice = _choice(case, task.asked, task.options, say)
     except renew.PlanningError as error:
-        reason = planner_text(error.text, scene, task.season)
-        if task.season in scene.onward:
+        reason = planner_text(error.text, case)
+        if case.follows:
             reason += "; or let the vessel wait longer at its anchorage"
         return reason
     save_artefact(task.choice_path, choice, task.owner)
     return ""
 
 
-def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> DepartureChoice:
-    """Plan a season's departures, and choose the best or the latest that arrives in time."""
+def _choice(case: Case, season: Season, options: PlannerOptions, say: Say) -> DepartureChoice:
+    """Plan a case's departures, and choose the best or the latest that arrives in time."""
     asked: dict[str, Any] = {
         "options": plan_options(options, min_lateness=MIN_LATENESS_S),
-        **scene.itinerary(season.name, scene.speeds[season.name].within_s if season.speed else 0.0),
+        **case.itinerary(0.0 if case.speeds is None else case.speeds.within_s),
     }
-    leg = scene.leg(season.name)
-    given = (scene.chart, scene.currents[season.name], scene.vessel, leg.start, leg.goal)
-    first = scene.departures[season.name]
+    given, first = (case.chart, case.current, case.vessel, case.start, case.goal), case.departure
+    if first is None:
+        raise ValueError(f"season {season.name!r} leaves a departure open without a clock")
     if season.arrive_by is not None and season.speed is None:
         by = (season.arrive_by - first).total_seconds()
         return _latest(renew.plan(*given, **asked | {"arrive_by": by}).best, first, season)
@@ -115,8 +109,7 @@ def _choice(scene: Scene, season: Season, options: PlannerOptions, say: Say) -> 
         durations_s=found.durations,
         homotopies=found.homotopies,
         reasons=tuple(
-            "" if cause is None else planner_text(cause.text, scene, season.name)
-            for cause in found.causes
+            "" if cause is None else planner_text(cause.text, case) for cause in found.causes
         ),
         chosen_s=float(found.departures[found.best]),
         unproven_s=found.unproven,

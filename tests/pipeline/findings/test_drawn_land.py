@@ -18,12 +18,12 @@ def test_land_and_what_continues_it_become_one() -> None:
 
 
 def test_without_surroundings_nothing_changes(result: RunResult) -> None:
-    assert list(result.drawn_land) == list(result.scene.land)
+    assert list(result.drawn_land) == list(result.water.land)
 
 
 def test_land_that_the_plane_cannot_hold_is_left_out(result: RunResult) -> None:
     near, far = shapely.box(121.0, 9.0, 121.2, 9.3), shapely.box(-61.5, -11.0, -60.0, -9.0)
     fetched = replace(result.fetched, surroundings=(near, far))
     drawn = replace(result, fetched=fetched).drawn_land
-    assert len(drawn) in {len(result.scene.land) + 1, len(result.scene.land) + 2}
+    assert len(drawn) in {len(result.water.land) + 1, len(result.water.land) + 2}
     assert np.isfinite(shapely.bounds(drawn)).all()

@@ -26,7 +26,7 @@ from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     MAX_EXTRA_FUEL,
     Waypoints,
-    season_waypoints,
+    case_waypoints,
 )
 from pipeline.formats.tables import rows
 from tests.pipeline import chosen_speeds, tidal_run
@@ -36,27 +36,27 @@ DEPARTURE = datetime(2026, 11, 22, 6, 20, tzinfo=UTC)
 
 
 def every(result: RunResult) -> Iterator[Waypoints]:
-    for entry in result.plans:
-        yield from season_waypoints(result, entry.season)
+    for entry in result.results:
+        yield from case_waypoints(result.case(entry.name))
 
 
 def speeds_in_files(result: RunResult, season: str, folder: Path) -> dict[str, FloatArray]:
     """Speed over ground of each leg of the best route, m/s, as each format has it."""
-    write_mission(result, season, folder / "a.waypoints")
+    write_mission(result.case(season), folder / "a.waypoints")
     table = [line.split("\t") for line in (folder / "a.waypoints").read_text().splitlines()[1:]]
-    write_plan(result, season, folder / "a.plan")
+    write_plan(result.case(season), folder / "a.plan")
     items = json.loads((folder / "a.plan").read_text())["mission"]["items"]
-    write_rtz(result, season, folder / "a.rtz", departure=DEPARTURE)
+    write_rtz(result.case(season), folder / "a.rtz", departure=DEPARTURE)
     calculated = etree.parse(str(folder / "a.rtz")).findall(".//{*}scheduleElement")
-    write_gpx(result, season, folder / "a.gpx", departure=DEPARTURE)
+    write_gpx(result.case(season), folder / "a.gpx", departure=DEPARTURE)
     route = gpxpy.parse((folder / "a.gpx").read_text("utf-8")).routes[0]
-    write_geojson(result, season, folder / "a.geojson")
+    write_geojson(result.case(season), folder / "a.geojson")
     features = json.loads((folder / "a.geojson").read_text("utf-8"))["features"]
     own = [one["properties"] for one in features if one["properties"]["rank"] == 1]
     write_geopackage(result, folder / "a.gpkg")
     best = f"season = '{season}' AND rank = 1"
     legs = pyogrio.read_dataframe(folder / "a.gpkg", layer="legs", where=best)
-    plan = rows(season_waypoints(result, season)[0], result, DEPARTURE)
+    plan = rows(case_waypoints(result.case(season))[0], DEPARTURE)
     found = {
         ".waypoints": [float(row[5]) for row in table if row[3] == "178"],
         ".plan": [one["params"][1] for one in items if one["command"] == 178],
@@ -75,11 +75,11 @@ def speeds_in_files(result: RunResult, season: str, folder: Path) -> dict[str, F
 
 def times_in_files(result: RunResult, season: str, folder: Path) -> dict[str, list[datetime]]:
     """Times at which the best route's waypoints are passed, as each format has them."""
-    write_rtz(result, season, folder / "a.rtz", departure=DEPARTURE)
+    write_rtz(result.case(season), folder / "a.rtz", departure=DEPARTURE)
     calculated = etree.parse(str(folder / "a.rtz")).findall(".//{*}scheduleElement")
-    write_gpx(result, season, folder / "a.gpx", departure=DEPARTURE)
+    write_gpx(result.case(season), folder / "a.gpx", departure=DEPARTURE)
     route = gpxpy.parse((folder / "a.gpx").read_text("utf-8")).routes[0]
-    write_kml(result, season, folder / "a.kml", departure=DEPARTURE)
+    write_kml(result.case(season), folder / "a.kml", departure=DEPARTURE)
     passed = etree.parse(str(folder / "a.kml")).findall(".//{*}when")
     return {
         ".rtz": [datetime.fromisoformat(one.get("eta", one.get("etd"))) for one in calculated],
@@ -90,8 +90,8 @@ def times_in_files(result: RunResult, season: str, folder: Path) -> dict[str, li
 
 @pytest.mark.gate_share(4)
 def test_no_file_asks_for_more_than_the_vessel_can_sail(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.plans[0].season
-    points = season_waypoints(any_run, season)[0]
+    season = any_run.results[0].name
+    points = case_waypoints(any_run.case(season))[0]
     quickest = oracles.quickest_s(points, any_run)
     length = np.array(
         [oracles.GEOD.line_length(line[:, 0], line[:, 1]) for line in oracles.drawn(points)]
@@ -126,7 +126,7 @@ def test_in_still_water_a_speed_over_ground_is_the_vessels_own() -> None:
     still = {runs.SEASON: renew.UniformCurrent(0.0, 0.0)}
     result = replace(moving, scene=replace(moving.scene, currents=still))
     for points in every(result):
-        assert points.speed_m_s[:-1] == pytest.approx(result.scene.vessel.speed, rel=1e-6)
+        assert points.speed_m_s[:-1] == pytest.approx(result.cases[0].case.vessel.speed, rel=1e-6)
 
 
 def test_across_a_fifth_of_the_speed_a_leg_takes_two_per_cent_longer_than_projected() -> None:
@@ -142,17 +142,17 @@ def test_across_a_fifth_of_the_speed_a_leg_takes_two_per_cent_longer_than_projec
 
 def test_chosen_speeds_keep_the_planned_arrival() -> None:
     result = chosen_speeds.planned()
-    for points in season_waypoints(result, "chosen"):
+    for points in case_waypoints(result.case("chosen")):
         assert points.time_s[-1] == pytest.approx(points.ranked.metrics.duration_s, rel=2e-6)
         assert points.through_water_m_s[:-1].max() <= chosen_speeds.SPEEDS[1]
 
 
 def test_the_highest_speed_is_not_exceeded_to_arrive_in_time() -> None:
     result = chosen_speeds.planned()
-    points = season_waypoints(result, "chosen")[0]
+    points = case_waypoints(result.case("chosen"))[0]
     quickest_s = oracles.quickest_s(points, result).sum()
     planned = replace(points.ranked.metrics, duration_s=0.9 * quickest_s)
-    line = result.scene.projection.to_plane(points.lonlat)
-    found = steps_along_legs(line, replace(points.ranked, metrics=planned), result)
+    line = result.water.projection.to_plane(points.lonlat)
+    found = steps_along_legs(line, replace(points.ranked, metrics=planned))
     assert found.through_water_m_s == pytest.approx(chosen_speeds.SPEEDS[1])
     assert found.true_s.sum() == pytest.approx(quickest_s, rel=2e-5)

@@ -18,7 +18,7 @@ GEOD = pyproj.Geod(ellps="WGS84")
 def test_legs_add_up_to_the_route() -> None:
     result = runs.stretched()
     for ranked in result.routes:
-        own = legs(ranked, result)
+        own = legs(ranked)
         assert np.nansum(own.length_m) == pytest.approx(ranked.metrics.length_m, rel=1e-9)
         assert own.time_s[-1] == pytest.approx(ranked.metrics.duration_s)
 
@@ -26,9 +26,9 @@ def test_legs_add_up_to_the_route() -> None:
 def test_courses_are_those_of_the_planned_line() -> None:
     result = runs.stretched()
     for ranked in result.routes:
-        path, own = np.asarray(ranked.route.path), legs(ranked, result)
+        path, own = np.asarray(ranked.route.path), legs(ranked)
         ahead = path[:-1] + 1e-3 * np.diff(path, axis=0)
-        at, on = result.scene.projection.to_lonlat(np.stack([path[:-1], ahead]))
+        at, on = result.water.projection.to_lonlat(np.stack([path[:-1], ahead]))
         course = GEOD.inv(at[:, 0], at[:, 1], on[:, 0], on[:, 1])[0]
         apart = (own.course_deg[:-1] - course + 180) % 360 - 180
         # Tolerance: the change of course along a piece of ten kilometres.
@@ -52,15 +52,13 @@ def test_times_are_those_at_true_scale() -> None:
     # The duration itself is that of the steered trajectory.
     time *= ranked.metrics.duration_s / time[-1]
     vertices = np.append(0, np.arange(1, len(path)) * 200 - 1)
-    assert legs(ranked, result).time_s == pytest.approx(time[vertices], rel=1e-3)
-    assert times_at(metres_along(dense), path, ranked, result) == pytest.approx(
-        time, rel=1e-3, abs=60
-    )
+    assert legs(ranked).time_s == pytest.approx(time[vertices], rel=1e-3)
+    assert times_at(metres_along(dense), path, ranked) == pytest.approx(time, rel=1e-3, abs=60)
 
 
 def test_a_plane_has_legs_too(planar_result: RunResult) -> None:
     for ranked in planar_result.routes:
-        own = legs(ranked, planar_result)
+        own = legs(ranked)
         assert np.nansum(own.length_m) == pytest.approx(ranked.route.length, rel=1e-4)
         assert own.time_s[-1] == pytest.approx(ranked.metrics.duration_s)
 

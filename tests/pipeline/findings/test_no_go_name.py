@@ -25,6 +25,7 @@ from pipeline.run import Outcome
 from pipeline.stages.compare import safety_notes
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
+from tests.pipeline.results import rows_of
 
 WORD = re.compile(r"\bland\b", re.IGNORECASE)
 
@@ -37,7 +38,7 @@ def charted(result: RunResult) -> RunResult:
         key: replace(one, collided=one.collided | True)
         for key, one in evaluation.contingency.items()
     }
-    gaps = (GapShares(rows[0].season, 0.01, 0.02, 0.03),)
+    gaps = (GapShares(0.01, 0.02, 0.03),)
     fetched = small_run.with_zones(result).fetched
     return replace(
         result,
@@ -83,9 +84,9 @@ def test_the_terminal_speaks_of_no_go_areas(with_depths: RunResult, tmp_path: Pa
 
 
 def test_plotters_and_paper_speak_of_no_go_areas(with_depths: RunResult, tmp_path: Path) -> None:
-    season = with_depths.plans[0].season
-    write_gpx(with_depths, season, tmp_path / "a.gpx")
-    write_kml(with_depths, season, tmp_path / "a.kml")
+    season = with_depths.results[0].name
+    write_gpx(with_depths.case(season), tmp_path / "a.gpx")
+    write_kml(with_depths.case(season), tmp_path / "a.kml")
     for name in ("a.gpx", "a.kml"):
         text = (tmp_path / name).read_text("utf-8").replace(small_run.LAND.text, "")
         assert not said(re.findall(r">([^<]+)<", text))
@@ -101,7 +102,7 @@ def test_plotters_and_paper_speak_of_no_go_areas(with_depths: RunResult, tmp_pat
 
 @pytest.mark.parametrize("kind", Kind)
 def test_figures_speak_of_no_go_areas(with_depths: RunResult, kind: Kind) -> None:
-    drawn = figure(with_depths, with_depths.plans[0].season, kind)
+    drawn = figure(with_depths.case(with_depths.results[0].name), kind)
     assert not said([text.get_text() for text in drawn.findobj(Text)])
 
 
@@ -126,7 +127,7 @@ def test_uncharted_water_in_the_chart_is_not_called_land(with_depths: RunResult)
 
 def test_the_table_gives_the_fuel_of_other_routes_beside_the_best(tmp_path: Path) -> None:
     result = small_run.parts()
-    rows = result.evaluation.routes
+    rows = rows_of(result)
     of_best = next(row for row in rows if row.rank == 1)
     dear = tuple(replace(row, fuel=1.682e7 * (1 + 0.1 * (row.rank > 1))) for row in rows)
     evaluation = replace(result.evaluation, routes=dear)

@@ -24,7 +24,7 @@ GEOD = pyproj.Geod(ellps="WGS84")
 
 def evaluated(result: RunResult) -> RunResult:
     """The run with the metrics of the real evaluation."""
-    parts = [evaluate_season(result.scene, plan, PlannerOptions()) for plan in result.plans]
+    parts = [evaluate_season(result.scene, plan, PlannerOptions()) for plan in result.results]
     rows = tuple(row for part in parts for row in part.routes)
     return replace(result, evaluation=replace(result.evaluation, routes=rows))
 
@@ -37,12 +37,12 @@ def profile_of(
     current: renew.UniformCurrent | None = None,
 ) -> tuple[RouteProfile, RunResult]:
     """Profile of any path as the first season's best route, with other land or current."""
-    entry = result.plans[0]
+    entry = result.results[0]
     assert entry.plan is not None
     scene = result.scene if land is None else replace(result.scene, land=land)
     if current is not None:
-        scene = replace(scene, currents={entry.season: current})
-    field = scene.currents[entry.season]
+        scene = replace(scene, currents={entry.name: current})
+    field = scene.currents[entry.name]
     legs = range(2, len(path) + 1)
     fuels = [0.0, *(renew.fuel(path[:end], field, scene.vessel) for end in legs)]
     route = replace(
@@ -57,7 +57,7 @@ def profile_of(
     )
     plans = (replace(entry, plan=replace(entry.plan, routes=(route,), chosen=0)),)
     changed = evaluated(replace(result, scene=scene, plans=plans))
-    return route_profile(changed.routes[0], changed), changed
+    return route_profile(changed.routes[0]), changed
 
 
 def sailed(path: FloatArray, current: renew.CurrentField, vessel: renew.Vessel) -> FloatArray:
@@ -92,12 +92,12 @@ def test_the_figures_end_at_the_routes_own(planar: bool) -> None:
     result = evaluated(small_run.parts(planar=planar))
     assert result.routes
     for ranked in result.routes:
-        profile = route_profile(ranked, result)
+        profile = route_profile(ranked)
         check_sums(profile, ranked)
         # Speed over ground is speed through water plus the current along the course. The current is
         # the one at the point, the speed the mean up to the next point.
         tolerance = np.abs(np.diff(profile.current_along_m_s)).max() + 1e-3
-        gained = profile.speed_m_s - result.scene.vessel.speed
+        gained = profile.speed_m_s - result.cases[0].case.vessel.speed
         assert np.abs(gained - profile.current_along_m_s).max() < tolerance
 
 
@@ -108,20 +108,20 @@ def test_the_figures_end_at_the_routes_own(planar: bool) -> None:
 @example([(0.5, 0.5), (0.375, 0.5)])  # all of it on one island
 def test_any_path_over_water_and_land(shares: list[tuple[float, float]]) -> None:
     result = small_run.parts()
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     path = np.array([xmin, ymin]) + np.array(shares) * [xmax - xmin, ymax - ymin]
     assume(np.linalg.norm(np.diff(path, axis=0), axis=1).min() > 1)
     profile, changed = profile_of(result, path)
     check_sums(profile, changed.routes[0])
     on_land = shapely.intersects_xy(
-        shapely.union_all(result.scene.land), result.scene.projection.to_plane(profile.lonlat)
+        shapely.union_all(result.water.land), result.water.projection.to_plane(profile.lonlat)
     )
     assert (profile.clearance_m[on_land] < 1).all()
 
 
 def test_clearance_is_the_distance_on_earth_to_the_nearest_coast(result: RunResult) -> None:
     ranked = result.routes[0]
-    profile = route_profile(ranked, result, points=40)
+    profile = route_profile(ranked, points=40)
     islands = [shapely.segmentize(p, 2e-4) for p in result.fetched.land.polygons]
     coast = shapely.get_coordinates(islands)
     for place, clearance in zip(profile.lonlat, profile.clearance_m, strict=True):
@@ -133,9 +133,9 @@ def test_clearance_is_the_distance_on_earth_to_the_nearest_coast(result: RunResu
 def test_points_include_the_vertices_and_are_close_enough(result: RunResult) -> None:
     ranked = result.routes[1]
     for points in (1, 10, 500):
-        profile = route_profile(ranked, result, points=points)
-        own = legs(ranked, result)
-        sampled = result.scene.projection.to_plane(profile.lonlat)
+        profile = route_profile(ranked, points=points)
+        own = legs(ranked)
+        sampled = result.water.projection.to_plane(profile.lonlat)
         for vertex in ranked.route.path:
             assert np.linalg.norm(sampled - vertex, axis=1).min() < 1e-6
         assert len(sampled) >= points
@@ -189,7 +189,7 @@ def test_a_repeated_vertex_is_one(planar_result: RunResult) -> None:
 def test_the_coast_is_indexed_once_for_all_routes(result: RunResult) -> None:
     coast_index.cache_clear()
     for ranked in result.routes:
-        route_profile(ranked, result)
+        route_profile(ranked)
     assert coast_index.cache_info().misses == 1
 
 

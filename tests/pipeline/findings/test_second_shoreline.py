@@ -55,10 +55,10 @@ def test_each_crossing_is_where_and_as_long_as_on_earth(scale: float) -> None:
 
 
 def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> None:
-    best = ShoreCrossing("summer", 1, 24.0, 37.1, 100.0)
-    same = ShoreCrossing("summer", 4, 24.0001, 37.1001, 105.0)
-    others = [ShoreCrossing("summer", i, 24.0, 37.0 + i / 10, 100.0 * i) for i in range(2, 11)]
-    winter = ShoreCrossing("winter", 1, -5.25, -36.5, 60.4)
+    best = ShoreCrossing(1, 24.0, 37.1, 100.0)
+    same = ShoreCrossing(4, 24.0001, 37.1001, 105.0)
+    others = [ShoreCrossing(i, 24.0, 37.0 + i / 10, 100.0 * i) for i in range(2, 11)]
+    winter = ShoreCrossing(1, -5.25, -36.5, 60.4)
     one, other = note_texts(crossing_notes([*others, same, best, winter], ChartSpec()))
     places = one.split("; check these places on an official chart: ")[1].split("; ")
     assert places[0] == "105 m at 24.0001 E 37.1001 N on routes 1, 4"

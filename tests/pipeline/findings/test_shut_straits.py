@@ -136,6 +136,6 @@ def test_straits_of_enclosed_water_are_shut_by_its_mouths() -> None:
 def test_a_plane_and_a_run_without_routes_have_none() -> None:
     result = small_run.parts(planar=True)
     none = SeasonPlan("gyre", None, "no water", 0.0)
-    for plans in (result.plans, (none,)):
+    for plans in (result.results, (none,)):
         found = shut_straits(result.scene, result.simplified, plans, result.scenario.planner)
         assert found == ()

@@ -13,6 +13,7 @@ from pipeline.findings.other_ways import side_bounds
 from pipeline.findings.way_names import with_way_names
 from pipeline.model import Evaluation, SeasonPlan
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import rows_of
 
 
 def planned_around(island: shapely.Polygon, speed: float) -> tuple[list[renew.Route], float]:
@@ -27,7 +28,7 @@ def planned_around(island: shapely.Polygon, speed: float) -> tuple[list[renew.Ro
     seasons = [SeasonPlan("gyre", plan, "", 0.0)]
     rows = tuple(
         replace(
-            like.evaluation.routes[0],
+            rows_of(like)[0],
             rank=rank,
             homotopy=route.homotopy,
             fuel=route.fuel,
@@ -63,17 +64,17 @@ def test_seasons_without_another_side_have_no_bound() -> None:
     result = small_run.parts()
     alone = replace(
         result.evaluation,
-        routes=tuple(replace(row, passages=()) for row in result.evaluation.routes),
+        routes=tuple(replace(row, passages=()) for row in rows_of(result)),
     )
-    assert side_bounds(result.scene, result.plans, alone, result.scenario.planner) == ()
+    assert side_bounds(result.scene, result.results, alone, result.scenario.planner) == ()
 
 
 def test_the_bound_of_a_real_plan_is_below_its_routes_there() -> None:
     result = small_run.parts()
-    found = side_bounds(result.scene, result.plans, result.evaluation, result.scenario.planner)
-    assert {bound.season for bound in found} <= {plan.season for plan in result.plans}
+    found = side_bounds(result.scene, result.results, result.evaluation, result.scenario.planner)
+    assert {bound.season for bound in found} <= {plan.name for plan in result.results}
     for bound in found:
-        best, *others = result.season_routes(bound.season)
+        best, *others = result.case(bound.season).routes
         there = [o for o in others if o.metrics.main_passage != best.metrics.main_passage]
         assert bound.fuel <= min(one.route.fuel for one in there)
         assert np.isfinite(bound.fuel)

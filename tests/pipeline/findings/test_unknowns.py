@@ -11,6 +11,7 @@ from pipeline.geo.lonlat import DepthCover
 from pipeline.model import ShoreCrossing, ShutStrait
 from pipeline.model.inputs import Note
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import rows_of
 
 NO_DEPTHS = "no depths in this chart: the draught was not used, and shoals are not avoided"
 
@@ -25,7 +26,7 @@ def with_shares(
             filled_share=filled.get(row.rank, 0.0) if row.season == "summer" else 0.0,
             uncharted_share=float("nan") if uncharted is None else uncharted,
         )
-        for row in result.evaluation.routes
+        for row in rows_of(result)
     )
     land = replace(result.fetched.land, depths=None if uncharted is None else DepthCover(areas=()))
     return replace(
@@ -46,10 +47,10 @@ def test_shares_of_the_current_are_reported_for_the_best_and_the_worst() -> None
         "summer: the source of the current has no figure for 12.3 % of route 1 and 95.0 % of route "
         "3, the largest share of the 2 other routes: it was filled from the water around"
     )
-    best, second = result.season_routes("summer")[:2]
+    best, second = result.case("summer").routes[:2]
     assert "12.3 % of route 1:" in note_texts(route_unknowns(result, best.metrics))[1]
     assert "20.0 % of route 2:" in note_texts(route_unknowns(result, second.metrics))[1]
-    winter = result.season_routes("winter")[0].metrics
+    winter = result.case("winter").routes[0].metrics
     assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
 
 
@@ -64,33 +65,33 @@ def without_current(result: RunResult, season: str) -> RunResult:
 
 def test_a_current_that_is_not_known_at_all_is_reported_first() -> None:
     result = with_shares(small_run.parts(), {1: 1.0, 2: 0.2})
-    assert [result.lacks_current(season) for season in ("summer", "winter")] == [True, False]
+    assert [result.case(season).lacks_current for season in ("summer", "winter")] == [True, False]
     first = note_texts(result.unknowns)[0]
     assert first.startswith("summer: the source of the current has no values anywhere on the best")
     still = without_current(with_shares(small_run.parts(), {}), "winter")
-    assert [still.lacks_current(season) for season in ("summer", "winter")] == [False, True]
-    winter = still.season_routes("winter")[0].metrics
+    assert [still.case(season).lacks_current for season in ("summer", "winter")] == [False, True]
+    winter = still.case("winter").routes[0].metrics
     assert note_texts(route_unknowns(still, winter))[0].startswith("no current was used")
     assert still.gap_figure(winter) == "not proven"
-    assert still.gap_figure(still.season_routes("summer")[0].metrics).endswith(" %")
+    assert still.gap_figure(still.case("summer").routes[0].metrics).endswith(" %")
     partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
-    assert not partly.lacks_current("summer")
+    assert not partly.case("summer").lacks_current
 
 
 def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
     result = with_shares(small_run.parts(), {})
     crossings = tuple(
-        ShoreCrossing("summer", rank, 119.0 + rank, 9.0, length_m)
+        ShoreCrossing(rank, 119.0 + rank, 9.0, length_m)
         for rank, length_m in ((1, 2461.0), (2, 33_000.0))
     )
     result = replace(result, evaluation=replace(result.evaluation, shore_crossings=crossings))
     first = note_texts(result.unknowns)[0]
     assert first.startswith("summer: a second, independent shoreline")
     assert "2,461 m at 120.0000 E 9.0000 N on route 1; 33,000 m" in first
-    best, second = result.season_routes("summer")[:2]
+    best, second = result.case("summer").routes[:2]
     assert "33,000 m" not in note_texts(route_unknowns(result, best.metrics))[0]
     assert "33,000 m" in note_texts(route_unknowns(result, second.metrics))[0]
-    winter = result.season_routes("winter")[0].metrics
+    winter = result.case("winter").routes[0].metrics
     assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
 
 
@@ -99,8 +100,8 @@ def test_missing_depths_are_reported_and_complete_ones_are_not() -> None:
     assert "no depth is charted for 4.0 % of route 1 and 4.0 % of route" in text
     complete = with_shares(small_run.parts(), {}, 0.0)
     assert note_texts(complete.unknowns) == []
-    assert all(has_all_depths(row) for row in complete.evaluation.routes)
-    without_depths = small_run.parts().evaluation.routes
+    assert all(has_all_depths(row) for row in rows_of(complete))
+    without_depths = rows_of(small_run.parts())
     assert not any(has_all_depths(row) for row in without_depths)
 
 

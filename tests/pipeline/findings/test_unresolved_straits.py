@@ -24,7 +24,7 @@ MARGIN_DEG = 0.0005
 def test_a_strait_between_two_islands_is_found_with_its_width() -> None:
     result = run(tide(12), (SOUTH, NORTH))
     best = result.routes[0].route
-    found = list(straits_of(best, result.scene))
+    found = list(straits_of(best, result.water))
     gap = GEOD.inv(119.05, 9.522 + MARGIN_DEG, 119.05, 9.539 - MARGIN_DEG)[2]
     narrowest, (lon, lat) = min(found)
     assert narrowest == pytest.approx(gap, rel=0.02)
@@ -48,5 +48,5 @@ def test_a_strait_between_two_islands_is_found_with_its_width() -> None:
 
 
 def test_the_way_round_one_island_has_no_strait() -> None:
-    assert list(straits_of(planned().routes[0].route, planned().scene)) == []
+    assert list(straits_of(planned().routes[0].route, planned().water)) == []
     assert note_texts(unresolved_strait_notes(planned())) == []

@@ -55,7 +55,7 @@ def named(scene: Scene, *plans: SeasonPlan, places: tuple[PlaceName, ...] = ()) 
     """Name the ways of some plans."""
     rows = [
         RouteMetrics(
-            plan.season,
+            plan.name,
             rank,
             route.homotopy,
             route.fuel,
@@ -71,7 +71,7 @@ def named(scene: Scene, *plans: SeasonPlan, places: tuple[PlaceName, ...] = ()) 
             0.0,
         )
         for plan in plans
-        for rank, route in enumerate(plan.ranked_routes, start=1)
+        for rank, route in enumerate(plan.routes, start=1)
     ]
     return with_way_names(Evaluation(tuple(rows), {}), scene, plans, places)
 
@@ -90,7 +90,7 @@ def test_the_side_is_where_the_way_round_lies(angle: float) -> None:
     scene = plane_scene([island, shapely.box(-500, -500, -450, -450)], -300 * ahead, 300 * ahead)
     plan = planned(scene, classes=2)
     ways = {}
-    for row, route in zip(named(scene, plan).routes, plan.ranked_routes, strict=True):
+    for row, route in zip(named(scene, plan).routes, plan.routes, strict=True):
         side, _, island_name = row.way.partition(" of ")
         assert island_name == "island 1"
         x, y = route.path[np.abs(route.path @ ahead).argmin()]
@@ -114,10 +114,10 @@ def test_a_strait_is_named_by_the_islands_on_either_side() -> None:
         "west of islands 1 and 2",
         "east of islands 1 and 3",
     }
-    places = {island.label: island.x for island in evaluation.islands}
+    places = {island.label: island.x for island in islands}
     assert set(places) == {"1", "2", "3"}
     assert places["2"] < places["1"] < places["3"]
-    for island in evaluation.islands:
+    for island in islands:
         assert island.place == scene.place_text(np.array([island.x, island.y]))
 
 
@@ -143,12 +143,10 @@ def test_the_charts_own_names_take_the_place_of_numbers() -> None:
         "north of Isle, of Dogs", "south of Isle, of Dogs",
     }  # fmt: skip
     assert {row.main_passage for row in evaluation.routes} == {row.way for row in evaluation.routes}
-    assert [(island.number, island.label) for island in evaluation.islands] == [
-        (1, "Isle, of Dogs")
-    ]
+    assert [(island.number, island.label) for island in islands] == [(1, "Isle, of Dogs")]
     evaluation = named(scene, planned(scene), places=(elsewhere,))
     # It may be far away: so much lies between a degree of longitude.
-    named_place = evaluation.islands[0]
+    named_place = islands[0]
     found = re.fullmatch(r".* N, ([\d,.]+) km from Far", named_place.place)
     assert found, named_place.place
     lon, lat = scene.projection.to_lonlat(np.array([named_place.x, named_place.y])).tolist()
@@ -163,7 +161,7 @@ def test_no_two_islands_have_one_name() -> None:
     (west, _), (east, lat) = scene.projection.to_lonlat([(-190.0, 0.0), (-20.0, 0.0)]).tolist()
     places = PlaceName("Sheep", west, lat, 1e-6), PlaceName("Sheep", east, lat, 1e-8)
     evaluation = named(scene, planned(scene, classes=3), places=places)
-    assert {island.label for island in evaluation.islands} == {"Sheep", "2"}
+    assert {island.label for island in islands} == {"Sheep", "2"}
     assert len({row.way for row in evaluation.routes}) == 3
 
 
@@ -205,9 +203,9 @@ def test_the_catalogues_names_come_after_the_charts() -> None:
 def test_a_number_has_a_named_island_in_names_of_classes() -> None:
     scene = bali_scene()
     evaluation = named(scene, planned(scene, classes=2))
-    assert [island.label for island in evaluation.islands] == ["Bali"]
+    assert [island.label for island in islands] == ["Bali"]
     spelled = set("".join(row.homotopy for row in evaluation.routes)) & {"1"}
-    assert {island.label for island in evaluation.class_islands} == spelled
+    assert {island.label for island in class_islands} == spelled
 
 
 def test_larger_land_that_an_offing_joins_to_an_island_has_not_its_name() -> None:
@@ -241,7 +239,7 @@ def test_without_an_island_beside_it_a_way_has_no_name() -> None:
     scene = plane_scene([shapely.box(-400, -10, -395, -5), mainland], (-200, 0), (200, 0))
     evaluation = named(scene, planned(scene, classes=1))
     assert [row.way for row in evaluation.routes] == [""]
-    assert evaluation.islands == ()
+    assert islands == ()
 
 
 def test_names_of_classes_in_a_refusal_are_explained_by_places() -> None:

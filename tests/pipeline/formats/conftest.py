@@ -62,7 +62,7 @@ def page(result: RunResult) -> Page:
 @pytest.fixture(scope="module")
 def currents(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("currents") / "currents.nc"
-    write_currents(result, "summer", path)
+    write_currents(result.case("summer"), path)
     return path
 
 

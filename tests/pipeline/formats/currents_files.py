@@ -47,7 +47,7 @@ def in_file(file: xr.Dataset, lonlat: np.ndarray, time: xr.DataArray | None = No
 def along_routes(result: RunResult, season: str, count: int) -> np.ndarray:
     """Random points (count, 2), planar metres, along a season's routes."""
     rng = np.random.default_rng(35)
-    routes = [shapely.LineString(one.route.path) for one in result.season_routes(season)]
+    routes = [shapely.LineString(one.route.path) for one in result.case(season).routes]
     shares = rng.random((count, 2))
     lines = np.array(routes, dtype=object)[(shares[:, 0] * len(routes)).astype(int)]
     points = shapely.line_interpolate_point(lines, shares[:, 1], normalized=True)
@@ -58,8 +58,8 @@ def planners(
     result: RunResult, season: str, xy: np.ndarray, time: float | np.ndarray = 0.0
 ) -> np.ndarray:
     """The planner's own current (n, 2), to east and to north, at points (n, 2) of its plane."""
-    projection = result.scene.projection
-    velocity = result.scene.currents[season].velocity(xy, time)
+    projection = result.water.projection
+    velocity = result.case(season).case.current.velocity(xy, time)
     return projection.rotate_to_lonlat(projection.to_lonlat(xy), velocity)
 
 

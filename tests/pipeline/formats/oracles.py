@@ -51,7 +51,7 @@ def drawn(points: Waypoints, step_m: float = 200.0) -> list[FloatArray]:
 
 def in_plane(result: RunResult, line: FloatArray) -> shapely.LineString:
     """A lon/lat line in the planner's plane."""
-    return shapely.LineString(result.scene.projection.to_plane(line))
+    return shapely.LineString(result.water.projection.to_plane(line))
 
 
 def beside(line: FloatArray, distance_m: FloatArray | float) -> FloatArray:

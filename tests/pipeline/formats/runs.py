@@ -10,9 +10,9 @@ import shapely
 
 from pipeline.findings.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
-from pipeline.scenario.model import PlannerOptions, Scenario
+from pipeline.scenario.model import Scenario
+from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
-from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from tests.pipeline.formats import small_run
 
 STREAM = Credit("Test stream", "current", "A stream made up for a test", "CC0")
@@ -55,16 +55,16 @@ def _stream(bbox: tuple[float, float, float, float]) -> CurrentGrid:
 
 def _finished(asked: Scenario, got: Fetched, simplified: Simplified) -> RunResult:
     """Run the stages from the projection on."""
-    scene = project(asked, got, simplified)
-    plan = plan_season(scene, SEASON, asked.planner)
-    assert plan.plan is not None, plan.failure
+    (case,) = project(asked, got, simplified)
+    found = plan_case(case, asked.planner)
+    assert found.plan is not None, found.failure
     return RunResult(
         scenario=asked,
         fetched=got,
         simplified=simplified,
-        scene=scene,
-        plans=(plan,),
-        evaluation=combine_seasons([evaluate_season(scene, plan, PlannerOptions())]),
+        water=case.water,
+        planned={SEASON: case},
+        results=(found,),
         timings={},
         created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
     )

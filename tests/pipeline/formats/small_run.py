@@ -11,19 +11,18 @@ import shapely
 
 import renew
 from pipeline.findings.result import RunResult
-from pipeline.findings.way_names import with_way_names
+from pipeline.findings.way_names import way_names
 from pipeline.model import (
+    Case,
+    CaseResult,
     Credit,
     CurrentGrid,
-    Evaluation,
     Fetched,
     Land,
+    Measures,
     Note,
     PassedOver,
-    RouteKey,
     RouteMetrics,
-    Scene,
-    SeasonPlan,
     ShutStrait,
     Simplified,
     Zone,
@@ -129,33 +128,26 @@ def fetched(asked: Scenario) -> Fetched:
     return Fetched(Land(islands, (LAND,), 60.0), grids, current_notes(grids))
 
 
-def metrics(
-    asked: Scenario,
-    scene: Scene,
-    season: str,
-    rank: int,
-    route: renew.Route,
-    found: renew.Contingency,
-) -> RouteMetrics:
+def metrics(case: Case, rank: int, route: renew.Route, found: renew.Contingency) -> RouteMetrics:
     """A route's metrics, computed in the simplest way."""
-    line, land = shapely.LineString(route.path), shapely.union_all(scene.land)
+    line, land = shapely.LineString(route.path), shapely.union_all(case.water.land)
+    scale = case.projection.scale
     return RouteMetrics(
-        season=season,
         rank=rank,
         homotopy=route.homotopy,
         fuel=route.fuel,
         fuel_per_distance=route.fuel_per_distance,
         length=route.length,
-        length_m=scene.projection.geodesic_length_m(
+        length_m=case.projection.geodesic_length_m(
             shapely.get_coordinates(line.segmentize(route.length / 500))
         ),
-        clearance_m=float(shapely.distance(line, land)) * asked.scale,
-        duration_s=route.duration * asked.scale,
-        speed_m_s=scene.vessel.speed,
+        clearance_m=float(shapely.distance(line, land)) * scale,
+        duration_s=route.duration * scale,
+        speed_m_s=case.vessel.speed,
         optimality_gap=route.optimality_gap,
         trials=found.trials,
         collisions=found.collisions,
-        land_m=float(shapely.intersection(line, land).length) * asked.scale,
+        land_m=float(shapely.intersection(line, land).length) * scale,
     )
 
 
@@ -172,34 +164,38 @@ def parts(*, planar: bool = False) -> RunResult:
         tolerance_m=100.0,
         margin_m=60.0,
     )
-    scene = project(asked, got, simplified)
-    plans, rows, contingencies = [], [], {}
-    for spec in asked.seasons:
+    cases, results = project(asked, got, simplified), []
+    for case in cases:
         plan = renew.plan(
-            scene.chart,
-            scene.currents[spec.name],
-            scene.vessel,
-            scene.start,
-            scene.goal,
+            case.chart,
+            case.current,
+            case.vessel,
+            case.start,
+            case.goal,
             classes=asked.planner.classes,
         )
-        plans.append(SeasonPlan(spec.name, plan, "", 1.5))
-        original = renew.Chart(scene.chart.extent, scene.land)
-        for rank, route in enumerate(plan.routes, start=1):
-            found = renew.contingency(
-                route, original, scene.currents[spec.name], scene.vessel, spacing=SPACING
-            )
-            rows.append(metrics(asked, scene, spec.name, rank, route, found))
-            contingencies[spec.name, rank] = found
+        original = renew.Chart(case.chart.extent, case.water.land)
+        turns = tuple(
+            renew.contingency(route, original, case.current, case.vessel, spacing=SPACING)
+            for route in plan.routes
+        )
+        rows = tuple(
+            metrics(case, rank, route, found)
+            for rank, (route, found) in enumerate(zip(plan.routes, turns, strict=True), start=1)
+        )
+        results.append(CaseResult(case.name, plan, "", 1.5, measures=Measures(rows, turns)))
+    names = way_names(cases[0].water, results, ())
     return RunResult(
         scenario=asked,
         fetched=got,
         simplified=simplified,
-        scene=scene,
-        plans=tuple(plans),
-        evaluation=with_way_names(Evaluation(tuple(rows), contingencies), scene, plans, ()),
+        water=cases[0].water,
+        planned={case.name: case for case in cases},
+        results=tuple(map(names.name, results)),
         timings={"fetch": 0.25, "plan": 1.0},
         created=datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
+        islands=names.islands,
+        class_islands=names.class_islands,
     )
 
 
@@ -230,16 +226,9 @@ def with_a_shut_strait(result: RunResult) -> RunResult:
 
 def with_a_failed_season(result: RunResult) -> RunResult:
     """The same run, but without a plan for winter."""
-    failed = SeasonPlan("winter", None, "no water joins start and goal <b>at all</b>", 0.5)
-    remaining: dict[RouteKey, renew.Contingency] = {
-        key: found for key, found in result.evaluation.contingency.items() if key[0] != "winter"
-    }
-    rows = tuple(row for row in result.evaluation.routes if row.season != "winter")
-    return replace(
-        result,
-        plans=tuple(failed if entry.season == "winter" else entry for entry in result.plans),
-        evaluation=Evaluation(rows, remaining),
-    )
+    failed = CaseResult("winter", None, "no water joins start and goal <b>at all</b>", 0.5)
+    results = (failed if one.name == "winter" else one for one in result.results)
+    return replace(result, results=tuple(results))
 
 
 def without_stand_ins(result: RunResult) -> RunResult:

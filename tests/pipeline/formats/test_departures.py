@@ -16,6 +16,7 @@ from pipeline.model import DepartureChoice
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.season import Season
 from pipeline.write import formats_of
+from tests.pipeline.results import rows_of
 from tests.pipeline.tidal_run import DEPARTURE, planned
 
 WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": 3}
@@ -25,7 +26,7 @@ WINDOW = {"first": DEPARTURE.isoformat(), "every": "1h", "count": 3}
 def result() -> RunResult:
     """A run whose departure was chosen among three, of which one can't be sailed."""
     run = planned()
-    best = run.evaluation.routes[0]
+    best = rows_of(run)[0]
     season = run.scenario.seasons[0].model_dump(exclude_none=True)
     asked = Season.model_validate({**season, "departure": None, "departures": WINDOW})
     choice = DepartureChoice(
@@ -47,7 +48,7 @@ def test_each_departure_has_a_row_and_the_best_its_proof(result: RunResult, tmp_
     write_departures_csv(result, tmp_path / "departures.csv")
     with (tmp_path / "departures.csv").open(newline="", encoding="utf-8") as file:
         first, second, none = csv.DictReader(file)
-    best = result.evaluation.routes[0]
+    best = rows_of(result)[0]
     assert first["departure"] == "2026-11-22T06:20:00Z"
     assert float(first["hours"]) == best.duration_s / 3600
     assert float(first["fuel"]) == best.fuel

@@ -64,16 +64,16 @@ def values_of(message: bytes) -> list[float | None]:
 @pytest.mark.parametrize("season", ["summer", "winter"])
 def test_eccodes_finds_the_planners_current(result: RunResult, tmp_path: Path, season: str) -> None:
     """Within 5e-5 m/s: of 16 bits; and only where the source has a figure, and in the chart."""
-    write_grib(result, season, tmp_path / "c.grb")
+    write_grib(result.case(season), tmp_path / "c.grb")
     found = fields(tmp_path / "c.grb")
     assert [one["indicatorOfParameter"] for one in found] == [49, 50]
     assert {(one["level"], one["step"]) for one in found} == {("surface", 0)}
-    grid = result.grid_of(season)
+    grid = result.case(season).grid
     assert grid is not None
     points = np.asarray(found[0]["points"])
     # Some nodes lie on the edge of a cell, or of the chart.
     nodes = points[:, 1::-1].round(3)
-    xy = result.scene.projection.to_plane(nodes)
+    xy = result.water.projection.to_plane(nodes)
     expected = planners(result, season, xy)
     known = points[:, 2] != found[0]["missingValue"]
     assert 0 < known.sum() < known.size, "there is land"
@@ -81,7 +81,7 @@ def test_eccodes_finds_the_planners_current(result: RunResult, tmp_path: Path, s
         values = np.asarray(one["points"])[:, 2]
         np.testing.assert_array_equal(values != one["missingValue"], known)
         np.testing.assert_allclose(values[known], expected[known, component], rtol=0, atol=5e-5)
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     inside = (xy[:, 0] >= xmin) & (xy[:, 0] <= xmax) & (xy[:, 1] >= ymin) & (xy[:, 1] <= ymax)
     np.testing.assert_array_equal(known, inside & grid.cells.at(nodes))
 
@@ -96,7 +96,7 @@ def test_a_current_that_changes_has_a_field_at_each_of_its_times(
     grid = CurrentGrid("summer", lon, lat, u, v, "x", small_run.STAND_IN, times_s=times)
     run = with_grids(result, grid)
     run = replace(run, scene=replace(run.scene, departures={"summer": TIME}))
-    write_grib(run, "summer", tmp_path / "c.grb")
+    write_grib(run.case("summer"), tmp_path / "c.grb")
     found = fields(tmp_path / "c.grb")
     said = [(one["dataDate"], one["dataTime"], one["indicatorOfParameter"]) for one in found]
     days = [(20240731, 2245), (20240731, 2345), (20240801, 115)]
@@ -104,13 +104,13 @@ def test_a_current_that_changes_has_a_field_at_each_of_its_times(
     for one, seconds in zip(found[::2], times, strict=True):
         points = np.asarray(one["points"])
         known = points[:, 2] != one["missingValue"]
-        xy = run.scene.projection.to_plane(points[:, 1::-1])
+        xy = run.water.projection.to_plane(points[:, 1::-1])
         expected = planners(run, "summer", xy, float(seconds))[:, 0]
         np.testing.assert_allclose(points[known, 2], expected[known], rtol=0, atol=5e-5)
 
 
 def test_a_current_without_a_time_has_no_file(result: RunResult) -> None:
-    grid = result.grid_of("summer")
+    grid = result.case("summer").grid
     assert grid is not None
     undated = with_grids(result, replace(grid, valid="some time or other"))
     assert fields_from(undated, undated.fetched.currents[0]) is None

@@ -8,18 +8,19 @@ from pathlib import Path
 from pipeline.findings.result import RunResult
 from pipeline.formats.tables import METRICS_COLUMNS, write_metrics
 from pipeline.model import Evaluation, RouteMetrics
+from tests.pipeline.results import rows_of
 
 
 def test_metrics_read_back_the_same(result: RunResult, tmp_path: Path) -> None:
     write_metrics(result, tmp_path / "metrics.csv")
     with (tmp_path / "metrics.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == len(result.evaluation.routes)
+    assert len(rows) == len(rows_of(result))
     # Passages are in the file as one text.
     assert set(METRICS_COLUMNS.values()) - {"way"} == {
         field.name for field in fields(RouteMetrics)
     } - {"passages"}
-    for row, metrics in zip(rows, result.evaluation.routes, strict=True):
+    for row, metrics in zip(rows, rows_of(result), strict=True):
         for column, name in METRICS_COLUMNS.items():
             value = getattr(metrics, name)
             if value is None or value != value:  # noqa: PLR0124 - as only NaN is
@@ -37,7 +38,7 @@ def test_departure_and_arrival_stand_where_a_departure_is_given(
     dated = replace(result, scenario=result.scenario.model_copy(update={"seasons": seasons}))
     write_metrics(dated, tmp_path / "metrics.csv")
     with (tmp_path / "metrics.csv").open(encoding="utf-8", newline="") as file:
-        for row, metrics in zip(csv.DictReader(file), result.evaluation.routes, strict=True):
+        for row, metrics in zip(csv.DictReader(file), rows_of(result), strict=True):
             if metrics.season == winter.name:
                 assert (row["departure"], row["arrival"]) == ("", "")
                 continue
@@ -47,8 +48,8 @@ def test_departure_and_arrival_stand_where_a_departure_is_given(
 
 
 def test_a_figure_that_does_not_exist_is_blank(result: RunResult, tmp_path: Path) -> None:
-    row = replace(result.evaluation.routes[0], optimality_gap=float("nan"))
-    rows = (row, *result.evaluation.routes[1:])
+    row = replace(rows_of(result)[0], optimality_gap=float("nan"))
+    rows = (row, *rows_of(result)[1:])
     changed = replace(result, evaluation=Evaluation(rows, result.evaluation.contingency))
     write_metrics(changed, tmp_path / "metrics.csv")
     with (tmp_path / "metrics.csv").open(encoding="utf-8", newline="") as file:

@@ -79,12 +79,12 @@ def test_a_reader_finds_the_planners_current(
     result: RunResult, tmp_path: Path, season: str
 ) -> None:
     """Within 1e-5 m/s: figures have 24 bits, and north turns nearly linearly within a cell."""
-    write_currents(result, season, tmp_path / "currents.nc")
+    write_currents(result.case(season), tmp_path / "currents.nc")
     points = along_routes(result, season, 1000)
     with xr.open_dataset(tmp_path / "currents.nc") as file:
         assert np.isfinite(file.uo).all()
         assert np.isfinite(file.vo).all()
-        found = in_file(file, result.scene.projection.to_lonlat(points))
+        found = in_file(file, result.water.projection.to_lonlat(points))
     np.testing.assert_allclose(found, planners(result, season, points), rtol=0, atol=1e-5)
 
 
@@ -118,7 +118,7 @@ def test_north_that_turns_in_the_plane_hardly_matters(
     moved = replace(result, scene=replace(result.scene, chart=chart, projection=projection))
     grid = CurrentGrid("summer", lon, lat, u, v, "", small_run.STAND_IN)
     run = with_grids(moved, grid)
-    write_currents(run, "summer", tmp_path / "currents.nc")
+    write_currents(run.case("summer"), tmp_path / "currents.nc")
     xmin, ymin, xmax, ymax = chart.bounds
     points = rng.uniform((xmin, ymin), (xmax, ymax), (1000, 2))
     with xr.open_dataset(tmp_path / "currents.nc") as file:
@@ -134,10 +134,10 @@ def test_north_that_turns_in_the_plane_hardly_matters(
 
 def sailed(file: xr.Dataset, result: RunResult, path: np.ndarray) -> np.ndarray:
     """Speed over ground (n - 1,) on each leg of a path, integrated through the file's current."""
-    geod, through_water = pyproj.Geod(ellps="WGS84"), result.scene.vessel.speed
+    geod, through_water = pyproj.Geod(ellps="WGS84"), result.cases[0].case.vessel.speed
     speeds = []
     for begin, end in pairwise(path):
-        ends = result.scene.projection.to_lonlat(np.linspace(begin, end, 401))
+        ends = result.water.projection.to_lonlat(np.linspace(begin, end, 401))
         azimuth, _, length = geod.inv(*ends[:-1].T, *ends[1:].T)
         course = np.radians(azimuth)
         ahead = np.stack([np.sin(course), np.cos(course)], axis=-1)
@@ -156,11 +156,11 @@ def sailed(file: xr.Dataset, result: RunResult, path: np.ndarray) -> np.ndarray:
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("season", ["summer", "winter"])
 def test_a_reader_finds_the_legs_speeds(result: RunResult, tmp_path: Path, season: str) -> None:
-    write_currents(result, season, tmp_path / "currents.nc")
+    write_currents(result.case(season), tmp_path / "currents.nc")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
-        for ranked in result.season_routes(season):
+        for ranked in result.case(season).routes:
             found = sailed(file, result, np.asarray(ranked.route.path))
-            np.testing.assert_allclose(found, legs(ranked, result).speed_m_s[:-1], rtol=1e-3)
+            np.testing.assert_allclose(found, legs(ranked).speed_m_s[:-1], rtol=1e-3)
 
 
 def test_filled_nodes_are_flagged(result: RunResult, currents: Path) -> None:
@@ -188,7 +188,7 @@ def test_gdal_places_the_grid_where_it_is(result: RunResult, tmp_path: Path) -> 
     run = with_grids(result, summer, replace(winter, lon=lon, lat=lat, u=grid, v=-grid))
     for season in ("summer", "winter"):
         path = tmp_path / f"{season}.nc"
-        write_currents(run, season, path)
+        write_currents(run.case(season), path)
         asked = [gdalinfo, "-json", "-stats", f"NETCDF:{path}:uo"]
         found = json.loads(subprocess.run(asked, capture_output=True, check=True).stdout)
         west, east_step, _, north, _, south_step = found["geoTransform"]
@@ -219,9 +219,9 @@ def tide(result: RunResult) -> RunResult:
 def test_a_current_that_changes_is_written_at_all_its_times(
     tide: RunResult, tmp_path: Path
 ) -> None:
-    write_currents(tide, "summer", tmp_path / "currents.nc")
+    write_currents(tide.case("summer"), tmp_path / "currents.nc")
     points = along_routes(tide, "summer", 1000)
-    lonlat = tide.scene.projection.to_lonlat(points)
+    lonlat = tide.water.projection.to_lonlat(points)
     seconds = np.random.default_rng(3).uniform(-5400.0, 90_000.0, 1000)
     departure = np.datetime64("2026-11-22T06:00", "ns")
     times = xr.DataArray(departure + (seconds * 1e9).astype("m8[ns]"), dims="point")
@@ -265,7 +265,7 @@ def test_notes_and_references_are_written(result: RunResult, tmp_path: Path) -> 
         notes=(small_run.note("one"), small_run.note("two")),
         credit=replace(summer.credit, url="https://u"),
     )
-    write_currents(with_grids(result, summer, winter), "summer", tmp_path / "currents.nc")
+    write_currents(with_grids(result, summer, winter).case("summer"), tmp_path / "currents.nc")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
         assert file.attrs["notes"] == "one; two"
         assert file.attrs["references"].startswith("https://u; RENEW")
@@ -318,7 +318,7 @@ def test_a_period_that_cannot_be_read_stays_a_text(
 
 def test_longitudes_are_continuous_across_180_degrees(result: RunResult, tmp_path: Path) -> None:
     moved = moved_east(result, 60.4)
-    write_currents(moved, "summer", tmp_path / "currents.nc")
+    write_currents(moved.case("summer"), tmp_path / "currents.nc")
     with xr.open_dataset(tmp_path / "currents.nc") as file:
         assert np.all(np.diff(file.lon, axis=1) > 0)
         assert float(file.lon.min()) < 180 < float(file.lon.max())
@@ -331,7 +331,7 @@ def test_bad_names_are_stored_as_labels(result: RunResult, tmp_path: Path) -> No
     summer, winter = bad.fetched.currents
     summer = replace(summer, credit=BAD_CREDIT, notes=(small_run.note(ODD),))
     path, run = tmp_path / "currents.nc", replace(with_grids(bad, summer, winter), scenario=odd)
-    write_currents(run, SCRIPT, path)
+    write_currents(run.case(SCRIPT), path)
     with xr.open_dataset(path) as file:
         assert file.attrs["season"] == SCRIPT
         assert file.attrs["license"] == BAD_CREDIT.licence
@@ -339,7 +339,7 @@ def test_bad_names_are_stored_as_labels(result: RunResult, tmp_path: Path) -> No
         assert file.attrs["notes"] == ODD
         assert f"{SCRIPT}\N{REPLACEMENT CHARACTER}?" in file.attrs["title"]
     assert faults(path) == []
-    write_currents(run, ODD, path)
+    write_currents(run.case(ODD), path)
     with xr.open_dataset(path) as file:
         assert file.attrs["season"] == ODD
 
@@ -347,7 +347,7 @@ def test_bad_names_are_stored_as_labels(result: RunResult, tmp_path: Path) -> No
 def test_characters_that_no_string_can_hold_are_replaced(result: RunResult, tmp_path: Path) -> None:
     names = {"summer": "<b>\0\0", "winter": "\ud800\U0001f30a"}
     for name, stored in zip(names.values(), ("<b>\ufffd\ufffd", "?\U0001f30a"), strict=True):
-        write_currents(renamed(result, names), name, tmp_path / "currents.nc")
+        write_currents(renamed(result, names).case(name), tmp_path / "currents.nc")
         with xr.open_dataset(tmp_path / "currents.nc") as file:
             assert file.attrs["season"] == stored
 
@@ -366,7 +366,7 @@ def test_the_example_in_the_documents_runs(
     shutil.copy(currents, currents.with_name("palawan-season-summer-currents.nc"))
     exec(example, namespace)  # noqa: S102 - the document's own example is what is tested
     namespace["currents"].close()
-    place = result.scene.projection.to_plane([[119.1, 9.1]])
+    place = result.water.projection.to_plane([[119.1, 9.1]])
     east, north = planners(result, "summer", place)[0]
     assert float(namespace["here"].uo) == pytest.approx(east, abs=1e-6)
     assert float(namespace["here"].vo) == pytest.approx(north, abs=1e-6)
@@ -381,17 +381,17 @@ def test_a_plane_has_no_currents_to_write(result: RunResult, planar_result: RunR
 
 def test_a_missing_folder_is_an_os_error(result: RunResult, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
-        write_currents(result, "summer", tmp_path / "nowhere" / "currents.nc")
+        write_currents(result.case("summer"), tmp_path / "nowhere" / "currents.nc")
 
 
 @pytest.mark.usefixtures("small_files")
 def test_a_file_that_cannot_be_finished_is_an_os_error(result: RunResult, tmp_path: Path) -> None:
     with pytest.raises(OSError, match=r"currents\.nc"):
-        write_currents(result, "summer", tmp_path / "currents.nc")
+        write_currents(result.case("summer"), tmp_path / "currents.nc")
 
 
 def test_the_same_run_makes_the_same_figures(result: RunResult, tmp_path: Path) -> None:
     for name in ("one.nc", "two.nc"):
-        write_currents(result, "summer", tmp_path / name)
+        write_currents(result.case("summer"), tmp_path / name)
     one, two = (xr.load_dataset(tmp_path / name) for name in ("one.nc", "two.nc"))
     assert one.identical(two)

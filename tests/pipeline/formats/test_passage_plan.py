@@ -16,7 +16,7 @@ import shapely
 
 import renew
 from pipeline.findings.result import RunResult
-from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather
 from pipeline.formats.tables import distance_text, position, rows
@@ -58,8 +58,8 @@ def word_boxes(path: Path) -> list[tuple[str, shapely.Polygon]]:
 @pytest.mark.parametrize("name", ["across_180", "far_north", "harbours"])
 def test_rows_are_the_waypoints(name: str) -> None:
     result = getattr(runs, name)()
-    points = season_waypoints(result, runs.SEASON)[0]
-    found = rows(points, result, DEPARTURE)
+    points = case_waypoints(result.case(runs.SEASON))[0]
+    found = rows(points, DEPARTURE)
     assert [found[0].name, found[-1].name] == ["Start", "Goal"]
     at = np.array([[degrees(row.longitude), degrees(row.latitude)] for row in found])
     apart = at - points.lonlat
@@ -85,12 +85,12 @@ def test_every_longitude_is_within_180_degrees() -> None:
 @pytest.mark.parametrize("name", ["across_180", "far_north", "harbours"])
 def test_each_leg_is_as_clear_of_land_as_it_says(name: str) -> None:
     result = getattr(runs, name)()
-    points = season_waypoints(result, runs.SEASON)[0]
-    land = shapely.union_all(result.scene.land)
-    for row, leg in zip(rows(points, result, None)[1:], oracles.drawn(points, 20.0), strict=True):
+    points = case_waypoints(result.case(runs.SEASON))[0]
+    land = shapely.union_all(result.water.land)
+    for row, leg in zip(rows(points, None)[1:], oracles.drawn(points, 20.0), strict=True):
         line = oracles.in_plane(result, leg)
         gap = shapely.get_coordinates(shapely.shortest_line(line, land))
-        true_m = result.scene.projection.geodesic_length_m(gap)
+        true_m = result.water.projection.geodesic_length_m(gap)
         figure, unit = row.clearance.split()
         stated_m = float(figure) * (1852 if unit == "NM" else 1)
         assert stated_m <= true_m * 1.001
@@ -100,7 +100,7 @@ def test_each_leg_is_as_clear_of_land_as_it_says(name: str) -> None:
 def test_a_following_current_is_given_with_its_direction() -> None:
     """In summer it sets to the east at 0.2 to 0.4 m/s, which is 0.4 to 0.8 kn."""
     result = small_run.parts()
-    for row in rows(season_waypoints(result, "summer")[0], result, None)[1:]:
+    for row in rows(case_waypoints(result.case("summer"))[0], None)[1:]:
         to, knots = row.current.split()
         assert 60 <= int(to) <= 120
         assert 0.38 <= float(knots) <= 0.8
@@ -160,14 +160,14 @@ def test_the_map_goes_on_beyond_the_regions_edge_and_names_it(
     assert (tmp_path / "with.pdf").stat().st_size != (tmp_path / "without.pdf").stat().st_size
     words = "edge of the region that was planned in"
     assert words not in texts(tmp_path / "with.pdf")[0]  # it lies beyond this map
-    chart = renew.Chart(shapely.box(-60, -50, 60, 28), result.scene.chart.no_go)
+    chart = renew.Chart(shapely.box(-60, -50, 60, 28), result.water.chart.no_go)
     near = replace(result, scene=replace(result.scene, chart=chart))
     write_passage_plan(near, tmp_path / "near.pdf")
     assert words in texts(tmp_path / "near.pdf")[0]
 
 
 def test_land_of_another_shoreline_is_reported(result: RunResult, tmp_path: Path) -> None:
-    crossings = (ShoreCrossing("summer", 1, 119.4, 9.4, 2461.0),)
+    crossings = (ShoreCrossing(1, 119.4, 9.4, 2461.0),)
     evaluation = replace(result.evaluation, shore_crossings=crossings)
     path = tmp_path / "passage-plan.pdf"
     write_passage_plan(replace(result, evaluation=evaluation), path)
@@ -190,7 +190,7 @@ def test_no_words_lie_on_each_other(result: RunResult, tmp_path: Path, scale: fl
 
 
 def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) -> None:
-    points = season_waypoints(result, "summer")[0]
+    points = case_waypoints(result.case("summer"))[0]
     at = np.linspace(0, 1, 60)[:, None]
     many = points.lonlat[0] + at * (points.lonlat[-1] - points.lonlat[0])
     each = np.append(np.full(59, 100.0), np.nan)
@@ -205,7 +205,7 @@ def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) ->
         time_s=np.linspace(0, 1e5, 60),
         names=("Start", *(f"WP{number:02d}" for number in range(2, 60)), "Goal"),
     )
-    cached = {"summer": (long,), "winter": season_waypoints(result, "winter")}
+    cached = {"summer": (long,), "winter": case_waypoints(result.case("winter"))}
     other = replace(result)
     other.kept["_exchange_waypoints"] = (None, cached)
     write_passage_plan(other, tmp_path / "a.pdf")

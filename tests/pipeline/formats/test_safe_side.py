@@ -11,7 +11,7 @@ from hypothesis import given, strategies as st
 
 from pipeline.findings import text as texts
 from pipeline.findings.note_words import note_text
-from pipeline.formats.report.sentences import SeasonFacts, clock_text
+from pipeline.formats.report.sentences import CaseFacts, clock_text
 from pipeline.model import ClockWorth, GapShares, Note, Place, SideBound
 from tests.pipeline.formats.report.test_sentences import BEST, OTHER
 
@@ -45,19 +45,19 @@ def figure(text: str, before: str) -> float:
 @given(shares)
 def test_gaps_and_savings_are_rounded_up(gap: float) -> None:
     saved = gap / (1 + gap)
-    facts = SeasonFacts([replace(BEST, optimality_gap=gap), OTHER])
+    facts = CaseFacts([replace(BEST, optimality_gap=gap), OTHER])
     said = " ".join(facts.verdict())
     assert figure(texts.gap_figure(gap), "") * SAFE >= gap
     assert figure(said, "this one is within ") * SAFE >= gap
     assert figure(said, "no way on any side saves more than ") * SAFE >= saved
-    parts = GapShares("summer", 0.2 * gap, 0.3 * gap, 0.5 * gap)
+    parts = GapShares(0.2 * gap, 0.3 * gap, 0.5 * gap)
     assert figure(texts.gap_text(parts, "land"), "Of the optimality gap of ") * SAFE >= gap
     assert figure(texts.gap_text(parts, "land"), "the bound itself ") * SAFE >= 0.5 * gap
 
 
 @given(fuels, st.floats(1e-4, 0.999))
 def test_a_bound_on_fuel_is_rounded_down(fuel: float, gap: float) -> None:
-    said = " ".join(SeasonFacts([replace(BEST, fuel=fuel, optimality_gap=gap)]).verdict())
+    said = " ".join(CaseFacts([replace(BEST, fuel=fuel, optimality_gap=gap)]).verdict())
     least = fuel / (1 + gap)
     shown = figure(said, "needs less than ")
     assert shown <= least * SAFE
@@ -66,7 +66,7 @@ def test_a_bound_on_fuel_is_rounded_down(fuel: float, gap: float) -> None:
 
 @given(st.floats(0.3, 3.0))
 def test_what_is_known_of_the_other_side_is_not_overstated(ratio: float) -> None:
-    facts = SeasonFacts([BEST, OTHER], sides=SideBound("summer", ratio * BEST.fuel))
+    facts = CaseFacts([BEST, OTHER], sides=SideBound(ratio * BEST.fuel))
     said = facts.certainty()
     if ratio <= 1:
         assert figure(said, "saves more than ") * SAFE >= 1 - ratio
@@ -78,13 +78,13 @@ def test_what_is_known_of_the_other_side_is_not_overstated(ratio: float) -> None
 
 @given(st.floats(0.501, 0.99999))
 def test_knowing_the_current_saves_no_more_than_is_said(share: float) -> None:
-    said = clock_text(ClockWorth("summer", 100.0, 110.0, 105.0, 120.0, 100.0 * share))
+    said = clock_text(ClockWorth(100.0, 110.0, 105.0, 120.0, 100.0 * share))
     assert figure(said, "saves more than ") * SAFE >= 1 - share
 
 
 @given(metres)
 def test_a_clearance_is_rounded_down(least_m: float) -> None:
-    said = " ".join(SeasonFacts([replace(BEST, clearance_m=least_m)]).verdict())
+    said = " ".join(CaseFacts([replace(BEST, clearance_m=least_m)]).verdict())
     for shown in (figure(texts.clearance(least_m), ""), figure(said, "keeps at least ")):
         assert shown <= least_m * SAFE
         assert shown >= 0.89 * least_m

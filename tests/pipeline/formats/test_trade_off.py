@@ -31,6 +31,7 @@ from pipeline.write import formats_of
 from tests.pipeline import chosen_speeds
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
+from tests.pipeline.results import rows_of
 from tests.pipeline.tidal_run import DEPARTURE
 
 
@@ -41,7 +42,7 @@ def result() -> RunResult:
 
 @pytest.fixture(scope="module")
 def found(result: RunResult) -> TradeOff:
-    one = trade_off(result, "chosen")
+    one = trade_off(result.case("chosen"))
     assert one is not None
     return one
 
@@ -57,7 +58,7 @@ def test_the_files_hold_the_curve_and_the_chosen_arrival(result: RunResult, tmp_
     # The curve is for speeds that vary continuously; a route has one speed a leg.
     assert (np.diff(fuels) <= 1e-3 * fuels[0]).all()
     (chosen,) = (row for row in rows if row["is_chosen"] == "True")
-    best = result.season_routes("chosen")[0].metrics
+    best = result.case("chosen").routes[0].metrics
     assert float(chosen["fuel"]) == best.fuel
     assert float(chosen["of_chosen"]) == 1.0
     assert float(chosen["hours"]) * 3600 == pytest.approx(best.duration_s)
@@ -67,7 +68,7 @@ def test_the_files_hold_the_curve_and_the_chosen_arrival(result: RunResult, tmp_
 
 def test_another_arrival_costs_what_the_curve_says(result: RunResult, found: TradeOff) -> None:
     """A plan for another arrival needs the fuel that the trade-off has there, nearly."""
-    by = result.plans[0].arrive_by_s
+    by = result.results[0].arrive_by_s
     assert by is not None
     for share in (0.75, 1.3):
         plan = chosen_speeds.plan_by_renew(result, share * by)
@@ -115,21 +116,21 @@ def test_the_page_says_how_fast_and_plots_it(result: RunResult) -> None:
     assert text.count("How fast") == 2
     assert "Speed through water" in text
     assert "at one speed in the same time" in text
-    speeds = result.season_routes("chosen")[0].route.speeds
+    speeds = result.case("chosen").routes[0].route.speeds
     assert f"{speeds.min():.2f}–{speeds.max():.2f} m/s" in text
     assert "2026-11-22 06:20 UTC to 2026-11-22 08:00 UTC" in text
 
 
 def test_still_water_is_that_of_the_same_time(result: RunResult) -> None:
-    rows = {row.season: row for row in result.evaluation.routes if row.rank == 1}
-    assert still_speed_m_s(result, rows["own"]) == 1.5
+    rows = {row.season: row for row in rows_of(result) if row.rank == 1}
+    assert still_speed_m_s(rows["own"]) == 1.5
     chosen = rows["chosen"]
-    speed = still_speed_m_s(result, chosen)
+    speed = still_speed_m_s(chosen)
     assert speed == pytest.approx(chosen.length_m / chosen.duration_s)
-    vessel = replace(result.scene.vessel, speed=speed)
+    vessel = replace(result.cases[0].case.vessel, speed=speed)
     line = np.array([[0.0, 0.0], [chosen.length, 0.0]])
     still = renew.fuel(line, renew.UniformCurrent(0.0, 0.0), vessel)
-    assert still_fuel_per_metre(result, chosen) * chosen.length == pytest.approx(still)
+    assert still_fuel_per_metre(chosen) * chosen.length == pytest.approx(still)
 
 
 def test_the_files_are_written_where_speeds_are_chosen_and_the_choice_is_kept(

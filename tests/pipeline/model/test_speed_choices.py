@@ -12,13 +12,14 @@ import renew
 from pipeline.findings.other_ways import side_bounds
 from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import legs
-from pipeline.model.planning import speed_choices, true_duration_s
+from pipeline.model.case import speed_choices, true_duration_s
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
 from pipeline.stages.project import project
 from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
 from pipeline.stages.seasons.task import clock_worth, gap_shares, speeds_in_time
 from tests.pipeline import chosen_speeds
+from tests.pipeline.results import rows_of
 from tests.pipeline.tidal_run import DEPARTURE, planned
 
 
@@ -28,23 +29,23 @@ def result() -> RunResult:
 
 
 def test_every_route_is_in_time_at_true_scale_and_the_best_one_just_so(result: RunResult) -> None:
-    routes = [row for row in result.evaluation.routes if row.season == "chosen"]
+    routes = [row for row in rows_of(result) if row.season == "chosen"]
     assert len(routes) > 1
     within_s = chosen_speeds.WITHIN.total_seconds()
     assert max(row.duration_s for row in routes) <= within_s
     assert routes[0].duration_s >= (1 - 2e-3) * within_s
     assert result.scene.vessel_in("chosen").speed == chosen_speeds.SPEEDS[1]
-    assert result.scene.vessel_in("own") is result.scene.vessel
+    assert result.scene.vessel_in("own") is result.cases[0].case.vessel
 
 
 def test_the_routes_are_those_of_renew(result: RunResult) -> None:
-    entry = result.plans[0]
+    entry = result.results[0]
     assert entry.plan is not None
     assert entry.arrive_by_s is not None
     plan = chosen_speeds.plan_by_renew(result, entry.arrive_by_s)
     assert entry.plan.best.fuel == plan.best.fuel
     assert np.ptp(plan.best.speeds) > 0
-    for row, route in zip(result.evaluation.routes, entry.plan.routes, strict=False):
+    for row, route in zip(rows_of(result), entry.plan.routes, strict=False):
         dt = np.diff(route.times)
         assert row.speed_m_s == pytest.approx((route.speeds * dt).sum() / dt.sum())
         # The figure at the chosen speeds, not that at the vessel's own speed.
@@ -55,7 +56,7 @@ def test_the_routes_are_those_of_renew(result: RunResult) -> None:
 
 def test_a_choice_of_speeds_saves_fuel_beside_one_speed_in_the_same_time(result: RunResult) -> None:
     """The least constant speed that arrives in time along the same path takes more fuel."""
-    scene, plan = result.scene, result.plans[0].plan
+    scene, plan = result.scene, result.results[0].plan
     assert plan is not None
     best = plan.best
     low, high = chosen_speeds.SPEEDS
@@ -71,9 +72,9 @@ def test_a_choice_of_speeds_saves_fuel_beside_one_speed_in_the_same_time(result:
 
 
 def test_the_parts_of_the_gap_add_up_with_speeds(result: RunResult) -> None:
-    plan = result.plans[0].plan
+    plan = result.results[0].plan
     assert plan is not None
-    found = gap_shares(result.scene, result.plans[0], result.scenario.planner)
+    found = gap_shares(result.scene, result.results[0], result.scenario.planner)
     assert found is not None
     assert min(found.chart, found.padding, found.bound) >= 0
     whole = found.chart + found.padding + found.bound
@@ -81,9 +82,9 @@ def test_the_parts_of_the_gap_add_up_with_speeds(result: RunResult) -> None:
 
 
 def test_a_bound_of_the_other_side_is_below_its_routes(result: RunResult) -> None:
-    bounds = side_bounds(result.scene, result.plans, result.evaluation, result.scenario.planner)
+    bounds = side_bounds(result.scene, result.results, result.evaluation, result.scenario.planner)
     by_season = {bound.season: bound.fuel for bound in bounds}
-    rows = [row for row in result.evaluation.routes if row.season == "chosen"]
+    rows = [row for row in rows_of(result) if row.season == "chosen"]
     others = [row.fuel for row in rows if row.main_passage != rows[0].main_passage]
     assert others
     assert 0.5 * min(others) < by_season["chosen"] <= min(others)
@@ -114,12 +115,12 @@ def test_an_arrival_that_cannot_be_made_is_refused_with_dates(result: RunResult)
 def test_a_plan_without_a_clock_is_sailed_in_time() -> None:
     """In a turning tide its speeds get the least factor at which it arrives in time."""
     result = planned()
-    route, current = result.routes[0].route, result.scene.currents["tide"]
+    route, current = result.routes[0].route, result.case("tide").case.current
     choice = chosen_speeds.choice()
     by = 1.2 * route.duration
     speeds = speeds_in_time(route, current, choice, by, "crab")
     assert speeds is not None
-    vessel = replace(result.scene.vessel, speed=choice.most)
+    vessel = replace(result.cases[0].case.vessel, speed=choice.most)
     unit = replace(vessel, fuel_coefficient=1.0, fuel_exponent=1e-9)
     taken = renew.fuel(route.path, current, unit, drift="crab", speeds=speeds)
     assert taken == pytest.approx(by, rel=1e-5)
@@ -155,5 +156,5 @@ def test_a_refusal_of_the_planner_is_reported_for_the_season() -> None:
         plans=(plan,),
         evaluation=combine_seasons([evaluated]),
     )
-    best = by_speeds.season_routes("tide")[0]
-    assert legs(best, by_speeds).time_s == pytest.approx(best.route.times, abs=1.0)
+    best = by_speeds.case("tide").routes[0]
+    assert legs(best).time_s == pytest.approx(best.route.times, abs=1.0)

@@ -154,7 +154,7 @@ def test_a_case_with_members_equals_a_run_of_its_season(tmp_path: Path, cluster:
     result = result_of(load_scenario(str(scenario)), tmp_path / "run")
     (case,) = rows(tmp_path / "out")
     own = [one.metrics for one in result.routes]
-    found = result.plans[0].ensemble
+    found = result.results[0].ensemble
     assert found is not None
     for row, metrics in zip(rows(tmp_path / "out", "routes.parquet"), own, strict=True):
         for name in ("fuel", "trials", "members_share", "members_cvar90_fuel", "members_regret"):

@@ -143,13 +143,13 @@ def test_changing_currents_are_sailed_by_each_cases_own_clock(tmp_path: Path, cl
                 assert row[name] == getattr(route.metrics, name)
             assert row["class"] == route.metrics.homotopy
             assert row["side"] == route.metrics.main_passage
-            lonlat = result.scene.projection.to_lonlat(route.route.path)
+            lonlat = result.water.projection.to_lonlat(route.route.path)
             assert shapely.from_wkb(row["geometry"]) == shapely.LineString(lonlat)
         path = shapely.get_coordinates(shapely.from_wkb(yesterday["geometry"]))
         kept = renew.fuel(
-            result.scene.projection.to_plane(path),
-            result.scene.currents["now"],
-            result.scene.vessel,
+            result.water.projection.to_plane(path),
+            result.case("now").case.current,
+            result.cases[0].case.vessel,
             drift=result.scenario.planner.drift,
         )
         assert case["keep_fuel"] == pytest.approx(kept, rel=1e-12)

@@ -84,7 +84,7 @@ def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path:
     scenario = parse_scenario(scenario_data(tmp_path), tmp_path)
     outcome = run(scenario, tmp_path / "outputs")
     assert outcome.exit_code == 0
-    (plan,) = outcome.plans
+    (plan,) = outcome.result.results
     assert plan.plan is not None
     (met,) = plan.plan.shut
     assert isinstance(met, renew.ShutArea)
@@ -96,7 +96,7 @@ def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path:
         for note in note_texts(outcome.fetched.notes)
     )
     assert plan.plan.best.times[-1] < met.end
-    for route in plan.ranked_routes:
+    for route in plan.routes:
         assert shapely.LineString(route.path).distance(met.polygon) > 0
     package = outcome.directory / "routes.gpkg"
     areas = geopandas.read_file(package, layer="chart_areas")

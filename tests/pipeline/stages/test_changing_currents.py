@@ -12,29 +12,29 @@ import renew
 from pipeline.findings.route_profile import legs, route_profile
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.project import planar_current, project
-from pipeline.stages.seasons.one_season import evaluate_season, plan_season
+from tests.pipeline.results import rows_of
 from tests.pipeline.tidal_run import DEPARTURE, PERIOD_S, planned, tide
 
 
 def test_each_slice_is_projected_as_a_steady_current_is() -> None:
     result, grid = planned(), tide(12)
-    current = result.scene.currents["tide"]
+    current = result.case("tide").case.current
     assert isinstance(current, renew.VaryingCurrent)
     assert current.slice_times.tolist() == grid.times_s.tolist()
-    bounds = result.scene.chart.bounds
+    bounds = result.water.chart.bounds
     points = np.random.default_rng(1).uniform(bounds[:2], bounds[2:], (50, 2))
     for k in (0, 7, len(grid.times_s) - 1):
         alone = replace(grid, u=grid.u[k : k + 1], v=grid.v[k : k + 1], times_s=np.zeros(1))
-        steady = planar_current(alone, result.scene.projection, bounds)
+        steady = planar_current(alone, result.water.projection, bounds)
         assert np.array_equal(current.velocity(points, grid.times_s[k]), steady(points))
 
 
 def test_the_clock_begins_at_departure() -> None:
     """At departure the tide is a third of a step old, and turns from there on."""
     result = planned()
-    current = result.scene.currents["tide"]
+    current = result.case("tide").case.current
     assert result.scene.departures == {"tide": DEPARTURE}
-    middle = result.scene.projection.to_plane((119.05, 9.53))[None]
+    middle = result.water.projection.to_plane((119.05, 9.53))[None]
     for hours in (0.0, 3.0, 6.21):
         wanted = 0.4 * np.cos(2 * np.pi * hours * 3600 / PERIOD_S + 0.6)
         assert current.velocity(middle, hours * 3600)[0, 0] == pytest.approx(wanted, abs=0.005)
@@ -44,8 +44,8 @@ def test_the_clock_begins_at_departure() -> None:
 def test_turns_are_flown_early_on_time_and_late() -> None:
     result = planned()
     steady = replace(result.scene, currents={"tide": renew.UniformCurrent(0.0, 0.0)})
-    still = evaluate_season(steady, result.plans[0], PlannerOptions())
-    for row, other in zip(result.evaluation.routes, still.routes, strict=True):
+    still = evaluate_season(steady, result.results[0], PlannerOptions())
+    for row, other in zip(rows_of(result), still.routes, strict=True):
         assert row.trials == 3 * other.trials > 300
         assert row.collisions == 0
 
@@ -55,12 +55,12 @@ def test_times_are_the_planners_own() -> None:
     for ranked in result.routes:
         times = ranked.route.times
         assert ranked.metrics.duration_s == pytest.approx(times[-1], rel=1e-9)
-        assert legs(ranked, result).time_s == pytest.approx(times, abs=0.5)
-        profile = route_profile(ranked, result)
+        assert legs(ranked).time_s == pytest.approx(times, abs=0.5)
+        profile = route_profile(ranked)
         assert profile.time_s[-1] == pytest.approx(times[-1], rel=1e-9)
         # The current met is that at the time of passage, not that at departure.
-        current = result.scene.currents["tide"]
-        points = result.scene.projection.to_plane(profile.lonlat)
+        current = result.case("tide").case.current
+        points = result.water.projection.to_plane(profile.lonlat)
         ahead = np.diff(points, axis=0)
         ahead /= np.linalg.norm(ahead, axis=1)[:, None]
         met = current.velocity(points[:-1], profile.time_s[:-1])

@@ -11,6 +11,7 @@ from pipeline.model import Evaluation
 from pipeline.stages.compare import safety_notes, weak_stream_notes
 from tests.pipeline import tidal_run
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import rows_of
 
 
 def test_turns_that_met_land_are_reported_with_the_first_place() -> None:
@@ -20,12 +21,11 @@ def test_turns_that_met_land_are_reported_with_the_first_place() -> None:
     collided = np.zeros(len(turns.points), dtype=bool)
     collided[[5, 9]] = True
     rows = tuple(
-        replace(row, collisions=2 if row.season == "winter" else 0)
-        for row in result.evaluation.routes
+        replace(row, collisions=2 if row.season == "winter" else 0) for row in rows_of(result)
     )
     flown = {**result.evaluation.contingency, ("winter", 1): replace(turns, collided=collided)}
     (note,) = note_texts(safety_notes(replace(result, evaluation=Evaluation(rows, flown))))
-    lon, lat = result.scene.projection.to_lonlat(turns.points[5])
+    lon, lat = result.water.projection.to_lonlat(turns.points[5])
     assert note.startswith("winter: not safe everywhere: 2 of ")
     assert f"met land, the first one from {lon:.4f} E {lat:.4f} N; it was planned" in note
 

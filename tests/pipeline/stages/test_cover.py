@@ -78,7 +78,7 @@ def test_the_stretches_of_the_table_are_the_whole_route(
     found = [
         row for row in rows(covered[0]) if row["kind"] in {"covered", "uncovered", "not settled"}
     ]
-    track = covered[0].result.season_routes("calm")[0].route.trajectory
+    track = covered[0].result.case("calm").routes[0].route.trajectory
     assert [*found[0]] == [*COLUMNS]
     assert float(found[0]["begin_s"]) == 0.0
     assert float(found[-1]["end_s"]) == pytest.approx(track[-1, 0], rel=1e-3)
@@ -106,12 +106,12 @@ def test_up_to_the_last_change_the_other_side_costs_little_more(
 ) -> None:
     (row,) = [one for one in rows(covered[0]) if one["kind"] == "last change"]
     result = covered[0].result
-    best, other, *_ = result.season_routes("calm")
+    best, other, *_ = result.case("calm").routes
     assert best.metrics.main_passage != other.metrics.main_passage
     assert row["haven"] == f"goal by route {other.rank}"
     spent = best.route.fuel * float(row["turn_off_s"]) / best.metrics.duration_s
     assert other.route.fuel <= spent + float(row["fuel"]) <= 1.02 * other.route.fuel
-    goal = result.scene.projection.to_lonlat(result.scene.goal)
+    goal = result.water.projection.to_lonlat(result.stops[-1])
     assert [float(row["haven_lon"]), float(row["haven_lat"])] == pytest.approx(goal.tolist())
 
 
@@ -212,7 +212,7 @@ def test_a_page_of_the_passage_plan_and_a_section_of_the_report_say_when_to_turn
 ) -> None:
     (season,) = gather(covered[0].result)["seasons"]
     assert len(season["havens"]["rows"]) == len(rows(covered[0]))
-    printed = printed_rows(covered[0].result, "calm")
+    printed = printed_rows(covered[0].result.case("calm"))
     assert [row[0] for row in printed] == [row["kind"] for row in rows(covered[0])]
     (last,) = [row for row in rows(covered[0]) if row["kind"] == "abort point"][:1]
     page = next(row for row in printed if row[0] == "abort point")

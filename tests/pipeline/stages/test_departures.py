@@ -18,7 +18,7 @@ from pipeline.findings.text import exact_moment_text
 from pipeline.formats.figures.choice_plots import departure_figure
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import DepartureChoice, Note
-from pipeline.model.planning import speed_choices
+from pipeline.model.case import speed_choices
 from pipeline.scenario.season import Season
 from pipeline.scenario.times import departure_name
 from pipeline.stages.choose import choose_departures
@@ -77,8 +77,8 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     assert plan is not None
     assert plan.best.times[0] == 0.0
     assert plan.best.duration == pytest.approx(choice.least_s, rel=2e-3)
-    before = result.scene.currents["tide"].velocity(result.scene.start, choice.chosen_s)
-    now = departed.scene.value.currents["tide"].velocity(result.scene.start, 0.0)
+    before = result.case("tide").case.current.velocity(result.stops[0], choice.chosen_s)
+    now = departed.scene.value.currents["tide"].velocity(result.stops[0], 0.0)
     assert now == pytest.approx(before, abs=1e-4)
     (grid,) = departed.data.fetched.currents
     (asked,) = result.fetched.currents
@@ -298,11 +298,11 @@ def test_the_choice_is_of_what_renew_plans(result: Any, tmp_path: Path) -> None:
     options = result.scenario.planner
     for at, fuel in zip(choice.departures_s, choice.fuels, strict=True):
         plan = renew.plan(
-            result.scene.chart,
-            result.scene.currents["tide"],
-            result.scene.vessel,
-            result.scene.start,
-            result.scene.goal,
+            result.water.chart,
+            result.case("tide").case.current,
+            result.cases[0].case.vessel,
+            result.stops[0],
+            result.stops[-1],
             departure=at,
             min_lateness=3600.0,
             **options.model_dump(),

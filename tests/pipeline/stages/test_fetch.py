@@ -41,10 +41,10 @@ def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> 
     with planned_scenario(asked, across_outputs, offline=True) as result:
         summer, winter = result.fetched.currents
     assert summer.credit.name == winter.credit.name
-    assert not result.is_stand_in("summer")
-    assert result.is_stand_in("winter")
-    assert result.season_title("summer") == "Summer (July 2024)"
-    assert result.season_title("winter") == "Winter"
+    assert not result.case("summer").is_stand_in
+    assert result.case("winter").is_stand_in
+    assert result.case("summer").title == "Summer (July 2024)"
+    assert result.case("winter").title == "Winter"
     assert (summer.passed_over, winter.passed_over) == ((), (PassedOver(SERVICE, REASON),))
     assert summer.stand_in_notes == ()
     used = f"winter: planned on {winter.credit.name}, valid {winter.valid}"

@@ -84,7 +84,7 @@ def test_a_run_writes_what_each_route_needs_in_each_member(result: RunResult, fo
     currents = dict(zip(found.names, result.scene.members["still"].currents, strict=True))
     for row in rows[:6]:
         route = result.routes[int(row["rank"]) - 1].route
-        vessel = result.scene.vessel
+        vessel = result.cases[0].case.vessel
         fuel = renew.fuel(route.path, currents[row["member"]], vessel)
         assert float(row["fuel"]) == pytest.approx(fuel)
     with (folder / "members" / "metrics.csv").open(newline="", encoding="utf-8") as file:
@@ -112,7 +112,7 @@ def test_a_run_writes_what_each_route_needs_in_each_member(result: RunResult, fo
 
 
 def test_the_report_says_how_sure_the_side_is(result: RunResult) -> None:
-    said = ensemble_text(result, "still")
+    said = ensemble_text(result.case("still"))
     assert said[0].startswith(("Surely ", "Too close to call between "))
     assert "of 8 members" in said[0]
     page = Page(render(gather(result)))

@@ -26,6 +26,7 @@ from pipeline.stages.choose import (
 )
 from pipeline.stages.places import plane_scene
 from pipeline.stages.seasons.one_season import plan_season
+from tests.pipeline.results import rows_of
 
 FAR_M, MILE_M = 1e6, 1852.0
 
@@ -85,7 +86,7 @@ def test_the_length_with_reduced_offing_is_reported(gap_m: float) -> None:
     season = plan_season(scene, "calm", options)
     (note,) = narrows_notes(scene, [season], options)
     values: dict[str, Any] = dict(note.values)
-    line = shapely.LineString(season.ranked_routes[0].path)
+    line = shapely.LineString(season.routes[0].path)
     land = shapely.union_all(scene.chart.no_go)
     assert values["least_m"] == pytest.approx(shapely.distance(line, land), rel=0.05)
     closer = shapely.intersection(line, shapely.buffer(land, 40.0)).length
@@ -100,7 +101,7 @@ def test_a_reduced_offing_stands_below_the_table(tmp_path: Path) -> None:
     """The table's clearance is less than the offing there: both stand among the choices."""
     asked = a_wall(60.0, clearance=40.0, narrow_share=0.5, classes=1)
     with planned_scenario(asked, tmp_path, offline=True) as result:
-        assert result.evaluation.routes[0].clearance_m < 40.0
+        assert rows_of(result)[0].clearance_m < 40.0
         assert "offing-yields" in {note.kind for note in result.choices}
 
 
@@ -119,7 +120,7 @@ def test_what_the_room_is_for_is_told_by_what_turns_need() -> None:
         options = PlannerOptions(clearance=clearance, classes=1)
         (note,) = room_notes(scene, [plan_season(scene, "calm", options)], options)
         values: dict[str, Any] = dict(note.values)
-        bare = plan_season(scene, "calm", PlannerOptions(classes=1)).ranked_routes[0]
+        bare = plan_season(scene, "calm", PlannerOptions(classes=1)).routes[0]
         assert values["turns_m"] == pytest.approx(bare.padding_used[:, 4].max(), rel=1e-6)
         assert values["offing_m"] == clearance
         assert ("the offing decides" in note_text(note)) == (clearance > 5)

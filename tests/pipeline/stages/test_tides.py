@@ -18,7 +18,7 @@ import shapely
 import pipeline
 from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
-from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.formats.tables import headings, rows
 from pipeline.geo.lonlat import DepthCover
 from pipeline.geo.projection import Projection
@@ -145,14 +145,14 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
     outcome: Outcome,
 ) -> None:
     result = outcome.result
-    points = season_waypoints(result, "day")[0]
-    departure = result.spec_of("day").departure
+    points = case_waypoints(result.case("day"))[0]
+    departure = result.case("day").spec.departure
     assert departure is not None
-    table = rows(points, result, departure)
+    table = rows(points, departure)
     assert headings(points).water == "Water under\nkeel, m"
     tide = shapely.union_all(result.scene.tidal_depths["day"].areas)
     for index, row in enumerate(table[1:]):
-        leg = shapely.LineString(result.scene.projection.to_plane(points.lonlat[index : index + 2]))
+        leg = shapely.LineString(result.water.projection.to_plane(points.lonlat[index : index + 2]))
         assert bool(row.water) == leg.intersects(tide)
     over = [row for row in table if row.water]
     assert over

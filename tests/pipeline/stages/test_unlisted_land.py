@@ -71,7 +71,7 @@ def test_a_route_over_land_that_a_file_lacks_is_refused_and_both_remedies_work(
         for one in re.findall(r"source = (\[.*?\]|\{ path = \"…\", complete = true \})", fault)
     )
     beside = planned(tmp_path, tomllib.loads(f"source = {added}")["source"])
-    route = shapely.LineString(beside.scene.projection.to_lonlat(beside.routes[0].route.path))
+    route = shapely.LineString(beside.water.projection.to_lonlat(beside.routes[0].route.path))
     assert not route.intersects(island)
     over_land = planned(tmp_path, tomllib.loads(f"source = {right}")["source"])
     (said,) = [one for one in note_texts(over_land.unknowns) if "OpenStreetMap" in one]

@@ -66,7 +66,7 @@ def test_without_a_wait_every_way_is_refused(tmp_path: Path) -> None:
         voyage(tmp_path, ANCHORAGE)
     short = voyage(tmp_path, {"at": ANCHORAGE, "wait": "1h"})
     assert short.exit_code != 0
-    reasons = {plan.season: plan.failure for plan in short.result.plans}
+    reasons = {plan.name: plan.failure for plan in short.result.results}
     assert reasons["day"] == ""
     assert reasons["day-onward"].endswith("or let the vessel wait longer at its anchorage")
 
@@ -195,7 +195,7 @@ def test_a_vessel_leaves_before_its_anchorage_falls_dry(tmp_path: Path) -> None:
     found = voyage(tmp_path, {"at": ON_THE_BAR, "wait": "9h"}, HIGH)
     (choice,) = found.result.departures
     depth = found.result.scene.tidal_depths["day"]
-    here = shapely.Point(found.result.scene.via[0])
+    here = shapely.Point(found.result.stops[1:-1][0])
     shut = [area for area in depth.tidal_areas if shapely.dwithin(area.polygon, here, 7.0)]
     assert shut
     dry = min(area.next_hours(0.0)[1] for area in shut)  # type: ignore[index]
@@ -213,7 +213,7 @@ def test_the_way_on_has_the_current_and_the_hours_of_its_own_clock(tmp_path: Pat
     area = renew.ShutArea(shapely.box(9e3, 0, 9.1e3, 10), 7200.0, 9000.0)
     scene = replace(
         result.scene,
-        via=result.scene.projection.to_plane(np.array([middle])),
+        via=result.water.projection.to_plane(np.array([middle])),
         anchorage=0,
         areas={"tide": (area,)},
     )

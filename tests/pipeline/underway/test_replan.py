@@ -60,7 +60,7 @@ def again(voyage: Path, **changes: Any) -> RunResult:  # noqa: ANN401 - as under
 
 
 def answer(result: RunResult) -> Replanned:
-    (plan,) = result.plans
+    (plan,) = result.results
     assert plan.replanned is not None
     return plan.replanned
 
@@ -68,7 +68,7 @@ def answer(result: RunResult) -> Replanned:
 def place_of(voyage: Path, best: renew.Route, at: int) -> dict[str, Any]:
     """Where and when the vessel passes a point of its path, to the microsecond."""
     result = result_of(load_scenario(str(voyage / "scenario.toml")), voyage.parent)
-    lon, lat = result.scene.projection.to_lonlat(best.path[at]).tolist()
+    lon, lat = result.water.projection.to_lonlat(best.path[at]).tolist()
     passed = timedelta(seconds=float(best.times[at]))
     return {"at": f"{lon!r},{lat!r}", "time": DEPARTURE + passed}
 
@@ -133,11 +133,11 @@ def test_a_plan_made_under_way_is_planned_again(voyage: Path) -> None:
     assert second.scenario.name == "once-at-2026-11-22t0720z"
     assert found.planned_fuel == pytest.approx(first.result.routes[0].metrics.fuel)
     # The current is that of the first time, on a clock that begins later.
-    was, now = (one.scene.currents["tide"] for one in (first.result, second))
+    was, now = (one.case("tide").case.current for one in (first.result, second))
     assert isinstance(was, renew.VaryingCurrent)
     assert isinstance(now, renew.VaryingCurrent)
     assert np.array_equal(was.slice_times - 1800.0, now.slice_times)
-    bounds = first.result.scene.chart.bounds
+    bounds = first.result.water.chart.bounds
     assert np.array_equal(was.table(bounds).uv, now.table(bounds).uv)
 
 

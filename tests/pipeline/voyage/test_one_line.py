@@ -25,6 +25,7 @@ from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field
 from tests.pipeline.processes import ROOT
+from tests.pipeline.results import rows_of
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics
 
@@ -62,7 +63,7 @@ def test_a_small_file_of_currents_limits_the_region_and_both_ways_are_planned(
     file = write(tmp_path / "field.nc", dataset(field))
     outcome = voyage(chart, outputs, file, name="with-a-file")
     assert outcome.exit_code == 0
-    assert {row.way for row in outcome.evaluation.routes} == {
+    assert {row.way for row in rows_of(outcome.result)} == {
         "north of island 1",
         "south of island 1",
     }
@@ -156,11 +157,11 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
         output=outputs, name="tide",
     )  # fmt: skip
     assert outcome.exit_code == 0
-    best, *_ = outcome.evaluation.routes
+    best, *_ = rows_of(outcome.result)
     (grid,) = outcome.fetched.currents
     assert grid.changes
-    assert outcome.plans[0].plan is not None
-    route = outcome.plans[0].plan.best
+    assert outcome.result.results[0].plan is not None
+    route = outcome.result.results[0].plan.best
     assert route.times[-1] == pytest.approx(best.duration_s)
     assert grid.times_s[0] == -1200, "the step before departure"
     assert grid.times_s[-1] > best.duration_s
@@ -225,7 +226,7 @@ def test_a_region_that_joins_start_and_goal_by_no_water_grows(
     file = tmp_path / "breakwater.geojson"
     file.write_text(shapely.to_geojson(breakwater))
     outcome = voyage(file, outputs, "still", name="breakwater")
-    assert {row.land_m for row in outcome.evaluation.routes} == {0.0}
+    assert {row.land_m for row in rows_of(outcome.result)} == {0.0}
     assert any("because no way joins start and goal in a smaller" in it for it in outcome.choices)
     region = outcome.scenario.region
     assert region is not None

@@ -40,7 +40,7 @@ class Picture(NamedTuple):
 
 def of_season(season: str, kind: Kind) -> Callable[[RunResult], Figure]:
     """One kind of figure of one season."""
-    return lambda result: figure(result, season, kind)
+    return lambda result: figure(result.case(season), kind)
 
 
 PICTURES = {

@@ -9,11 +9,11 @@ from pipeline.formats.figures.map_marks import SpeedScale, arrows, speed_scale
 
 
 def test_arrows_are_on_water_and_show_the_planners_current(result: RunResult) -> None:
-    found = arrows(result, "summer")
-    land = shapely.union_all(result.scene.land)
+    found = arrows(result.case("summer"))
+    land = shapely.union_all(result.water.land)
     assert len(found.positions) > 150
     assert not shapely.intersects_xy(land, found.positions).any()
-    assert found.velocity == pytest.approx(result.scene.currents["summer"](found.positions))
+    assert found.velocity == pytest.approx(result.case("summer").case.current(found.positions))
     scale = speed_scale(result)
     assert found.speed.max() <= scale.limits[-1]
     for outline, low, high in zip(
@@ -24,7 +24,7 @@ def test_arrows_are_on_water_and_show_the_planners_current(result: RunResult) ->
 
 
 def test_an_arrow_points_along_the_current(result: RunResult) -> None:
-    found = arrows(result, "winter")
+    found = arrows(result.case("winter"))
     whole = found.outlines(SpeedScale((10.0,)))[0]
     for arrow, position, velocity in zip(
         shapely.get_parts(whole), found.positions, found.velocity, strict=True

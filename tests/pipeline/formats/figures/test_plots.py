@@ -43,8 +43,8 @@ def text_of(axes: Axes) -> str:
 
 def test_the_panels_show_the_routes_profile(result: RunResult) -> None:
     ranked = result.routes[0]
-    found = route_profile(ranked, result)
-    fuel, speed, current, clearance = profile_figure(result, ranked).axes
+    found = route_profile(ranked)
+    fuel, speed, current, clearance = profile_figure(ranked).axes
     run = found.distance_m / 1000
     for axes, figures in (
         (fuel, found.fuel),
@@ -58,7 +58,7 @@ def test_the_panels_show_the_routes_profile(result: RunResult) -> None:
         assert low <= figures.min()
         assert figures.max() <= high
     assert drawn(current, "ink")[1][:, 1] == pytest.approx(found.current_along_m_s)
-    assert drawn(speed, "ink")[0][:, 1] == pytest.approx(result.scene.vessel.speed)
+    assert drawn(speed, "ink")[0][:, 1] == pytest.approx(result.cases[0].case.vessel.speed)
     least = np.argmin(found.clearance_m)
     dot = np.asarray(clearance.get_lines()[-1].get_xydata())
     assert dot[0] == pytest.approx([run[least], found.clearance_m[least] / 1000])
@@ -66,9 +66,9 @@ def test_the_panels_show_the_routes_profile(result: RunResult) -> None:
 
 
 def test_a_following_current_is_shaded_above_and_a_head_current_below(result: RunResult) -> None:
-    ranked = result.season_routes("winter")[0]
-    found = route_profile(ranked, result)
-    current = profile_figure(result, ranked).axes[2]
+    ranked = result.case("winter").routes[0]
+    found = route_profile(ranked)
+    current = profile_figure(ranked).axes[2]
     above, below = (
         np.concatenate([path.vertices for path in area.get_paths()])[:, 1]
         for area in current.collections
@@ -81,11 +81,11 @@ def test_a_following_current_is_shaded_above_and_a_head_current_below(result: Ru
 
 def test_the_grey_of_the_clearance_is_the_padding_of_the_nearest_coast(result: RunResult) -> None:
     ranked = result.routes[0]
-    found = route_profile(ranked, result)
-    places = result.scene.projection.to_plane(found.lonlat)
+    found = route_profile(ranked)
+    places = result.water.projection.to_plane(found.lonlat)
     padded = ranked.route.padding_used
     starts, ends = padded[:, :2], padded[:, 2:4]
-    (grey,) = profile_figure(result, ranked).axes[3].collections
+    (grey,) = profile_figure(ranked).axes[3].collections
     upper = {
         (round(x, 6), round(y, 6))
         for path in grey.get_paths()
@@ -103,20 +103,20 @@ def test_the_grey_of_the_clearance_is_the_padding_of_the_nearest_coast(result: R
 
 def test_fuel_in_still_water_is_what_the_distance_takes(planar_result: RunResult) -> None:
     ranked = planar_result.routes[0]
-    fuel = profile_figure(planar_result, ranked).axes[0]
+    fuel = profile_figure(ranked).axes[0]
     # The paper's vessel makes 1 m/s and burns 1 a second.
     assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(ranked.route.length, rel=1e-6)
 
 
 def test_a_large_fuel_is_written_and_drawn_in_millions(planar_result: RunResult) -> None:
     ranked = planar_result.routes[0]
-    vessel = planar_result.scene.vessel
+    vessel = planar_result.cases[0].case.vessel
     thirsty = replace(
         planar_result,
         scene=replace(planar_result.scene, vessel=replace(vessel, fuel_coefficient=1e6)),
     )
     burnt = replace(ranked, metrics=replace(ranked.metrics, fuel=ranked.metrics.fuel * 1e6))
-    fuel = profile_figure(thirsty, burnt).axes[0]
+    fuel = profile_figure(burnt).axes[0]
     assert drawn(fuel, "best")[0][-1, 1] == pytest.approx(ranked.metrics.fuel)
     assert drawn(fuel, "ink")[0][-1, 1] == pytest.approx(ranked.route.length, rel=1e-6)
     assert f"Fuel used in millions: {ranked.metrics.fuel:.2f}" in text_of(fuel)
@@ -124,7 +124,7 @@ def test_a_large_fuel_is_written_and_drawn_in_millions(planar_result: RunResult)
 
 def test_open_sea_has_no_panel_of_clearance(planar_result: RunResult) -> None:
     open_sea = replace(planar_result, scene=replace(planar_result.scene, land=()))
-    assert len(profile_figure(open_sea, planar_result.routes[0]).axes) == 3
+    assert len(profile_figure(planar_result.routes[0]).axes) == 3
 
 
 def test_a_crossing_of_land_is_drawn_at_the_panels_foot(planar_result: RunResult) -> None:
@@ -135,7 +135,7 @@ def test_a_crossing_of_land_is_drawn_at_the_panels_foot(planar_result: RunResult
         route=replace(ranked.route, path=path),
         metrics=replace(ranked.metrics, land_m=20.0, clearance_m=0.0),
     )
-    clearance = profile_figure(planar_result, crossing).axes[3]
+    clearance = profile_figure(crossing).axes[3]
     line = drawn(clearance, "best")[0]
     assert np.isfinite(line).all()
     assert line[:, 1].min() == clearance.get_ylim()[0]
@@ -192,7 +192,7 @@ def test_turns_of_equal_reach_are_one_bar() -> None:
 
 def test_the_svg_is_well_formed_and_leaves_its_colours_to_the_page(result: RunResult) -> None:
     ranked = result.routes[0]
-    svg = page_svg(profile_figure(result, ranked), identity="one", label=HOSTILE)
+    svg = page_svg(profile_figure(ranked), identity="one", label=HOSTILE)
     tree = ET.fromstring(svg)  # noqa: S314 - our own
     assert tree.get("aria-label") == HOSTILE
     width = float((tree.get("viewBox") or "").split()[2])
@@ -203,14 +203,14 @@ def test_the_svg_is_well_formed_and_leaves_its_colours_to_the_page(result: RunRe
     assert set(re.findall(r"(?<!, )#[0-9a-f]{6}", svg)) == set()
     assert "<script" not in svg
     assert len(svg) < 120_000
-    again = profile_figure(result, ranked)
+    again = profile_figure(ranked)
     assert page_svg(again, identity="one", label=HOSTILE) == svg
 
 
 def test_the_padding_of_a_run_is_that_of_its_tightest_place(result: RunResult) -> None:
     ranked = result.routes[0]
     tightest = renew.tightest(
-        ranked.route, result.scene.currents[ranked.season], result.scene.vessel
+        ranked.route, result.case(ranked.season).case.current, result.cases[0].case.vessel
     )
     assert tightest is not None
     (axes,) = padding_figure(tightest, result.scenario.scale).axes
@@ -227,5 +227,5 @@ def test_the_padding_of_a_run_is_that_of_its_tightest_place(result: RunResult) -
 def test_without_padding_there_is_no_histogram(planar_result: RunResult) -> None:
     ranked = planar_result.routes[0]
     bare = replace(ranked, route=replace(ranked.route, padding_used=np.empty((0, 5))))
-    assert tightest_place(planar_result, bare) is None
+    assert tightest_place(bare) is None
     assert page_svg(None, identity="p", label="") == ""

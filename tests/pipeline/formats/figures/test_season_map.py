@@ -14,7 +14,7 @@ from matplotlib.image import imread
 
 from pipeline.findings.result import RunResult
 from pipeline.formats.figures.chart_map import Margins
-from pipeline.formats.figures.season_map import overview_figure, season_svg
+from pipeline.formats.figures.season_map import case_svg, overview_figure
 from pipeline.formats.palette import COLOURS, DARK, season_colour
 from tests.pipeline.formats import small_run
 
@@ -34,12 +34,12 @@ def test_every_role_has_a_colour_of_its_own_and_a_dark_one() -> None:
 
 
 def test_the_picture_shows_land_as_large_as_it_is(result: RunResult, tmp_path: Path) -> None:
-    overview_figure(result, ["winter"]).savefig(tmp_path / "map.png", dpi=200)
+    overview_figure([result.case("winter")]).savefig(tmp_path / "map.png", dpi=200)
     picture = imread(tmp_path / "map.png")
     best = season_colour(1)
     sea = sum(share(picture, role) for role in ("water", "land", best, "speed0", "speed1"))
-    extent = result.scene.chart.extent
-    land = shapely.union_all(result.scene.land).intersection(extent).area / extent.area
+    extent = result.water.chart.extent
+    land = shapely.union_all(result.water.land).intersection(extent).area / extent.area
     # Part of the picture is margin; on the map itself land has its true share, less what arrows and
     # lines cover.
     assert share(picture, "land") / sea == pytest.approx(land, rel=0.2)
@@ -49,14 +49,14 @@ def test_the_picture_shows_land_as_large_as_it_is(result: RunResult, tmp_path: P
 
 def test_the_best_route_runs_where_it_was_planned(result: RunResult) -> None:
     """The thick line's points in the SVG are the route's, up to one linear map."""
-    svg = season_svg(result, "summer", identity="a", label="")
+    svg = case_svg(result, "summer", identity="a", label="")
     thick = re.search(
         rf'd="([^"]*)"[^>]*stroke: var\(--map-best, {COLOURS["best"]}\); stroke-width: 2.2', svg
     )
     assert thick is not None
     drawn = np.array(re.findall(r"-?\d+(?:\.\d+)?", thick[1]), dtype=float).reshape(-1, 2)
-    path = result.season_routes("summer")[0].route.path
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    path = result.case("summer").routes[0].route.path
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     for place, whole in ((drawn[0], path[0]), (drawn[-1], path[-1])):
         across = (whole[0] - xmin) / (xmax - xmin), (whole[1] - ymin) / (ymax - ymin)
         # Margins: as wide as the grid's labels at the sides; 10 above, 40 below.
@@ -68,7 +68,7 @@ def test_the_best_route_runs_where_it_was_planned(result: RunResult) -> None:
 
 
 def test_the_svg_is_well_formed_and_asks_for_nothing(result: RunResult) -> None:
-    svg = season_svg(result, "summer", identity="one", label='a "label" & <more>')
+    svg = case_svg(result, "summer", identity="one", label='a "label" & <more>')
     tree = ET.fromstring(svg)  # noqa: S314 - our own
     assert tree.get("role") == "img"
     assert tree.get("aria-label") == 'a "label" & <more>'
@@ -92,7 +92,7 @@ def test_the_svg_is_well_formed_and_asks_for_nothing(result: RunResult) -> None:
 
 def test_text_stays_text_in_the_pages_own_font(result: RunResult) -> None:
     before = mpl.rcParams["svg.fonttype"]
-    svg = season_svg(result, "summer", identity="one", label="")
+    svg = case_svg(result, "summer", identity="one", label="")
     assert mpl.rcParams["svg.fonttype"] == before
     texts = {e.text for e in ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")}  # noqa: S314
     assert {"9°00′N", "120°00′E", "0"} <= texts
@@ -104,8 +104,8 @@ def test_text_stays_text_in_the_pages_own_font(result: RunResult) -> None:
 def test_zones_are_outlined_in_their_colours_and_only_where_there_are_any(
     result: RunResult,
 ) -> None:
-    plain = season_svg(result, "summer", identity="x", label="")
-    zoned = season_svg(small_run.with_zones(result), "summer", identity="x", label="")
+    plain = case_svg(result, "summer", identity="x", label="")
+    zoned = case_svg(small_run.with_zones(result), "summer", identity="x", label="")
     for role in ("restricted", "traffic"):
         assert f"var(--map-{role}" not in plain
         drawn = [line for line in zoned.splitlines() if f"var(--map-{role}" in line]
@@ -114,7 +114,7 @@ def test_zones_are_outlined_in_their_colours_and_only_where_there_are_any(
         assert all(mark in drawn[0] for mark in ("stroke-dasharray", "fill-opacity: 0.06"))
     legends = []
     for case in (result, small_run.with_zones(result)):
-        (legend,) = overview_figure(case).legends
+        (legend,) = overview_figure(case.cases).legends
         legends.append([text.get_text() for text in legend.get_texts()])
     assert [text for text in legends[1] if text not in legends[0]] == [
         "too shallow",
@@ -124,28 +124,28 @@ def test_zones_are_outlined_in_their_colours_and_only_where_there_are_any(
 
 
 def test_the_same_run_gives_the_same_picture(result: RunResult) -> None:
-    pictures = {season_svg(result, "winter", identity="x", label="") for _ in range(2)}
+    pictures = {case_svg(result, "winter", identity="x", label="") for _ in range(2)}
     assert len(pictures) == 1
 
 
 def test_a_hostile_title_breaks_no_picture(result: RunResult, tmp_path: Path) -> None:
     seasons = tuple(spec.model_copy(update={"title": HOSTILE}) for spec in result.scenario.seasons)
     hostile = replace(result, scenario=result.scenario.model_copy(update={"seasons": seasons}))
-    overview_figure(hostile).savefig(tmp_path / "overview.png", dpi=50)
+    overview_figure(hostile.cases).savefig(tmp_path / "overview.png", dpi=50)
     plain = tmp_path / "plain.png"
-    overview_figure(result).savefig(plain, dpi=50)
+    overview_figure(result.cases).savefig(plain, dpi=50)
     assert imread(tmp_path / "overview.png").shape == imread(plain).shape
 
 
 def test_a_plane_a_failed_season_and_one_without_current_are_drawn(
     result: RunResult, planar_result: RunResult, tmp_path: Path
 ) -> None:
-    overview_figure(planar_result).savefig(tmp_path / "planar.png", dpi=50)
+    overview_figure(planar_result.cases).savefig(tmp_path / "planar.png", dpi=50)
     assert share(imread(tmp_path / "planar.png"), "land") > 0.01
     failed = small_run.with_a_failed_season(result)
-    only_summer = {"summer": result.scene.currents["summer"]}
+    only_summer = {"summer": result.case("summer").case.current}
     failed = replace(failed, scene=replace(failed.scene, currents=only_summer))
-    svg = season_svg(failed, "winter", identity="f", label="")
+    svg = case_svg(failed, "winter", identity="f", label="")
     assert "--map-land" in svg
     assert "--map-speed" not in svg
     assert "stroke-width: 2.2" not in svg

@@ -37,7 +37,7 @@ def with_long_labels() -> RunResult:
 @pytest.mark.parametrize("kind", Kind)
 @pytest.mark.parametrize("width", Width)
 def test_nothing_is_cut(with_long_labels: RunResult, kind: Kind, width: Width) -> None:
-    drawn = figure(with_long_labels, "winter", kind, width)
+    drawn = figure(with_long_labels.case("winter"), kind, width)
     if width.points is not None:
         assert drawn.get_size_inches()[0] * 72 == pytest.approx(width.points)
     assert ink_at_the_edge(drawn) == 0
@@ -45,7 +45,7 @@ def test_nothing_is_cut(with_long_labels: RunResult, kind: Kind, width: Width) -
 
 def test_ink_at_the_edge_is_found(result: RunResult) -> None:
     """The measure itself: a label moved over the edge is seen."""
-    drawn = figure(result, "winter", Kind.ROUTES, Width.COLUMN)
+    drawn = figure(result.case("winter"), Kind.ROUTES, Width.COLUMN)
     assert ink_at_the_edge(drawn) == 0
     drawn.text(0.0, 0.5, "cut", ha="center")
     assert ink_at_the_edge(drawn) > 0
@@ -54,7 +54,7 @@ def test_ink_at_the_edge_is_found(result: RunResult) -> None:
 @pytest.mark.parametrize("kind", Kind)
 def test_the_smallest_text_can_be_read_in_print(result: RunResult, kind: Kind) -> None:
     """In points on paper, as these widths are not scaled; titles may shrink to fit."""
-    drawn = figure(result, "winter", kind, Width.COLUMN)
+    drawn = figure(result.case("winter"), kind, Width.COLUMN)
     FigureCanvasAgg(drawn).draw()  # type: ignore[no-untyped-call]
     sizes = [
         float(text.get_fontsize())
@@ -65,16 +65,16 @@ def test_the_smallest_text_can_be_read_in_print(result: RunResult, kind: Kind) -
 
 
 def test_the_best_route_has_its_seasons_colour(result: RunResult) -> None:
-    for number, entry in enumerate(result.plans):
+    for number, entry in enumerate(result.results):
         for kind in Kind:
-            drawn = figure(result, entry.season, kind)
+            drawn = figure(result.case(entry.name), kind)
             colours = [line.get_color() for line in drawn.findobj(Line2D)]
             assert any(same_color(colour, season_colour(number)) for colour in colours), kind
             assert not any(same_color(colour, COLOURS["best"]) for colour in colours), kind
 
 
 def test_the_legend_has_what_is_too_shallow(with_long_labels: RunResult) -> None:
-    (legend,) = figure(with_long_labels, "winter", Kind.ROUTES).legends
+    (legend,) = figure(with_long_labels.case("winter"), Kind.ROUTES).legends
     assert "too shallow" in [text.get_text() for text in legend.get_texts()]
 
 
@@ -82,10 +82,10 @@ def test_the_legend_has_what_is_too_shallow(with_long_labels: RunResult) -> None
 @pytest.mark.parametrize("kind", Kind)
 def test_texts_do_not_overlap_or_leave_the_figure(kind: Kind, *, planar: bool) -> None:
     result = small_run.parts(planar=planar)
-    assert_texts_apart(figure(result, result.plans[0].season, kind))
+    assert_texts_apart(figure(result.case(result.results[0].name), kind))
 
 
 def test_land_has_the_colour_of_land_where_it_lies(planar_result: RunResult) -> None:
-    drawn = figure(planar_result, "gyre", Kind.ROUTES)
+    drawn = figure(planar_result.case("gyre"), Kind.ROUTES)
     assert is_land(drawn, (57, 43))
     assert not is_land(drawn, (5, 95))

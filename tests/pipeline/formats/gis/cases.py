@@ -12,6 +12,7 @@ from pipeline.findings.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.model import Credit, Evaluation, Land
 from pipeline.texts import clean
+from tests.pipeline.results import rows_of
 
 SCRIPT = "<script>alert(1)</script>'; DROP TABLE routes; -- \"&\\ [% 1 + 1 %]"
 _RIVER = "\u0646\u0647\u0631\U0001f30a"  # Arabic, right to left, and a wave
@@ -35,9 +36,9 @@ def renamed(result: RunResult, names: Mapping[str, str]) -> RunResult:
         scene=replace(
             result.scene, currents={names[s]: c for s, c in result.scene.currents.items()}
         ),
-        plans=tuple(replace(entry, season=names[entry.season]) for entry in result.plans),
+        plans=tuple(replace(entry, season=names[entry.name]) for entry in result.results),
         evaluation=Evaluation(
-            tuple(replace(row, season=names[row.season]) for row in result.evaluation.routes),
+            tuple(replace(row, season=names[row.season]) for row in rows_of(result)),
             {(names[s], rank): c for (s, rank), c in result.evaluation.contingency.items()},
         ),
     )

@@ -61,5 +61,5 @@ def layer(path: Path, name: str) -> geopandas.GeoDataFrame:
 
 
 def without_routes(result: RunResult) -> RunResult:
-    plans = tuple(SeasonPlan(entry.season, None, "no way", 0.0) for entry in result.plans)
+    plans = tuple(SeasonPlan(entry.name, None, "no way", 0.0) for entry in result.results)
     return replace(result, plans=plans, evaluation=Evaluation((), {}))

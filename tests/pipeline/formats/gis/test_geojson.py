@@ -17,7 +17,7 @@ from hypothesis import given, strategies as st
 from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import bounding_box, write_geojson
 from pipeline.formats.gis.layers import LAYERS
-from pipeline.formats.passage.waypoints import season_waypoints, split_at_antimeridian
+from pipeline.formats.passage.waypoints import case_waypoints, split_at_antimeridian
 from tests.pipeline.formats import runs
 
 
@@ -26,7 +26,7 @@ def refused(text: str) -> None:
 
 
 def written(result: RunResult, path: Path) -> dict[str, Any]:
-    write_geojson(result, result.plans[0].season, path)
+    write_geojson(result.case(result.results[0].name), path)
     content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"), parse_constant=refused)
     return content
 
@@ -52,7 +52,7 @@ def test_it_is_a_feature_collection_without_a_crs(any_run: RunResult, tmp_path: 
 
 
 def test_routes_are_those_of_the_geopackage(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.plans[0].season
+    season = any_run.results[0].name
     frame = next(layer for layer in LAYERS if layer.name == "routes").frame(any_run)
     rows = frame[frame.season == season]
     features = of_kind(written(any_run, tmp_path / "a.geojson"), "route")
@@ -71,11 +71,11 @@ def test_routes_are_those_of_the_geopackage(any_run: RunResult, tmp_path: Path) 
 
 
 def test_waypoints_have_their_legs(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.plans[0].season
+    season = any_run.results[0].name
     features = of_kind(written(any_run, tmp_path / "a.geojson"), "waypoint")
     expected = [
         (points.ranked.rank, index + 1, points)
-        for points in season_waypoints(any_run, season)
+        for points in case_waypoints(any_run.case(season))
         for index in range(len(points.lonlat))
     ]
     assert len(features) == len(expected)
@@ -105,10 +105,10 @@ def test_geopandas_reads_it(any_run: RunResult, tmp_path: Path) -> None:
 
 
 def test_straight_lines_in_degrees_are_within_a_metre(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.plans[0].season
+    season = any_run.results[0].name
     features = of_kind(written(any_run, tmp_path / "a.geojson"), "route")
-    projection = any_run.scene.projection
-    for feature, ranked in zip(features, any_run.season_routes(season), strict=True):
+    projection = any_run.water.projection
+    for feature, ranked in zip(features, any_run.case(season).routes, strict=True):
         path = shapely.LineString(ranked.route.path)
         for part in shapely.get_parts(shapely.geometry.shape(feature["geometry"])):
             finely = shapely.get_coordinates(shapely.segmentize(part, 0.002))
@@ -195,4 +195,4 @@ def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None
 
 def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
-        write_geojson(runs.across_180(), runs.SEASON, tmp_path / "nowhere" / "a.geojson")
+        write_geojson(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a.geojson")

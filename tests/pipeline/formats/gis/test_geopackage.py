@@ -11,7 +11,7 @@ import shapely
 
 from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import write_geopackage
-from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.model import ShoreCrossing, Zone
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.gis.cases import moved_east
@@ -23,6 +23,7 @@ from tests.pipeline.formats.gis.tables import (
     query,
     without_routes,
 )
+from tests.pipeline.results import rows_of
 
 
 def test_is_a_geopackage_1_3_with_its_layers(package: Path) -> None:
@@ -55,16 +56,16 @@ def test_routes_carry_the_evaluation(package: Path, result: RunResult) -> None:
     assert set(routes.columns) - {"geometry", "speed_through_water_m_s", "current", "caveats"} == (
         ROUTE_COLUMNS
     )
-    speeds = [metrics.speed_m_s for metrics in result.evaluation.routes]
+    speeds = [metrics.speed_m_s for metrics in rows_of(result)]
     assert routes.speed_through_water_m_s.tolist() == speeds
-    assert len(routes) == len(result.evaluation.routes) > 2
-    for row, metrics in zip(routes.itertuples(), result.evaluation.routes, strict=True):
+    assert len(routes) == len(rows_of(result)) > 2
+    for row, metrics in zip(routes.itertuples(), rows_of(result), strict=True):
         for column in ROUTE_COLUMNS:
             stated = getattr(metrics, column)
             is_blank = isinstance(stated, float) and math.isnan(stated)
             assert is_blank or getattr(row, column) == stated, column
         assert math.isnan(row.uncharted_share), "a chart without depths"
-        assert row.current == result.current_text(row.season)
+        assert row.current == result.case(row.season).current_text
         assert "planned on " in row.caveats
 
 
@@ -78,7 +79,7 @@ def test_a_route_drawn_in_degrees_is_the_route_planned(package: Path, result: Ru
     for row, ranked in zip(layer(package, "routes").itertuples(), result.routes, strict=True):
         length = ranked.route.length
         path = shapely.segmentize(shapely.LineString(ranked.route.path), length / 3000)
-        lonlat = result.scene.projection.to_lonlat(shapely.get_coordinates(path))
+        lonlat = result.water.projection.to_lonlat(shapely.get_coordinates(path))
         off = shapely.distance(shapely.points(lonlat), row.geometry)
         assert off.max() * 111_000 < 1.0
 
@@ -108,7 +109,7 @@ def test_the_passage_is_what_the_bridge_steers(package: Path, result: RunResult)
     """The waypoints of RTZ and GPX; each leg's area holds it, and is as wide as its limits."""
     passage, legs = layer(package, "passage"), layer(package, "legs")
     for season in ("summer", "winter"):
-        for points in season_waypoints(result, season):
+        for points in case_waypoints(result.case(season)):
             mine, areas = (
                 table[(table.season == season) & (table["rank"] == points.ranked.rank)]
                 for table in (passage, legs)
@@ -224,7 +225,7 @@ def test_contingency_points_are_the_trials(package: Path, result: RunResult) -> 
         mine = points[(points.season == season) & (points["rank"] == rank)]
         assert len(mine) == len(found.points)
         assert mine.collided.sum() == found.collided.sum()
-        back = result.scene.projection.to_plane(shapely.get_coordinates(mine.geometry))
+        back = result.water.projection.to_plane(shapely.get_coordinates(mine.geometry))
         assert back == pytest.approx(found.points, abs=1e-6)
 
 
@@ -232,8 +233,8 @@ def test_land_of_another_shoreline_is_a_layer_with_its_lengths(
     result: RunResult, tmp_path: Path
 ) -> None:
     crossings = (
-        ShoreCrossing("summer", 1, 119.4, 9.4, 2461.0),
-        ShoreCrossing("winter", 2, 119.5, 9.5, 30.0),
+        ShoreCrossing(1, 119.4, 9.4, 2461.0),
+        ShoreCrossing(2, 119.5, 9.5, 30.0),
     )
     path = tmp_path / "routes.gpkg"
     evaluation = replace(result.evaluation, shore_crossings=crossings)

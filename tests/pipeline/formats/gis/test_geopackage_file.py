@@ -22,6 +22,7 @@ from tests.pipeline.formats.gis.tables import (
     query,
     without_routes,
 )
+from tests.pipeline.results import rows_of
 from tests.validators import geopackage_faults
 
 
@@ -107,7 +108,7 @@ def test_names_with_a_meaning_in_sql_are_stored_as_text(result: RunResult, tmp_p
 def test_figures_that_do_not_exist_are_null(result: RunResult, tmp_path: Path) -> None:
     rows = tuple(
         replace(row, optimality_gap=float("nan"), clearance_m=float("inf"))
-        for row in result.evaluation.routes
+        for row in rows_of(result)
     )
     path = tmp_path / "routes.gpkg"
     evaluation = Evaluation(rows, result.evaluation.contingency)

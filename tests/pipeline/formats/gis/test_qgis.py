@@ -199,7 +199,7 @@ def test_the_project_opens_as_a_finished_map(
     assert len(found["layers"]) == 26
     assert all(layer["valid"] for layer in found["layers"].values())
     counts = [v["count"] for k, v in found["layers"].items() if k.startswith("routes")]
-    assert sorted(counts) == sorted(len(result.season_routes(s)) for s in ("summer", "winter"))
+    assert sorted(counts) == sorted(len(result.case(s).routes) for s in ("summer", "winter"))
     pixels = picture(tmp_path / "pictures" / "project.png")
     total = pixels.shape[0] * pixels.shape[1]
     assert 0.3 < count(pixels, COLOURS["water"]) / total < 0.9
@@ -245,7 +245,7 @@ def test_bad_names_are_drawn_like_any_other(
     assert all(layer["valid"] for layer in found["layers"].values())
     for layer in found["layers"].values():
         assert "<script" not in layer["html"]
-    expected = [len(r) for r in (result.season_routes("summer"), result.season_routes("winter"))]
+    expected = [len(r) for r in (result.case("summer").routes, result.case("winter").routes)]
     drawn = found["plain"]["routes"]["by_rules"]  # best and others, of one season and the other
     assert drawn == [1, expected[0] - 1, 1, expected[1] - 1]
     counts = [v["count"] for k, v in found["layers"].items() if k.startswith("routes")]

@@ -61,7 +61,7 @@ def named(request: pytest.FixtureRequest) -> tuple[str, RunResult]:
 def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None:
     name, result = named
     path = tmp_path / f"{safe_name(name)}.rtz"
-    write_rtz(result, runs.SEASON, path, version=version)
+    write_rtz(result.case(runs.SEASON), path, version=version)
     root = etree.parse(path).getroot()
     assert not any(rtz_faults(root, version))
     assert root[0].get("routeName") == path.stem
@@ -78,7 +78,7 @@ def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None
 def test_gpx(named: tuple[str, RunResult], tmp_path: Path) -> None:
     name, result = named
     path = tmp_path / f"{safe_name(name)}.gpx"
-    write_gpx(result, runs.SEASON, path, every=True)
+    write_gpx(result.case(runs.SEASON), path, every=True)
     check_order(etree.parse(path).getroot())
     gpx = gpxpy.parse(path.read_text(encoding="utf-8"))
     assert (gpx.name or "").startswith(name)
@@ -90,7 +90,7 @@ def test_gpx(named: tuple[str, RunResult], tmp_path: Path) -> None:
 def test_kml(named: tuple[str, RunResult], tmp_path: Path) -> None:
     name, result = named
     path = tmp_path / f"{safe_name(name)}.kml"
-    write_kml(result, runs.SEASON, path)
+    write_kml(result.case(runs.SEASON), path)
     root = etree.parse(path).getroot()
     schema().assertValid(root)
     assert root[0][0].text.startswith(name)
@@ -106,7 +106,7 @@ def test_passage_plan(named: tuple[str, RunResult], tmp_path: Path) -> None:
 def test_geojson(named: tuple[str, RunResult], tmp_path: Path) -> None:
     name, result = named
     path = tmp_path / f"{safe_name(name)}.geojson"
-    write_geojson(result, runs.SEASON, path)
+    write_geojson(result.case(runs.SEASON), path)
     content = json.loads(path.read_text(encoding="utf-8"))
     assert content["title"].startswith(name)
     assert name in content["credits"]
@@ -117,5 +117,5 @@ def test_a_text_of_a_megabyte_is_shortened(tmp_path: Path) -> None:
     result = runs.across_180()
     path = tmp_path / "a.rtz"
     long = replace(result, scenario=result.scenario.model_copy(update={"description": "x" * 10**6}))
-    write_rtz(long, runs.SEASON, path)
+    write_rtz(long.case(runs.SEASON), path)
     assert path.stat().st_size < 100_000

@@ -13,6 +13,7 @@ from pipeline.formats.passage.routes import write_gpx, write_kml
 from pipeline.formats.passage.rtz import write_rtz
 from pipeline.formats.tables import write_metrics
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import rows_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +36,7 @@ def with_hits(result: RunResult) -> RunResult:
     collided[[5, 9]] = True
     rows = tuple(
         replace(row, collisions=2) if (row.season, row.rank) == ("winter", 1) else row
-        for row in result.evaluation.routes
+        for row in rows_of(result)
     )
     flown = {**result.evaluation.contingency, ("winter", 1): replace(turns, collided=collided)}
     return replace(result, evaluation=replace(result.evaluation, routes=rows, contingency=flown))
@@ -48,7 +49,7 @@ def test_a_route_that_is_not_safe_says_so_in_every_file(end: str, tmp_path: Path
     for name, run in (("safe", result), ("unsafe", with_hits(result))):
         WRITERS[end](run, "winter", tmp_path / f"{name}.{end}")
         told[name] = (tmp_path / f"{name}.{end}").read_text(encoding="utf-8").lower()
-    (row,) = (one for one in result.evaluation.routes if (one.season, one.rank) == ("winter", 1))
+    (row,) = (one for one in rows_of(result) if (one.season, one.rank) == ("winter", 1))
     assert f"not safe everywhere: 2 of {row.trials:,} hard-over turns" in told["unsafe"]
     assert "not safe" not in told["safe"]
     assert "everywhere" not in told["safe"]
@@ -63,7 +64,7 @@ def test_every_file_names_the_current_that_was_used(end: str, tmp_path: Path) ->
     result = small_run.parts()
     for season in ("summer", "winter"):
         WRITERS[end](result, season, tmp_path / f"{season}.{end}")
-        grid = result.grid_of(season)
+        grid = result.case(season).grid
         assert grid is not None
         told = (tmp_path / f"{season}.{end}").read_text(encoding="utf-8").lower()
         assert f"planned on {grid.credit.name}, valid {grid.valid}".lower() in told

@@ -17,7 +17,7 @@ import renew
 from pipeline.findings.result import RunResult
 from pipeline.formats.passage.fence import KEPT_SHARE, autopilot
 from pipeline.formats.passage.missions import write_plan
-from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.formats.passage_plan import write_passage_plan
 from tests.pipeline.formats import runs, small_run
 
@@ -42,11 +42,11 @@ def fenced(request: pytest.FixtureRequest) -> RunResult:
 
 
 def season_of(result: RunResult) -> str:
-    return result.plans[0].season
+    return result.results[0].name
 
 
 def written(result: RunResult, folder: Path) -> dict[str, Any]:
-    write_plan(result, season_of(result), folder / "a.plan")
+    write_plan(result.case(season_of(result)), folder / "a.plan")
     content: dict[str, Any] = json.loads((folder / "a.plan").read_text(encoding="utf-8"))
     return content
 
@@ -61,8 +61,8 @@ def polygons(result: RunResult, folder: Path) -> list[tuple[bool, np.ndarray]]:
 
 def no_go(result: RunResult) -> shapely.Geometry:
     """Land as fetched, hard no-go zone and V of the best route, planner's plane."""
-    route = result.season_routes(season_of(result))[0].route
-    return shapely.union_all([*result.scene.chart.no_go, *result.scene.land, route.soft_no_go])
+    route = result.case(season_of(result)).routes[0].route
+    return shapely.union_all([*result.water.chart.no_go, *result.water.land, route.soft_no_go])
 
 
 def test_what_the_fence_allows_is_open_water(fenced: RunResult, tmp_path: Path) -> None:
@@ -76,12 +76,12 @@ def test_what_the_fence_allows_is_open_water(fenced: RunResult, tmp_path: Path) 
     places = np.random.default_rng(1).uniform([west, south], [east, north], (100_000, 2))
     places = places[shapely.contains_xy(allowed, places)]
     places = np.concatenate([places, *(ring for _, ring in found)])
-    plane = fenced.scene.projection.to_plane(places)
+    plane = fenced.water.projection.to_plane(places)
     assert len(places) > 1_000
     shut = no_go(fenced)
     shapely.prepare(shut)
     assert not shapely.contains_xy(shut, plane).any()
-    assert shapely.contains_xy(fenced.scene.chart.extent, plane).all()
+    assert shapely.contains_xy(fenced.water.chart.extent, plane).all()
 
 
 def test_few_vertices_and_the_legs_inside_by_their_limits(
@@ -91,7 +91,7 @@ def test_few_vertices_and_the_legs_inside_by_their_limits(
     assert all(len(ring) >= 3 for _, ring in found)
     room = HEADER + sum(POLYGON + VERTEX * len(ring) for _, ring in found) + END
     assert room <= FENCE_BYTES
-    scene, points = fenced.scene, season_waypoints(fenced, season_of(fenced))[0]
+    scene, points = fenced.scene, case_waypoints(fenced.case(season_of(fenced)))[0]
     rings = [
         shapely.LinearRing(scene.projection.to_plane(shapely.get_coordinates(dense)))
         for _, ring in found
@@ -124,8 +124,8 @@ def test_a_fence_is_made_smaller_or_left_out_where_there_is_less_room(
 def test_open_sea_is_fenced_as_far_as_the_chart(tmp_path: Path) -> None:
     result = runs.open_sea()
     [(_, ring)] = polygons(result, tmp_path)
-    fenced = shapely.Polygon(result.scene.projection.to_plane(ring))
-    assert fenced.area == pytest.approx(result.scene.chart.extent.area, rel=1e-2)
+    fenced = shapely.Polygon(result.water.projection.to_plane(ring))
+    assert fenced.area == pytest.approx(result.water.chart.extent.area, rel=1e-2)
 
 
 @pytest.mark.parametrize("name", ["across_180", "harbours"])
@@ -133,21 +133,21 @@ def test_nothing_is_promised_across_180_degrees_or_from_v(name: str, tmp_path: P
     result = getattr(runs, name)()
     content = written(result, tmp_path)
     assert content["geoFence"]["polygons"] == content["rallyPoints"]["points"] == []
-    assert autopilot(result, season_of(result)).rally is None
+    assert autopilot(result.case(season_of(result))).rally is None
 
 
 def with_havens(result: RunResult, lonlat: np.ndarray, **hours: float) -> RunResult:
     """The result with a list of havens (n, 2), degrees, that can be used."""
     season = season_of(result)
-    places = result.scene.projection.to_plane(lonlat)
+    places = result.water.projection.to_plane(lonlat)
     havens = tuple(renew.Haven(f"haven {n}", place, **hours) for n, place in enumerate(places))
-    route = result.season_routes(season)[0].route
+    route = result.case(season).routes[0].route
     return replace(result, coverages={season: renew.Coverage(route, havens, (), (), ())})
 
 
 def sampled_is_clear(result: RunResult, rally: np.ndarray) -> bool:
     """Whether sampled lines to the nearest of start and rally points meet no no-go."""
-    points, projection = season_waypoints(result, season_of(result))[0], result.scene.projection
+    points, projection = case_waypoints(result.case(season_of(result)))[0], result.water.projection
     sites, shut = np.concatenate([points.lonlat[:1], rally]), no_go(result)
     shapely.prepare(shut)
     path = shapely.LineString(projection.to_plane(points.lonlat))
@@ -163,7 +163,7 @@ def sampled_is_clear(result: RunResult, rally: np.ndarray) -> bool:
 
 
 def test_a_vessel_returns_only_where_sampled_lines_are_clear(fenced: RunResult) -> None:
-    told = autopilot(fenced, season_of(fenced))
+    told = autopilot(fenced.case(season_of(fenced)))
     is_clear = sampled_is_clear(fenced, np.empty((0, 2)))
     assert is_clear or told.rally is None
     # In the far north lines that are straight in degrees are too far from the shortest ones.
@@ -174,7 +174,7 @@ def test_a_vessel_returns_only_where_sampled_lines_are_clear(fenced: RunResult) 
 def test_havens_on_the_way_are_rally_points(tmp_path: Path) -> None:
     """From each leg its ends are in reach, though the start is behind the island."""
     result = small_run.parts()
-    lonlat = season_waypoints(result, season_of(result))[0].lonlat
+    lonlat = case_waypoints(result.case(season_of(result)))[0].lonlat
     assert not sampled_is_clear(result, lonlat[-1:])
     assert sampled_is_clear(result, lonlat)
     found = written(with_havens(result, lonlat), tmp_path)["rallyPoints"]
@@ -188,12 +188,12 @@ def test_a_haven_outside_the_fence_is_no_rally_point(tmp_path: Path) -> None:
     allowed = shapely.Polygon(polygons(result, tmp_path)[0][1])
     for _, ring in polygons(result, tmp_path)[1:]:
         allowed = shapely.difference(allowed, shapely.Polygon(ring))
-    lonlat = season_waypoints(result, season_of(result))[0].lonlat
+    lonlat = case_waypoints(result.case(season_of(result)))[0].lonlat
     around = shapely.buffer(shapely.LineString(lonlat), 0.3)
     west, south, east, north = around.bounds
     places = np.random.default_rng(1).uniform([west, south], [east, north], (2_000, 2))
-    water = shapely.difference(result.scene.chart.extent, no_go(result))
-    places = places[shapely.contains_xy(water, result.scene.projection.to_plane(places))]
+    water = shapely.difference(result.water.chart.extent, no_go(result))
+    places = places[shapely.contains_xy(water, result.water.projection.to_plane(places))]
     beyond = places[~shapely.contains_xy(allowed, places)]
     assert len(beyond) > 10
     havens = np.concatenate([beyond, lonlat])
@@ -203,7 +203,7 @@ def test_a_haven_outside_the_fence_is_no_rally_point(tmp_path: Path) -> None:
 
 def test_no_more_rally_points_than_an_autopilot_holds(tmp_path: Path) -> None:
     result = small_run.parts()
-    lonlat = season_waypoints(result, season_of(result))[0].lonlat
+    lonlat = case_waypoints(result.case(season_of(result)))[0].lonlat
     many = np.concatenate([lonlat, *[lonlat[-1:]] * 60])
     found = written(with_havens(result, many), tmp_path)["rallyPoints"]["points"]
     assert len(found) == RALLY_BYTES // RALLY_POINT
@@ -214,8 +214,8 @@ def test_havens_behind_islands_are_refused(seed: int, tmp_path: Path) -> None:
     result = runs.random_run(seed)
     rng = np.random.default_rng(seed)
     places = rng.uniform([119.0, 9.0], [120.2, 10.0], (60, 2))
-    water = shapely.difference(result.scene.chart.extent, no_go(result))
-    places = places[shapely.contains_xy(water, result.scene.projection.to_plane(places))]
+    water = shapely.difference(result.water.chart.extent, no_go(result))
+    places = places[shapely.contains_xy(water, result.water.projection.to_plane(places))]
     answers = []
     for few in (places[:1], places[:20], places):
         told = written(with_havens(result, few), tmp_path)["rallyPoints"]["points"]
@@ -227,7 +227,7 @@ def test_havens_behind_islands_are_refused(seed: int, tmp_path: Path) -> None:
 
 def test_a_haven_that_closes_is_no_rally_point(tmp_path: Path) -> None:
     result = small_run.parts()
-    lonlat = season_waypoints(result, season_of(result))[0].lonlat
+    lonlat = case_waypoints(result.case(season_of(result)))[0].lonlat
     found = written(with_havens(result, lonlat, closes=1e9), tmp_path)["rallyPoints"]["points"]
     assert found == []
 

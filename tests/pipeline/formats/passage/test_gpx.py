@@ -17,7 +17,7 @@ from lxml import etree
 from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import planned_times
 from pipeline.formats.passage.routes import write_gpx
-from pipeline.formats.passage.waypoints import both_sides, season_waypoints
+from pipeline.formats.passage.waypoints import both_sides, case_waypoints
 from tests.pipeline.formats import oracles, runs, small_run
 
 Element: TypeAlias = Any  # lxml has no types
@@ -42,7 +42,7 @@ ORDER = {
 def written(
     result: RunResult, path: Path, *, departure: datetime | None = None, every: bool = True
 ) -> gpxpy.gpx.GPX:
-    write_gpx(result, result.plans[0].season, path, departure=departure, every=every)
+    write_gpx(result.case(result.results[0].name), path, departure=departure, every=every)
     return gpxpy.parse(path.read_text(encoding="utf-8"))
 
 
@@ -78,8 +78,8 @@ def test_the_structure_is_that_of_gpx_1_1(
 
 def test_gpxpy_reads_every_route_with_its_waypoints(any_run: RunResult, tmp_path: Path) -> None:
     gpx = written(any_run, tmp_path / "a.gpx")
-    season = any_run.plans[0].season
-    found = season_waypoints(any_run, season)
+    season = any_run.results[0].name
+    found = case_waypoints(any_run.case(season))
     assert [route.number for route in gpx.routes] == [p.ranked.rank for p in found]
     for route, points in zip(gpx.routes, found, strict=True):
         words = (route.name or "").split()
@@ -107,10 +107,12 @@ def test_a_plotters_list_is_in_order_and_no_two_points_have_one_name(
 
 def test_the_usual_file_has_the_best_of_each_side(any_run: RunResult, tmp_path: Path) -> None:
     gpx = written(any_run, tmp_path / "a.gpx", every=False)
-    found = both_sides(any_run, any_run.plans[0].season)
+    found = both_sides(any_run.case(any_run.results[0].name))
     assert [route.number for route in gpx.routes] == [p.ranked.rank for p in found]
     assert found[0].ranked.rank == 1
-    first, *others = (p.ranked.metrics for p in season_waypoints(any_run, found[0].ranked.season))
+    first, *others = (
+        p.ranked.metrics for p in case_waypoints(any_run.case(found[0].ranked.season))
+    )
     elsewhere = [row for row in others if row.main_passage != first.main_passage]
     if elsewhere:
         assert [p.ranked.metrics for p in found[1:]] == [min(elsewhere, key=lambda r: r.fuel)]
@@ -131,7 +133,7 @@ def test_gpx_gives_opencpn_speeds_and_departure(
     """As OpenCPN 5.10 shows them: each waypoint's speed is that of the leg which leads to it."""
     path = tmp_path / "a.gpx"
     written(any_run, path, departure=departure)
-    found = season_waypoints(any_run, any_run.plans[0].season)
+    found = case_waypoints(any_run.case(any_run.results[0].name))
     for route, points in zip(etree.parse(path).iter(f"{NAMESPACE}rte"), found, strict=True):
         extensions = {child.tag.removeprefix(OPENCPN): child.text for child in route[3]}
         assert (extensions["start"], extensions["end"]) == ("Start", "Goal")
@@ -170,12 +172,12 @@ def test_the_track_is_the_best_route_as_planned(any_run: RunResult, tmp_path: Pa
     gpx = written(any_run, tmp_path / "a.gpx")
     (track,) = gpx.tracks
     (segment,) = track.segments
-    best = season_waypoints(any_run, any_run.plans[0].season)[0].ranked
+    best = case_waypoints(any_run.case(any_run.results[0].name))[0].ranked
     at = np.array([[p.longitude, p.latitude] for p in segment.points])
     at[:, 0] = at[0, 0] + (at[:, 0] - at[0, 0] + 180) % 360 - 180
-    plane = shapely.LineString(any_run.scene.projection.to_plane(at))
+    plane = shapely.LineString(any_run.water.projection.to_plane(at))
     # 0.2 m at true scale.
-    near = 0.2 / any_run.scene.projection.scale
+    near = 0.2 / any_run.water.projection.scale
     assert shapely.hausdorff_distance(plane, shapely.LineString(best.route.path)) < near
     assert oracles.GEOD.line_length(at[:, 0], at[:, 1]) == pytest.approx(
         best.metrics.length_m, rel=1e-5
@@ -184,7 +186,7 @@ def test_the_track_is_the_best_route_as_planned(any_run: RunResult, tmp_path: Pa
 
 def test_times_run_from_departure_to_arrival(any_run: RunResult, tmp_path: Path) -> None:
     gpx = written(any_run, tmp_path / "a.gpx", departure=DEPARTURE)
-    found = season_waypoints(any_run, any_run.plans[0].season)
+    found = case_waypoints(any_run.case(any_run.results[0].name))
     chains = [route.points for route in gpx.routes] + [gpx.tracks[0].segments[0].points]
     durations = [*[p.time_s[-1] for p in found], found[0].ranked.metrics.duration_s]
     for chain, duration in zip(chains, durations, strict=True):
@@ -199,12 +201,12 @@ def test_the_track_passes_each_vertex_when_the_plan_does(
     any_run: RunResult, tmp_path: Path
 ) -> None:
     gpx = written(any_run, tmp_path / "a.gpx", departure=DEPARTURE)
-    best = season_waypoints(any_run, any_run.plans[0].season)[0].ranked
+    best = case_waypoints(any_run.case(any_run.results[0].name))[0].ranked
     points = gpx.tracks[0].segments[0].points
     at = np.array([[p.longitude, p.latitude] for p in points])
     seconds = [(p.time - DEPARTURE).total_seconds() for p in points if p.time is not None]
-    path = any_run.scene.projection.to_lonlat(best.route.path)
-    for place, time in zip(path, planned_times(best, any_run), strict=True):
+    path = any_run.water.projection.to_lonlat(best.route.path)
+    for place, time in zip(path, planned_times(best), strict=True):
         apart = at - place
         apart[:, 0] = (apart[:, 0] + 180) % 360 - 180
         nearest = int(np.abs(apart).max(axis=1).argmin())
@@ -235,7 +237,7 @@ def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None
 
 def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
-        write_gpx(runs.across_180(), runs.SEASON, tmp_path / "nowhere" / "a.gpx")
+        write_gpx(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a.gpx")
 
 
 def test_without_land_no_clearance_is_stated(tmp_path: Path) -> None:

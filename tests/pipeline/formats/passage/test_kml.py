@@ -32,7 +32,7 @@ def schema() -> etree.XMLSchema:
 
 
 def written(result: RunResult, path: Path, departure: datetime | None = None) -> Element:
-    write_kml(result, result.plans[0].season, path, departure=departure)
+    write_kml(result.case(result.results[0].name), path, departure=departure)
     root = etree.parse(path).getroot()
     schema().assertValid(root)
     return root
@@ -48,7 +48,7 @@ def test_the_schema_of_the_ogc_holds(
 ) -> None:
     root = written(any_run, tmp_path / "a.kml", departure)
     times = texts(root, "when")
-    best = both_sides(any_run, any_run.plans[0].season)[0]
+    best = both_sides(any_run.case(any_run.results[0].name))[0]
     assert len(times) == (len(best.lonlat) if departure else 0)
     if departure:
         assert times[0] == "2026-12-31T20:30:00Z"
@@ -66,7 +66,7 @@ def test_the_schema_refuses_what_is_wrong(tmp_path: Path) -> None:
 def test_lines_are_the_legs_and_points_the_waypoints(any_run: RunResult, tmp_path: Path) -> None:
     """Each line is within 10 m of the loxodromes, where a straight one may be 20 km off."""
     root = written(any_run, tmp_path / "a.kml")
-    found = both_sides(any_run, any_run.plans[0].season)
+    found = both_sides(any_run.case(any_run.results[0].name))
     lines = [p for p in root.iter(f"{NAMESPACE}Placemark") if p.find(f"{NAMESPACE}Point") is None]
     assert len(lines) == len(found)
     for placemark, points in zip(lines, found, strict=True):
@@ -79,12 +79,12 @@ def test_lines_are_the_legs_and_points_the_waypoints(any_run: RunResult, tmp_pat
         line[:, 0] = points.lonlat[0, 0] + (line[:, 0] - points.lonlat[0, 0] + 180) % 360 - 180
         drawn = np.concatenate(oracles.drawn(points))
         one, other = (oracles.in_plane(any_run, part) for part in (line, drawn))
-        apart_m = shapely.hausdorff_distance(one, other) * any_run.scene.projection.scale
+        apart_m = shapely.hausdorff_distance(one, other) * any_run.water.projection.scale
         # Points of the oracle's line are 200 m apart.
         assert apart_m < 110 + 10
         assert (
             shapely.distance(shapely.points(other.coords), one).max()
-            * (any_run.scene.projection.scale)
+            * (any_run.water.projection.scale)
             < 12
         )
 
@@ -92,7 +92,7 @@ def test_lines_are_the_legs_and_points_the_waypoints(any_run: RunResult, tmp_pat
 def test_gdal_reads_routes_and_waypoints(tmp_path: Path) -> None:
     path, result = tmp_path / "a.kml", small_run.parts()
     written(result, path)
-    best, *_ = found = both_sides(result, "summer")
+    best, *_ = found = both_sides(result.case("summer"))
     counted = {
         name: pyogrio.read_info(path, layer=name)["features"]
         for name, _ in pyogrio.list_layers(path)
@@ -102,8 +102,8 @@ def test_gdal_reads_routes_and_waypoints(tmp_path: Path) -> None:
 
 def test_a_season_has_its_colour_of_every_map(tmp_path: Path) -> None:
     path, result = tmp_path / "a.kml", small_run.parts()
-    for index, entry in enumerate(result.plans):
-        write_kml(result, entry.season, path)
+    for index, entry in enumerate(result.results):
+        write_kml(result.case(entry.name), path)
         opacity, blue, green, red = (
             texts(etree.parse(path), "color")[0][at : at + 2] for at in (0, 2, 4, 6)
         )
@@ -126,4 +126,4 @@ def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None
 
 def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
-        write_kml(runs.across_180(), runs.SEASON, tmp_path / "nowhere" / "a.kml")
+        write_kml(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a.kml")

@@ -13,14 +13,14 @@ from pymavlink import mavutil, mavwp
 
 from pipeline.findings.result import RunResult
 from pipeline.formats.passage.missions import write_mission, write_plan
-from pipeline.formats.passage.waypoints import Waypoints, season_waypoints
+from pipeline.formats.passage.waypoints import Waypoints, case_waypoints
 from tests.pipeline.formats import runs
 
 LINK = mavutil.mavlink
 
 
 def best(result: RunResult) -> Waypoints:
-    return season_waypoints(result, result.plans[0].season)[0]
+    return case_waypoints(result.case(result.results[0].name))[0]
 
 
 def loaded(path: Path) -> list[Any]:
@@ -31,7 +31,7 @@ def loaded(path: Path) -> list[Any]:
 
 
 def plan(result: RunResult, path: Path) -> dict[str, Any]:
-    write_plan(result, result.plans[0].season, path)
+    write_plan(result.case(result.results[0].name), path)
     content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return content
 
@@ -45,7 +45,7 @@ def apart_deg(at: list[tuple[float, float]], points: Waypoints) -> float:
 
 def test_pymavlink_reads_every_waypoint_and_speed(any_run: RunResult, tmp_path: Path) -> None:
     path, points = tmp_path / "a.waypoints", best(any_run)
-    write_mission(any_run, any_run.plans[0].season, path)
+    write_mission(any_run.case(any_run.results[0].name), path)
     home, *items = loaded(path)
     assert (home.current, home.frame) == (1, LINK.MAV_FRAME_GLOBAL)
     stops = [item for item in items if item.command == LINK.MAV_CMD_NAV_WAYPOINT]
@@ -66,7 +66,7 @@ def test_pymavlink_reads_every_waypoint_and_speed(any_run: RunResult, tmp_path: 
 
 def test_the_mission_takes_as_long_as_its_legs(any_run: RunResult, tmp_path: Path) -> None:
     path, points = tmp_path / "a.waypoints", best(any_run)
-    write_mission(any_run, any_run.plans[0].season, path)
+    write_mission(any_run.case(any_run.results[0].name), path)
     speeds = [i.param2 for i in loaded(path) if i.command == LINK.MAV_CMD_DO_CHANGE_SPEED]
     passage = sum(points.length_m[:-1] / speeds)
     assert passage == pytest.approx(points.time_s[-1], rel=2e-3)
@@ -97,7 +97,7 @@ def test_a_plan_has_the_form_that_qgroundcontrol_documents(
 
 def test_both_missions_are_the_same(any_run: RunResult, tmp_path: Path) -> None:
     path = tmp_path / "a.waypoints"
-    write_mission(any_run, any_run.plans[0].season, path)
+    write_mission(any_run.case(any_run.results[0].name), path)
     items = plan(any_run, tmp_path / "a.plan")["mission"]["items"]
     for ours, theirs in zip(items, loaded(path)[1:], strict=True):
         assert (ours["command"], ours["frame"]) == (theirs.command, theirs.frame)

@@ -12,8 +12,8 @@ from pipeline.findings.result import RunResult
 from pipeline.findings.text import duration
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
+    case_waypoints,
     leg_text,
-    season_waypoints,
     time_after,
     waypoint_names,
     wrapped_longitude,
@@ -74,14 +74,14 @@ def test_waypoints_are_named_by_their_position_and_via_points_as_such() -> None:
 
 
 def test_limits_are_a_mile_at_most_and_due_north_is_000() -> None:
-    (points,) = season_waypoints(runs.open_sea(), runs.SEASON)
+    (points,) = case_waypoints(runs.open_sea().case(runs.SEASON))
     assert "cross-track limits 1852 m to port, 1852 m to starboard" in leg_text(points, 0)
     north = replace(points, course_deg=np.full_like(points.course_deg, 359.97))
     assert leg_text(north, 0).startswith("course 000.0°, ")
 
 
 def test_a_leg_is_described_in_a_navigators_units() -> None:
-    points = season_waypoints(runs.across_180(), runs.SEASON)[0]
+    points = case_waypoints(runs.across_180().case(runs.SEASON))[0]
     text = leg_text(points, 0)
     course, miles, knots, time = text.partition(";")[0].split(", ")
     assert course == f"course {points.course_deg[0]:05.1f}°"

@@ -13,8 +13,9 @@ from lxml import etree
 
 from pipeline.findings.result import RunResult
 from pipeline.formats.passage.rtz import write_rtz
-from pipeline.formats.passage.waypoints import season_waypoints
+from pipeline.formats.passage.waypoints import case_waypoints
 from tests.pipeline.formats import runs
+from tests.pipeline.results import rows_of
 from tests.validators import rtz_faults
 
 # lxml has no types.
@@ -33,7 +34,7 @@ def written(
     version: str = "1.1",
     departure: datetime | None = None,
 ) -> Element:
-    write_rtz(result, season, path, version=version, departure=departure)
+    write_rtz(result.case(season), path, version=version, departure=departure)
     return etree.parse(path).getroot()
 
 
@@ -46,9 +47,9 @@ def all_of(root: Element, name: str) -> list[Element]:
 def test_every_version_is_valid(
     any_run: RunResult, tmp_path: Path, version: str, departure: datetime | None
 ) -> None:
-    for entry in any_run.plans:
-        path = tmp_path / f"{entry.season}.rtz"
-        root = written(any_run, path, entry.season, version=version, departure=departure)
+    for entry in any_run.results:
+        path = tmp_path / f"{entry.name}.rtz"
+        root = written(any_run, path, entry.name, version=version, departure=departure)
         assert not any(rtz_faults(root, version))
         assert root.get("version") == version
         assert path.stat().st_size < 400_000
@@ -91,7 +92,7 @@ def test_the_default_version_is_1_1(tmp_path: Path) -> None:
 
 
 def test_the_file_has_what_checkers_look_for(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.plans[0].season
+    season = any_run.results[0].name
     root = written(any_run, tmp_path / "some-season.rtz", season)
     (info,) = all_of(root, "routeInfo")
     assert info.get("routeName") == "some-season"
@@ -129,8 +130,8 @@ def test_a_vessel_without_a_name_has_none_in_the_file(tmp_path: Path) -> None:
 
 
 def test_positions_and_legs_are_those_of_the_best_route(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.plans[0].season
-    points = season_waypoints(any_run, season)[0]
+    season = any_run.results[0].name
+    points = case_waypoints(any_run.case(season))[0]
     assert points.ranked.rank == 1
     root = written(any_run, tmp_path / "a.rtz", season)
     positions = all_of(root, "position")
@@ -155,8 +156,8 @@ def test_positions_and_legs_are_those_of_the_best_route(any_run: RunResult, tmp_
 
 
 def test_speeds_and_positions_give_the_duration(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.plans[0].season
-    points = season_waypoints(any_run, season)[0]
+    season = any_run.results[0].name
+    points = case_waypoints(any_run.case(season))[0]
     root = written(any_run, tmp_path / "a.rtz", season)
     knots = [float(e.get("speed")) for e in all_of(root, "scheduleElement")[1:]]
     hours = sum(points.length_m[:-1] / 1852 / knots)
@@ -164,7 +165,7 @@ def test_speeds_and_positions_give_the_duration(any_run: RunResult, tmp_path: Pa
 
 
 def test_without_a_departure_there_are_no_times(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.plans[0].season
+    season = any_run.results[0].name
     for version in VERSIONS:
         root = written(any_run, tmp_path / "a.rtz", season, version=version)
         names = {name for element in root.iter() for name in element.attrib}
@@ -173,7 +174,7 @@ def test_without_a_departure_there_are_no_times(any_run: RunResult, tmp_path: Pa
 
 def test_with_a_departure_times_are_in_utc(tmp_path: Path) -> None:
     result = runs.across_180()
-    points = season_waypoints(result, runs.SEASON)[0]
+    points = case_waypoints(result.case(runs.SEASON))[0]
     elements = all_of(written(result, tmp_path / "a.rtz", departure=DEPARTURE), "scheduleElement")
     assert elements[0].get("etd") == "2027-01-01T01:30:00Z"
     assert elements[0].get("eta") is None
@@ -187,18 +188,18 @@ def test_with_a_departure_times_are_in_utc(tmp_path: Path) -> None:
 def test_a_departure_without_a_zone_is_refused(tmp_path: Path) -> None:
     naive = DEPARTURE.replace(tzinfo=None)
     with pytest.raises(ValueError, match="no time zone"):
-        write_rtz(runs.across_180(), runs.SEASON, tmp_path / "a.rtz", departure=naive)
+        write_rtz(runs.across_180().case(runs.SEASON), tmp_path / "a.rtz", departure=naive)
     assert not list(tmp_path.iterdir())
 
 
 def test_an_unknown_version_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"'2\.0' is not one of 1\.0, 1\.1, 1\.2"):
-        write_rtz(runs.across_180(), runs.SEASON, tmp_path / "a.rtz", version="2.0")
+        write_rtz(runs.across_180().case(runs.SEASON), tmp_path / "a.rtz", version="2.0")
     assert not list(tmp_path.iterdir())
 
 
 def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
-    season = any_run.plans[0].season
+    season = any_run.results[0].name
     for version in VERSIONS:
         path = tmp_path / "a.rtz"
         root = written(any_run, path, season, version=version)
@@ -209,7 +210,7 @@ def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None
 
 def test_what_is_not_known_is_in_the_file(tmp_path: Path) -> None:
     result = runs.across_180()
-    rows = tuple(replace(row, filled_share=0.125) for row in result.evaluation.routes)
+    rows = tuple(replace(row, filled_share=0.125) for row in rows_of(result))
     result = replace(result, evaluation=replace(result.evaluation, routes=rows))
     for version in VERSIONS:
         root = written(result, tmp_path / "a.rtz", version=version)
@@ -223,4 +224,4 @@ def test_what_is_not_known_is_in_the_file(tmp_path: Path) -> None:
 
 def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="nowhere"):
-        write_rtz(runs.across_180(), runs.SEASON, tmp_path / "nowhere" / "a.rtz")
+        write_rtz(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a.rtz")

@@ -24,7 +24,7 @@ from pipeline.formats.passage.tracks import Drawing
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     Waypoints,
-    season_waypoints,
+    case_waypoints,
     with_speed_changes,
 )
 from tests.pipeline import chosen_speeds
@@ -39,7 +39,7 @@ def result() -> RunResult:
 
 @pytest.fixture(scope="module")
 def points(result: RunResult) -> Waypoints:
-    return season_waypoints(result, "chosen")[0]
+    return case_waypoints(result.case("chosen"))[0]
 
 
 def speeds_near(points: Waypoints, result: RunResult, leg: int) -> np.ndarray:
@@ -77,24 +77,24 @@ def test_the_legs_at_their_own_speeds_take_the_planned_time_and_fuel(
 
 
 def test_a_route_of_one_speed_gets_no_more_waypoints(result: RunResult) -> None:
-    (own, *_) = season_waypoints(result, "own")
-    drawing = Drawing(result.scene.projection, own.curve, 1.0)
+    (own, *_) = case_waypoints(result.case("own"))
+    drawing = Drawing(result.water.projection, own.curve, 1.0)
     assert with_speed_changes(own.lonlat, own.ranked.route, drawing) is own.lonlat
     assert own.through_water_m_s[:-1] == pytest.approx(1.5)
 
 
 def test_times_along_the_path_are_the_planners(result: RunResult) -> None:
-    ranked = result.season_routes("chosen")[0]
-    own = legs(ranked, result)
+    ranked = result.case("chosen").routes[0]
+    own = legs(ranked)
     stretch = ranked.metrics.duration_s / ranked.route.duration
     assert own.time_s == pytest.approx(stretch * ranked.route.times, rel=1e-4, abs=0.2)
     assert own.through_water_m_s[:-1].tolist() == ranked.route.speeds.tolist()
 
 
 def test_the_profile_sums_up_the_fuel_of_each_speed(result: RunResult) -> None:
-    ranked = result.season_routes("chosen")[0]
-    profile = route_profile(ranked, result)
-    route, vessel = ranked.route, result.scene.vessel
+    ranked = result.case("chosen").routes[0]
+    profile = route_profile(ranked)
+    route, vessel = ranked.route, result.cases[0].case.vessel
     assert profile.fuel[-1] == pytest.approx(route.fuel)
     # The planner's own, leg by leg, at the vertices of its path.
     spent = np.append(0.0, np.cumsum(np.diff(route.times) * route.speeds**vessel.fuel_exponent))
@@ -110,7 +110,7 @@ def test_rtz_and_gpx_have_the_speed_of_each_leg(
     points: Waypoints, result: RunResult, tmp_path: Path
 ) -> None:
     knots = points.speed_m_s[:-1] * KNOTS_PER_M_S
-    write_rtz(result, "chosen", tmp_path / "a.rtz", departure=DEPARTURE)
+    write_rtz(result.case("chosen"), tmp_path / "a.rtz", departure=DEPARTURE)
     root = etree.parse(str(tmp_path / "a.rtz")).getroot()
     elements = root.findall(".//{*}scheduleElement")
     assert [float(one.get("speed")) for one in elements[1:]] == pytest.approx(knots, abs=1e-4)
@@ -119,7 +119,7 @@ def test_rtz_and_gpx_have_the_speed_of_each_leg(
     through = points.through_water_m_s[0] * KNOTS_PER_M_S
     info = root.findall(".//{*}leg")[0].get("legInfo")
     assert f"kn ({through:.2f} kn through water)" in info
-    write_gpx(result, "chosen", tmp_path / "a.gpx", departure=DEPARTURE)
+    write_gpx(result.case("chosen"), tmp_path / "a.gpx", departure=DEPARTURE)
     route = gpxpy.parse((tmp_path / "a.gpx").read_text("utf-8")).routes[0]
     planned = [float(point.extensions[0].get("planned_speed")) for point in route.points[1:]]
     assert planned == pytest.approx(knots, abs=1e-4)
@@ -128,14 +128,14 @@ def test_rtz_and_gpx_have_the_speed_of_each_leg(
 def test_missions_change_the_speed_before_each_leg(
     points: Waypoints, result: RunResult, tmp_path: Path
 ) -> None:
-    write_mission(result, "chosen", tmp_path / "a.waypoints")
+    write_mission(result.case("chosen"), tmp_path / "a.waypoints")
     loader = mavwp.MAVWPLoader()
     loader.load(str(tmp_path / "a.waypoints"))
     items = [loader.wp(index) for index in range(loader.count())]
     change = mavutil.mavlink.MAV_CMD_DO_CHANGE_SPEED
     speeds = [item.param2 for item in items if item.command == change]
     assert speeds == pytest.approx(points.speed_m_s[:-1], abs=6e-4)
-    write_plan(result, "chosen", tmp_path / "a.plan")
+    write_plan(result.case("chosen"), tmp_path / "a.plan")
     content = json.loads((tmp_path / "a.plan").read_text("utf-8"))
     own = [one["params"][1] for one in content["mission"]["items"] if one["command"] == change]
     assert own == pytest.approx(points.speed_m_s[:-1], abs=6e-4)
@@ -155,7 +155,7 @@ def test_layers_have_the_speed_through_water(
         table = pyogrio.read_dataframe(tmp_path / "a.gpkg", layer=layer, where=best)
         found = table.speed_through_water_m_s.to_numpy()
         assert found == pytest.approx(np.array(expected), nan_ok=True)
-    write_geojson(result, "chosen", tmp_path / "a.geojson")
+    write_geojson(result.case("chosen"), tmp_path / "a.geojson")
     features = json.loads((tmp_path / "a.geojson").read_text("utf-8"))["features"]
     rows = [one["properties"] for one in features if one["properties"]["rank"] == 1]
     speeds = [row["speed_through_water_m_s"] for row in rows if row["feature"] == "waypoint"]

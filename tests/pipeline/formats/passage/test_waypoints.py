@@ -18,15 +18,15 @@ from pipeline.formats.passage.waypoints import (
     MAX_CROSS_TRACK_M,
     MAX_EXTRA_FUEL,
     Waypoints,
-    season_waypoints,
+    case_waypoints,
     waypoints,
 )
 from tests.pipeline.formats import oracles, runs
 
 
 def every(result: RunResult) -> Iterator[Waypoints]:
-    for entry in result.plans:
-        yield from season_waypoints(result, entry.season)
+    for entry in result.results:
+        yield from case_waypoints(result.case(entry.name))
 
 
 def inner_legs(points: Waypoints) -> range:
@@ -42,11 +42,11 @@ def inner_legs(points: Waypoints) -> range:
 
 
 def blocked_area(points: Waypoints, result: RunResult) -> BaseGeometry:
-    return shapely.union_all([points.ranked.route.soft_no_go, *result.scene.land])
+    return shapely.union_all([points.ranked.route.soft_no_go, *result.water.land])
 
 
 def test_legs_as_sailed_are_clear_of_land_and_of_v(any_run: RunResult) -> None:
-    land = shapely.union_all(any_run.scene.land)
+    land = shapely.union_all(any_run.water.land)
     for points in every(any_run):
         lines = [oracles.in_plane(any_run, line) for line in oracles.drawn(points)]
         assert not shapely.intersects(lines, land).any()
@@ -77,14 +77,14 @@ def test_legs_stay_near_the_planned_line(any_run: RunResult) -> None:
             [oracles.in_plane(any_run, leg) for leg in oracles.drawn(points, 1000.0)]
         )
         # One percent for the drawing error of the legs; on a short route 30 m are near.
-        tolerance = max(1e-3 * points.ranked.route.length, 30.0 / any_run.scene.projection.scale)
+        tolerance = max(1e-3 * points.ranked.route.length, 30.0 / any_run.water.projection.scale)
         nearness = 1.01 * min(tolerance, 1e-2 * points.ranked.route.length)
         assert shapely.covers(path.buffer(nearness), line)
         assert shapely.covers(line.buffer(2 * nearness), path)
 
 
 def test_nothing_lies_between_the_legs_and_the_planned_line(any_run: RunResult) -> None:
-    land = shapely.union_all([*any_run.scene.land, *any_run.scene.chart.no_go])
+    land = shapely.union_all([*any_run.water.land, *any_run.water.chart.no_go])
     for points in every(any_run):
         legs = [oracles.in_plane(any_run, leg) for leg in oracles.drawn(points)]
         both = shapely.union_all([shapely.LineString(points.ranked.route.path), *legs])
@@ -117,7 +117,7 @@ def test_finer_tolerances_are_tried_until_the_fuel_is_near_enough(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result = runs.random_run(1)
-    (usual, *_), obstacles = season_waypoints(result, runs.SEASON), Obstacles(result.scene)
+    (usual, *_), obstacles = case_waypoints(result.case(runs.SEASON)), Obstacles(result.scene)
     monkeypatch.setattr("pipeline.formats.passage.waypoints.MAX_EXTRA_FUEL", 3e-5)
     finer = waypoints(usual.ranked, result, obstacles)
     assert len(finer.lonlat) > len(usual.lonlat)
@@ -132,7 +132,7 @@ def test_corridors_end_at_the_edge_of_the_chart() -> None:
     obstacles = Obstacles(result.scene)
     for ranked in result.routes:
         corridor = safe_corridor(ranked.route, obstacles, 1e-3 * ranked.route.length)
-        assert shapely.covers(result.scene.chart.extent, corridor.free)
+        assert shapely.covers(result.water.chart.extent, corridor.free)
 
 
 def test_a_long_path_becomes_a_fraction_of_its_vertices(any_run: RunResult) -> None:
@@ -154,7 +154,7 @@ def test_without_weight_of_clearance_no_chain_of_own_vertices_has_fewer_legs(
     for ranked in result.routes:
         points, route = waypoints(ranked, result, obstacles), ranked.route
         corridor = safe_corridor(route, obstacles, 1e-3 * route.length)
-        lonlat = result.scene.projection.to_lonlat(route.path)
+        lonlat = result.water.projection.to_lonlat(route.path)
         own = nx.path_graph(len(route.path))
         for one, other in itertools.combinations(range(len(route.path)), 2):
             leg = oracles.in_plane(result, oracles.loxodrome(lonlat[one], lonlat[other], 50))
@@ -180,7 +180,7 @@ def test_the_figures_of_legs_are_true(any_run: RunResult) -> None:
 
 
 def test_the_corridor_beside_each_leg_is_free(any_run: RunResult) -> None:
-    extent = any_run.scene.chart.extent
+    extent = any_run.water.chart.extent
     for points in every(any_run):
         blocked = blocked_area(points, any_run)
         shapely.prepare(blocked)
@@ -194,7 +194,7 @@ def test_the_corridor_beside_each_leg_is_free(any_run: RunResult) -> None:
 
 
 def test_the_corridor_is_as_wide_as_it_can_be(any_run: RunResult) -> None:
-    chart, projection = any_run.scene.chart, any_run.scene.projection
+    chart, projection = any_run.water.chart, any_run.water.projection
     for points in every(any_run):
         parts = [blocked_area(points, any_run), *chart.no_go, shapely.boundary(chart.extent)]
         for leg in inner_legs(points):
@@ -208,10 +208,10 @@ def test_the_corridor_is_as_wide_as_it_can_be(any_run: RunResult) -> None:
 def test_legs_have_cross_track_limits_where_there_is_water_for_it() -> None:
     """The plan itself runs within metres of V, since that takes the least fuel."""
     result = runs.short_way()
-    blocked = [[ranked.route.soft_no_go, *result.scene.land] for ranked in result.routes]
+    blocked = [[ranked.route.soft_no_go, *result.water.land] for ranked in result.routes]
     for ranked, parts in zip(result.routes, blocked, strict=True):
         planned = shapely.distance(shapely.LineString(ranked.route.path), parts).min()
-        assert planned * result.scene.projection.scale < 3
+        assert planned * result.water.projection.scale < 3
     for points in every(result):
         limit = min(points.port_m[:-1].min(), points.starboard_m[:-1].min())
         # Longer routes have more corners, which use up more of the fuel that is allowed.
@@ -219,7 +219,7 @@ def test_legs_have_cross_track_limits_where_there_is_water_for_it() -> None:
 
 
 def test_the_legs_in_v_around_the_ends_have_a_limit_of_0_and_no_other_has() -> None:
-    for points in season_waypoints(runs.harbours(), runs.SEASON):
+    for points in case_waypoints(runs.harbours().case(runs.SEASON)):
         limits = np.stack([points.port_m, points.starboard_m])[:, :-1]
         assert (limits[:, [0, -1]] == 0).all()
         free = np.flatnonzero((limits > 0).all(axis=0))
@@ -228,7 +228,7 @@ def test_the_legs_in_v_around_the_ends_have_a_limit_of_0_and_no_other_has() -> N
 
 
 def test_turns_cut_corners_inside_free_water(any_run: RunResult) -> None:
-    projection = any_run.scene.projection
+    projection = any_run.water.projection
     largest = 0.0
     for points in every(any_run):
         radius, blocked = points.radius_m, blocked_area(points, any_run)
@@ -255,13 +255,13 @@ def test_turns_cut_corners_inside_free_water(any_run: RunResult) -> None:
         assert (taken.sum(axis=1) <= points.length_m[:-1] * 1.01).all()
         largest = max(largest, radius.max())
     fastest = max(ranked.route.speeds.max() for ranked in any_run.routes)
-    hard_over = fastest / any_run.scene.vessel.turn_rate * projection.scale
+    hard_over = fastest / any_run.cases[0].case.vessel.turn_rate * projection.scale
     assert largest == pytest.approx(hard_over, rel=0.1)
 
 
 def test_waypoints_are_computed_once_per_result() -> None:
     result = runs.across_180()
-    assert season_waypoints(result, runs.SEASON) is season_waypoints(result, runs.SEASON)
+    assert case_waypoints(result.case(runs.SEASON)) is case_waypoints(result.case(runs.SEASON))
 
 
 def test_high_latitudes_get_orthodromes() -> None:

@@ -38,12 +38,12 @@ def big_result() -> RunResult:
     land = _coast(scene.chart.bounds)
     currents = {name: _finer(result, name) for name in scene.currents}
     lonlat = tuple(scene.projection.geometry_to_lonlat(np.array(land, dtype=object)))
-    many = [_more_routes(result, entry) for entry in result.plans]
+    many = [_more_routes(result, entry) for entry in result.results]
     contingency: dict[RouteKey, renew.Contingency] = {}
-    for entry in result.plans:
-        found = result.evaluation.contingency[entry.season, 1]
+    for entry in result.results:
+        found = result.evaluation.contingency[entry.name, 1]
         for rank in range(1, ROUTES_PER_SEASON + 1):
-            contingency[entry.season, rank] = found
+            contingency[entry.name, rank] = found
     return replace(
         result,
         fetched=replace(result.fetched, land=replace(result.fetched.land, polygons=lonlat)),
@@ -89,7 +89,7 @@ def _coast(bounds: tuple[float, float, float, float]) -> tuple[shapely.Polygon, 
 
 def _finer(result: RunResult, season: str) -> renew.GyreCurrent:
     """Gyres that are defined everywhere, so that arrows are as dense as possible."""
-    xmin, ymin, xmax, ymax = result.scene.chart.bounds
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     strength = 0.3 if season == "summer" else 0.6
     return renew.GyreCurrent(strength, xmax - xmin, ymax - ymin, columns=3, rows=3)
 
@@ -100,7 +100,7 @@ def _more_routes(
     """Repeat a season's routes, each with a little more fuel."""
     assert entry.plan is not None
     routes, rows = [], []
-    ranked = result.season_routes(entry.season)
+    ranked = result.case(entry.name).routes
     for number in range(ROUTES_PER_SEASON):
         like = ranked[number % len(ranked)]
         name, fuel = f"{like.route.homotopy}.x{number}", like.route.fuel * (1 + 0.01 * number)

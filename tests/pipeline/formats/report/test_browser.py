@@ -19,6 +19,7 @@ from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import drawn, now, season, slide, written
 from tests.pipeline.formats.report.big_page import measure, write_big_page
 from tests.pipeline.formats.report.conftest import Reader
+from tests.pipeline.results import rows_of
 from tests.validators import axe_faults
 
 WIDTHS = (360, 768, 1280)
@@ -36,8 +37,8 @@ def hostile(result: RunResult) -> RunResult:
     )
     credit = Credit(HOSTILE, "land", HOSTILE, HOSTILE, "javascript:alert(3)")
     passages = (Passage("north", (HOSTILE,)),)
-    rows = tuple(replace(row, passages=passages) for row in result.evaluation.routes)
-    islands = tuple(replace(island, name=HOSTILE) for island in result.evaluation.islands)
+    rows = tuple(replace(row, passages=passages) for row in rows_of(result))
+    islands = tuple(replace(island, name=HOSTILE) for island in result.islands)
     return replace(
         result,
         scenario=scenario,
@@ -57,7 +58,7 @@ def test_the_map_replaces_the_static_pictures(reader: Reader, file: Path) -> Non
     for pane in ("water", "currents", "soft", "land", "routes"):
         assert drawn(page, pane).startswith("data:image/png"), pane
     assert page.locator(".end-label").all_inner_texts() == ["Start", "Goal"]
-    numbers = [island.label for island in small_run.parts().evaluation.islands]
+    numbers = [island.label for island in small_run.parts().islands]
     assert page.locator(".island-label").all_inner_texts() == numbers
     labels = page.locator(".grid-label").all_inner_texts()
     assert {"9°00′N", "10°00′N", "120°00′E"} <= set(labels)
@@ -65,9 +66,9 @@ def test_the_map_replaces_the_static_pictures(reader: Reader, file: Path) -> Non
 
 def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult) -> None:
     page = reader.open(file)
-    for number, entry in enumerate(result.plans):
+    for number, entry in enumerate(result.results):
         season(page, number)
-        rows = [m for m in result.evaluation.routes if m.season == entry.season]
+        rows = [m for m in rows_of(result) if m.season == entry.name]
         buttons = page.locator(f"[data-routes='{number}'] [data-select]")
         assert buttons.count() == len(rows)
         for index, m in enumerate(rows):
@@ -190,7 +191,7 @@ def test_the_voyages_position_and_time_are_true(
         slide(page, value)
         values.append(float(now(page, "fuel")))
         assert page.locator("#time").get_attribute("aria-valuetext") == (
-            f"{now(page, 'time')} of {texts.hours(result.evaluation.routes[0].duration_s)}"
+            f"{now(page, 'time')} of {texts.hours(rows_of(result)[0].duration_s)}"
         )
     assert values == sorted(values)
 
@@ -335,7 +336,7 @@ def test_a_planar_scenario_has_positions_in_metres(
     assert now(page, "place") == "x 10.00 m, y 10.00 m"
     slide(page, 1000)
     assert now(page, "place") == "x 90.00 m, y 90.00 m"
-    assert now(page, "fuel") == texts.number(planar_result.evaluation.routes[0].fuel)
+    assert now(page, "fuel") == texts.number(rows_of(planar_result)[0].fuel)
 
 
 def test_seasons_without_a_route_can_not_be_selected(

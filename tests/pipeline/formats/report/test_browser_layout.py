@@ -33,7 +33,7 @@ def test_no_text_of_a_plot_covers_another(reader: Reader, file: Path, width: int
 
 def test_on_a_phone_a_reason_has_room(reader: Reader, result: RunResult, tmp_path: Path) -> None:
     """A column of a few letters would make a row as tall as a screen."""
-    entry, *others = result.plans
+    entry, *others = result.results
     assert entry.plan is not None
     reason = "blocked at 117.1221 E 8.1063 N: the gap is 4.15 m wide, and the padding takes 3.84 m"
     gone = renew.Rejected("p2.p4.p1", reason, entry.plan.routes[0].channel)

@@ -16,6 +16,7 @@ from pipeline.findings.result import RunResult
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import drawn, pixels, season, written
 from tests.pipeline.formats.report.conftest import Reader
+from tests.pipeline.results import rows_of
 
 MILE_M, KNOT_M_S = 1852.0, 1852.0 / 3600
 
@@ -89,9 +90,9 @@ def test_the_pointer_reads_position_current_and_distances(
     scene = result.scene
     land = shapely.union_all(np.array(scene.land, dtype=object))
     seen = 0
-    for number, entry in enumerate(result.plans):
+    for number, entry in enumerate(result.results):
         season(page, number)
-        soft = result.season_routes(entry.season)[0].route.soft_no_go
+        soft = result.case(entry.name).routes[0].route.soft_no_go
         for right, down in ((0.35, 0.3), (0.45, 0.75), (0.6, 0.25), (0.62, 0.55), (0.7, 0.8)):
             read = point_at(page, right, down)
             place = lonlat(read["place"])
@@ -111,7 +112,7 @@ def test_the_pointer_reads_position_current_and_distances(
                 metres = float(size) * {"km": 1000, "m": 1}[unit]
                 # Positions are read to a tenth of a minute; the zone is drawn simplified.
                 assert metres == pytest.approx(geodesic_m(ends), abs=400), (name, place)
-            expected = scene.currents[entry.season](np.array([here.x, here.y]))
+            expected = scene.currents[entry.name](np.array([here.x, here.y]))
             east, north = scene.projection.rotate_to_lonlat(np.array(place), expected)
             speed, _, _, course = read["current"].split()
             assert float(speed) == pytest.approx(np.hypot(east, north), abs=0.02)
@@ -157,7 +158,7 @@ def test_only_with_ctrl_the_wheel_zooms(reader: Reader, file: Path) -> None:
 def test_units_switch_everywhere_and_back(reader: Reader, file: Path, result: RunResult) -> None:
     page = reader.open(file, width=1280, height=900)
     metric = page.locator("main").inner_text()
-    best = result.evaluation.routes[0]
+    best = rows_of(result)[0]
     page.locator("#nautical").click()
     card = page.locator(".card").first.inner_text()
     assert f"Length\n{best.length_m / MILE_M:.1f} NM" in card

@@ -12,6 +12,7 @@ from pipeline.findings.result import RunResult
 from pipeline.formats.report.map_data import Lattice, map_data
 from pipeline.model import Evaluation, ShoreCrossing
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import rows_of
 
 LIMITS = (0.2, 0.4)
 
@@ -23,7 +24,7 @@ def data(result: RunResult) -> dict[str, Any]:
 
 def plane(result: RunResult, moves: list[int]) -> np.ndarray:
     """Planar points (n, 2) of an encoded line."""
-    lattice = Lattice.of(result.scene.chart.bounds, result.scene.projection.scale)
+    lattice = Lattice.of(result.water.chart.bounds, result.water.projection.scale)
     return lattice.origin + lattice.step * np.cumsum(np.reshape(moves, (-1, 2)), axis=0)
 
 
@@ -41,7 +42,7 @@ def filled(rings: list[np.ndarray]) -> BaseGeometry:
 
 def test_the_coast_is_the_original_one(data: dict[str, Any], result: RunResult) -> None:
     drawn = filled([plane(result, ring) for ring in data["land"]])
-    land = shapely.union_all(result.scene.land).intersection(result.scene.chart.extent)
+    land = shapely.union_all(result.water.land).intersection(result.water.chart.extent)
     assert drawn.symmetric_difference(land).area < 1e-4 * land.area
 
 
@@ -52,11 +53,11 @@ def test_beyond_the_chart_the_map_goes_on(data: dict[str, Any], result: RunResul
     fetched = replace(result.fetched, surroundings=(cape,))
     wider: dict[str, Any] = map_data(replace(result, fetched=fetched), LIMITS)
     assert wider["land"] == data["land"]
-    extent = result.scene.chart.extent
+    extent = result.water.chart.extent
     sheet = filled([plane(result, ring) for ring in wider["sheet"]])
     beyond = filled([plane(result, ring) for ring in wider["beyond"]])
     around = shapely.union_all(
-        [*result.scene.land, result.scene.projection.geometry_to_plane(cape)]
+        [*result.water.land, result.water.projection.geometry_to_plane(cape)]
     )
     assert sheet.contains(extent)
     assert beyond.symmetric_difference(around.difference(extent)).area < 1e-3 * beyond.area
@@ -67,8 +68,8 @@ def test_routes_run_from_start_to_goal_with_their_metrics(
     data: dict[str, Any], result: RunResult
 ) -> None:
     start, goal = plane(result, data["start"])[0], plane(result, data["goal"])[0]
-    for season, entry in zip(data["seasons"], result.plans, strict=True):
-        ranked = result.season_routes(entry.season)
+    for season, entry in zip(data["seasons"], result.results, strict=True):
+        ranked = result.case(entry.name).routes
         assert [route["rank"] for route in season["routes"]] == [r.rank for r in ranked]
         for route, r in zip(season["routes"], ranked, strict=True):
             places = plane(result, route["places"])
@@ -82,28 +83,28 @@ def test_routes_run_from_start_to_goal_with_their_metrics(
             clearance = decoded(route["clearance"])
             assert clearance.min() == pytest.approx(r.metrics.clearance_m, rel=0.01)
             soft = filled([plane(result, ring) for ring in route["soft"]])
-            zone = r.route.soft_no_go.intersection(result.scene.chart.extent)
+            zone = r.route.soft_no_go.intersection(result.water.chart.extent)
             assert soft.symmetric_difference(zone).area < 0.05 * zone.area
 
 
 def test_arrows_are_on_water_and_show_the_planners_current(
     data: dict[str, Any], result: RunResult
 ) -> None:
-    land = shapely.union_all(result.scene.land)
-    for season, entry in zip(data["seasons"], result.plans, strict=True):
+    land = shapely.union_all(result.water.land)
+    for season, entry in zip(data["seasons"], result.results, strict=True):
         current = season["current"]
         velocity = np.stack([current["u"], current["v"]], axis=-1) / 100
         assert 100 < len(velocity) <= 7000
         corner = plane(result, current["corner"])[0]
-        lattice = Lattice.of(result.scene.chart.bounds, result.scene.projection.scale)
+        lattice = Lattice.of(result.water.chart.bounds, result.water.projection.scale)
         row, column = np.divmod(np.arange(len(velocity)), current["columns"])
         places = corner + current["spacing"] * lattice.step * np.stack([column, row], axis=-1)
         moving = velocity.any(axis=1)
         assert not shapely.contains_xy(land, places[moving]).any()
-        asked = result.scene.currents[entry.season](places[moving])
+        asked = result.case(entry.name).case.current(places[moving])
         assert np.abs(velocity[moving] - asked).max() <= 0.0051
-        dry = ~moving & shapely.contains_xy(result.scene.chart.extent, places)
-        still = np.abs(result.scene.currents[entry.season](places[dry])).max(axis=1) <= 0.0051
+        dry = ~moving & shapely.contains_xy(result.water.chart.extent, places)
+        still = np.abs(result.case(entry.name).case.current(places[dry])).max(axis=1) <= 0.0051
         assert (shapely.contains_xy(land, places[dry]) | still).all()
 
 
@@ -113,7 +114,7 @@ def test_every_turn_that_met_land_is_shown(result: RunResult) -> None:
     collided = np.zeros(len(found.points), dtype=bool)
     collided[::7] = True
     contingency = {**result.evaluation.contingency, key: replace(found, collided=collided)}
-    changed = replace(result, evaluation=Evaluation(result.evaluation.routes, contingency))
+    changed = replace(result, evaluation=Evaluation(rows_of(result), contingency))
     seasons: Any = map_data(changed, LIMITS)["seasons"]
     route = seasons[0]["routes"][0]
     assert plane(result, route["hits"]) == pytest.approx(found.points[collided], abs=1e-3)
@@ -123,19 +124,19 @@ def test_every_turn_that_met_land_is_shown(result: RunResult) -> None:
 def test_land_of_another_shoreline_is_marked_on_the_route_that_crosses_it(
     result: RunResult,
 ) -> None:
-    crossings = (ShoreCrossing("summer", 1, 119.6, 9.4, 2461.0),)
+    crossings = (ShoreCrossing(1, 119.6, 9.4, 2461.0),)
     evaluation = replace(result.evaluation, shore_crossings=crossings)
     encoded: Any = map_data(replace(result, evaluation=evaluation), LIMITS)
     best, second = encoded["seasons"][0]["routes"][:2]
     (place,) = plane(result, best["shores"])
-    assert place == pytest.approx(result.scene.projection.to_plane([119.6, 9.4]), abs=1.0)
+    assert place == pytest.approx(result.water.projection.to_plane([119.6, 9.4]), abs=1.0)
     assert second["shores"] == []
 
 
 def test_a_season_without_routes_or_current_is_empty(result: RunResult) -> None:
     gone = replace(
         result,
-        plans=tuple(replace(entry, plan=None, failure="no") for entry in result.plans),
+        plans=tuple(replace(entry, plan=None, failure="no") for entry in result.results),
         evaluation=Evaluation((), {}),
         scene=replace(result.scene, currents={}),
     )
@@ -149,7 +150,7 @@ def test_zones_are_clipped_to_the_chart_and_have_only_their_own_edges(
     assert data["zones"] == []
     zoned = small_run.with_zones(result, rule="no <entry>")
     zones: Any = map_data(zoned, LIMITS)["zones"]
-    extent = result.scene.chart.extent
+    extent = result.water.chart.extent
     assert [(zone["kind"], zone["text"]) for zone in zones] == [
         ("restricted", "Whale & calf: no <entry>"),
         ("traffic", "Traffic scheme: keep to starboard"),

@@ -69,9 +69,9 @@ def test_the_page_loads_nothing(page: Page) -> None:
 
 
 def test_every_class_is_in_its_seasons_table(page: Page, result: RunResult) -> None:
-    for number, entry in enumerate(result.plans, start=1):
+    for number, entry in enumerate(result.results, start=1):
         header, *rows = rows_of(page, f"season-{number}-title")
-        metrics = [m for m in result.evaluation.routes if m.season == entry.season]
+        metrics = [m for m in rows_of(result) if m.season == entry.name]
         assert len(rows) == len(metrics)
         for cells, m in zip(rows, metrics, strict=True):
             row = dict(zip(header, cells, strict=True))
@@ -100,8 +100,8 @@ def test_the_answer_comes_first(page: Page, result: RunResult) -> None:
     """A season with a stand-in current does not have the title of the requested one."""
     cards = page.with_class("card")
     assert [c.all("h2")[0].flat_text for c in cards] == ["Summer", "Winter (December)"]
-    for card, entry in zip(cards, result.plans, strict=True):
-        best = next(m for m in result.evaluation.routes if m.season == entry.season)
+    for card, entry in zip(cards, result.results, strict=True):
+        best = next(m for m in rows_of(result) if m.season == entry.name)
         assert f"Go {best.way}" in card.flat_text
         assert texts.share(best.fuel / best.length) in card.flat_text
         assert texts.clearance(best.clearance_m) in card.flat_text
@@ -121,8 +121,8 @@ def test_every_season_has_a_map_with_ids_of_its_own(page: Page) -> None:
 
 def test_the_best_routes_profile_and_padding_are_plotted(page: Page, result: RunResult) -> None:
     labels = [m.attributes["aria-label"] for m in page.with_class("map")]
-    for season, entry in zip(("Summer", "Winter (December)"), result.plans, strict=True):
-        best = result.season_routes(entry.season)[0].metrics
+    for season, entry in zip(("Summer", "Winter (December)"), result.results, strict=True):
+        best = result.case(entry.name).routes[0].metrics
         [profile] = [a for a in labels if a.startswith(f"Along the best route of {season}:")]
         assert f"fuel up to {texts.number(best.fuel)}" in profile
         assert f"at least {texts.clearance(best.clearance_m)}" in profile
@@ -138,7 +138,7 @@ def test_published_figures_are_compared_with_ours(page: Page, result: RunResult)
     assert float(theirs["F/D"]) == pytest.approx(20 / 22.5, abs=1e-3)
     assert theirs["Length, true"] == "112.5 km"
     assert theirs["Clearance, true"] == "–"
-    best = next(m for m in result.evaluation.routes if m.season == "winter")
+    best = next(m for m in rows_of(result) if m.season == "winter")
     assert table[1]["Fuel"] == texts.number(best.fuel)
     assert "Some paper, at 1:5000" in page.root.text
 
@@ -161,7 +161,7 @@ def test_sources_are_credited(page: Page) -> None:
 
 
 def test_rejected_classes_have_reasons(result: RunResult) -> None:
-    [entry, *others] = result.plans
+    [entry, *others] = result.results
     assert entry.plan is not None
     from renew import Rejected
 
@@ -189,8 +189,8 @@ def test_rejected_classes_have_reasons(result: RunResult) -> None:
 
 
 def test_cards_state_the_lead_of_the_best_route(page: Page, result: RunResult) -> None:
-    for card, entry in zip(page.with_class("card"), result.plans, strict=True):
-        best, *others = [m for m in result.evaluation.routes if m.season == entry.season]
+    for card, entry in zip(page.with_class("card"), result.results, strict=True):
+        best, *others = [m for m in rows_of(result) if m.season == entry.name]
         rival = next((m for m in others if m.main_passage != best.main_passage), None)
         name = f"The best way {rival.main_passage}" if rival else "The next best route"
         more = 100 * ((rival or others[0]).fuel / best.fuel - 1)
@@ -231,14 +231,14 @@ def test_zones_are_listed_and_explained_only_if_there_are_any(
         known = {item.flat_text for item in before.all("li")}
         new = [item.flat_text for item in after.all("li") if item.flat_text not in known]
         assert new == ["water too shallow for the vessel", "restricted area", "traffic scheme"]
-    for section, entry in zip(("season-1-title", "season-2-title"), result.plans, strict=True):
+    for section, entry in zip(("season-1-title", "season-2-title"), result.results, strict=True):
         [part] = [
             e
             for e in zoned.elements
             if e.tag == "section" and e.attributes.get("aria-labelledby") == section
         ]
         remarks = [e.flat_text for e in part.all("p") if e.attributes.get("class") == "remark"]
-        best = shapely.LineString(result.season_routes(entry.season)[0].route.path)
+        best = shapely.LineString(result.case(entry.name).routes[0].route.path)
         area = small_run.with_zones(result).open_zones[0][1]
         assert best.intersects(area)
         assert sum("runs through" in remark for remark in remarks) == 1

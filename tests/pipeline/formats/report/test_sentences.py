@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from pipeline.findings.text import gap_figure, gap_text
-from pipeline.formats.report.sentences import SeasonFacts, clock_text
+from pipeline.formats.report.sentences import CaseFacts, clock_text
 from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics, SideBound
 
 BEST = RouteMetrics(
@@ -38,8 +38,8 @@ OTHER = replace(
 
 
 def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
-    assert SeasonFacts([BEST, TWIN, OTHER]).rival is OTHER
-    text = " ".join(SeasonFacts([BEST, TWIN, OTHER]).verdict())
+    assert CaseFacts([BEST, TWIN, OTHER]).rival is OTHER
+    text = " ".join(CaseFacts([BEST, TWIN, OTHER]).verdict())
     assert "The way west of island 1 needs the least fuel: the best way east of " in text
     assert "island 1 (rank 3) needs 11.1 % more, although it is 40.00 km shorter" in text
     assert "averages 1.25 m/s over ground (+0.25 m/s from the current), the other 0.90 m/s" in text
@@ -53,7 +53,7 @@ def test_the_best_route_is_compared_with_the_best_by_another_passage() -> None:
 
 
 def test_each_other_route_is_told_why_it_needs_more() -> None:
-    facts = SeasonFacts([BEST, TWIN, OTHER])
+    facts = CaseFacts([BEST, TWIN, OTHER])
     assert facts.why_dearer(BEST) == ""
     assert facts.why_dearer(OTHER) == (
         "because the current takes 0.10 m/s from its speed and adds 0.25 m/s to the best route's, "
@@ -65,34 +65,34 @@ def test_each_other_route_is_told_why_it_needs_more() -> None:
         "because it is 100.0 km longer than the best route, and the current adds nothing to its "
         "speed and adds 0.25 m/s to the best route's."
     )
-    still = SeasonFacts([BEST, longer], lacks_current=True)
+    still = CaseFacts([BEST, longer], lacks_current=True)
     assert still.why_dearer(longer) == "because it is 100.0 km longer than the best route."
 
 
 def test_the_parts_of_a_gap_are_reported() -> None:
-    text = SeasonFacts([BEST, OTHER], gap=GapShares("summer", 0.05, 0.08, 0.12)).verdict()[-1]
+    text = CaseFacts([BEST, OTHER], gap=GapShares(0.05, 0.08, 0.12)).verdict()[-1]
     assert "gap of 25.0 %, the chart's simplification, margin and offing cause 5.0 %" in text
     assert "the room for hard-over turns (padding) 8.0 %" in text
     assert "the bound itself 12.0 %" in text
 
 
 def test_without_another_passage_it_is_compared_with_the_next_best() -> None:
-    assert SeasonFacts([BEST, TWIN]).rival is TWIN
-    text = SeasonFacts([BEST, TWIN]).verdict()[0]
+    assert CaseFacts([BEST, TWIN]).rival is TWIN
+    text = CaseFacts([BEST, TWIN]).verdict()[0]
     assert "The best route needs the least fuel: the next best route (rank 2) needs 1.1 %" in text
     assert "over the same distance" in text
 
 
 def test_a_route_chosen_by_its_class_is_not_called_cheaper() -> None:
-    text = SeasonFacts([replace(BEST, fuel=1100.0), OTHER]).verdict()[0]
+    text = CaseFacts([replace(BEST, fuel=1100.0), OTHER]).verdict()[0]
     assert "was chosen over the best way east of island 1 (rank 3) because its class needs" in text
     assert "although the other route needs 9.1 % less fuel" in text
 
 
 def test_the_only_class_and_its_collisions_are_stated() -> None:
     alone = replace(BEST, collisions=7, clearance_m=math.inf, optimality_gap=math.nan)
-    assert SeasonFacts([alone]).rival is None
-    text = " ".join(SeasonFacts([alone]).verdict())
+    assert CaseFacts([alone]).rival is None
+    text = " ".join(CaseFacts([alone]).verdict())
     assert "No other class that was planned has a route." in text
     assert "no land to keep clear of; 7 of 1,430 simulated hard-over turns met land" in text
     assert "saved" not in text
@@ -100,16 +100,16 @@ def test_the_only_class_and_its_collisions_are_stated() -> None:
 
 def test_where_there_is_no_land_no_turn_is_reported_to_have_missed_it() -> None:
     alone = replace(BEST, collisions=0, clearance_m=math.inf)
-    text = " ".join(SeasonFacts([alone]).verdict())
+    text = " ".join(CaseFacts([alone]).verdict())
     assert "The chart has no land to keep clear of." in text
     assert "turns" not in text
 
 
 def test_equal_speeds_are_stated_once() -> None:
     slower = replace(OTHER, duration_s=OTHER.length_m / 1.2499)
-    first, *_ = SeasonFacts([BEST, slower]).verdict()
+    first, *_ = CaseFacts([BEST, slower]).verdict()
     assert "both average 1.25 m/s over ground (+0.25 m/s from the current)." in first
-    first, *_ = SeasonFacts([BEST, OTHER]).verdict()
+    first, *_ = CaseFacts([BEST, OTHER]).verdict()
     assert (
         "the best averages 1.25 m/s over ground (+0.25 m/s from the current), the other 0.90"
         in first
@@ -117,39 +117,38 @@ def test_equal_speeds_are_stated_once() -> None:
 
 
 def test_the_reason_is_length_or_the_current() -> None:
-    longer = SeasonFacts([BEST, OTHER]).because()
+    longer = CaseFacts([BEST, OTHER]).because()
     assert longer == (
         "because the current adds 0.25 m/s to its speed and takes 0.10 m/s from the other's: "
         "that outweighs 40.00 km more."
     )
     shorter = replace(OTHER, length_m=1_200_000.0, duration_s=1_200_000 / 1.3)
-    assert SeasonFacts([BEST, shorter]).because() == (
+    assert CaseFacts([BEST, shorter]).because() == (
         "because it is 200.0 km shorter than the best way east of island 1, although "
         "the current adds 0.25 m/s to its speed and adds 0.30 m/s to the other's."
     )
-    assert SeasonFacts([BEST]).because() == "because no other class that was planned has a route."
+    assert CaseFacts([BEST]).because() == "because no other class that was planned has a route."
     alike = replace(shorter, duration_s=1_200_000 / 1.25)
-    assert SeasonFacts([BEST, alike]).because() == (
+    assert CaseFacts([BEST, alike]).because() == (
         "because it is 200.0 km shorter than the best way east of island 1, and the current adds "
         "0.25 m/s to the speed on either route."
     )
     unhelped = replace(BEST, speed_m_s=1.251)
     assert (
-        "the current adds nothing to its speed and takes"
-        in SeasonFacts([unhelped, OTHER]).because()
+        "the current adds nothing to its speed and takes" in CaseFacts([unhelped, OTHER]).because()
     )
 
 
 def test_the_gain_from_the_current_is_relative_to_each_routes_own_speed() -> None:
     """Time gained by a higher speed through the water is not credited to the current."""
     faster = replace(OTHER, speed_m_s=1.251, duration_s=OTHER.length_m / 1.25)
-    first, *_ = SeasonFacts([replace(BEST, speed_m_s=0.75), faster]).verdict()
+    first, *_ = CaseFacts([replace(BEST, speed_m_s=0.75), faster]).verdict()
     assert "both average 1.25 m/s over ground (+0.50 m/s from the current)" in first
-    assert "−0.00" not in SeasonFacts([faster, BEST]).verdict()[0]
+    assert "−0.00" not in CaseFacts([faster, BEST]).verdict()[0]
 
 
 def test_plans_without_a_clock_are_in_time_where_speeds_are_chosen() -> None:
-    worth = ClockWorth("summer", 100.0, 110.0, math.inf, 100.0, 90.0, in_time=True)
+    worth = ClockWorth(100.0, 110.0, math.inf, 100.0, 90.0, in_time=True)
     text = clock_text(worth)
     assert "at speeds that bring the vessel to the goal in time, the plan on the current" in text
     assert "on its mean over the voyage comes too late" in text
@@ -160,20 +159,20 @@ def test_plans_without_a_clock_are_in_time_where_speeds_are_chosen() -> None:
 
 def test_where_there_is_no_current_to_speak_of_it_is_no_reason() -> None:
     still = [replace(row, duration_s=row.length_m / 1.001) for row in (OTHER, BEST)]
-    said = SeasonFacts([replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)], 0.004)
+    said = CaseFacts([replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)], 0.004)
     assert said.is_still
     assert said.because() == (
         "because there is no current to speak of (0.004 m/s in the mean), and it is 40.00 km "
         "shorter than the best way west of island 1."
     )
-    assert not SeasonFacts(still, 0.02).is_still
-    assert not SeasonFacts([BEST, OTHER], 0.004).is_still
+    assert not CaseFacts(still, 0.02).is_still
+    assert not CaseFacts([BEST, OTHER], 0.004).is_still
 
 
 def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
     def certainty(fuel: float | None) -> str:
-        sides = None if fuel is None else SideBound("summer", fuel)
-        return SeasonFacts([BEST, OTHER], sides=sides).certainty()
+        sides = None if fuel is None else SideBound(fuel)
+        return CaseFacts([BEST, OTHER], sides=sides).certainty()
 
     assert certainty(918.0) == (
         "The side is proven, within the chart and in this current: any way on the other side "
@@ -188,15 +187,15 @@ def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
     assert "not proven: it is only known that no way on any side saves more than 20.0 %" in (
         certainty(None)
     )
-    assert SeasonFacts([BEST, TWIN], sides=SideBound("summer", 918.0)).certainty() == ""
-    assert SeasonFacts([BEST]).certainty() == ""
+    assert CaseFacts([BEST, TWIN], sides=SideBound(918.0)).certainty() == ""
+    assert CaseFacts([BEST]).certainty() == ""
 
 
 def test_the_lead_is_counted_from_the_best() -> None:
-    assert SeasonFacts([BEST, TWIN, OTHER]).lead() == (
+    assert CaseFacts([BEST, TWIN, OTHER]).lead() == (
         "The best way east of island 1 needs 11.1 % more fuel"
     )
-    assert SeasonFacts([BEST]).lead() == ""
+    assert CaseFacts([BEST]).lead() == ""
 
 
 def test_ways_name_islands_on_the_same_side_together() -> None:
@@ -210,36 +209,36 @@ def test_ways_name_islands_on_the_same_side_together() -> None:
 
 
 def test_on_a_chart_with_depths_the_clearance_is_from_shoals_too() -> None:
-    plain = " ".join(SeasonFacts([BEST]).verdict())
-    with_depths = " ".join(SeasonFacts([replace(BEST, uncharted_share=0.0)]).verdict())
+    plain = " ".join(CaseFacts([BEST]).verdict())
+    with_depths = " ".join(CaseFacts([replace(BEST, uncharted_share=0.0)]).verdict())
     assert " from land; " in plain
     assert " from no-go areas; " in with_depths
 
 
 def test_the_bound_is_written_as_fuel_is() -> None:
-    text = " ".join(SeasonFacts([replace(BEST, fuel=16_770_000.0, optimality_gap=0.03)]).verdict())
+    text = " ".join(CaseFacts([replace(BEST, fuel=16_770_000.0, optimality_gap=0.03)]).verdict())
     assert "needs less than 16.28 million; this one is within 3.0 %" in text
 
 
 def test_a_bound_below_half_the_fuel_is_called_of_no_use() -> None:
     loose = replace(BEST, optimality_gap=3.7)
-    season = SeasonFacts([loose, replace(OTHER, optimality_gap=3.9)])
+    season = CaseFacts([loose, replace(OTHER, optimality_gap=3.9)])
     text = " ".join(season.verdict())
     assert "There is no useful bound on what a better route could save" in text
     assert "no useful lower bound" in season.certainty()
     assert gap_figure(3.7) == "no useful bound"
     assert gap_figure(1.0) == "100.0 %"
     assert "370" not in text
-    assert "too loose" in gap_text(GapShares("summer", 0.5, 0.8, 2.4), "land")
-    worth = ClockWorth("summer", best=470.0, frozen=480.0, mean=480.0, shortest=480.0, bound=100.0)
+    assert "too loose" in gap_text(GapShares(0.5, 0.8, 2.4), "land")
+    worth = ClockWorth(best=470.0, frozen=480.0, mean=480.0, shortest=480.0, bound=100.0)
     assert clock_text(worth).endswith("There is no useful bound on what a better route could save.")
 
 
 def test_of_a_current_that_is_not_known_nothing_is_proven() -> None:
     still = [replace(row, duration_s=row.length_m / 1.001) for row in (OTHER, BEST)]
     routes = [replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)]
-    sides = SideBound(routes[0].season, 970.0)
-    known = SeasonFacts(routes, 0.004, sides=sides)
+    sides = SideBound(970.0)
+    known = CaseFacts(routes, 0.004, sides=sides)
     assert known.certainty().startswith("The side is proven")
     assert "needs less than" in " ".join(known.verdict())
     said = replace(known, lacks_current=True)

@@ -10,6 +10,7 @@ from pipeline.model import ShoreCrossing, ShutStrait
 from pipeline.model.inputs import Note
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
+from tests.pipeline.results import rows_of
 
 
 def test_land_of_another_shoreline_stands_above_the_answer_and_an_unknown_current_below(
@@ -19,13 +20,12 @@ def test_land_of_another_shoreline_stands_above_the_answer_and_an_unknown_curren
     summer, winter = known.fetched.currents
     summer = replace(summer, notes=(Note.of("still-water"),))
     rows = tuple(
-        replace(row, filled_share=1.0) if row.season == "winter" else row
-        for row in known.evaluation.routes
+        replace(row, filled_share=1.0) if row.season == "winter" else row for row in rows_of(known)
     )
     crossings = (
-        ShoreCrossing("summer", 1, 119.4, 9.4, 2000.0),
-        ShoreCrossing("summer", 1, 119.6, 9.5, 461.0),
-        ShoreCrossing("winter", 2, 119.5, 9.4, 33_000.0),
+        ShoreCrossing(1, 119.4, 9.4, 2000.0),
+        ShoreCrossing(1, 119.6, 9.5, 461.0),
+        ShoreCrossing(2, 119.5, 9.4, 33_000.0),
     )
     changed = replace(
         known,
@@ -71,8 +71,7 @@ def test_other_notes_are_no_warning(result: RunResult) -> None:
 
 def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
     rows = tuple(
-        replace(row, filled_share=0.25 if row.rank == 2 else 0.0)
-        for row in result.evaluation.routes
+        replace(row, filled_share=0.25 if row.rank == 2 else 0.0) for row in rows_of(result)
     )
     straits = tuple(
         ShutStrait(119.6, 9.5, 900.0 - i, 1000.0, "padding", ("winter",) if i == 0 else ())

@@ -26,6 +26,7 @@ from pipeline.sources.land import s57
 from pipeline.sources.land.s57 import S57Chart
 from pipeline.sources.land.s57_cells import Cell, Objects, base_files, read_cell
 from pipeline.sources.registry import land_source
+from tests.pipeline.results import rows_of
 from tests.true_scale import clearance_m
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -416,7 +417,7 @@ def oscar(shared: Path) -> Path:
 def assert_valid(outcome: Outcome) -> None:
     """Every season has routes on both sides of an island, without routes or turns over land."""
     assert outcome.exit_code == 0
-    rows = outcome.evaluation.routes
+    rows = rows_of(outcome.result)
     for season in outcome.scenario.seasons:
         assert len({row.main_passage for row in rows if row.season == season.name}) == 2
     assert all(row.land_m == 0 for row in rows)

@@ -17,6 +17,7 @@ from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field
 from pipeline.stages.choosing.region_choice import BoundedSide, FarSide, are_on_both_sides
+from tests.pipeline.results import rows_of
 from tests.pipeline.synthetic_currents import dataset
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -61,10 +62,10 @@ padding = "none"
     )
     scenario = load_scenario(str(folder / "far.toml"))
     with planned_scenario(scenario, folder / "outputs", offline=True) as result:
-        assert max(row.fuel for row in result.evaluation.routes) < 1.5 * min(
-            row.fuel for row in result.evaluation.routes
+        assert max(row.fuel for row in rows_of(result)) < 1.5 * min(
+            row.fuel for row in rows_of(result)
         )
-        return result.choices, {row.main_side for row in result.evaluation.routes}
+        return result.choices, {row.main_side for row in rows_of(result)}
 
 
 def test_a_side_left_out_is_named_with_a_bound_below_the_way_there(

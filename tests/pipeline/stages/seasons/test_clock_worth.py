@@ -59,7 +59,7 @@ def test_other_plans_are_sailed_in_the_changing_current() -> None:
 
 
 def test_the_sentence_compares_the_plans() -> None:
-    worth = ClockWorth("tide", best=100.0, frozen=107.0, mean=100.01, shortest=math.inf, bound=98.5)
+    worth = ClockWorth(best=100.0, frozen=107.0, mean=100.01, shortest=math.inf, bound=98.5)
     assert clock_text(worth) == (
         "Sailed in the changing current from the same departure on, the plan on the current at "
         f"departure needs {percent(0.07)} more fuel than this route, the plan on its mean over the "

@@ -148,7 +148,7 @@ def test_a_season_that_was_done_before_the_scheduler_died_is_written(tmp_path: P
     assert outcome.exit_code == 1
     (failure,) = outcome.failures
     assert "no longer answers" in failure
-    (done,) = (plan.season for plan in outcome.plans if plan.plan)
+    (done,) = (plan.name for plan in outcome.result.results if plan.plan)
     with (output / "quick" / "metrics.csv").open(newline="") as rows:
         assert {row["season"] for row in csv.DictReader(rows)} == {done}
 

@@ -185,7 +185,7 @@ def test_all_land_that_a_turn_can_reach_is_included_and_no_more(
     scene, _, plan = planned
     current = renew.UniformCurrent(0.6, 0.0)
     reach = TurnReach.of(current.table(scene.chart.bounds), VESSEL).furthest.max()
-    west = min(plan.ranked_routes, key=lambda route: route.path[:, 0].min())
+    west = min(plan.routes, key=lambda route: route.path[:, 0].min())
     begin, end = west.path[:2]
     along = (end - begin) / np.linalg.norm(end - begin)
     rock = shapely.Point(begin - (reaches * reach + 1.0) * along).buffer(1.0)
@@ -206,7 +206,7 @@ def test_shares_without_figures_are_those_of_the_grids(
         assert row.filled_share == 0
         assert math.isnan(row.uncharted_share)
     rows = evaluate_season(known, plan, PlannerOptions()).routes
-    for row, route in zip(rows, plan.ranked_routes, strict=True):
+    for row, route in zip(rows, plan.routes, strict=True):
         line = shapely.segmentize(shapely.LineString(route.path), 0.2)
         points = scene.projection.to_lonlat(shapely.get_coordinates(line))
         lengths = GEOD.line_lengths(*points.T)

@@ -15,7 +15,6 @@ from pipeline.model import Scene, SeasonPlan
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.places import plane_scene
-from pipeline.stages.seasons.one_season import evaluate_season, plan_season
 
 SCENARIO = {
     "schema_version": 1,
@@ -42,7 +41,7 @@ def test_the_chosen_route_has_rank_1_and_the_plan_keeps_its_order_by_fuel() -> N
     routes = season.plan.routes
     assert [route.fuel for route in routes] == sorted(route.fuel for route in routes)
     assert season.plan.best is routes[season.plan.chosen]
-    assert season.ranked_routes == (routes[1], routes[0])
+    assert season.routes == (routes[1], routes[0])
     rows = evaluate_season(scene, season, PlannerOptions()).routes
     assert [(row.rank, row.homotopy) for row in rows] == [
         (1, season.plan.best.homotopy),
@@ -51,7 +50,7 @@ def test_the_chosen_route_has_rank_1_and_the_plan_keeps_its_order_by_fuel() -> N
 
 
 def test_a_season_that_could_not_be_planned_has_no_routes() -> None:
-    assert SeasonPlan("calm", None, "no water connects start and goal", 0.1).ranked_routes == ()
+    assert SeasonPlan("calm", None, "no water connects start and goal", 0.1).routes == ()
 
 
 def test_places_in_reasons_are_given_as_a_scenario_gives_them() -> None:

@@ -1,0 +1,358 @@
+"""A case: one voyage to plan, with all that its plan depends on, in the planner's plane.
+
+The planner computes durations in the plane. In a steady current the true duration differs a little,
+according to the plane's point scale along the route. The planner's latest arrival is therefore set
+so early that all routes arrive in time.
+"""
+
+import math
+import pickle
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from datetime import datetime, timedelta
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.geo.lonlat import DepthCover, KnownCells
+from pipeline.geo.projection import Projection
+from pipeline.model.inputs import Place
+from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.model import PlannerOptions
+from pipeline.scenario.season import Season
+from renew.planner.ensemble.statistics import Statistic
+
+Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
+
+
+@dataclass(frozen=True, slots=True)
+class Simplified:
+    """The hard no-go zone of the planner (lon/lat degrees), which covers all of the land.
+
+    `inner_polygons` lie inside the land: every route that avoids the land avoids them too.
+    """
+
+    polygons: tuple[Polygon, ...]
+    inner_polygons: tuple[Polygon, ...]
+    original_vertices: int
+    vertices: int
+    tolerance_m: float
+    margin_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Water:
+    """A chart in the plane, which the cases of a run share: planar metres divided by the scale.
+
+    `chart` has the simplified no-go zone, `land` is the original, unsimplified land.
+    `second_shore`, `refused_m` and `depths` are as in Land. `is_planar` is True if the scenario
+    gives its places in metres, and not on a chart.
+    """
+
+    chart: renew.Chart
+    land: tuple[Polygon, ...]
+    projection: Projection
+    is_planar: bool = False
+    second_shore: tuple[Polygon, ...] = ()
+    refused_m: float = math.inf
+    depths: DepthCover | None = None
+
+    def place(self, place: FloatArray) -> Place:
+        """Return a place (2,), planar metres, in degrees; in a plane it stays in metres."""
+        x, y = (place if self.is_planar else self.projection.to_lonlat(place)).tolist()
+        return Place(x, y, self.is_planar)
+
+    def place_text(self, place: FloatArray) -> str:
+        """Name a place (2,), planar metres, for a message: in degrees, or in metres of a plane."""
+        return self.place(place).text
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedChoice:
+    """Speeds through water, m/s, among which a vessel chooses from leg to leg.
+
+    The vessel has `within_s` true seconds from its departure to the goal.
+    """
+
+    least: float
+    most: float
+    within_s: float
+
+    @classmethod
+    def of(cls, season: Season) -> "SpeedChoice | None":
+        """Return the choice of speeds of a season, or None; time counts from its departure."""
+        begin, end = season.first_departure, season.arrive_by
+        if season.speed is None or begin is None or end is None:
+            return None
+        return cls(season.speed.least, season.speed.most, (end - begin).total_seconds())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MemberCurrents:
+    """The members of a current in the plane; `weights` (m,) is None if all are alike."""
+
+    names: tuple[str, ...]
+    currents: tuple[renew.CurrentField, ...]
+    weights: FloatArray | None
+    choose: Statistic
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VoyageBefore:
+    """The plan that the vessel is sailing, on the clock of the case that plans it again.
+
+    Attributes
+    ----------
+    plan : its best route alone; times (s) are below 0 before the case's departure.
+    current : the current that it was planned in; None if that is the case's own.
+    start, via : where it began, planar metres (2,), and all its via points (n, 2).
+    heading_rad : the vessel's heading in the plane, anticlockwise from the x axis, or None.
+    switch_above : see `renew.replan`.
+    """
+
+    plan: renew.Plan
+    current: renew.CurrentField | None
+    start: FloatArray
+    via: FloatArray
+    heading_rad: float | None
+    switch_above: float
+
+
+# A path may come near a via point several times. It passes the point each time that its distance
+# exceeds its least distance by no more than this share of the turning radius.
+_AS_CLOSE = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One voyage to plan. What a case lacks has no effect on its plan.
+
+    Attributes
+    ----------
+    name : of its season in the scenario; by it a run's cases are told apart.
+    water : where it is sailed.
+    vessel : at the highest speed that it may choose, speeds unscaled.
+    start, goal, via : planar metres (2,), (2,) and (n, 2); routes pass the points `via` in order.
+    current : of a current that changes the clock, in seconds, is 0 at the departure.
+    current_cells : where the current's source has figures; None if it has no source.
+    departure : beginning of the clock; None if the plan does not depend on the date.
+    areas, tidal_depth : what is shut, on the clock; the needs of tidal water include the
+        `under_keel_clearance_m`.
+    speeds : the speeds from which the vessel chooses; the choice replaces its own speed.
+    members : the currents whose mean is the current.
+    before : the plan that the vessel sails, if it is planned again under way, from `start` on.
+    follows : name of the case that ends at the anchorage where this one begins; or "".
+    """
+
+    name: str
+    water: Water
+    vessel: renew.Vessel
+    start: FloatArray
+    goal: FloatArray
+    current: Current
+    via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    current_cells: KnownCells | None = None
+    departure: datetime | None = None
+    areas: tuple[renew.ShutArea, ...] = ()
+    tidal_depth: renew.TidalDepth | None = None
+    under_keel_clearance_m: float = 0.0
+    speeds: SpeedChoice | None = None
+    members: MemberCurrents | None = None
+    before: VoyageBefore | None = None
+    follows: str = ""
+
+    @property
+    def chart(self) -> renew.Chart:
+        """The planner's chart."""
+        return self.water.chart
+
+    @property
+    def projection(self) -> Projection:
+        """The plane."""
+        return self.water.projection
+
+    @property
+    def stops(self) -> FloatArray:
+        """Start, via points and goal (n + 2, 2)."""
+        return np.vstack([self.start, self.via, self.goal])
+
+    def pieces(self, path: FloatArray) -> list[FloatArray]:
+        """Return pieces (n, 2) of a path between the via points."""
+        from renew.voyage.voyage import cut_at
+
+        return cut_at(path, self.via, _AS_CLOSE * self.vessel.turning_radius)[0]
+
+    def moment(self, seconds: float) -> datetime | float | None:
+        """Return a moment on the clock, s, as a date if possible; None if infinite."""
+        if not math.isfinite(seconds):
+            return None
+        begin = self.departure
+        return seconds if begin is None else begin + timedelta(seconds=round(seconds))
+
+    def itinerary(self, arrive_by_s: float = math.inf) -> dict[str, Any]:
+        """Return via points and what is shut as `renew.plan` takes them.
+
+        If speeds are to be chosen, they are there, too, and the latest arrival (s, clock).
+        """
+        choice = self.speeds
+        return {
+            "via": self.via,
+            "avoid": self.areas,
+            "depth": self.tidal_depth,
+            "speed": None if choice is None else (choice.least, choice.most),
+            "arrive_by": None if choice is None else arrive_by_s,
+        }
+
+    def planned(self, options: renew.PlanOptions, arrive_by_s: float = math.inf) -> renew.Plan:
+        """Plan the case in its current."""
+        return renew.plan(
+            self.chart,
+            self.current,
+            self.vessel,
+            self.start,
+            self.goal,
+            options=options,
+            **self.itinerary(arrive_by_s),
+        )
+
+    def planned_ensemble(
+        self, members: MemberCurrents, options: renew.PlanOptions
+    ) -> renew.EnsemblePlan:
+        """Plan the case in the members of its current."""
+        return renew.plan_ensemble(
+            self.chart,
+            members.currents,
+            self.vessel,
+            self.start,
+            self.goal,
+            weights=members.weights,
+            names=members.names,
+            choose=members.choose,
+            options=options,
+            via=self.via,
+            avoid=self.areas,
+        )
+
+    def later(self, shift_s: float, name: str) -> "Case":
+        """Return the case called `name` whose clock begins `shift_s` seconds later."""
+        current, depth, begin = self.current, self.tidal_depth, self.departure
+        if isinstance(current, renew.VaryingCurrent):
+            current = renew.VaryingCurrent(current.slice_times - shift_s, current.slices)
+        return replace(
+            self,
+            name=name,
+            current=current,
+            areas=tuple(
+                renew.ShutArea(one.polygon, one.begin - shift_s, one.end - shift_s, one.name)
+                for one in self.areas
+            ),
+            tidal_depth=None if depth is None else _later_tides(depth, shift_s),
+            departure=None if begin is None else begin + timedelta(seconds=shift_s),
+        )
+
+    def copy(self) -> "Case":
+        """Return a copy that shares no geometry: two threads must not use one prepared geometry."""
+        copied: Case = pickle.loads(pickle.dumps(self, pickle.HIGHEST_PROTOCOL))  # noqa: S301 - own
+        return copied
+
+
+def _later_tides(depth: renew.TidalDepth, shift_s: float) -> renew.TidalDepth:
+    """Return tidal water on a clock that begins `shift_s` seconds later."""
+    given = [depth.tide] if isinstance(depth.tide, renew.Tide) else depth.tide
+    shift = np.timedelta64(round(shift_s * 1e6), "us")
+    later = {tide: replace(tide, epoch=np.datetime64(tide.epoch) + shift) for tide in given}
+    if isinstance(depth.tide, renew.Tide):
+        return replace(depth, tide=later[depth.tide])
+    return replace(depth, tide=[later[tide] for tide in depth.tide])
+
+
+def planner_vessel(spec: VesselSpec) -> renew.Vessel:
+    """Return the planner's vessel, in m, m/s and radians/s."""
+    return renew.Vessel(
+        speed=spec.speed_m_s,
+        turn_rate=math.radians(spec.turn_rate_deg_s),
+        length=spec.length_m,
+        fuel_coefficient=spec.fuel_coefficient,
+        fuel_exponent=spec.fuel_exponent,
+    )
+
+
+MIN_LATENESS_S = 3600.0
+"""Minimum of the times by which turns are checked early and late in changing currents, s."""
+
+
+def plan_options(options: PlannerOptions, *, min_lateness: float = 0.0) -> renew.PlanOptions:
+    """Return the planner's options; the vessel is early or late by `min_lateness` (s) at least.
+
+    On a chart, a run has chosen the clearance before this call. In a planar scenario, a clearance
+    that the options leave out is 0.
+    """
+    given = {**options.model_dump(), "clearance": options.clearance or 0.0}
+    return renew.PlanOptions(**given, min_lateness=min_lateness)
+
+
+# The best route may be early by this share of its duration; else it is planned again.
+_EARLY = 1e-3
+# Share of the time that a second plan keeps as a reserve, because routes shift a little.
+_RESERVE = 2e-5
+# Number of points along the chart's edge at which the point scale is computed.
+_EDGE_POINTS = 400
+# Number of points per side of a lattice on the chart at which the point scale is computed.
+_LATTICE = 40
+
+
+def true_duration_s(route: renew.Route, case: Case) -> float:
+    """Return a route's true duration, s, corrected for the plane's point scale along it.
+
+    In a changing current it is the planner's duration: the current was read at the planner's times.
+    """
+    if not case.current.is_steady:
+        return route.duration
+    projection = case.projection
+    time, track = route.trajectory[:, 0], route.trajectory[:, 1:3]
+    steps = np.diff(time)
+    middles = projection.to_lonlat((track[:-1] + track[1:]) / 2)
+    true = steps / projection.point_scale(middles)
+    return float(route.duration * projection.scale * true.sum() / steps.sum())
+
+
+def planned_in_time(
+    planned: Callable[[float], renew.Plan], case: Case, speeds: SpeedChoice
+) -> tuple[renew.Plan, float]:
+    """Plan a case with a choice of speeds; return the plan and the planner's latest arrival, s.
+
+    All routes arrive in time at true scale. The best is early by less than a thousandth of its
+    duration, unless fuel is least even earlier or the second plan has another best route.
+    """
+    by = speeds.within_s / largest_stretch(case)
+    plan = planned(by)
+    if not case.current.is_steady:
+        return plan, by
+    stretch = [true_duration_s(route, case) / route.duration for route in plan.routes]
+    is_free = plan.best.duration < (1 - _EARLY) * by
+    if is_free or by * stretch[plan.chosen] >= (1 - _EARLY) * speeds.within_s:
+        return plan, by
+    later = speeds.within_s / max(stretch) * (1 - _RESERVE)
+    closer = planned(later)
+    durations = [true_duration_s(route, case) for route in closer.routes]
+    return (closer, later) if max(durations) <= speeds.within_s else (plan, by)
+
+
+def largest_stretch(case: Case) -> float:
+    """Return an upper bound of true duration divided by planned duration on the chart.
+
+    In a changing current it is 1, because the planner's times are those of the current.
+    """
+    if not case.current.is_steady:
+        return 1.0
+    projection, extent = case.projection, case.chart.extent
+    edge = shapely.get_coordinates(shapely.segmentize(extent, extent.length / _EDGE_POINTS))
+    west, south, east, north = extent.bounds
+    x, y = np.linspace(west, east, _LATTICE), np.linspace(south, north, _LATTICE)
+    points = np.concatenate([edge, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)])
+    least = float(projection.point_scale(projection.to_lonlat(points)).min())
+    return projection.scale / least * (1 + _RESERVE)

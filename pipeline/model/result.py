@@ -1,0 +1,448 @@
+"""What planning a case gives: its plan, and the figures of the routes on the original land."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import groupby
+from typing import Literal
+
+import numpy as np
+
+import renew
+from pipeline._types import FloatArray
+from pipeline.model.inputs import no_go_name
+from pipeline.scenario.season import Season
+from renew.errors import Text
+from renew.planner.ensemble.statistics import FEWEST, Statistic, statistic
+
+Side = Literal["north", "east", "south", "west", "between"]
+
+RouteKey = tuple[str, int]
+"""A route of a scenario: (case, rank); rank 1 is the route to take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """How a route passes islands, given by names or numbers: on one side of all, or between two."""
+
+    side: Side
+    islands: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """For readers: "west of island 1", "east of Cebu", "between islands 2 and 5"."""
+        numbered = all(island.isdigit() for island in self.islands)
+        names = [f"island {name}" if name.isdigit() else name for name in self.islands]
+        *first, last = self.islands if numbered and len(names) > 1 else names
+        together = f"{', '.join(first)} and {last}" if first else last
+        if numbered and first:
+            together = f"islands {together}"
+        return f"between {together}" if self.side == "between" else f"{self.side} of {together}"
+
+
+def _alike(passages: Iterable[Passage]) -> Iterator[tuple[Side, list[Passage]]]:
+    """Group neighbours on the same side of their islands; a strait stays by itself."""
+    for (side, _), alike in groupby(
+        enumerate(passages), key=lambda item: (item[1].side, item[1].side == "between" and item[0])
+    ):
+        yield side, [passage for _, passage in alike]
+
+
+@dataclass(frozen=True, slots=True)
+class RouteMetrics:
+    """One route's figures, measured against the original land.
+
+    Attributes
+    ----------
+    fuel, fuel_per_distance, length : in the planner's units, at the scenario's scale.
+    length_m : geodesic length, true metres.
+    clearance_m : least distance to the original land, true metres; inf where there is none.
+    duration_s : seconds at true scale.
+    speed_m_s : mean speed through water, over time.
+    trials, collisions : simulated hard-over turns, and how many touch the original land.
+    land_m : metres of the route over original land.
+    passages : how it passes the islands that distinguish it from the case's other routes: the
+        main island first, then the others in their order on the way.
+    land_lon, land_lat : the middle of its longest part over land, degrees; NaN without.
+    filled_share : share of its length in cells where the current's source has no figure.
+    uncharted_share : share of its length where no depth is charted; NaN in a chart without depths.
+    least_water_m, least_water_at : least water under the keel that can be relied on with the tide,
+        m, and when it passes there; NaN and None without a tide.
+    least_water_early_m, least_water_late_m : least water of a vessel that is early or late, m.
+    members_share : share of the members of the current in which it is the case's best.
+    members_mean_fuel, members_p90_fuel, members_cvar90_fuel, members_regret : mean, P90, mean of
+        the worst tenth, and largest excess over a member's best route, of its fuel over the
+        members; NaN without members, and where it can't be sailed in too many of them.
+    """
+
+    rank: int
+    homotopy: str
+    fuel: float
+    fuel_per_distance: float
+    length: float
+    length_m: float
+    clearance_m: float
+    duration_s: float
+    speed_m_s: float
+    optimality_gap: float
+    trials: int
+    collisions: int
+    land_m: float
+    passages: tuple[Passage, ...] = ()
+    land_lon: float = math.nan
+    land_lat: float = math.nan
+    filled_share: float = 0.0
+    uncharted_share: float = math.nan
+    least_water_m: float = math.nan
+    least_water_at: datetime | None = None
+    least_water_early_m: float = math.nan
+    least_water_late_m: float = math.nan
+    members_share: float = math.nan
+    members_mean_fuel: float = math.nan
+    members_p90_fuel: float = math.nan
+    members_cvar90_fuel: float = math.nan
+    members_regret: float = math.nan
+
+    @property
+    def way(self) -> str:
+        """The way round, for readers: "west of islands 1 and 4, between 2 and Cebu"; or empty."""
+        return ", ".join(
+            Passage(side, tuple(name for one in alike for name in one.islands)).text
+            for side, alike in _alike(self.passages)
+        )
+
+    @property
+    def main_passage(self) -> str:
+        """How it passes the main island; empty without islands."""
+        return self.passages[0].text if self.passages else ""
+
+    @property
+    def main_island(self) -> str:
+        """The main island, or both islands of the strait; empty without islands."""
+        return ", ".join(self.passages[0].islands) if self.passages else ""
+
+    @property
+    def main_side(self) -> str:
+        """The side on which it passes the main island: "west"; with the names of a strait."""
+        if not self.passages:
+            return ""
+        main = self.passages[0]
+        return main.text if main.side == "between" else main.side
+
+    @property
+    def no_go_name(self) -> str:
+        """Readers' word for the areas it avoids: only charts with depths have uncharted shares."""
+        return no_go_name(has_depths=not math.isnan(self.uncharted_share))
+
+    @property
+    def has_land(self) -> bool:
+        """Whether the chart has any land."""
+        return math.isfinite(self.clearance_m)
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedIsland:
+    """An island that distinguishes ways: its number in homotopy classes, and a point on it.
+
+    `name` is the chart's, or empty. The point is in planar metres; `place` gives it as text, as the
+    scenario gives positions.
+    """
+
+    number: int
+    name: str
+    x: float
+    y: float
+    place: str
+
+    @property
+    def label(self) -> str:
+        """Its name for readers, or else its number."""
+        return self.name or str(self.number)
+
+
+@dataclass(frozen=True, slots=True)
+class GapShares:
+    """The parts of the optimality gap of a case's best route, as shares of the bound on fuel.
+
+    `chart` is the fuel that simplification, margin and offing cost, and `padding` the fuel that the
+    room for hard-over turns costs. `tide` is the fuel that a tide costs by shutting water for some
+    hours. `bound` is the fuel of the best route on the original land, with all tidal water open,
+    less the bound.
+    """
+
+    chart: float
+    padding: float
+    bound: float
+    tide: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ClockWorth:
+    """The fuel that a case's best route saves by knowing how the current changes.
+
+    Figures are fuel in the planner's units. `best` is the best route's; no route needs less than
+    `bound`. The others are of plans made without that knowledge and sailed in the changing current:
+    `frozen` was planned in the current at departure, `mean` in its mean over the best route's
+    voyage, `shortest` in no current at all; inf where there is no plan, or it can't be sailed.
+    Where speeds are chosen, all are sailed so that they arrive `in_time`.
+    """
+
+    best: float
+    frozen: float
+    mean: float
+    shortest: float
+    bound: float
+    in_time: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SideBound:
+    """A lower bound on the fuel of ways on the other side of a case's main island.
+
+    The best route passes between the island and an edge of the chart. The bound, in the planner's
+    units, holds for every way that does not cross the water between these two.
+    """
+
+    fuel: float
+
+
+@dataclass(frozen=True, slots=True)
+class ShoreCrossing:
+    """Where a route crosses land of the second shoreline: its middle (degrees), true metres.
+
+    `inland_m` is how far from that shore it gets, where a plan may be refused for it.
+    """
+
+    rank: int
+    lon: float
+    lat: float
+    length_m: float
+    inland_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ShutStrait:
+    """A strait of the original land that no route takes, as margin or padding shuts it.
+
+    Attributes
+    ----------
+    lon, lat : the middle of its narrowest place, degrees.
+    width_m : its width there, between the original coasts, true metres.
+    needed_m : the width above which it would be open.
+    by : the cause, margin or padding.
+    seasons : the seasons in which it is shut; all if that does not depend on the current.
+    """
+
+    lon: float
+    lat: float
+    width_m: float
+    needed_m: float
+    by: Literal["margin", "padding"]
+    seasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EnsembleFigures:
+    """How a case's routes, by rank, do in the members of its current.
+
+    Attributes
+    ----------
+    names, weights : (m,) the members, and how likely each is; the weights' sum is 1.
+    fuels : (k, m) planner's units, of each route in each member; inf where it can't be sailed.
+    best_in : (m,) rank of the route that is best in each member; 0 where none can be sailed.
+    choose : the statistic by which the side was chosen.
+    close : ranks of the routes that are not surely dearer, the first one's among them.
+    shut : rank, member and reason of routes that can't be sailed in a member.
+    bounds : of each statistic, the least that it can be for any one route.
+    waiting_saves : mean fuel that is saved if the member is known before the side is chosen.
+    """
+
+    names: tuple[str, ...]
+    weights: FloatArray
+    fuels: FloatArray
+    best_in: tuple[int, ...]
+    choose: Statistic
+    close: tuple[int, ...]
+    shut: tuple[tuple[int, str, str], ...]
+    bounds: Mapping[Statistic, float]
+    waiting_saves: float
+
+    @classmethod
+    def of(cls, found: renew.EnsemblePlan, spelled: Callable[[Text], str]) -> "EnsembleFigures":
+        """Return the figures of a plan, its reasons `spelled`; bounds take 0.5 s a member."""
+        order = [found.plan.chosen]
+        order += [at for at in range(len(found.routes)) if at != found.plan.chosen]
+        rank = {at: number for number, at in enumerate(order, start=1)}
+        by_name = {found.routes[at].homotopy: number for at, number in rank.items()}
+        return cls(
+            names=found.members.names,
+            weights=found.members.weights,
+            fuels=found.fuels[order],
+            best_in=tuple(rank.get(at, 0) for at in found.best_in),
+            choose=found.choose,
+            close=tuple(sorted(rank[at] for at in found.close)),
+            shut=tuple(
+                (by_name[one.homotopy], one.member, spelled(one.cause.text)) for one in found.shut
+            ),
+            bounds={name: found.bound.of(name) for name in ("mean", "p90", "cvar90")},
+            waiting_saves=found.waiting_saves,
+        )
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether all other routes are surely dearer."""
+        return self.close == (1,)
+
+    @property
+    def has_quantiles(self) -> bool:
+        """Whether there are members enough for P90 and CVaR."""
+        return len(self.names) >= FEWEST
+
+    def share(self, rank: int) -> float:
+        """Share of the members, by weight, in which a route is the best."""
+        return float(self.weights[np.array(self.best_in) == rank].sum())
+
+    def statistic(self, name: Statistic, rank: int) -> float:
+        """Return a statistic of a route's fuel over the members, planner's units."""
+        return float(statistic(name, self.fuels, self.weights)[rank - 1])
+
+    def gap(self, name: Statistic) -> float:
+        """Share by which the first route's statistic is above that of any one route, at most."""
+        return max(0.0, self.statistic(name, 1) / self.bounds[name] - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Replanned:
+    """What `renew.replan` answered; fuel in the planner's units, distances in true metres.
+
+    `kept_fuel` is the fuel ahead on the way that was planned, NaN if that can't be sailed, with the
+    reason in `kept_reason`. The other fields are those of `renew.Replanned`.
+    """
+
+    answer: Literal["kept", "switched"]
+    fuel: float
+    kept_fuel: float
+    kept_reason: str
+    off_m: float
+    moved_m: float
+    late_s: float
+    planned_fuel: float
+    burnt: float
+    by_drift: float
+    by_forecast: float
+    saved: float
+    has_new_current: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepartureChoice:
+    """A season's departure, and the departures that it was chosen from.
+
+    Attributes
+    ----------
+    first : the beginning of the clock, UTC.
+    departures_s : (n,) the departures, ascending, in seconds after `first`.
+    fuels, durations_s : (n,) fuel (planner's units) and time under way (seconds) of each
+        departure's best route; inf where a departure has no route.
+    homotopies, reasons : (n,) the class of each departure's best route, and the reason why a
+        departure has no route. The one that does not apply is empty.
+    chosen_s : the chosen departure, in seconds after `first`.
+    unproven_s : the most time under way (seconds) that another departure in the window may still
+        save, apart from the error of the paths; inf if no limit is known.
+    arrive_by : the latest arrival at the goal, if the departure was chosen to keep it.
+    asked : the season as the scenario states it, with its departure left open.
+    has_speeds : whether speeds were chosen as well. Then each departure has speeds of its own, at
+        which the vessel arrives in time.
+    """
+
+    season: str
+    first: datetime
+    departures_s: FloatArray
+    fuels: FloatArray
+    durations_s: FloatArray
+    homotopies: tuple[str, ...]
+    reasons: tuple[str, ...]
+    chosen_s: float
+    unproven_s: float = math.inf
+    arrive_by: datetime | None = None
+    asked: Season | None = None
+    has_speeds: bool = False
+
+    @property
+    def chosen(self) -> datetime:
+        """The departure that is taken, UTC, to the second."""
+        return self.first + timedelta(seconds=round(self.chosen_s))
+
+    @property
+    def least_s(self) -> float:
+        """Time under way of the departure that is taken, s."""
+        return float(self.durations_s[np.abs(self.departures_s - self.chosen_s).argmin()])
+
+    def good_window(self, share: float) -> tuple[float, float]:
+        """Return the first and last departure around the chosen one, s, that need little more fuel.
+
+        All departures planned between them need at most a share more than the least.
+        """
+        is_good = self.fuels <= self.fuels.min() * (1 + share)
+        at = int(np.abs(self.departures_s - self.chosen_s).argmin())
+        bad = np.flatnonzero(~is_good)
+        begin = bad[bad < at].max(initial=-1) + 1
+        end = bad[bad > at].min(initial=len(is_good)) - 1
+        return float(self.departures_s[begin]), float(self.departures_s[end])
+
+
+@dataclass(frozen=True, slots=True)
+class Measures:
+    """The figures of a case's routes, by rank, and their hard-over turns.
+
+    All turns are counted; of the places where no turn touches land, about a thousand per route are
+    stored. `gap_shares` are there if they were asked for, `clock_worth` if the current changes.
+    """
+
+    routes: tuple[RouteMetrics, ...] = ()
+    turns: tuple[renew.Contingency, ...] = ()
+    shore_crossings: tuple[ShoreCrossing, ...] = ()
+    gap_shares: GapShares | None = None
+    clock_worth: ClockWorth | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CaseResult:
+    """What planning a case gave; `failure` is empty if it has a plan, else the reason in one line.
+
+    Attributes
+    ----------
+    name : the case's.
+    seconds : that planning took.
+    is_shut : whether the failure is that no way joins start and goal in the region; a wider region
+        may have a way.
+    arrive_by_s : where speeds are chosen, the latest arrival that the planner was asked for, in
+        seconds on the planner's clock.
+    class_names : names of homotopy classes in the failure.
+    ensemble : if the current has members.
+    replanned : if the vessel is under way.
+    """
+
+    name: str
+    plan: renew.Plan | None
+    failure: str
+    seconds: float
+    is_shut: bool = False
+    arrive_by_s: float = math.inf
+    class_names: tuple[str, ...] = ()
+    ensemble: EnsembleFigures | None = None
+    replanned: Replanned | None = None
+    measures: Measures = Measures()
+
+    @property
+    def routes(self) -> tuple[renew.Route, ...]:
+        """Routes by rank: the one to take, then the others by fuel; empty if not planned.
+
+        This differs from the order of `plan.routes`, which is by fuel, where the sampled method
+        chooses another route than that of least fuel.
+        """
+        if self.plan is None:
+            return ()
+        others = (route for i, route in enumerate(self.plan.routes) if i != self.plan.chosen)
+        return (self.plan.best, *others)

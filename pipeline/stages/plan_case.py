@@ -1,0 +1,205 @@
+"""Plan one case; `plan_case` measures the routes as well."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import renew
+from pipeline.findings.text import number, planner_text, season_text
+from pipeline.model import (
+    Case,
+    CaseResult,
+    EnsembleFigures,
+    Replanned,
+    VoyageBefore,
+    plan_options,
+)
+from pipeline.model.case import MIN_LATENESS_S, largest_stretch, planned_in_time
+from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.measure import measured, refusal
+from pipeline.stages.places import is_shut_in
+from renew.errors import Duration, Text, TooLateError
+from renew.planner.plan import given_options, task_of
+from renew.watching import Step, watched
+
+OnStep = Callable[[str, Step], None]
+"""Called with a case's name and a step of its plan, in the thread that plans."""
+
+
+def ignore_step(case: str, step: Step) -> None:
+    """Ignore a step."""
+    del case, step
+
+
+# Hardly any strait has less padding than this share of the least padding of the refused straits.
+_SURE = 0.95
+
+
+def plan_case(
+    case: Case,
+    options: PlannerOptions,
+    on_step: OnStep = ignore_step,
+    havens: Sequence[renew.Haven] = (),
+) -> CaseResult:
+    """Plan a case and measure its routes; if there is no plan, `failure` has the reason.
+
+    Parameters
+    ----------
+    options
+        On a chart, with the clearance that the run has chosen.
+    on_step
+        Called with the case's name and each step of its plan, whose path is in lon/lat degrees.
+    havens
+        Under way the reason says which of them to turn off to.
+    """
+    result = planned(case, options, on_step, havens)
+    return replace(result, measures=measured(case, result, options))
+
+
+def planned(
+    case: Case,
+    options: PlannerOptions,
+    on_step: OnStep = ignore_step,
+    havens: Sequence[renew.Haven] = (),
+) -> CaseResult:
+    """Plan a case, without the measures of its routes; see `plan_case`."""
+    started = time.perf_counter()
+    asked, arrive_by_s = plan_options(options, min_lateness=MIN_LATENESS_S), math.inf
+    ensemble = again = None
+    planned_by = partial(case.planned, asked)
+
+    def tell(step: Step) -> None:
+        path = None if step.path is None else case.projection.to_lonlat(step.path)
+        on_step(case.name, replace(step, path=path))
+
+    try:
+        with watched(tell):
+            if case.before is not None:
+                plan, again = _replanned(case, case.before, asked, havens)
+            elif case.speeds is not None:
+                plan, arrive_by_s = planned_in_time(planned_by, case, case.speeds)
+            elif case.members is not None:
+                found = case.planned_ensemble(case.members, asked)
+                plan = found.plan
+                ensemble = EnsembleFigures.of(found, lambda reason: planner_text(reason, case))
+            else:
+                plan = planned_by(arrive_by_s)
+    except renew.PlanningError as error:
+        return _failed(case, error, asked, time.perf_counter() - started)
+    result = CaseResult(
+        case.name,
+        plan,
+        "",
+        time.perf_counter() - started,
+        arrive_by_s=arrive_by_s,
+        ensemble=ensemble,
+        replanned=again,
+    )
+    failure = refusal(case.water, result)
+    return CaseResult(case.name, None, failure, result.seconds) if failure else result
+
+
+def _failed(
+    case: Case, error: renew.PlanningError, options: renew.PlanOptions, seconds: float
+) -> CaseResult:
+    """Return the result of a case without a plan."""
+    stretch = 1.0 if case.speeds is None else largest_stretch(case)
+    failure = planner_text(error.text, case, stretch)
+    causes = error.causes if isinstance(error, renew.UnreachableError) else ()
+    are_late = [isinstance(cause, TooLateError) for cause in causes]
+    if any(are_late):
+        failure += (
+            f"; {season_text(case.name)}: its currents end too early: give currents that reach "
+            "further, raise its max_hours if they do, or depart earlier"
+        )
+    if causes and not all(are_late):
+        failure += "; these are keys of [planner]; renew go has the option --clearance"
+    is_shut = isinstance(error, renew.UnreachableError) and not is_shut_in(
+        case, error.straits, _smallest_padding(error, case, options)
+    )
+    names = error.text.class_names
+    return CaseResult(case.name, None, failure, seconds, is_shut, class_names=names)
+
+
+def _smallest_padding(
+    error: renew.UnreachableError, case: Case, options: renew.PlanOptions
+) -> float:
+    """Return a width, planar metres; hardly any padding of the refused classes is narrower."""
+    paddings = [max(one.padding_left, one.padding_right) for one in error.straits]
+    likely = options.likely_width(case.vessel.turning_radius)
+    return max(likely, _SURE * min(paddings, default=0.0))
+
+
+def _replanned(
+    case: Case,
+    before: VoyageBefore,
+    options: renew.PlanOptions,
+    havens: Sequence[renew.Haven] = (),
+) -> tuple[renew.Plan, Replanned]:
+    """Return the plan from where the vessel is on, and what it changes.
+
+    Raises
+    ------
+    renew.PlanningError
+        There is no way to the goal, with the ways to havens; or the vessel can't be where it is
+        said to be.
+    """
+    begun = {"departure": float(before.plan.best.times[0]), "arrive_by": None, "speed": None}
+    task = task_of(
+        case.chart,
+        case.current if before.current is None else before.current,
+        case.vessel,
+        (before.start, case.goal),
+        before.via,
+        case.areas,
+        case.tidal_depth,
+        given_options(options, {}) | begun,
+    )
+    found = renew.replan(
+        replace(before.plan, voyage=task),
+        case.start,
+        0.0,
+        heading=before.heading_rad,
+        current=None if before.current is None else case.current,
+        switch_above=before.switch_above,
+        havens=havens,
+    )
+    if found.plan is None or found.turn_offs:
+        cause = found.cause or renew.UnreachableError("no way leads on from {0}", case.start)
+        raise cause if not found.turn_offs else _turns_off(found.turn_offs, cause)
+    kept, scale = found.kept, case.projection.scale
+    reason = found.rejected[0] if kept is None and found.rejected else None
+    return found.plan, Replanned(
+        answer="kept" if found.answer == "kept" else "switched",
+        fuel=found.fuel,
+        kept_fuel=math.nan if kept is None else kept.fuel,
+        kept_reason="" if reason is None else planner_text(reason.text, case),
+        off_m=scale * found.off,
+        moved_m=scale * found.moved,
+        late_s=found.late,
+        planned_fuel=before.plan.best.fuel,
+        burnt=found.burnt,
+        by_drift=found.by_drift,
+        by_forecast=found.by_forecast,
+        saved=found.saved,
+        has_new_current=before.current is not None,
+    )
+
+
+def _turns_off(ways: Sequence[renew.TurnOff], cause: renew.PlanningError) -> renew.PlanningError:
+    """Return the error that names the havens that are in reach, and why no way leads on."""
+    named = [
+        Text(
+            f"{{0}} ({number(way.fuel)} of fuel, in {{1}})",
+            (Text(way.haven.name), Duration(way.arrival)),
+        )
+        for way in ways
+    ]
+    error = renew.UnreachableError(
+        "turn off to {0}; no way leads on: {1}", Text.joined(", or ", named), cause.text
+    )
+    if isinstance(cause, renew.UnreachableError):
+        error.causes, error.straits = cause.causes, cause.straits
+    return error
