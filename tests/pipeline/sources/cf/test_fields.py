@@ -436,11 +436,6 @@ def test_steps_that_do_not_ascend(tmp_path: Path, steps: list[Field]) -> None:
     assert "2026-11-22T04:00Z stands before 2026-11-22T03:00Z" in message
 
 
-def test_two_steps_of_one_time(tmp_path: Path, steps: list[Field]) -> None:
-    hours = [0.0, 1, 2, 3, 3, *range(5, STEPS)]
-    assert "two steps of 2026-11-22T03:00Z" in refusal(tmp_path, hourly(steps, hours))
-
-
 @pytest.mark.parametrize(
     ("hour", "words"),
     [
@@ -452,10 +447,6 @@ def test_a_departure_outside_the_steps(
     tmp_path: Path, steps: list[Field], hour: float, words: str
 ) -> None:
     assert words in refusal(tmp_path, hourly(steps), season(hour))
-
-
-def test_one_step_does_not_change(tmp_path: Path, steps: list[Field]) -> None:
-    assert "one time step, 2026-11-22" in refusal(tmp_path, hourly(steps[:1]))
 
 
 def test_a_gap_at_one_time_alone(tmp_path: Path, steps: list[Field]) -> None:

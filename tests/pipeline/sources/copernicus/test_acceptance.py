@@ -171,15 +171,6 @@ def test_every_defect_is_refused_with_its_reason(
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
-def test_a_truncated_file_is_refused(tmp_path: Path, share: float) -> None:
-    path = write(tmp_path / "cut.nc", field())
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(StageError, match=r"cut\.nc"):
-        accept(path, MONTH, (), LAND)
-
-
 def test_a_real_file_with_other_days_and_cells_is_refused(shared: Path) -> None:
     path = (
         shared
