@@ -44,7 +44,7 @@ _UNITS_M_S = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Component:
     """One component in one file: names of the variable and of its dimensions, and its axes.
 
@@ -214,12 +214,16 @@ _Variable: TypeAlias = tuple[str, str]
 _Pair: TypeAlias = tuple[_Variable, _Variable]
 
 
+StepInFile: TypeAlias = tuple[Component, int]
+"""A component in a file, and the number of a step there."""
+
+
 @dataclass(frozen=True)
 class Contents:
     """Contents of files together: axes as they are in the files, both components, time steps.
 
     `lon` (nx,) and `lat` (ny,) are in degrees, ascending or descending. For each of the `steps`,
-    `u_index` and `v_index` give the number of the component's file, and the step in that file.
+    `u` and `v` give the component in a file, and the step in that file.
 
     Harmonic constants have `constituents` and no time steps: "steps" are the real parts of all
     constituents, then their imaginary parts, then the mean, if the file has one.
@@ -228,11 +232,9 @@ class Contents:
     files: tuple[Path, ...]
     lon: FloatArray
     lat: FloatArray
-    u: tuple[Component, ...]
-    v: tuple[Component, ...]
+    u: tuple[StepInFile, ...]
+    v: tuple[StepInFile, ...]
     steps: TimeSteps
-    u_index: tuple[tuple[int, int], ...]
-    v_index: tuple[tuple[int, int], ...]
     notes: tuple[Note, ...]
     attributes: dict[str, str]
     reference_time: datetime | None = None
@@ -241,7 +243,7 @@ class Contents:
     @property
     def has_mean(self) -> bool:
         """Whether harmonic constants have a mean beside them."""
-        return len(self.u_index) > len(_PARTS) * len(self.constituents)
+        return len(self.u) > len(_PARTS) * len(self.constituents)
 
     @property
     def largest_cell(self) -> tuple[float, float]:
@@ -427,22 +429,28 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
         names = axes.coordinate_names(dataset, _CONSTITUENT)
     except ValueError as error:
         raise RequestError(f"{file.name}: {error}") from None
-    u, v = (tuple(found[f"{component}_{part}"] for part in parts) for component in "uv")
-    sizes = [len(names), len(names), 1][: len(parts)]
-    index = tuple((part, step) for part, size in enumerate(sizes) for step in range(size))
+    count = {part: 1 if part == "mean" else len(names) for part in parts}
+    u, v = (
+        tuple((found[f"{name}_{part}"], step) for part in parts for step in range(count[part]))
+        for name in "uv"
+    )
+    first = found[wanted[0]]
     return Contents(
         files=files,
-        lon=u[0].lons_deg,
-        lat=u[0].lats_deg,
+        lon=first.lons_deg,
+        lat=first.lats_deg,
         u=u,
         v=v,
         steps=TimeSteps(),
-        u_index=index,
-        v_index=index,
-        notes=tuple(dict.fromkeys(note for one in (*u, *v) for note in one.notes)),
+        notes=_distinct_notes([found[f"{name}_{part}"] for name in "uv" for part in parts]),
         attributes=dict(dataset.attrs),
         constituents=names,
     )
+
+
+def _distinct_notes(parts: Sequence[Component], before: Sequence[Note] = ()) -> tuple[Note, ...]:
+    """Return some notes and those of components, each once."""
+    return tuple(dict.fromkeys([*before, *(note for part in parts for note in part.notes)]))
 
 
 def name_of(files: Sequence[Path]) -> str:
@@ -492,12 +500,10 @@ def _combined(
         files=tuple(datasets),
         lon=first.lons_deg,
         lat=first.lats_deg,
-        u=tuple(u),
-        v=tuple(v),
+        u=tuple((u[file], step) for file, step in u_index),
+        v=tuple((v[file], step) for file, step in v_index),
         steps=u_steps,
-        u_index=u_index,
-        v_index=v_index,
-        notes=tuple(dict.fromkeys([*notes, *(note for one in (*u, *v) for note in one.notes)])),
+        notes=_distinct_notes([*u, *v], notes),
         attributes=dict(next(iter(datasets.values())).attrs),
         reference_time=newest,
     )

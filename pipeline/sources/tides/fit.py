@@ -123,8 +123,8 @@ def _fitted(contents: Contents) -> "xr.Dataset":
     window = find_window(contents.lon, contents.lat, bounds)
     with FieldReader(contents, window) as reader:
         u, v = (
-            _solved(design, reader.blocks(files, index, range(len(moments))))
-            for files, index in ((contents.u, contents.u_index), (contents.v, contents.v_index))
+            _solved(design, reader.blocks(series, range(len(moments))))
+            for series in (contents.u, contents.v)
         )
     # A node that lacks a component at any step has no constants.
     gap = np.where(np.isfinite(u.left + v.left), 0.0, np.nan)
