@@ -277,7 +277,7 @@ def read_checked_fields(
             first = _without(first, zeros)
 
             def fields() -> Iterator[Field]:
-                others = (_without(one, zeros) for one in reader.fields(selected.weights[1:]))
+                others = (_without(wide, zeros) for wide in reader.fields(selected.weights[1:]))
                 for wide in itertools.chain([first], others):
                     kept.append(_cropped(wide, bounds))
                     yield wide

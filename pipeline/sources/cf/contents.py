@@ -101,7 +101,7 @@ def read_component(
         raise ValueError(axes.grid_fault(dataset, array))
     fixed: dict[str, int] = {}
     # A level, or the time, may also be a variable without a dimension.
-    scalars = [str(name) for name, one in dataset.variables.items() if not one.dims]
+    scalars = [str(name) for name, variable in dataset.variables.items() if not variable.dims]
     roles |= {name: "level" for name in scalars if axes.axis_role(dataset, name) == "level"}
     times = [name for name in scalars if dataset[name].attrs.get("standard_name") == "time"]
     for dim, role in roles.items():
@@ -163,7 +163,7 @@ def require_one_grid(components: Sequence[Component]) -> None:
     first = components[0]
     for other in components:
         for axis in ("longitudes", "latitudes"):
-            own, theirs = (getattr(one, f"{axis[:3]}s_deg") for one in (other, first))
+            own, theirs = (getattr(part, f"{axis[:3]}s_deg") for part in (other, first))
             if not axes.is_same_axis(own, theirs):
                 raise ValueError(
                     f"{other.name} has other {axis} than {first.name}: interpolate both to the "
@@ -311,8 +311,8 @@ def _contents(
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}{_groups_hint(files)}") from None
     faults: list[str] = []
-    found: tuple[list[Component], list[Component]] = ([], [])
-    for (standard, name), components in zip(pair, found, strict=True):
+    components_of: tuple[list[Component], list[Component]] = ([], [])
+    for (standard, name), components in zip(pair, components_of, strict=True):
         for file, dataset in datasets.items():
             variable = dataset.data_vars.get(name)
             if variable is not None and variable.attrs.get("standard_name", "") == standard:
@@ -323,7 +323,7 @@ def _contents(
     if faults:
         raise RequestError(list(dict.fromkeys(faults)))
     try:
-        return _combined(datasets, *found, notes)
+        return _combined(datasets, *components_of, notes)
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}") from None
 
@@ -351,7 +351,7 @@ def _find_pair(datasets: "Sequence[xr.Dataset]") -> tuple[_Pair, tuple[Note, ...
             "ice or waves: give a file of currents, or correct its names"
         )
     text = {of: " ".join((of[1], *texts)).lower() for of, texts in said.items()}
-    pair = max(pairs, key=lambda one: bool(re.search(_SUM, text[one[0]])))
+    pair = max(pairs, key=lambda candidate: bool(re.search(_SUM, text[candidate[0]])))
     also = {of for of in said if re.search(_MOVES, text[of]) and not re.search(_NO_WATER, text[of])}
     return pair, tuple(_notes(pair, said, sorted({*also, *itertools.chain(*pairs)} - {*pair})))
 
@@ -419,22 +419,22 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
             "and v_im, as `renew tide fit` writes them"
         )
     try:
-        found = {
+        components = {
             name: read_component(
                 file, dataset, name, along="" if name.endswith("mean") else _CONSTITUENT
             )
             for name in wanted
         }
-        require_one_grid(list(found.values()))
+        require_one_grid(list(components.values()))
         names = axes.coordinate_names(dataset, _CONSTITUENT)
     except ValueError as error:
         raise RequestError(f"{file.name}: {error}") from None
     count = {part: 1 if part == "mean" else len(names) for part in parts}
     u, v = (
-        tuple((found[f"{name}_{part}"], step) for part in parts for step in range(count[part]))
+        tuple((components[f"{name}_{part}"], step) for part in parts for step in range(count[part]))
         for name in "uv"
     )
-    first = found[wanted[0]]
+    first = components[wanted[0]]
     return Contents(
         files=files,
         lon=first.lons_deg,
@@ -442,7 +442,7 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
         u=u,
         v=v,
         steps=TimeSteps(),
-        notes=_distinct_notes([found[f"{name}_{part}"] for name in "uv" for part in parts]),
+        notes=_distinct_notes([components[f"{name}_{part}"] for name in "uv" for part in parts]),
         attributes=dict(dataset.attrs),
         constituents=names,
     )
@@ -484,12 +484,12 @@ def _combined(
     require_one_grid([*u, *v])
     references = {file: reference_time(dataset) for file, dataset in datasets.items()}
     (u_steps, u_index), (v_steps, v_index) = (
-        merge_steps([one.steps for one in parts], [references[one.file] for one in parts])
+        merge_steps([part.steps for part in parts], [references[part.file] for part in parts])
         for parts in (u, v)
     )
     known = [time for time in references.values() if time is not None]
     newest = max(known) if len(known) == len(references) else None
-    if (count := sum(len(one.steps.labels) for one in u) - len(u_index)) > 0:
+    if (count := sum(len(part.steps.labels) for part in u) - len(u_index)) > 0:
         notes = (*notes, Note.of("forecasts-overlap", count=count, reference=newest))
     if u_steps != v_steps:
         raise ValueError(

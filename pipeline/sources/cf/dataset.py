@@ -238,7 +238,7 @@ def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
 
 def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
     """Find the fatal files among some."""
-    found = []
+    faults = []
     while files:
         values_s = sum(file.stat().st_size for file in files if is_grib(file)) / _BYTES_S
         cpu_s = _START_CPU_S + _FILE_CPU_S * len(files) + values_s
@@ -250,7 +250,7 @@ def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
         begun = [int(line) for line in result.stderr.splitlines() if line.isdecimal()]
         for line in result.stdout.splitlines():
             number, _, fault = line.partition(" ")
-            found.append((files[int(number)], fault))
+            faults.append((files[int(number)], fault))
         # Where the process itself can't start, the files are read without this probe.
         if not begun or (result.exit_code is not None and result.exit_code >= 0):
             break
@@ -259,9 +259,9 @@ def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
             end = f"ends by {Signals(-result.exit_code).name}"
         last = files[begun[-1]]
         library = "ecCodes" if is_grib(last) else "the HDF5 library"
-        found.append((last, f"it is damaged: {library} {end} on it; fetch it again"))
+        faults.append((last, f"it is damaged: {library} {end} on it; fetch it again"))
         files = files[begun[-1] + 1 :]
-    return tuple(found)
+    return tuple(faults)
 
 
 def main() -> None:

@@ -193,7 +193,7 @@ def _of_constants(
     first = math.floor((period.begin - LONGEST_STEP - _EPOCH) / step)
     last = math.ceil((period.end - _EPOCH) / step)
     moments = [_EPOCH + number * step for number in range(first, last + 1)]
-    instants = np.array([one.replace(tzinfo=None) for one in moments], "datetime64[us]")
+    instants = np.array([moment.replace(tzinfo=None) for moment in moments], "datetime64[us]")
     try:
         factors, angles = arguments(names, instants)
     except renew.ParameterError as error:
@@ -431,7 +431,7 @@ class FieldReader:
         """Return weighted sums (n, ny, nx) of a component's steps in m/s, all of the same steps."""
         total = np.zeros((len(weights), self._window.lat.size, self._window.lon.size))
         for steps, values in self.blocks(series, weights[0]):
-            shares = [[one[step] for step in steps] for one in weights]
+            shares = [[share_of[step] for step in steps] for share_of in weights]
             total += np.tensordot(shares, values, axes=1)
         return total
 
@@ -552,10 +552,10 @@ def _age_notes(contents: Contents, departure: datetime) -> list[Note]:
     series = []
     for side in ("start", "end"):
         try:
-            found = datetime.fromisoformat(contents.attributes[f"time_coverage_{side}"])
+            moment = datetime.fromisoformat(contents.attributes[f"time_coverage_{side}"])
         except (KeyError, ValueError):
             return []
-        series.append(found if found.tzinfo else found.replace(tzinfo=UTC))
+        series.append(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
     years = max(series[0] - departure, departure - series[1]) / timedelta(days=365.25)
     if years <= _OLD_YEARS:
         return []

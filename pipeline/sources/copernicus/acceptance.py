@@ -182,8 +182,8 @@ def largest_spike(values: FloatArray, limit_m_s: float) -> float:
 
     def highest_neighbour(values: FloatArray) -> FloatArray:
         filled = np.where(known, values, -np.inf)
-        found = maximum_filter(filled, footprint=neighbours, mode="constant", cval=-np.inf)
-        return np.asarray(found, dtype=float)
+        highest = maximum_filter(filled, footprint=neighbours, mode="constant", cval=-np.inf)
+        return np.asarray(highest, dtype=float)
 
     highest, negated_lowest = highest_neighbour(values), highest_neighbour(-values)
     spike = np.maximum(values - highest, -values - negated_lowest)
