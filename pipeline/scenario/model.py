@@ -5,26 +5,235 @@ metres and m/s. Any other is a *chart* scenario: it takes land and currents from
 `region` in lon/lat that a run chooses where it is left out, and is planned at a `scale`.
 """
 
+import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    model_validator,
+)
 
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.scenario.havens import HavensSpec
-from pipeline.scenario.published import Published
 from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane, Region
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Interval, Season, Span, interval, span
 from pipeline.scenario.strict import StrictModel
-from pipeline.scenario.tide import TideSpec
-from pipeline.scenario.under_way import UnderWay
-from pipeline.scenario.via import Via, place_of, wait_at
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
+
+
+# Longest wait at an anchorage: beyond it a plan would be for another week's weather.
+_LONGEST_WAIT = timedelta(days=3)
+
+
+def _short_wait(wait: str) -> str:
+    """Refuse a wait of many days."""
+    if span(wait) > _LONGEST_WAIT:
+        raise strict.RemediedError(
+            f"= {wait!r} is longer than {_LONGEST_WAIT.days} days; give at most "
+            f"'{_LONGEST_WAIT.days}d', or plan the way on by itself, with 'departures'"
+        )
+    return wait
+
+
+class Anchorage(StrictModel):
+    """A via point at which the vessel may lie at anchor before it goes on."""
+
+    at: strict.Point = Field(
+        examples=[[119.2, 11.9]], json_schema_extra=strict.unit("degrees, or m in a plane")
+    )
+    """The anchorage. Give [lon, lat] in degrees, or [x, y] in metres in a plane."""
+    wait: Annotated[Span, AfterValidator(_short_wait)] = Field(examples=["6h"])
+    """Longest time at anchor, where no fuel is burnt: the vessel goes on when the rest of the way
+    needs least fuel. Give '30min' or '6h', at most '3d'; '0min' is a point without a wait."""
+
+
+def _kind_of_via(given: object) -> str:
+    """Say which member of the union a value is meant to be; no key has such a name."""
+    return "a table" if isinstance(given, dict | Anchorage) else "a point"
+
+
+Via = Annotated[
+    Annotated[strict.Point, Tag("a point")] | Annotated[Anchorage, Tag("a table")],
+    Discriminator(_kind_of_via),
+    BeforeValidator(lambda given: given, json_schema_input_type=strict.Point | Anchorage),
+]
+
+
+def place_of(via: strict.Point | Anchorage) -> strict.Point:
+    """Return the place of a via point."""
+    return via.at if isinstance(via, Anchorage) else via
+
+
+def wait_at(via: strict.Point | Anchorage) -> timedelta:
+    """Return the longest wait at a via point."""
+    return span(via.wait) if isinstance(via, Anchorage) else timedelta()
+
+
+def _as_path(station: str, info: ValidationInfo) -> str:
+    """Make the path of a station's file absolute; keep a name of the catalogue."""
+    return strict.usable_path(station, info) if strict.looks_like_path(station) else station
+
+
+class TideSpec(StrictModel):
+    """Stations that predict the tide over the chart datum, and how far the vessel relies on it."""
+
+    stations: tuple[Annotated[str, AfterValidator(_as_path)], ...] = Field(
+        min_length=1, max_length=100, examples=[["boston"], ["./boston.json"]]
+    )
+    """Tide stations. Each counts in its zone, or else in the waters to which it is the nearest by
+    water, within 10 km. Give names of the catalogue (`renew list`), or paths of files with harmonic
+    constants."""
+    surge_m: strict.NonNegative = 0.3
+    """Height by which the water may stand lower than predicted, by wind and air pressure, metres.
+    Give metres, 0 or more."""
+    lag: Span = "15min"
+    """Time by which the tide may be early or late. Give '15min' or '1h', or '0min'."""
+
+    @property
+    def lag_s(self) -> float:
+        """Time by which the tide may be early or late, s."""
+        return span(self.lag).total_seconds()
+
+
+class HavensSpec(StrictModel):
+    """A list of havens, and the limits within which one of them must be reached."""
+
+    path: strict.PathText = Field(examples=["./havens.geojson"])
+    """File with the havens as points, with a column 'name'; relative paths start at the scenario's
+    folder. Give a GeoJSON file, another vector file, or CSV with the columns name, lon and lat."""
+    within: Interval | None = Field(default=None, examples=["6h"])
+    """Longest time from a place of the route to a haven. Give '30min', '6h' or '1d', or leave it
+    out where there is an endurance."""
+    endurance: Interval | None = Field(default=None, examples=["2d"])
+    """Time under way for which there is fuel at departure: what is left where the vessel turns off
+    must do. Give '30min', '6h' or '2d', or leave it out where there is 'within'."""
+
+    @model_validator(mode="after")
+    def _is_limited(self) -> Self:
+        if self.within is None and self.endurance is None:
+            raise ValueError(
+                "has neither 'within' nor 'endurance'; give one of the two, as within = '6h', or "
+                "both"
+            )
+        return self
+
+    @property
+    def within_s(self) -> float | None:
+        """Longest time to a haven, s."""
+        return None if self.within is None else interval(self.within).total_seconds()
+
+    @property
+    def endurance_s(self) -> float | None:
+        """Time under way for which there is fuel at departure, s."""
+        return None if self.endurance is None else interval(self.endurance).total_seconds()
+
+
+def _behind_link(text: str, info: ValidationInfo) -> str:
+    """Make a folder's path absolute, with its links: one leads to the newest results."""
+    strict.usable_path(text, info)
+    folder = str(info.context["folder"]) if text and info.context else ""
+    whole = os.path.normpath(os.path.join(folder, os.path.expanduser(text))) if folder else text  # noqa: PTH111, PTH118 - a Path does not drop ".."
+    return strict.DiskPath(whole)
+
+
+class UnderWay(StrictModel):
+    """The plan that the vessel sails, and its heading: it is at the scenario's start now."""
+
+    results: Annotated[str, AfterValidator(_behind_link)] = Field(examples=["../crossing"])
+    """Folder of the results that have the plan. Give the path of the folder of a finished run."""
+    season: strict.Name = Field(examples=["summer"])
+    """The season of those results that the vessel sails. Give its name."""
+    departed: AwareDatetime = Field(examples=["2026-07-01T06:00:00Z"])
+    """When the vessel left. Give a time with its zone, as 2026-07-01T06:00:00Z."""
+    heading_deg: strict.Number | None = Field(
+        default=None, ge=0, le=360, examples=[215.0], json_schema_extra=strict.unit("degrees true")
+    )
+    """The vessel's true heading, where the route begins with a turn; by default it begins on the
+    best one. Give degrees from 0 to 360, clockwise from north."""
+    same_currents: bool = False
+    """Whether the plan's own currents still hold; otherwise those of the season are read. Give true
+    or false."""
+    switch_above: strict.Number = Field(default=0.02, ge=0, le=1)
+    """Share of the fuel ahead that a way on another side has to save before the vessel changes to
+    it. Give a share from 0 to 1, such as 0.02."""
+
+    def faults(
+        self, seasons: Sequence[Season], region: Region | None, scale: float, *, waits: bool
+    ) -> Iterator[str]:
+        """Find keys of a scenario that do not go together with this table."""
+        if region is None:
+            yield "has [under_way], which needs the [region] of the plan's results; add it"
+        if scale != 1:
+            yield (
+                f"has [under_way] at scale = {scale:g}, where times under way are not the true "
+                "ones; plan at true scale, scale = 1"
+            )
+        if waits:
+            yield "has [under_way] and a wait at an anchorage; plan from here without [under_way]"
+        if len(seasons) != 1:
+            yield f"has [under_way] and {len(seasons)} seasons; give the one that is sailed"
+            return
+        (season,) = seasons
+        if season.speed or season.members or season.leaves_departure_open:
+            yield (
+                f"season {season.name!r} has members of its current, or leaves speeds or times "
+                "open, which [under_way] does not know; plan from here without [under_way]"
+            )
+        if season.departure is None:
+            yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
+        elif season.departure < self.departed:
+            yield (
+                f"season {season.name!r} has departure = {season.departure.isoformat()}, before "
+                f"under_way.departed = {self.departed.isoformat()}; give a later time"
+            )
+
+
+class PublishedRow(StrictModel):
+    """One published route, in the publication's own units."""
+
+    label: str = Field(examples=["RENEW"])
+    """Who planned it. Give any text."""
+    season: str = Field(default="", examples=["summer"])
+    """Season of this scenario that it belongs to. Give the season's name."""
+    fuel: strict.Positive | None = Field(default=None, examples=[160.563])
+    """Published fuel, in the publication's units. Give a number above 0."""
+    clearance: strict.Positive | None = Field(
+        default=None, examples=[9.153], json_schema_extra=strict.unit("scaled m")
+    )
+    """Published clearance from land, in metres of the publication's scale. Give a number above 0.
+    """
+    length: strict.Positive | None = Field(
+        default=None, examples=[164.586], json_schema_extra=strict.unit("scaled m")
+    )
+    """Published length, in metres of the publication's scale. Give a number above 0."""
+    fuel_per_distance: strict.Positive | None = Field(default=None, examples=[0.976])
+    """Published F/D; if left out, fuel divided by length. Give a number above 0."""
+    side: str = Field(default="", examples=["west"])
+    """Compass side on which it passes the largest island. Give 'north', 'east', 'south' or 'west'.
+    """
+
+
+class Published(StrictModel):
+    """Published figures that the report compares with this run's."""
+
+    origin: str = Field(examples=["RENEW (AAAI 2026), Palawan"])
+    """The publication. Give any text."""
+    scale: strict.Positive = 1.0
+    """The publication's scale: true metres per published metre. Give a number above 0: 1 is the
+    true scale."""
+    rows: tuple[PublishedRow, ...]
+    """The published routes. Add a [[published.rows]] table for each."""
 
 
 MAX_SEASONS = 1000

@@ -25,12 +25,10 @@ from pipeline.model.depths import NO_TIDE, DepthRule, TideRange
 from pipeline.model.inputs import CurrentSource, Issue, LandSource
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
-from pipeline.scenario.members import MembersSpec
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
-from pipeline.scenario.season import Currents, Season, StreamConstants
+from pipeline.scenario.season import Currents, MembersSpec, Season, StreamConstants, period
 from pipeline.scenario.strict import near_miss
-from pipeline.scenario.times import period
 from pipeline.sources.current_field import Field, LandMask, water_without_data
 
 

@@ -21,8 +21,7 @@ from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Note, Place, Say, Water, plan_options
 from pipeline.model.case import MIN_LATENESS_S, largest_stretch
-from pipeline.scenario.havens import HavensSpec
-from pipeline.scenario.model import Scenario
+from pipeline.scenario.model import HavensSpec, Scenario
 from pipeline.sources.land.vector import HavenPoint, read_havens
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from pipeline.errors import RequestError
 from pipeline.findings.text import moment_text
-from pipeline.scenario.times import departure_name, period
+from pipeline.scenario.season import departure_name, period
 from pipeline.voyage.vessel_options import speed_range_m_s
 
 _MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)

@@ -19,8 +19,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.lonlat import Bounds, common_bounds
 from pipeline.model import Credit, CurrentGrid, Land, MemberGrid, Note
 from pipeline.model.inputs import CurrentSource, Issue
-from pipeline.scenario.members import CYCLES, FILES, MembersSpec
-from pipeline.scenario.season import STILL, Season, StreamConstants
+from pipeline.scenario.season import CYCLES, FILES, STILL, MembersSpec, Season, StreamConstants
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.contents import find_files, name_of
 from pipeline.sources.cf.dataset import fatal_files, open_dataset

@@ -21,8 +21,7 @@ import renew
 from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond, widened
 from pipeline.model import Note
-from pipeline.scenario.season import Season, TimeMethod
-from pipeline.scenario.times import Period
+from pipeline.scenario.season import Period, Season, TimeMethod
 from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
 from pipeline.sources.cf.contents import Component, Contents, StepInFile
 from pipeline.sources.cf.dataset import open_dataset, reading

@@ -34,8 +34,7 @@ from pipeline.machine.files import write_whole
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.store import file_hash
 from pipeline.scenario.catalogue import CopernicusSpec, StepLength
-from pipeline.scenario.season import TimeMethod
-from pipeline.scenario.times import Period
+from pipeline.scenario.season import Period, TimeMethod
 from pipeline.sources.cf.axes import MONTH, TimeSteps, middle_of_step, step_around
 from pipeline.sources.cf.fields import SelectedSteps, select_all_steps, select_steps
 from pipeline.sources.copernicus.client import LOGIN, NO_ANSWER, without_secrets

@@ -33,8 +33,8 @@ from pipeline.geo.projection import Projection
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
 from pipeline.model.depths import TideRange
 from pipeline.scenario import catalogue, strict
+from pipeline.scenario.model import TideSpec
 from pipeline.scenario.strict import NonNegative, Number, near_miss, shown, validated
-from pipeline.scenario.tide import TideSpec
 
 # Least number of constants of a tide: M2, S2, K1 and O1.
 _LEAST_CONSTANTS = 4

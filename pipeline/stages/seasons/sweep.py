@@ -15,8 +15,7 @@ from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import Case, DepartureChoice, Note, Say, plan_options
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
-from pipeline.scenario.season import Season
-from pipeline.scenario.times import interval
+from pipeline.scenario.season import Season, interval
 from pipeline.stages.seasons.task import Status, stored_case
 
 # Number of plans between two progress notes.

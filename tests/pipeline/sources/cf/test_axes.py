@@ -12,8 +12,7 @@ import xarray as xr
 from hypothesis import given, strategies as st
 
 from pipeline.findings.note_words import note_text
-from pipeline.scenario.season import TimeMethod
-from pipeline.scenario.times import period
+from pipeline.scenario.season import TimeMethod, period
 from pipeline.sources.cf.axes import (
     TimeSteps,
     is_same_axis,

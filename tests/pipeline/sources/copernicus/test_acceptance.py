@@ -16,7 +16,7 @@ from hypothesis import given, strategies as st
 from pipeline.errors import StageError
 from pipeline.model import Credit, Land
 from pipeline.scenario.catalogue import CopernicusSpec
-from pipeline.scenario.times import period
+from pipeline.scenario.season import period
 from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.fields import SelectedSteps
 from pipeline.sources.copernicus.acceptance import accept, largest_spike
