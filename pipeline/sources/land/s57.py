@@ -8,7 +8,6 @@ bed, unless they are known to lie deep enough. Where cells overlap, the larger s
 precedence.
 """
 
-import hashlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +22,6 @@ from pipeline._types import Geometries
 from pipeline.errors import RequestError
 from pipeline.geo.lonlat import DepthCover
 from pipeline.machine.paths import require_readable
-from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, PlaceName, Zone
 from pipeline.model.depths import DepthArea, DepthRule, TidalWater
 from pipeline.sources.land import shapes
@@ -369,13 +367,10 @@ class S57Chart:
     @cached_property
     def identity(self) -> tuple[str, ...]:
         """Which depths are deep enough, and a hash of all files."""
-        digest = hashlib.sha256()
         bases = self._bases
         with shapes.reading(str(self.path), "fetch the cells and their updates again"):
-            for base in bases:
-                for file in cell_files(base):
-                    digest.update(file.name.encode() + file_hash(file).encode())
-        return ("s57", f"{self.rule!r}", digest.hexdigest())
+            digest = shapes.hash_of(file for base in bases for file in cell_files(base))
+        return ("s57", f"{self.rule!r}", digest)
 
     @cached_property
     def _bases(self) -> tuple[Path, ...]:

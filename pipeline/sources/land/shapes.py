@@ -8,13 +8,14 @@ view of a GeoPackage may never end.
 """
 
 import glob
+import hashlib
 import json
 import math
 import mmap
 import re
 import sqlite3
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
 from functools import cache
 from importlib import import_module
@@ -32,6 +33,7 @@ from pipeline.errors import PipelineError, RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import MAX_EDGE_M, Projection
 from pipeline.machine.paths import require_readable
+from pipeline.machine.store import file_hash
 from pipeline.model import Note, PlaceName
 from pipeline.scenario.strict import near_miss
 from pipeline.texts import clean
@@ -386,6 +388,14 @@ def files_of(path: Path) -> tuple[Path, ...]:
     files = tuple(sorted({path, *(file for file in beside if not file.is_dir())}))
     require_readable(files, path.name)
     return files
+
+
+def hash_of(files: Iterable[Path]) -> str:
+    """Return a hash of the names and the content of files."""
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(file.name.encode() + file_hash(file).encode())
+    return digest.hexdigest()
 
 
 def require_self_contained(path: Path) -> None:

@@ -6,7 +6,6 @@ state (which of several layers, the CRS, that radius) are asked for, not guessed
 with names, in any format that GDAL reads, or in CSV.
 """
 
-import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -307,15 +306,11 @@ class VectorFile:
     @cached_property
     def identity(self) -> tuple[str, ...]:
         """The scenario's table about the file, and a hash of it and its sidecar files."""
-        digest = hashlib.sha256()
         files = self._files
         with shapes.reading_chart(self.path):
-            for file in files:
-                digest.update(file.name.encode())
-                with file.open("rb") as content:
-                    digest.update(hashlib.file_digest(content, "sha256").digest())
+            digest = shapes.hash_of(files)
         entry = self.entry.model_dump_json() if self.entry else ""
-        return ("vector", self.source.model_dump_json(), entry, digest.hexdigest())
+        return ("vector", self.source.model_dump_json(), entry, digest)
 
     @cached_property
     def _files(self) -> tuple[Path, ...]:
