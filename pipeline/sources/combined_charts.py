@@ -173,24 +173,24 @@ def _described(path: Path, dataset: "xr.Dataset") -> DepthFile:
 def _variable(dataset: "xr.Dataset") -> tuple[str, float]:
     """Return the name of the variable, and the sign by which it becomes a height."""
     grids = {str(name): array for name, array in dataset.data_vars.items() if array.ndim >= 2}
-    found = {
+    signs = {
         name: sign for name, array in grids.items() if (sign := _standard_sign(array)) is not None
     }
-    if not found:
-        found = {
+    if not signs:
+        signs = {
             name: _SIGNS.get(array.attrs.get("positive", ""), _NAMES[name.lower()])
             for name, array in grids.items()
             if name.lower() in _NAMES and array.attrs.get("standard_name") != _ELLIPSOID
         }
-    named = {name: sign for name, sign in found.items() if name.lower() in _NAMES}
-    for candidates in (found, named):
+    named = {name: sign for name, sign in signs.items() if name.lower() in _NAMES}
+    for candidates in (signs, named):
         if len(candidates) == 1:
             return next(iter(candidates.items()))
     listed = ", ".join(
         f"{name} ({array.attrs.get('standard_name') or 'no standard name'})"
         for name, array in sorted(grids.items())
     )
-    if found:
+    if signs:
         raise ValueError(f"it has several grids of depths ({listed}); keep one of them")
     raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}")
 
@@ -271,8 +271,8 @@ def overlay(lands: Sequence[Land]) -> Land:
 
 def _depths(lands: Sequence[Land]) -> DepthCover | None:
     """Return where any chart has depths; None if no chart has any."""
-    found = [land.depths for land in lands if land.depths is not None]
-    return DepthCover(tuple(area for one in found for area in one.areas)) if found else None
+    covers = [land.depths for land in lands if land.depths is not None]
+    return DepthCover(tuple(area for cover in covers for area in cover.areas)) if covers else None
 
 
 # Size in bytes above which a file is identified by its name, size and time of change, not by its

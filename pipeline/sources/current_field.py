@@ -71,11 +71,11 @@ class LandMask:
         land = np.asarray(polygons, dtype=object)
 
         def is_land(lon: FloatArray, lat: FloatArray) -> BoolArray:
-            found = np.zeros(lon.size, dtype=bool)
+            is_in_land = np.zeros(lon.size, dtype=bool)
             # A tree of the points, not of the land: the geometries searched for are prepared.
             tree = shapely.STRtree(shapely.points(lon, lat))
-            found[np.unique(tree.query(land, predicate="intersects")[1])] = True
-            return found
+            is_in_land[np.unique(tree.query(land, predicate="intersects")[1])] = True
+            return is_in_land
 
         return cls(is_land, bounds)
 
@@ -95,13 +95,13 @@ class LandMask:
 
     def on_grid(self, lon: FloatArray, lat: FloatArray) -> BoolArray:
         """Return which points of the grid lon (nx,), lat (ny,) are land: (ny, nx)."""
-        found = np.zeros((lat.size, lon.size), dtype=bool)
+        is_land = np.zeros((lat.size, lon.size), dtype=bool)
         # A few rows at a time: the coordinates of all nodes would take 60 times the mask's memory.
         rows = max(1, _POINTS_AT_A_TIME // max(lon.size, 1))
         for first in range(0, lat.size, rows):
             x, y = np.meshgrid(lon, lat[first : first + rows])
-            found[first : first + rows] = self.is_land(x.ravel(), y.ravel()).reshape(x.shape)
-        return found
+            is_land[first : first + rows] = self.is_land(x.ravel(), y.ravel()).reshape(x.shape)
+        return is_land
 
 
 @cache

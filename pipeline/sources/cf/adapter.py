@@ -158,9 +158,7 @@ class CfFiles(CurrentSource):
 def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str, str], ...]:
     """Return the name and hash of each file that contains selected steps."""
     steps = {step for weights in selected.weights for step in weights}
-    parts = [contents.u[contents.u_index[step][0]] for step in steps]
-    parts += [contents.v[contents.v_index[step][0]] for step in steps]
-    used = sorted({part.file for part in parts})
+    used = sorted({series[step][0].file for series in (contents.u, contents.v) for step in steps})
     return tuple((file.name, _hash(file, _stamp(file))) for file in used)
 
 
@@ -279,7 +277,7 @@ def read_checked_fields(
             first = _without(first, zeros)
 
             def fields() -> Iterator[Field]:
-                others = (_without(one, zeros) for one in reader.fields(selected.weights[1:]))
+                others = (_without(wide, zeros) for wide in reader.fields(selected.weights[1:]))
                 for wide in itertools.chain([first], others):
                     kept.append(_cropped(wide, bounds))
                     yield wide

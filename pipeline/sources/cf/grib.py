@@ -359,11 +359,13 @@ def _one_grid(fields: Sequence[GribField]) -> Grid:
 
 def _in_time(fields: Sequence[GribField], component: str) -> list[GribField]:
     """Return a component's fields in time; ValueError where two have the same time."""
-    own = sorted((one for one in fields if one.component == component), key=lambda one: one.time)
-    for one, following in itertools.pairwise(own):
-        if one.time == following.time:
+    own = sorted(
+        (field for field in fields if field.component == component), key=lambda field: field.time
+    )
+    for field, following in itertools.pairwise(own):
+        if field.time == following.time:
             raise ValueError(
-                f"it has two fields of the {component} component at {_moment(one.time)}; leave "
+                f"it has two fields of the {component} component at {_moment(field.time)}; leave "
                 "one out"
             )
     return own
@@ -390,7 +392,7 @@ def _lazy(path: Path, fields: Sequence[GribField]) -> Any:  # noqa: ANN401 - a t
         def read(self, key: tuple[Any, ...]) -> FloatArray:
             """Read whole fields, and cut the rest of the key out of them."""
             chosen = np.arange(len(fields))[key[0]]
-            found = np.stack([_values(path, fields[i])[None][key[1:]] for i in np.ravel(chosen)])
-            return found if np.ndim(chosen) else found[0]
+            read = np.stack([_values(path, fields[i])[None][key[1:]] for i in np.ravel(chosen)])
+            return read if np.ndim(chosen) else read[0]
 
     return indexing.LazilyIndexedArray(Values())

@@ -108,7 +108,7 @@ def select(
         selected = select_steps(steps, period, method)
     used = sorted({step for weights in selected.weights for step in weights})
     place = {step: at for at, step in enumerate(used)}
-    weights = tuple({place[i]: share for i, share in one.items()} for one in selected.weights)
+    weights = tuple({place[i]: share for i, share in shares.items()} for shares in selected.weights)
     return steps.only(used), replace(selected, weights=weights)
 
 

@@ -114,7 +114,7 @@ def base_files(path: Path) -> tuple[Path, ...]:
     """
     if not path.is_dir():
         return (path,) if path.suffix == ".000" else ()
-    found: list[Path] = []
+    bases: list[Path] = []
     count = 0
     for folder, _, names in os.walk(path):
         count += len(names)
@@ -122,8 +122,8 @@ def base_files(path: Path) -> tuple[Path, ...]:
             raise RequestError(
                 f"{path} holds more than {_MAX_FILES:,} files: name the folder of the cells"
             )
-        found += [Path(folder, name) for name in names if name.endswith(".000")]
-    return tuple(sorted(found))
+        bases += [Path(folder, name) for name in names if name.endswith(".000")]
+    return tuple(sorted(bases))
 
 
 def cell_files(base: Path) -> tuple[Path, ...]:
@@ -173,14 +173,14 @@ def _identification(base: Path) -> dict[str, object]:
     pyogrio = vector_library()
 
     meta, _, _, columns = pyogrio.raw.read(base, layer="DSID", **_OPTIONS)
-    found = {
+    fields = {
         str(name): column[0]
         for name, column in zip(meta["fields"], columns, strict=True)
         if len(column)
     }
-    if lacking := [name for name in _IDENTIFICATION if name not in found]:
+    if lacking := [name for name in _IDENTIFICATION if name not in fields]:
         raise ValueError(f"its identification lacks {', '.join(lacking)}")
-    return found
+    return fields
 
 
 def _check(base: Path, identification: Mapping[str, object]) -> None:

@@ -18,7 +18,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
-from pipeline.sources.copernicus.acceptance import accept
+from pipeline.sources.copernicus.adapter import accept
 from pipeline.sources.current_field import (
     Field,
     LandMask,

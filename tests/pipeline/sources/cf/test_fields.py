@@ -86,8 +86,6 @@ def test_a_window_has_all_nodes_inside_and_no_others(
         u=(),
         v=(),
         steps=TimeSteps(),
-        u_index=(),
-        v_index=(),
         notes=(),
         attributes={},
     )
@@ -490,9 +488,9 @@ def test_the_later_forecast_wins_in_its_span_and_a_note_says_so(tmp_path: Path) 
     found = read_contents((late, early))
     # Steps at 0, 6 | 12, 18, 24, 30, 36 h: those of the early one at 12, 18 and 24 h give way.
     assert found.steps.moments == tuple(REFERENCE + i * timedelta(hours=6) for i in range(7))
-    assert [found.u[file].file.name for file, _ in found.u_index] == ["b.nc"] * 2 + ["a.nc"] * 5
-    assert [step for _, step in found.u_index] == [0, 1, 0, 1, 2, 3, 4]
-    assert found.u_index == found.v_index
+    for series in (found.u, found.v):
+        assert [part.file.name for part, _ in series] == ["b.nc"] * 2 + ["a.nc"] * 5
+        assert [step for _, step in series] == [0, 1, 0, 1, 2, 3, 4]
     assert found.reference_time == REFERENCE + timedelta(hours=12)
     (note,) = (note for note in found.notes if note.kind == "forecasts-overlap")
     assert dict(note.values) == {"count": 3, "reference": found.reference_time}

@@ -19,7 +19,7 @@ from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.scenario.season import period
 from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.fields import SelectedSteps
-from pipeline.sources.copernicus.acceptance import accept, largest_spike
+from pipeline.sources.copernicus.adapter import accept, largest_spike
 from pipeline.sources.copernicus.download import Request, select
 from pipeline.sources.current_field import Field
 
