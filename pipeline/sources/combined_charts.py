@@ -216,8 +216,8 @@ def name_of(path: Path) -> str:
 class Overlay:
     """One or more sources of land as one.
 
-    `refused_m`, if given: the world's land is the second shoreline, and how far inside it a route
-    is refused, besides the accuracy of the sources, m.
+    With `refused_m` the world's land is the second shoreline: a route is refused that gets further
+    inside it than this plus the accuracy of the sources, m.
     """
 
     sources: tuple[LandSource, ...]

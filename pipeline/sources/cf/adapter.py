@@ -123,7 +123,8 @@ class CfFiles(CurrentSource):
             contents, selected = self._selected(season)
         except ValueError as error:
             raise RequestError(f"{name_of(find_files(self.paths))}: {error}") from None
-        bounds = _with_margin(contents, region.bounds)
+        lon_deg, lat_deg = contents.largest_cell
+        bounds = widened(region.bounds, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
         if contents.constituents:
             selected = stream_steps(contents, season, bounds, with_mean=self.with_mean)
         field, notes = read_checked_fields(contents, selected, bounds, region)
@@ -199,12 +200,6 @@ def _hash(file: Path, stamp: str) -> str:
         if part.name in _ZARR_METADATA:
             digest.update(part.read_bytes())
     return digest.hexdigest()
-
-
-def _with_margin(contents: Contents, region: Bounds) -> Bounds:
-    """Return bounds of a region with a margin of a few cells."""
-    lon_deg, lat_deg = contents.largest_cell
-    return widened(region, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
 
 
 def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:

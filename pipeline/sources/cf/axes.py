@@ -251,8 +251,9 @@ class TimeSteps:
     """The steps of a file: their valid times (UTC, ascending), or a climatology's months.
 
     A file that gives no time has one step, with neither a time nor a month. `labels` are the steps
-    as text, `width` is the length of a step, if the file says it. `by` is what calls them means,
-    "point" for steps of their very moments, or "". `notes` say how the moments were read.
+    as text, `width` is the length of a step, if the file says it. `by` quotes what in the file says
+    that the steps are means; it is "point" for instants, and "" where the file says neither.
+    `notes` say how the moments were read.
     """
 
     moments: tuple[datetime, ...] = ()
@@ -340,7 +341,7 @@ def read_steps(
 
 
 def step_method(array: "xr.DataArray", dim: str, names: Iterable[str]) -> dict[str, Any]:
-    """Return what a variable, or else its file's names, say of a step: arguments of TimeSteps."""
+    """Return `by` and `width` of a variable's TimeSteps, by its attributes or its file's names."""
     methods = array.attrs.get("cell_methods", "")
     said = re.search(rf"\b(?:time|{re.escape(dim)}):(?:\s*\w+:)*\s*(\w+)", methods)
     # A spread or a largest one, along whatever axis, is no current; parentheses hold comments.

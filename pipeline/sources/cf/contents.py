@@ -64,10 +64,6 @@ class Component:
     steps: TimeSteps
     notes: tuple[Note, ...]
 
-    def lazy(self, dataset: "xr.Dataset") -> "xr.Variable":
-        """Return the variable of its open file, not yet read."""
-        return dataset.variables[self.name].isel(self.fixed)
-
 
 def read_component(
     file: Path,

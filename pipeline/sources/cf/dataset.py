@@ -189,8 +189,8 @@ def _check_is_number(name: str, variable: "xr.Variable | xr.DataArray") -> None:
 
 def _check_names(variables: Iterable[str]) -> None:
     """Refuse names of variables that would act on a terminal: messages quote them."""
-    if found := next(filter(None, map(acts, variables)), ""):
-        raise ValueError(f"a variable has in its name {found}; rename it, as with `ncrename -v`")
+    if acting := next(filter(None, map(acts, variables)), ""):
+        raise ValueError(f"a variable has in its name {acting}; rename it, as with `ncrename -v`")
 
 
 def _check_axis_size(name: str, size: int) -> None:

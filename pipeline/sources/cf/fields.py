@@ -39,10 +39,11 @@ _MAX_FAULTS = 3
 
 @dataclass(frozen=True, slots=True)
 class SelectedSteps:
-    """A season's fields: the weights (sum 1) of steps, by index, that make up each of them.
+    """A season's fields: each is a weighted sum of steps, whose weights are given by index.
 
-    `valid` is the time that they stand for. `times_s` are seconds since departure, and `labels` the
-    times as text, one for each field; 0 and "" for a single one.
+    Weights of time steps sum to 1; those of harmonic constants are factors of their real and
+    imaginary parts. `valid` is the time that the fields stand for. `times_s` are seconds since
+    departure, and `labels` the times as text, one for each field; 0 and "" for a single one.
     """
 
     weights: tuple[Mapping[int, float], ...]
@@ -133,7 +134,7 @@ def _mean(steps: TimeSteps, period: Period) -> SelectedSteps:
 def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> tuple[Note, ...]:
     """Return a note if the steps do not fill the period."""
     interval = steps.interval
-    # A step stands for the time around it, or after it.
+    # Half a step before the begin is allowed: a step may stand for the time around it.
     times = [period.begin - interval / 2, *(steps.moments[i] for i in inside), period.end]
     largest = max(later - earlier for earlier, later in itertools.pairwise(times))
     if largest <= _MISSING_STEP * interval:
@@ -456,7 +457,8 @@ class FieldReader:
             is_range = steps[-1] - steps[0] == len(steps) - 1
             part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)
         try:
-            variable = component.lazy(self._dataset(component.file))
+            variable = self._dataset(component.file).variables[component.name]
+            variable = variable.isel(component.fixed)
             with reading():
                 values = read_window(variable.isel(part), (component.lat, component.lon), window)
         except ValueError as error:

@@ -47,7 +47,8 @@ _DEPTH = {"standard_name": "depth", "units": "m", "positive": "down"}
 _NO_CENTRES = (255, 65535)
 # Largest number of nodes of a field: 512 MB.
 _MAX_NODES = 64 << 20
-# Difference between an axis's step and the one stated, as a share: edition 1 has millidegrees.
+# Largest difference between an axis's step and the one that the file states, as a share of it:
+# edition 1 rounds to millidegrees.
 _STEP_SHARE = 0.05
 # Number of other parameters, and of kinds of level, that a message names.
 _MAX_NAMES = 4

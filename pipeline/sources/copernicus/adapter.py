@@ -499,8 +499,9 @@ def _missing_chunk_faults(
 ) -> list[str]:
     """Find water in chunks that the service does not have.
 
-    It stores no chunk without data, and gives the same answer when it fails. Cells beside land may
-    be land to a coarse model; there the gap is filled from the water beside it anyway.
+    The service stores no chunk that is all gaps, and answers in the same way where it fails to
+    deliver one. Cells beside land may be land to a coarse model; there the gap is filled from the
+    water beside it anyway.
     """
     if not boxes:
         return []

@@ -95,16 +95,11 @@ def near_box(geometries: Geometries, box: shapely.Polygon) -> tuple[Geometries, 
     for turn in _WHOLE_TURNS:
         meets = _meets(bounds, box, turn)
         chosen = geometries[meets]
-        near.append(chosen if turn == 0 else _moved_east(chosen, turn))
+        if turn:
+            chosen[:] = [affinity.translate(geometry, turn) for geometry in chosen]
+        near.append(chosen)
         index.append(np.flatnonzero(meets))
     return np.concatenate(near), np.concatenate(index)
-
-
-def _moved_east(geometries: Geometries, degrees: float) -> Geometries:
-    """Move geometries eastward."""
-    moved = np.empty(len(geometries), dtype=object)
-    moved[:] = [affinity.translate(geometry, degrees) for geometry in geometries]
-    return moved
 
 
 def joined_at_180(parts: Geometries) -> tuple[Geometries, BoolArray]:

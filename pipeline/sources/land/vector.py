@@ -77,8 +77,8 @@ class VectorLayer:
     def _parts(
         self, box: shapely.Polygon, notes: list[Note]
     ) -> Iterator[tuple[shapely.Polygon, Geometries]]:
-        """Yield windows in the file's CRS, and the parts near them; add a note on changed ones."""
-        # The bounds of a feature that jumps at 180 degrees say nothing.
+        """Yield each window in the file's CRS with the parts near it; add notes on those joined."""
+        # A feature across 180 degrees that is not split there has bounds round the earth.
         _, south, _, north = box.bounds
         left, bottom, right, top = self.extents
         is_wide = self._is_lonlat & (right - left > shapes.HALF_TURN)
@@ -443,8 +443,9 @@ def read_havens(path: Path) -> tuple[HavenPoint, ...]:
             zip(names, lonlat.tolist(), strict=True), start=1
         )
     )
-    if twice := _twice([haven.name for haven in havens]):
-        raise _fault(path, f"has several havens called {twice!r}; rename all but one")
+    for at, haven in enumerate(havens):
+        if haven.name in (other.name for other in havens[:at]):
+            raise _fault(path, f"has several havens called {haven.name!r}; rename all but one")
     return havens
 
 
@@ -465,11 +466,6 @@ def _lonlat(path: Path, points: Sequence[shapely.Geometry | None], crs: str | No
         x, y = places[beyond][0].tolist()
         raise _fault(path, f"has a haven at [{x:g}, {y:g}], which is not on earth: give lon, lat")
     return np.asarray(places)
-
-
-def _twice(names: Sequence[str]) -> str:
-    """Return the first name that is given twice, or ""."""
-    return next((name for at, name in enumerate(names) if name in names[:at]), "")
 
 
 def _fault(path: Path, fault: str) -> RequestError:

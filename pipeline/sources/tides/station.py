@@ -403,7 +403,7 @@ def _part_by_land(
 ) -> shapely.Geometry:
     """Give cells of the water to other zones where the straight line to a station crosses land.
 
-    Return those that no station counts for, since it is farther than its reach by water.
+    Return those that no station counts for, since all are farther by water than their reach.
     `points` are the stations that count in the `rest` of the extent. Water that is joined with none
     of them keeps its zone: no route leads there.
     """
