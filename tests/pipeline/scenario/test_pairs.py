@@ -191,8 +191,8 @@ def outcome(asked: dict[str, Any], folder: Path) -> str:
     return f"failed: {'; '.join(done.failures)}" if done.failures else "planned"
 
 
-@pytest.mark.gate_share(8)
-@examples(gate=25, new=300)
+@pytest.mark.gate_share(3)
+@examples(gate=12, new=300)
 @given(asked=st.composite(off_boston)())
 def test_a_voyage_in_lon_lat_is_planned_or_its_pair_is_in_the_table(
     asked: dict[str, Any], folder: Path
@@ -200,8 +200,8 @@ def test_a_voyage_in_lon_lat_is_planned_or_its_pair_is_in_the_table(
     assert outcome(asked, folder) in {"planned", "refused"}
 
 
-@pytest.mark.gate_share(8)
-@examples(gate=25, new=300)
+@pytest.mark.gate_share(3)
+@examples(gate=12, new=300)
 @given(asked=st.composite(in_a_plane)())
 def test_a_voyage_in_a_plane_is_planned_or_its_pair_is_in_the_table(
     asked: dict[str, Any], folder: Path
