@@ -24,6 +24,7 @@ from pydantic import (
 
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.pairs import refusals
 from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane, Region
 from pipeline.scenario.season import Interval, Season, Span, interval, span
 from pipeline.scenario.strict import StrictModel
@@ -168,28 +169,14 @@ class UnderWay(StrictModel):
     """Share of the fuel ahead that a way on another side has to save before the vessel changes to
     it. Give a share from 0 to 1, such as 0.02."""
 
-    def faults(
-        self, seasons: Sequence[Season], region: Region | None, scale: float, *, waits: bool
-    ) -> Iterator[str]:
-        """Find keys of a scenario that do not go together with this table."""
+    def faults(self, seasons: Sequence[Season], region: Region | None) -> Iterator[str]:
+        """Find what a voyage under way lacks: the region and the season that is sailed."""
         if region is None:
             yield "has [under_way], which needs the [region] of the plan's results; add it"
-        if scale != 1:
-            yield (
-                f"has [under_way] at scale = {scale:g}, where times under way are not the true "
-                "ones; plan at true scale, scale = 1"
-            )
-        if waits:
-            yield "has [under_way] and a wait at an anchorage; plan from here without [under_way]"
         if len(seasons) != 1:
             yield f"has [under_way] and {len(seasons)} seasons; give the one that is sailed"
             return
         (season,) = seasons
-        if season.speed or season.members or season.leaves_departure_open:
-            yield (
-                f"season {season.name!r} has members of its current, or leaves speeds or times "
-                "open, which [under_way] does not know; plan from here without [under_way]"
-            )
         if season.departure is None:
             yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
         elif season.departure < self.departed:
@@ -394,52 +381,49 @@ class Scenario(StrictModel):
         return self.model_copy(update={"outputs": outputs})
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Self:
-        faults = []
-        if self.region is not None and self.plane is not None:
-            faults.append("has both [region] and [plane]; leave one of the two out")
+    def _has_what_it_needs(self) -> Self:
+        faults = [*refusals(self)]
         names = Counter(season.name for season in self.seasons)
         faults += [
             f"has {count} seasons called {name!r}; rename all but one"
             for name, count in names.items()
             if count > 1
         ]
-        if self.plane is not None and self.plane.width_m * self.scale > MAX_PLANE_M:
-            faults.append(
-                f"has a plane of {self.plane.width_m * self.scale / 1000:,.0f} true km at scale = "
-                f"{self.scale:g}; {MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
-            )
-        faults += [
-            f"season {season.name!r} {fault}"
-            for season in self.seasons
-            for fault in season.faults_in(self.plane, self.scale)
-        ]
-        faults += (*self._itinerary_faults(), *self._haven_faults(), *self._under_way_faults())
+        faults += (*self._plane_faults(), *self._time_faults(), *self._waiting_faults())
+        if self.havens is not None and self.havens.within_s is not None:
+            turn_s = 360 / self.vessel.turn_rate_deg_s
+            if self.havens.within_s < turn_s:
+                faults.append(
+                    f"has havens.within = {self.havens.within!r}, and one full turn takes the "
+                    f"vessel {turn_s:.0f} s; give more"
+                )
+        if self.under_way is not None and self.plane is None:
+            faults += self.under_way.faults(self.seasons, self.region)
         if faults:
             raise strict.RemediedError(*faults)
         return self
 
-    def _itinerary_faults(self) -> Iterator[str]:
-        """Find keys that do not go together with via points or shut areas."""
-        for name, needed in (("method", "optimal"), ("order", "fuel")):
-            if self.via and (given := getattr(self.planner, name)) != needed:
-                yield f"has via points, which need planner.{name} = {needed!r}, not {given!r}"
-        if self.avoid and self.plane is not None:
+    def _plane_faults(self) -> Iterator[str]:
+        """Find a plane that is too large, or that begins elsewhere than its gyres."""
+        if self.plane is None:
+            return
+        width_km = self.plane.width_m * self.scale / 1000
+        if width_km > MAX_PLANE_M / 1000:
             yield (
-                "has [[avoid]], whose files are in lon/lat, and a [plane]; give the areas as "
-                "obstacles of the plane"
+                f"has a plane of {width_km:,.0f} true km at scale = {self.scale:g}; "
+                f"{MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
             )
-        if self.tide is not None and self.plane is not None:
-            yield "has a [tide] and a [plane], which has no depths; leave one of the two out"
+        corner = self.plane.extent[:2]
+        for season in self.seasons:
+            if season.gyre and corner != (0, 0):
+                yield (
+                    f"season {season.name!r} is a gyre, but the plane's extent begins at "
+                    f"{list(corner)}; begin it at [0, 0]"
+                )
+
+    def _time_faults(self) -> Iterator[str]:
+        """Find hours without a clock, and choices of times where nothing changes with time."""
         with_hours = list(self._keys_with_hours())
-        yield from (
-            f"season {season.name!r} has 'members', each of which passes {key} at hours of its "
-            f"own; leave 'members' or {remedy} out"
-            for season in self.seasons
-            for key, remedy in with_hours
-            if season.members is not None
-        )
-        yield from self._waiting_faults(has_hours=bool(with_hours))
         if not with_hours:
             yield from filter(None, (season.timeless_fault for season in self.seasons))
         for key, remedy in with_hours:
@@ -449,72 +433,23 @@ class Scenario(StrictModel):
                         f"season {season.name!r} has no 'departure', from which the hours of {key} "
                         f"count; add it, or leave {remedy} out"
                     )
-            if self.scale != 1:
-                yield (
-                    f"has hours in {key} at scale = {self.scale:g}, where times under way are not "
-                    "the true ones; plan at true scale, scale = 1"
-                )
 
-    def _haven_faults(self) -> Iterator[str]:
-        """Find keys that do not go together with havens: ways to them know no hours."""
-        if self.havens is None:
-            return
-        others = {
-            "a [plane], where nothing lies in lon/lat": self.plane is not None,
-            "a [tide], which ways to them do not know": self.tide is not None,
-            "[[avoid]], which ways to them do not know": bool(self.avoid),
-            f"scale = {self.scale:g}, where times under way are not the true ones": self.scale != 1,
-            "'members' in a season, of which ways to them know the mean alone": any(
-                season.members is not None for season in self.seasons
-            ),
-            "an anchorage, after which less 'endurance' is left": self.anchorage is not None
-            and self.havens.endurance is not None,
-            "'speed' in a season: a way to them has the vessel's own speed": any(
-                season.speed is not None for season in self.seasons
-            ),
-        }
-        for other, is_there in others.items():
-            if is_there:
-                yield f"has [havens] and {other}; leave one of the two out"
-        turn_s = 360 / self.vessel.turn_rate_deg_s
-        if self.havens.within_s is not None and self.havens.within_s < turn_s:
-            yield (
-                f"has havens.within = {self.havens.within!r}, and one full turn takes the vessel "
-                f"{turn_s:.0f} s; give more"
-            )
-
-    def _waiting_faults(self, *, has_hours: bool) -> Iterator[str]:
-        """Find faults of a wait at an anchorage: it needs a clock, and one departure."""
+    def _waiting_faults(self) -> Iterator[str]:
+        """Find several waits at anchorages, and a wait where there is nothing to wait for."""
         waiting = [f"via[{at}].wait" for at, one in enumerate(self.via) if wait_at(one)]
         if len(waiting) > 1:
             yield (
                 f"has {' and '.join(waiting)}; a plan waits at one anchorage: leave out the other "
                 "waits, or plan the way on from there by itself"
             )
+        has_hours = any(self._keys_with_hours())
         for season in self.seasons if waiting else ():
-            given = [
-                repr(name)
-                for name in ("departures", "arrive_by", "speed", "members")
-                if getattr(season, name) is not None
-            ]
-            if given:
-                yield (
-                    f"season {season.name!r} has {' and '.join(given)}, and {waiting[0]} leaves "
-                    "another time open; give the season one 'departure' alone, or leave the wait "
-                    "out"
-                )
-            elif season.departure is None or not (season.is_changing or has_hours):
+            if season.first_departure is None or not (season.is_changing or has_hours):
                 yield (
                     f"season {season.name!r} has nothing to wait for at {waiting[0]}: give it a "
                     "'departure', with a [tide], hours in [[avoid]] or time_method = 'changing', "
                     "or leave the wait out"
                 )
-
-    def _under_way_faults(self) -> Iterator[str]:
-        """Find keys that do not go together with [under_way]."""
-        if self.under_way is not None:
-            waits = any(map(wait_at, self.via))
-            yield from self.under_way.faults(self.seasons, self.region, self.scale, waits=waits)
 
     def _keys_with_hours(self) -> Iterator[tuple[str, str]]:
         """Yield the keys that depend on the date, and what to leave out to be rid of it."""

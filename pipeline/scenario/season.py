@@ -22,7 +22,6 @@ from pydantic import (
 )
 
 from pipeline.scenario import strict
-from pipeline.scenario.region import Plane
 from pipeline.scenario.strict import StrictModel
 
 # Forms of a season's `valid`; whether the date exists is checked by `datetime`.
@@ -375,9 +374,10 @@ class Season(StrictModel):
     such as '1h', or leave it out."""
     arrive_by: AwareDatetime | None = Field(default=None, examples=["2026-07-02T18:00:00Z"])
     """Latest arrival at the goal, in currents that change or with 'speed'. Without 'speed' the
-    latest departure is chosen, not before 'departure', that still arrives in time; with it the
-    vessel leaves at 'departure', or at the best of 'departures', and chooses speeds that arrive in
-    time. Give a time with its zone, as 2026-07-02T18:00:00Z, or leave it out."""
+    latest departure is chosen, not before 'departure', that still arrives in time, or the best of
+    'departures' that does; with it the vessel leaves at 'departure', or at the best of
+    'departures', and chooses speeds that arrive in time. Give a time with its zone, as
+    2026-07-02T18:00:00Z, or leave it out."""
     speed: SpeedRange | None = None
     """Range of speeds through water, in place of the vessel's own: it chooses a speed for each leg,
     for least fuel from 'departure', or the best of 'departures', to 'arrive_by'. Give a table as {
@@ -406,48 +406,18 @@ class Season(StrictModel):
             raise strict.RemediedError(f"(season {self.name!r}) {how}{'; it '.join(faults)}")
         return self
 
-    def faults_in(self, plane: Plane | None, scale: float) -> Iterator[str]:
-        """Find keys that do not go together with the scenario's plane, if any, or its scale."""
-        if plane is None and not self.currents:
-            yield ("gives its current as numbers, which need a [plane]; name sources in 'currents'")
-        if plane is not None and self.currents:
-            yield (
-                "names sources, which a [plane] does not have; give its current as 'gyre' or "
-                "'uniform'"
-            )
-        if plane is not None and self.gyre and plane.extent[:2] != (0, 0):
-            yield (
-                f"is a gyre, but the plane's extent begins at {list(plane.extent[:2])}; begin it "
-                "at [0, 0]"
-            )
-        if self.is_changing and scale != 1:
-            yield (
-                f"has changing currents at scale = {scale:g}: a turn by hard rudder would last "
-                "hours of tide; plan at true scale, scale = 1"
-            )
-        if self.speed is not None and not self.is_changing and scale != 1:
-            yield (
-                f"has 'speed' at scale = {scale:g}, where times under way are not the true ones; "
-                "plan at true scale, scale = 1"
-            )
-
     def _changing_faults(self) -> Iterator[str]:
         """Find keys that changing currents lack, or can't have."""
         if self.departure is None and self.departures is None:
             yield "lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z"
-        if not self.currents:
-            yield "gives its current as numbers, which don't change; name 'currents'"
         if self.valid:
             yield "has 'valid', which its departure says already; leave it out"
         yield from (*self._window_faults(), *self._speed_faults(), *self._arrival_faults())
 
     def member_faults(self) -> Iterator[str]:
-        """Find keys that don't go together with members."""
+        """Find members of currents that are no files."""
         if self.members is None:
             return
-        for name in ("departures", "arrive_by", "speed"):
-            if getattr(self, name) is not None:
-                yield f"has 'members' and {name!r}; each member has times of its own: leave one out"
         along = self.members.along
         others = [source_name(one) for one in self.currents if not isinstance(one, tuple)]
         if self.members.spread is None and (others or not self.currents):
@@ -462,11 +432,6 @@ class Season(StrictModel):
         if self.departures is not None:
             if self.departure is not None:
                 yield "has both 'departure' and 'departures'; leave one out"
-            if self.arrive_by is not None and self.speed is None:
-                yield (
-                    "has both 'departures' and 'arrive_by'; leave one out, or give speeds to "
-                    "choose from"
-                )
             if self.departures.window > timedelta(hours=MAX_HOURS):
                 hours = self.departures.window.total_seconds() / 3600
                 yield (
@@ -485,8 +450,6 @@ class Season(StrictModel):
                 f"has speed.least = {self.speed.least:g} m/s above speed.most = "
                 f"{self.speed.most:g} m/s; exchange them"
             )
-        if self.to_within is not None:
-            yield "has 'to_within', which can't be proven where speeds are chosen; leave it out"
         if self.first_departure is None and not self.is_changing:
             yield "has 'speed', but no 'departure', from which its time counts; add it"
         if self.arrive_by is None:
