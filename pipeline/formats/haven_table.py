@@ -116,13 +116,10 @@ def _printed(row: HavenRow, departure: datetime | None) -> tuple[str, ...]:
 def haven_facts(case: RunCase) -> list[str]:
     """Return what a reader needs to know beside the table: limits, shares, how to use it."""
     coverage, limits = coverage_of(case), case.scenario.havens
-    asked = [f"within {limits.within}"] if limits and limits.within else []
-    if limits and limits.endurance:
-        asked.append(f"with fuel for {limits.endurance} at departure")
     shares = ", ".join(f"{percent(coverage.share(state))} {state}" for state in STATES)
     left_out = ", ".join(haven.name for haven, _ in coverage.left_out)
     return [
-        f"Ways to havens {' and '.join(asked)}, by time under way: {shares}.",
+        f"Ways to havens {limits.text if limits else ''}, by time under way: {shares}.",
         (
             "Covered: early, on time or late, carry on to the place named, turn off there, and be "
             "at the haven in time. Uncovered: by a bound, nobody on time gets to a haven of the "

@@ -12,6 +12,7 @@ import numpy as np
 
 import renew
 from pipeline._types import FloatArray, IntArray
+from pipeline.findings.columns import figure_columns, figures, used
 from pipeline.findings.departures_and_speeds import TradeOff, trade_offs
 from pipeline.findings.ensembles import (
     ENSEMBLE_COLUMNS,
@@ -30,24 +31,9 @@ from pipeline.formats.passage.waypoints import (
     time_after,
     wrapped_longitude,
 )
-from pipeline.model import Case, DepartureChoice, RouteMetrics, Water
+from pipeline.model import Case, DepartureChoice, Water
 from pipeline.scenario.loading import scenario_text
 from pipeline.texts import cell
-
-# Fields of RouteMetrics in their order, and their columns. Fuel and length_planner_m are in the
-# planner's scaled units, every other `_m` in true metres.
-_FIELDS = (
-    *("rank", "way", "homotopy", "fuel", "fuel_per_distance", "length", "length_m"),
-    *("clearance_m", "duration_s", "speed_m_s", "optimality_gap"),
-    *("trials", "collisions"),
-    *("land_m", "land_lon", "land_lat", "filled_share", "uncharted_share"),
-    *("least_water_m", "least_water_at", "least_water_early_m", "least_water_late_m"),
-    *("members_share", "members_mean_fuel", "members_p90_fuel", "members_cvar90_fuel"),
-    "members_regret",
-)
-_RENAMED = {"length": "length_planner_m", "speed_m_s": "speed_through_water_m_s"}
-METRICS_COLUMNS = {_RENAMED.get(field, field): field for field in _FIELDS}
-"""Column in the file -> field of RouteMetrics."""
 
 _PASSAGE = ("departure", "arrival")
 
@@ -70,11 +56,15 @@ _HEAD = """\
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write rows to a new CSV file (UTF-8, a header, RFC 4180 line ends)."""
+    """Write rows to a new CSV file (UTF-8, a header, RFC 4180 line ends).
+
+    Optional columns that are empty in all rows are left out.
+    """
+    written = [{name: _spelled(value) for name, value in row.items()} for row in rows]
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, columns)
+        writer = csv.DictWriter(file, used(columns, written), extrasaction="ignore")
         writer.writeheader()
-        writer.writerows({key: cell(one) for key, one in row.items()} for row in rows)
+        writer.writerows(written)
 
 
 def utc_text(moment: datetime) -> str:
@@ -89,24 +79,23 @@ def write_metrics(result: RunResult, path: Path) -> None:
         metrics, case = ranked.metrics, ranked.case
         passage = result.scenario.passage(case.name, round(metrics.duration_s)) or ()
         cells: dict[str, Any] = {"season": case.name, "current": case.current_text}
-        cells |= {column: _cell(metrics, field) for column, field in METRICS_COLUMNS.items()}
-        cells |= dict(zip(_PASSAGE, map(utc_text, passage), strict=False))
+        cells |= figures(metrics, "csv")
+        cells |= dict(zip(_PASSAGE, passage, strict=False))
         found = case.result.ensemble
         if found is not None and ranked.rank == 1:
             cells |= ensemble_figures(found, [one.metrics for one in case.routes])
         rows.append(cells)
-    columns = ["season", *METRICS_COLUMNS, *ENSEMBLE_FIGURES, *_PASSAGE, "current"]
+    columns = ["season", *figure_columns("csv"), *ENSEMBLE_FIGURES, *_PASSAGE, "current"]
     write_csv(path, columns, rows)
 
 
-def _cell(metrics: RouteMetrics, field: str) -> str:
-    """Format a figure so that it reads back exactly; empty if it is not finite."""
-    value = getattr(metrics, field)
+def _spelled(value: object) -> object:
+    """Return what stands in a cell, so that figures read back exactly; "" if not finite."""
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else ""
     if isinstance(value, datetime):
         return utc_text(value)
-    return "" if value is None else str(value)
+    return "" if value is None else cell(value)
 
 
 def write_departures_csv(result: RunResult, path: Path) -> None:

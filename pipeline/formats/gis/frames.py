@@ -15,19 +15,16 @@ import numpy.typing as npt
 import shapely
 
 from pipeline._types import ArrayLike, Geometries
+from pipeline.findings.columns import COLUMNS
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.text import os_error
 
-_TEXTS: dict[str, dict[str, dict[str, str]]] = tomllib.loads(
+LAYER_TEXTS: dict[str, dict[str, str]] = tomllib.loads(
     files("pipeline.formats.gis").joinpath("layers.toml").read_text(encoding="utf-8")
 )
-LAYER_TEXTS = _TEXTS["layers"]
 """Layer -> its title, description and type of geometry."""
 
-FIELDS = _TEXTS["columns"]
-"""Column -> its name for readers, its meaning, and its type if that is not a float."""
-
-_TYPES = {"text": object, "whole": int, "flag": bool}
+_TYPES = {"text": object, "time": object, "whole": int, "flag": bool, "number": float}
 
 
 GeoDataFrame: TypeAlias = Any  # of geopandas, which has no types and takes long to import
@@ -67,7 +64,7 @@ def frame(
 
     counts = [np.size(part) for part in geometry]
     joined = {
-        name: _joined(values, counts, _TYPES.get(FIELDS.get(name, {}).get("type", ""), float))
+        name: _joined(values, counts, _TYPES[COLUMNS[name].type if name in COLUMNS else "number"])
         for name, values in columns.items()
     }
     return geopandas.GeoDataFrame(

@@ -25,13 +25,13 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
+from pipeline.findings.columns import COLUMNS
 from pipeline.findings.note_words import caveats_json
 from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.text import write_json
 from pipeline.formats.figures.map_marks import nice_step
 from pipeline.formats.gis import haven_layers
 from pipeline.formats.gis.frames import (
-    FIELDS,
     GeoDataFrame,
     Layer,
     check_count,
@@ -155,7 +155,7 @@ def qgz(
         seasons=view.seasons,
         season_layers=_SEASON_LAYERS,
         columns=columns,
-        fields=FIELDS,
+        fields=COLUMNS,
         file_name=file_name,
         pages=[_page(name, *size_mm, crs) for name, size_mm in _PAGES_MM.items()],
         water=bytes.fromhex(COLOURS["water"].removeprefix("#")),
@@ -318,7 +318,7 @@ def _put_meanings(database: sqlite3.Connection, columns: Mapping[str, Sequence[s
         "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description)"
         " VALUES (?, ?, ?, ?, ?)",
         [
-            (layer, name, FIELDS[name]["alias"], FIELDS[name]["alias"], FIELDS[name]["meaning"])
+            (layer, name, COLUMNS[name].alias, COLUMNS[name].alias, COLUMNS[name].meaning)
             for layer, names in columns.items()
             for name in names
         ],

@@ -10,6 +10,7 @@ import shapely
 
 import renew
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
+from pipeline.findings.columns import figure_columns, figures, used
 from pipeline.findings.result import RunCase, RunResult, continued
 from pipeline.findings.route_profile import Legs, legs as planned_legs
 from pipeline.findings.text import moment_text
@@ -135,12 +136,6 @@ _ERROR_M = 1.0
 # Maximum number of harmless turns shown per route: at true scale turns are simulated every few
 # metres, and all of them would make a file of a gigabyte.
 _MAX_TURNS = 2_000
-# Figures in a route's row, by the names of its metrics.
-_MEASURED = (
-    *("homotopy", "way", "fuel", "fuel_per_distance", "length_m", "clearance_m", "duration_s"),
-    *("speed_m_s", "optimality_gap", "trials", "collisions", "filled_share"),
-    *("uncharted_share", "least_water_m", "members_share", "members_mean_fuel"),
-)
 
 
 def passage(result: RunResult) -> frames.GeoDataFrame:
@@ -214,21 +209,21 @@ def _areas(points: Waypoints, result: RunResult) -> Geometries:
 
 
 def _routes(result: RunResult) -> frames.GeoDataFrame:
-    """Return routes, one line each."""
+    """Return routes, one line each, with the figures that have values in this run."""
     ranked = result.routes
-    measured = frames.columns_of([r.metrics for r in ranked], *_MEASURED)
+    rows = [figures(r.metrics, "layer") for r in ranked]
+    for row in rows:
+        row["least_water_at"] = row["least_water_at"] and moment_text(row["least_water_at"])
     lines = to_lonlat(
         result, [shapely.LineString(r.route.path) for r in ranked], frames.ROUTE_STEP_M
     )
-    moments = [r.metrics.least_water_at for r in ranked]
-    at = np.array([one and moment_text(one) for one in moments], dtype=object)
+    columns = {name: [row[name] for row in rows] for name in figure_columns("layer")}
     texts = {
-        "least_water_at": list(at),
         "current": [r.case.current_text for r in ranked],
         "caveats": [limits_text(r) for r in ranked],
     }
-    routes = frame(lines, {**frames.route_key(ranked), **measured, **texts})
-    return routes.rename(columns={"speed_m_s": "speed_through_water_m_s"})
+    routes = frame(lines, {**frames.route_key(ranked), **columns, **texts})
+    return routes[used(routes.columns, routes.replace(np.nan, None).to_dict("records"))]
 
 
 def _path_points(result: RunResult) -> frames.GeoDataFrame:

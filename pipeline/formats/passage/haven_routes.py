@@ -60,10 +60,6 @@ def _ranked(way: Way, case: RunCase) -> RankedRoute:
         clearance_m=math.inf if nearest is None else nearest.clearance_m,
         duration_s=way.duration_s,
         speed_m_s=float(route.speeds[0]),
-        optimality_gap=math.nan,
-        trials=0,
-        collisions=0,
-        land_m=0.0,
     )
     return RankedRoute(case, way.number, route, metrics, f"to {way.haven}")
 

@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from pipeline.findings import columns
 from pipeline.formats.gis import frames
 from pipeline.nightly.cycle.part_files import (
     CASE_SCHEMA,
@@ -60,9 +61,11 @@ COLUMNS = (
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = "routes"
 _TEXT = ("case", "scenario", "season", "pair", "departure", "vessel", "member", "side", "class")
-_FIGURES = (
-    *("fuel", "fuel_per_distance", "length_m", "duration_s", "clearance_m", "optimality_gap"),
-    *("members_share", "members_mean_fuel"),
+# Figures of a route in the layer: those of the layer of a run.
+_FIGURES = tuple(
+    name
+    for name in columns.figure_columns("layer")
+    if name in columns.figure_columns("night") and columns.COLUMNS[name].type == "number"
 )
 _CHUNK = 4096
 # Date of the layer if the currents have none.
@@ -150,11 +153,11 @@ def write_changes(cases_path: Path, path: Path) -> None:
                 writer.writerow([_spelled(row[column]) for column in COLUMNS])
 
 
-def rows_of(path: Path, columns: tuple[str, ...]) -> Iterator[Row]:
+def rows_of(path: Path, names: tuple[str, ...]) -> Iterator[Row]:
     """Yield the rows of a table; only one row group is in memory at a time."""
     file = pq.ParquetFile(path)
     for group in range(file.num_row_groups):
-        yield from file.read_row_group(group, list(columns)).to_pylist()
+        yield from file.read_row_group(group, list(names)).to_pylist()
 
 
 def _spelled(value: object) -> object:
@@ -199,8 +202,8 @@ def _chunks(routes_path: Path) -> Iterator[list[Row]]:
     """Yield the routes of the layer in chunks: the best route of each case on each side."""
     chunk: list[Row] = []
     shown, case = set[str](), -1
-    columns = ("index", *_TEXT, "rank", *_FIGURES, "arrival", "geometry")
-    for row in rows_of(routes_path, columns):
+    names = ("index", *_TEXT, "rank", *_FIGURES, "arrival", "geometry")
+    for row in rows_of(routes_path, names):
         if row["index"] != case:
             shown, case = set(), row["index"]
         if row["side"] not in shown:
