@@ -205,7 +205,7 @@ def _tightest(route: renew.Route) -> list[_TightPlace]:
 
 def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _TightPlace) -> None:
     """Draw the surroundings of a tight place, and hard-over turns from there and nearby."""
-    scene, route = result.scene, ranked.route
+    route = ranked.route
     middle = _point_at(route, place.along)
     (turn,) = _turns(result, ranked, np.array([place.along]))
     reach = float(np.linalg.norm(turn - middle, axis=-1).max())
@@ -232,7 +232,7 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     )
     axes.add_artist(frame)
     frame.set_clip_on(False)
-    artists.draw_scale_bar(axes, scene.projection, drop_pt=8)
+    artists.draw_scale_bar(axes, result.water.projection, drop_pt=8)
 
 
 def _point_at(route: renew.Route, along: float) -> FloatArray:
@@ -253,8 +253,8 @@ def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatAr
     return fly_turns(
         points,
         np.arctan2(ahead[:, 1], ahead[:, 0]),
-        result.case(ranked.season).case.current,
-        result.scene.vessel_in(ranked.season),
+        ranked.case.case.current,
+        ranked.case.case.vessel,
         np.zeros((1, 1, 2)),
         np.interp(along, np.append(0.0, passed), ranked.route.times),
         speeds=ranked.route.speeds[

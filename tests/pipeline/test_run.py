@@ -24,6 +24,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.voyage.one_line import voyage_scenario
 from pipeline.voyage.request import VoyageRequest
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import rows_of
 from tests.tree import tree
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,18 +13,9 @@ import shapely
 from pipeline.geo.projection import Projection
 from pipeline.model import Case, CaseResult
 from pipeline.scenario.loading import parse_scenario
-from pipeline.scenario.model import PlannerOptions, Scenario
-from pipeline.stages.places import fetched_plane, unsimplified
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.plan_case import plan_case
-from pipeline.stages.project import project
-
-
-def case_of(scenario: Scenario) -> Case:
-    """Return the one case of a scenario in a plane."""
-    fetched = fetched_plane(scenario)
-    (case,) = project(scenario, fetched, unsimplified(fetched.land))
-    return case
-
+from tests.pipeline.planar_cases import case_of
 
 SCENARIO = {
     "schema_version": 1,
