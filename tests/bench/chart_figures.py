@@ -24,6 +24,7 @@ from pipeline.geo.projection import Projection
 from pipeline.model import Case, Credit, CurrentGrid, Fetched, Land
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land import osm
+from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most

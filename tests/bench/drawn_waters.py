@@ -42,6 +42,7 @@ class DrawnWater(Water):
     """A water drawn by a seed, with the vessel that sails there."""
 
     spec: VesselSpec
+    leaves_out: bool
 
     @cached_property
     def vessel(self) -> renew.Vessel:
@@ -112,7 +113,7 @@ def drawn(seed: int) -> DrawnWater:
             return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)
 
         choice = choose_region(voyage, mask_of, _WORLD)
-        water = DrawnWater(f"water {seed}", choice.bounds, *ends, spec)
+        water = DrawnWater(f"water {seed}", choice.bounds, *ends, spec, choice.leaves_out)
         parts = shapely.get_parts(water.raw.water)
         both = [shapely.covers(parts, shapely.Point(end)) for end in water.ends]
         if (both[0] & both[1]).any():

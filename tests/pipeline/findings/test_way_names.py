@@ -167,7 +167,7 @@ def bali_scene(*others: shapely.Polygon) -> Case:
     land = projection.geometry_to_plane(np.array([diamond, *others], dtype=object))
     chart = renew.Chart(projection.geometry_to_plane(region), [shapely.union_all(land)])
     ends = projection.to_plane([[x, south - 0.3], [x, north + 0.3]])
-    return Case("still", Water(chart, tuple(land), projection), VESSEL, *ends, STILL)
+    return Case("still", Water(chart, tuple(land), projection), VESSEL, ends[0], ends[1], STILL)
 
 
 def test_the_catalogues_names_come_after_the_charts() -> None:

@@ -24,12 +24,12 @@ from pipeline.sources.current_field import Field
 from pipeline.stages.places import avoided_zones
 from pipeline.voyage.one_line import voyage_scenario
 from pipeline.voyage.request import VoyageRequest
+from tests.pipeline.formats import small_run
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)
 RANGE = shapely.box(-40.01, 35.02, -39.98, 35.06)
 VIA = (-40.03, 35.04)
-from tests.pipeline.formats import small_run
 
 
 def scenario_data(folder: Path, **asked: object) -> dict[str, Any]:

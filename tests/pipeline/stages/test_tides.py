@@ -150,7 +150,9 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
     assert departure is not None
     table = rows(points, departure)
     assert headings(points).water == "Water under\nkeel, m"
-    tide = shapely.union_all(result.planned["day"].tidal_depth.areas)
+    depth = result.planned["day"].tidal_depth
+    assert depth is not None
+    tide = shapely.union_all(depth.areas)
     for index, row in enumerate(table[1:]):
         leg = shapely.LineString(result.water.projection.to_plane(points.lonlat[index : index + 2]))
         assert bool(row.water) == leg.intersects(tide)

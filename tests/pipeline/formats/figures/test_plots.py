@@ -20,6 +20,7 @@ from pipeline.formats.figures.artists import page_svg
 from pipeline.formats.figures.plots import profile_figure
 from pipeline.formats.figures.turning import padding_figure, tightest_place
 from pipeline.formats.palette import COLOURS
+from tests.pipeline.results import with_case, with_water
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -144,7 +144,7 @@ def test_a_plane_a_failed_season_and_one_without_current_are_drawn(
     assert share(imread(tmp_path / "planar.png"), "land") > 0.01
     failed = small_run.with_a_failed_season(result)
     failed = replace(failed, planned={"summer": result.planned["summer"]})
-    svg = case_svg(failed, "winter", identity="f", label="")
+    svg = case_svg(failed.case("winter"), identity="f", label="")
     assert "--map-land" in svg
     assert "--map-speed" not in svg
     assert "stroke-width: 2.2" not in svg

@@ -40,7 +40,9 @@ def lonlat_scene() -> tuple[Case, shapely.Polygon]:
     chart = renew.Chart(projection.geometry_to_plane(REGION), [planar.buffer(10)])
     ends = projection.to_plane([(120.3, 12.8), (116.8, 7.7)])
     current = renew.UniformCurrent(0.0, 0.1)
-    return Case("still", Water(chart, (planar,), projection), VESSEL, *ends, current), island
+    return Case(
+        "still", Water(chart, (planar,), projection), VESSEL, ends[0], ends[1], current
+    ), island
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +100,7 @@ def test_the_nearest_land_is_the_nearest_on_earth() -> None:
     there = shapely.distance(planar, shapely.LineString(endpoints))
     assert there[1] < there[0], "in the plane the other island is nearer"
     water = Water(renew.Chart(projection.geometry_to_plane(region)), tuple(planar), projection)
-    scene = Case("still", water, VESSEL, *endpoints, renew.UniformCurrent(0.0, 0.0))
+    scene = Case("still", water, VESSEL, endpoints[0], endpoints[1], renew.UniformCurrent(0.0, 0.0))
     plan = renew.plan(scene.chart, scene.current, VESSEL, *endpoints, classes=1)
     length = float(np.linalg.norm(endpoints[1] - endpoints[0]))
     share = np.linspace(0, 1, 2_000)[:, None]
