@@ -61,6 +61,7 @@ def case_section(case: RunCase) -> dict[str, Any]:
         "remarks": _remarks(ranked[0]) if ranked else (),
         "rows": _rows(ranked),
         "gap_figure": case.gap_figure,
+        "current_text": case.current_text,
         "rejected": _rejected(case),
         "thumbnail": {
             **thumbnail(result, [r for r in ranked if r.metrics in (metrics[0], rival)]),

@@ -60,7 +60,7 @@ def test_every_file_names_the_current_that_was_used(end: str, tmp_path: Path) ->
     """Summer is planned on a stand-in, winter on what was asked for."""
     result = small_run.parts()
     for season in ("summer", "winter"):
-        WRITERS[end](result, season, tmp_path / f"{season}.{end}")
+        WRITERS[end](result.case(season), tmp_path / f"{season}.{end}")
         grid = result.case(season).grid
         assert grid is not None
         told = (tmp_path / f"{season}.{end}").read_text(encoding="utf-8").lower()
