@@ -23,7 +23,7 @@ from pipeline.model import Passage
 from renew._types import FloatArray
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.figures.legible import assert_texts_apart, ink_at_the_edge, is_land
-from tests.pipeline.results import with_case, with_measures, with_result
+from tests.pipeline.results import with_case, with_result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,7 +124,11 @@ def test_the_best_by_each_passage_has_its_channel_drawn(
         )
         for ranked, rank in zip([*routes, *routes][:5], (1, 2, 3, 4, 5), strict=True)
     ]
-    many = with_measures(result, "winter", routes=tuple(rows))
+    entry = result.case("winter").result
+    assert entry.plan is not None
+    plan = replace(entry.plan, routes=tuple(one.route for one in [*routes, *routes][:5]))
+    measures = replace(entry.measures, routes=tuple(rows))
+    many = with_result(result, "winter", plan=plan, measures=measures)
     titles = [text.get_text() for text in method.channels(many, "winter").texts]
     assert titles[::2] == [
         *(f"{rank}: north of island 1, east of island 2" for rank in (1, 2, 3)),

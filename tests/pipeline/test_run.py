@@ -122,7 +122,7 @@ def test_a_fault_after_the_plan_is_said_and_loses_no_plan(
 
     late = {
         "pipeline.run.bounds_of_sides": "bounds",
-        "pipeline.stages.compare.with_way_names": "names",
+        "pipeline.stages.compare.way_names": "names",
         "pipeline.stages.compare.shut_straits": "straits",
         "pipeline.stages.compare.waiting_notes": "notes",
         "pipeline.formats.tables.write_metrics": "a file",
@@ -150,16 +150,16 @@ def test_a_fault_beyond_the_chosen_region_loses_no_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*_: object) -> None:
-        raise ValueError("the fault of the wide scene")
+        raise ValueError("the fault of the wider region")
 
-    monkeypatch.setattr("pipeline.stages.choosing.region.bounded_sides", fails)
+    monkeypatch.setattr("pipeline.run.wider_region", fails)
     options = {"positions": ("119.0E 8.6N", "119.4E 8.6N"), "vessel": "usv-7m"}
     request = VoyageRequest.of_options({**options, "currents": ("still",)})
     scenario, _ = voyage_scenario(request)
     outcome = run(scenario, tmp_path, offline=True)
     (said,) = outcome.failures
-    assert "the bound on ways outside the region failed" in said
-    assert "the fault of the wide scene" in said
+    assert "the choice of a wider region failed" in said
+    assert "the fault of the wider region" in said
     assert outcome.result.routes
     assert (outcome.directory / "routes.gpkg").is_file()
 

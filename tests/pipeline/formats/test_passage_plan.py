@@ -208,7 +208,7 @@ def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) ->
     )
     cached = {"summer": (long,), "winter": case_waypoints(result.case("winter"))}
     other = replace(result)
-    other.kept["_exchange_waypoints"] = (None, cached)
+    other.kept["_exchange_waypoints"] = cached
     write_passage_plan(other, tmp_path / "a.pdf")
     pages = texts(tmp_path / "a.pdf")
     assert len(pages) == 4
