@@ -18,8 +18,7 @@ from pipeline.machine.first_compilation import first_compilation
 from pipeline.machine.interpreters import give_back_memory
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
 from pipeline.model import CaseResult, Fetched, Note, Say, SideBound
-from pipeline.scenario.model import Scenario
-from pipeline.scenario.under_way import UnderWay
+from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.session import Origin, session
 from pipeline.stages.choose import choose
 from pipeline.stages.choosing.chosen import Chosen

@@ -16,6 +16,7 @@ from pydantic import BaseModel
 
 from pipeline.scenario.loading import inline
 from pipeline.scenario.model import Scenario
+from pipeline.scenario.pairs import PAIRS
 from pipeline.scenario.strict import limit_text, model_in
 
 KEYS_FILE, SCHEMA_FILE = "scenario-keys.md", "scenario.schema.json"
@@ -77,7 +78,24 @@ def schema_text() -> str:
 
 def keys_text() -> str:
     """Return the text of the keys' reference in Markdown."""
-    return "\n".join([_INTRODUCTION, *(_section(table) for table in tables())])
+    return "\n".join([_INTRODUCTION, *(_section(table) for table in tables()), _pairs()])
+
+
+def _pairs() -> str:
+    """Return the section of the features that don't go together."""
+    lines = [
+        "## What does not go together",
+        "",
+        "No feature of the first column is planned together with one of the second. Every other",
+        "pair is.",
+        "",
+        "| feature | not with | reason | instead |",
+        "|---|---|---|---|",
+    ]
+    for pair in PAIRS:
+        row = (", ".join(pair.first), ", ".join(pair.second), pair.reason, pair.remedy)
+        lines.append(f"| {' | '.join(row)} |")
+    return "\n".join([*lines, ""])
 
 
 def _section(table: Table) -> str:

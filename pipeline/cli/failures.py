@@ -225,27 +225,24 @@ def _short(filename: str) -> str:
 
 
 @contextlib.contextmanager
-def dating_earlier_results(output: Path, asked: str) -> Iterator[None]:
-    """Add a note to a RequestError if the output folder has results of an earlier run."""
+def dating_earlier_results(output: Path, name: object) -> Iterator[None]:
+    """Add a note to a RequestError if the output folder has earlier results of the scenario `name`.
+
+    The note has their date.
+    """
     try:
         yield
     except RequestError as error:
-        with contextlib.suppress(Exception):  # a failure here must not hide the error
-            error.add_note(_note(output, asked))
+        from pipeline.findings.names import MANIFEST, output_directory
+
+        with contextlib.suppress(Exception):  # no such results, or a name that can't be a folder's
+            directory = output_directory(output, str(name))
+            written = datetime.fromtimestamp((directory / MANIFEST).stat().st_mtime, UTC)
+            error.add_note(
+                f"nothing was written: the files in {directory} are those of an earlier run, of "
+                f"{written:%Y-%m-%d %H:%M} UTC"
+            )
         raise
-
-
-def _note(output: Path, asked: str) -> str:
-    """Return a note with the date of a scenario's results; raise an error if there are none."""
-    from pipeline.findings.names import MANIFEST, output_directory
-    from pipeline.scenario.catalogue import read_toml, scenario_path
-
-    directory = output_directory(output, str(read_toml(scenario_path(asked))["name"]))
-    written = datetime.fromtimestamp((directory / MANIFEST).stat().st_mtime, UTC)
-    return (
-        f"nothing was written: the files in {directory} are those of an earlier run, of "
-        f"{written:%Y-%m-%d %H:%M} UTC"
-    )
 
 
 def program_version() -> str:

@@ -6,13 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.usage import GroupedCommand
 
 if TYPE_CHECKING:
     from pipeline.scenario.model import Scenario
-
-# Placeholders for positions that are missing, or that may be values of unknown options.
-_ANYWHERE = ("0N 0E", "0N 1E")
 
 
 def go(
@@ -53,21 +49,13 @@ def go(
     """
     given = locals()
     with reported_errors():
-        from pipeline.cli.ending import run_to_end
+        from pipeline.cli.reporting import run_to_end
         from pipeline.voyage.one_line import run_voyage
 
         scenario, notes = _scenario(given)
         scenario = scenario.explaining_gap() if explain_gap else scenario
         run = partial(run_voyage, scenario, output, offline=offline, strict=strict, said=notes)
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
-
-
-class GoCommand(GroupedCommand):
-    """The command `renew go`."""
-
-    def check_request(self, values: dict[str, Any]) -> None:
-        """Raise RequestError with the faults of the voyage."""
-        _scenario(values)
 
 
 def _scenario(given: dict[str, Any]) -> "tuple[Scenario, tuple[str, ...]]":
@@ -77,7 +65,7 @@ def _scenario(given: dict[str, Any]) -> "tuple[Scenario, tuple[str, ...]]":
     from pipeline.voyage.one_line import voyage_scenario
     from pipeline.voyage.request import VoyageRequest
 
-    request = VoyageRequest.of_options({**given, "positions": given.get("positions") or _ANYWHERE})
+    request = VoyageRequest.of_options(given)
     faults = Faults()
     faults.collect(lambda: folder_to_write(given["output"], "--output"))
     made = faults.collect(lambda: voyage_scenario(request))

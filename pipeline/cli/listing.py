@@ -1,74 +1,44 @@
-"""The output of `renew list`, the catalogue, and of `renew clean`, the space that was freed."""
+"""The output of `renew list`: the entries of the catalogue, and what each scenario needs."""
 
 import json
-import re
-import sys
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
-import typer
-
-from pipeline.errors import RequestError
 from pipeline.scenario import catalogue
 from pipeline.scenario.season import Season
 
-_DAYS = {"h": 1 / 24, "d": 1.0, "w": 7.0}
-_MB = 1e6
-_TIDES = "tides"
-_SECTIONS = (*catalogue.SECTIONS, _TIDES)
 _ACCOUNT = "a Copernicus Marine account"
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """An entry of the catalogue; only scenarios have `needs`."""
-
-    section: str
-    name: str
-    title: str
-    needs: str = ""
-
-
-def listed() -> list[Entry]:
-    """Return every entry, sorted by section and name."""
-    return [
-        Entry(
-            section,
-            name,
-            str(content.get("title", "")),
-            _needs(content) if section == "scenarios" else "",
-        )
-        for section in catalogue.SECTIONS
-        for name in catalogue.names(section)
-        for content in [catalogue.entry(section, name)]
-    ] + [
-        Entry(_TIDES, name, json.loads(path.read_text(encoding="utf-8"))["name"])
+def listed() -> dict[str, list[dict[str, str]]]:
+    """Return the entries of each section, sorted by name; only scenarios have `needs`."""
+    sections: dict[str, list[dict[str, str]]] = {}
+    for section in catalogue.SECTIONS:
+        sections[section] = []
+        for name in catalogue.names(section):
+            content = catalogue.entry(section, name)
+            needs = _needs(content) if section == "scenarios" else ""
+            sections[section].append(_entry(section, name, str(content.get("title", "")), needs))
+    sections["tides"] = [
+        _entry("tides", name, json.loads(path.read_text(encoding="utf-8"))["name"])
         for name, path in catalogue.stations().items()
     ]
+    return sections
 
 
-def as_text(entries: Sequence[Entry]) -> str:
-    """Return entries as text, one line each."""
-    width = max(len(entry.name) for entry in entries) + 1
+def _entry(section: str, name: str, title: str, needs: str = "") -> dict[str, str]:
+    return {"section": section, "name": name, "title": title, "needs": needs}
+
+
+def as_text(sections: dict[str, list[dict[str, str]]]) -> str:
+    """Return the sections as text, a line for each entry."""
+    width = max(len(entry["name"]) for entries in sections.values() for entry in entries) + 1
     lines: list[str] = []
-    for section in _SECTIONS:
+    for section, entries in sections.items():
         lines.append(f"{section}:")
         for entry in entries:
-            if entry.section == section:
-                needs = f" ({entry.needs})" if entry.needs else ""
-                lines.append(f"  {entry.name:<{width}}{entry.title}{needs}")
+            needs = f" ({entry['needs']})" if entry["needs"] else ""
+            lines.append(f"  {entry['name']:<{width}}{entry['title']}{needs}")
     return "\n".join(lines)
-
-
-def spelled_as_json(entries: Sequence[Entry]) -> str:
-    """Return entries as one JSON object with a list for each section."""
-    sections = {
-        section: [asdict(entry) for entry in entries if entry.section == section]
-        for section in _SECTIONS
-    }
-    return json.dumps(sections, ensure_ascii=False)
 
 
 def _needs(scenario: dict[str, Any]) -> str:
@@ -97,54 +67,3 @@ def _runs_offline(season: Season) -> bool:
         if source.adapter == "embedded-table" and source.season_for(season) is not None:
             return True
     return False
-
-
-def require_consent() -> None:
-    """Ask before the land cache is removed, which is the user's; RequestError without a terminal.
-
-    Raises typer.Abort if the answer is no.
-    """
-    from renew._compiled import user_cache
-
-    folder = user_cache()
-    if folder is None or not any(folder.glob("*.shoreline*")):
-        return
-    what = (
-        f"--all also removes the world's land in {folder}, which all projects of this "
-        "user share; the next plan makes it again in some seconds"
-    )
-    if not sys.stdin.isatty():
-        raise RequestError(f"{what}: add --yes, or leave out --all")
-    typer.confirm(f"{what}. Remove it?", abort=True)
-
-
-def freed(output: Path, *, older: str, everything: bool) -> str:
-    """Prune the store of an output folder; return one line on the space that was freed.
-
-    Raises
-    ------
-    RequestError
-        `older` is not an age, or there is no store.
-    StageError
-        A run is using the folder.
-    """
-    from pipeline.machine.store import MAX_STORE_BYTES, seconds_ago
-    from pipeline.session import clean
-    from pipeline.sources.land.osm import remove_cached
-
-    age = re.fullmatch(r"(\d{1,6})([hdw])", older)
-    if age is None:
-        raise RequestError(
-            [f"--older = {older!r} is not an age: give hours, days or weeks, as in 12h, 30d, 2w"]
-        )
-    days = int(age[1]) * _DAYS[age[2]]
-    freed = clean(
-        output, max_bytes=0 if everything else MAX_STORE_BYTES, used_before=seconds_ago(days)
-    )
-    text = (
-        f"Freed {freed.size / _MB:,.1f} MB ({freed.files:,} files); {freed.remaining / _MB:,.1f} "
-        f"MB remain in {output / '.artefacts'}"
-    )
-    if everything and (land := remove_cached()):
-        text += f". The world's land was removed from the user's cache, too ({land / _MB:,.1f} MB)"
-    return text

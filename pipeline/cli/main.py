@@ -15,27 +15,29 @@ Results go to standard output; progress, notes and errors to standard error.
 """
 
 import atexit
+import contextlib
 import gc
+import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pipeline.cli import failures, options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.go import GoCommand, go
-from pipeline.cli.log_lines import still_at_work
+from pipeline.cli.go import go
 from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.qgis import app as qgis_app
-from pipeline.cli.replan import ReplanCommand, replan
+from pipeline.cli.replan import replan
 from pipeline.cli.serve import serve
-from pipeline.cli.terminal import say
+from pipeline.cli.terminal import say, still_at_work
 from pipeline.cli.tide import app as tide_app
-from pipeline.cli.usage import BriefRefusals, Command
+from pipeline.cli.usage import BriefRefusals, Command, GroupedCommand
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
 from pipeline.texts import seen
@@ -96,17 +98,7 @@ def root(
 _MIN_LIMIT_S = 1.0
 
 
-class ScenarioCommand(Command):
-    """A command that takes a scenario, charts and currents."""
-
-    def check_request(self, values: dict[str, Any]) -> None:
-        """Raise RequestError with the faults of the scenario and the options."""
-        names = ("scenario", "output", "charts", "currents")
-        if all(name in values for name in names):
-            _wanted(*(values[name] for name in names), seasons=values.get("season") or ())
-
-
-@app.command(cls=ScenarioCommand)
+@app.command(cls=Command)
 def run(
     scenario: options.Scenario,
     *,
@@ -129,9 +121,8 @@ def run(
     scheduler: options.Scheduler = None,
 ) -> None:
     """Plan a scenario's routes and write them to OUTPUT/<scenario>/."""
-    with reported_errors(), failures.dating_earlier_results(output, scenario):
-        wanted, origin, notes = _wanted(scenario, output, charts, currents)
-        from pipeline.cli.ending import run_to_end
+    with reported_errors(), _loaded(scenario, output, charts, currents) as (wanted, origin, notes):
+        from pipeline.cli.reporting import run_to_end
         from pipeline.run import run as run_scenario
 
         run = partial(
@@ -147,15 +138,15 @@ def run(
         run_to_end(run, wanted, notes, as_json=as_json, quiet=quiet)
 
 
-app.command(cls=GoCommand)(go)
+app.command(cls=GroupedCommand)(go)
 app.command(cls=Command)(serve)
-app.command(cls=ReplanCommand)(replan)
+app.command(cls=Command)(replan)
 app.add_typer(nightly_app, name="nightly")
 app.add_typer(tide_app, name="tide")
 app.add_typer(qgis_app, name="qgis")
 
 
-@app.command(cls=ScenarioCommand)
+@app.command(cls=Command)
 def plot(
     scenario: options.Scenario,
     *,
@@ -180,39 +171,48 @@ def plot(
 
     They show the results of an earlier run; seasons without results are planned first.
     """
-    with reported_errors():
-        wanted, origin, notes = _wanted(scenario, output, charts, currents, seasons=season or ())
-        from pipeline.cli.plot import plot as plot_scenario
-        from pipeline.cli.progress import progress
+    with (
+        reported_errors(),
+        _loaded(scenario, output, charts, currents, seasons=season or ()) as (
+            wanted,
+            origin,
+            notes,
+        ),
+    ):
+        from pipeline.cli.plot import draw
+        from pipeline.cli.reporting import progress
+        from pipeline.findings.names import output_directory
+        from pipeline.findings.text import season_text
         from pipeline.machine.paths import short_path
+        from pipeline.run import planned_scenario
 
-        with progress(wanted, notes) as on_event:
-            drawn = plot_scenario(
-                wanted,
-                output,
-                seasons=season or (),
-                kinds=figure or (),
-                form=form,
-                width=width,
-                offline=offline,
-                origin=origin,
-                on_event=on_event,
-            )
-        for file in drawn.files:
+        # Figures are saved inside the block, so that no other run replaces the folder meanwhile.
+        with (
+            progress(wanted, notes) as on_event,
+            planned_scenario(
+                wanted, output, offline=offline, origin=origin, on_event=on_event
+            ) as result,
+        ):
+            cases = [case for case in result.cases if not season or case.name in season]
+            planned = [case for case in cases if case.routes]
+            folder = output_directory(output.resolve(), wanted.name) / "figures"
+            files = draw(result, planned, folder, kinds=figure or (), form=form, width=width)
+        for file in files:
             typer.echo(short_path(file))
-        for failure in drawn.failures:
-            say(f"error: {failure}", err=True)
-        raise typer.Exit(1 if drawn.failures else 0)
+        for case in cases:
+            if not case.routes:
+                say(f"error: {season_text(case.name)}: {case.result.failure}", err=True)
+        raise typer.Exit(0 if planned == cases else 1)
 
 
 @app.command("list", cls=Command)
 def list_entries(*, as_json: options.JsonOnly = False) -> None:
     """List the catalogue: scenarios and what they need, vessels, sources, stations of the tide."""
     with reported_errors():
-        from pipeline.cli.listing import as_text, listed, spelled_as_json
+        from pipeline.cli.listing import as_text, listed
 
-        entries = listed()
-        typer.echo(spelled_as_json(entries) if as_json else as_text(entries))
+        sections = listed()
+        typer.echo(json.dumps(sections, ensure_ascii=False) if as_json else as_text(sections))
 
 
 @app.command(cls=Command)
@@ -267,7 +267,7 @@ def clean(
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
     with reported_errors():
-        from pipeline.cli.listing import freed, require_consent
+        from pipeline.cli.upkeep import freed, require_consent
 
         if everything and not yes:
             require_consent()
@@ -280,64 +280,68 @@ def doctor(
     *,
     output: options.Output = Path("outputs"),
     offline: options.Offline = False,
-    scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler to check, with its workers.")
-    ] = None,
     as_json: options.JsonOnly = False,
 ) -> None:
     """Check that this machine can run RENEW; exit code 1 if something would make a run fail."""
     with reported_errors(), still_at_work():
-        from pipeline.cli.doctor import examine, exit_code, spelled_as_json
+        from pipeline.cli.upkeep import examine
 
         findings = []
-        for finding in examine(output, offline=offline, scheduler=scheduler):
+        for finding in examine(output, offline=offline):
             findings.append(finding)
             if not as_json:
                 say(str(finding))
+        exit_code = int(any(finding.state == "fault" for finding in findings))
         if as_json:
-            typer.echo(spelled_as_json(findings))
-        raise typer.Exit(exit_code(findings))
+            fields = [asdict(finding) for finding in findings]
+            typer.echo(json.dumps({"exit_code": exit_code, "findings": fields}))
+        raise typer.Exit(exit_code)
 
 
 @app.command(cls=Command)
 def warm() -> None:
     """Compile the planner's code now, so that the first plan does not have to wait for it."""
     with reported_errors(), still_at_work():
-        from pipeline.cli.warm import warm as warm_up
+        from pipeline.cli.upkeep import warm as warm_up
 
         typer.echo(warm_up())
 
 
-def _wanted(
+@contextlib.contextmanager
+def _loaded(
     asked: str,
     output: Path,
     charts: Path | None,
     currents: Sequence[str] | None,
     *,
     seasons: Sequence[str] = (),
-) -> "tuple[Scenario, Origin, list[str]]":
-    """Load a scenario before slow imports, so that a wrong request is reported at once.
+) -> "Iterator[tuple[Scenario, Origin, list[str]]]":
+    """Read and check a scenario before slow imports, so that all faults are reported at once.
 
-    Return it with its file, and notes on how it was loaded.
+    Yield it with its file, and notes on how it was loaded. A RequestError in the block gets a note
+    if the output folder has results of an earlier run.
     """
     from pipeline.errors import Faults, RequestError
     from pipeline.machine.paths import folder_to_write
-    from pipeline.scenario.catalogue import scenario_path
+    from pipeline.scenario.catalogue import read_scenario
     from pipeline.scenario.loading import load_scenario, require_seasons
 
     notes: list[str] = []
     faults = Faults()
     faults.collect(lambda: folder_to_write(output, "--output"))
-    scenario = faults.collect(
-        lambda: load_scenario(asked, charts=charts, currents=currents or (), on_note=notes.append)
-    )
-    if scenario is not None:
-        faults.collect(partial(require_seasons, scenario, seasons))
-    if scenario is None or faults.lines:
-        raise RequestError(faults.lines)
-    from pipeline.session import Origin
+    file = faults.collect(lambda: read_scenario(asked))
+    with failures.dating_earlier_results(output, file.table.get("name") if file else None):
+        if file is None:
+            raise RequestError(faults.lines)
+        read = partial(load_scenario, file, charts=charts, currents=currents or ())
+        scenario = faults.collect(partial(read, on_note=notes.append))
+        if scenario is not None:
+            faults.collect(partial(require_seasons, scenario, seasons))
+        if scenario is None or faults.lines:
+            raise RequestError(faults.lines)
+        from pipeline.session import Origin
 
-    return scenario, Origin.of(scenario_path(asked)), notes
+        yield scenario, Origin(file.path.resolve(), file.sha256), notes
 
 
 if __name__ == "__main__":

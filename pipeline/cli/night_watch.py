@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 from urllib.parse import urlsplit, urlunsplit
 
 from pipeline.cli.failures import exit_code_of, reporting_end
-from pipeline.cli.log_lines import json_lines, log_event
+from pipeline.cli.terminal import json_lines, log_event
 from pipeline.errors import RequestError
 from pipeline.machine.files import whole_file
 from pipeline.nightly.outcome import BusyError, NightEvent, NightEventHandler, NightOutcome

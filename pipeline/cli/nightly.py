@@ -9,7 +9,7 @@ import typer
 
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.log_lines import still_at_work
+from pipeline.cli.terminal import still_at_work
 from pipeline.cli.usage import Command
 from pipeline.errors import RequestError
 from pipeline.machine.paths import shown

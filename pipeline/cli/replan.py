@@ -7,23 +7,9 @@ import typer
 
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.usage import Command
 
 if TYPE_CHECKING:
     from pipeline.scenario.model import Scenario
-
-
-_DEFAULTS = {"heading": None, "currents": None, "season": "", "departed": "", "name": ""}
-
-
-class ReplanCommand(Command):
-    """The command `renew replan`."""
-
-    def check_request(self, values: dict[str, Any]) -> None:
-        """Raise RequestError with the faults of the request."""
-        if all(name in values for name in ("results", "at", "time")):
-            # Optional ones that are faulty themselves are left out.
-            _scenario({**_DEFAULTS, **values})
 
 
 def replan(
@@ -64,7 +50,7 @@ def replan(
     """
     given = locals()
     with reported_errors():
-        from pipeline.cli.ending import run_to_end
+        from pipeline.cli.reporting import run_to_end
         from pipeline.machine.paths import expanded
         from pipeline.run import run as run_scenario
 

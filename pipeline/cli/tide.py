@@ -139,7 +139,7 @@ def _span(begin: str | None, end: str | None) -> tuple[datetime, datetime]:
 
 def _moment(option: str, text: str, *, at_end: bool) -> datetime:
     """Read a moment; of a day its beginning or its end."""
-    from pipeline.scenario.times import period
+    from pipeline.scenario.season import period
 
     try:
         found = period(text)

@@ -15,7 +15,7 @@ from markupsafe import Markup, escape
 
 from pipeline.model import Case, GapShares, RouteMetrics, Zone
 from pipeline.model.case import largest_stretch
-from pipeline.scenario.times import named_departure
+from pipeline.scenario.season import named_departure
 from renew.errors import Duration, Moment, Text, in_seconds
 
 if TYPE_CHECKING:

@@ -34,7 +34,7 @@ from pipeline.geo.projection import Projection
 from pipeline.machine.store import code_commit, code_hash, file_hash
 from pipeline.model import CurrentGrid
 from pipeline.model.hashes import current_hash, land_hash
-from pipeline.scenario.times import Period, period
+from pipeline.scenario.season import Period, period
 from renew._types import FloatArray
 from renew.kernels.current_table import CurrentTable
 

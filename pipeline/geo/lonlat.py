@@ -117,10 +117,14 @@ class DepthCover:
 
     def at(self, lonlat: FloatArray) -> BoolArray:
         """Say at which points (n, 2), degrees, a depth is charted."""
-        found = np.zeros(len(lonlat), dtype=bool) if self.cells is None else self.cells.at(lonlat)
+        is_charted = (
+            np.zeros(len(lonlat), dtype=bool) if self.cells is None else self.cells.at(lonlat)
+        )
         tree = shapely.STRtree(shapely.points(lonlat))
-        found[np.unique(tree.query(np.array(self.areas, dtype=object), "intersects")[1])] = True
-        return found
+        is_charted[np.unique(tree.query(np.array(self.areas, dtype=object), "intersects")[1])] = (
+            True
+        )
+        return is_charted
 
 
 def share_without(

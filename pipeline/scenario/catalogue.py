@@ -1,10 +1,11 @@
 """Access to the catalogue: scenarios, vessels, sources and tables of currents, as data."""
 
+import hashlib
 import tomllib
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -285,28 +286,51 @@ def entry_path(asked: str) -> Path:
     raise RequestError(f"no entry {asked!r} in the catalogue: {near_miss(asked, known)}")
 
 
+class ScenarioFile(NamedTuple):
+    """A scenario's file as it was read once: its path, the SHA-256 of its content, its table."""
+
+    path: Path
+    sha256: str
+    table: dict[str, Any]
+
+
+def read_scenario(asked: str) -> ScenarioFile:
+    """Locate a scenario's file by its name in the catalogue or its path, and read it."""
+    path = scenario_path(asked)
+    content = _content(path)
+    return ScenarioFile(path, hashlib.sha256(content).hexdigest(), _toml(content, path))
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; anything else is refused with a one-line error."""
+    return _toml(_content(path), path)
+
+
+def _content(path: Path) -> bytes:
+    """Return a file's bytes; RequestError if it can't be read or is too large to be a request."""
     try:
         with path.open("rb") as file:
             content = file.read(_MAX_TOML_BYTES + 1)
         if len(content) > _MAX_TOML_BYTES:
             size = f"{path.stat().st_size >> 20:,} MB, more than {_MAX_TOML_BYTES >> 20}"
             raise RequestError(f"{path} has {size}: too much for a request; {EXAMPLE}")
-        text = content.decode("utf-8")
+    except OSError as error:
+        raise RequestError(f"{path} can't be read: {error.strerror}; check the path") from None
+    return content
+
+
+def _toml(content: bytes, path: Path) -> dict[str, Any]:
+    """Return the table in a TOML file's bytes; anything else is refused with a one-line error."""
+    try:
+        return tomllib.loads(content.decode("utf-8"))
     except UnicodeDecodeError as error:
         raise RequestError(
             f"{path} is not text (byte {error.start} is not UTF-8); give a TOML file"
         ) from None
-    except OSError as error:
-        raise RequestError(f"{path} can't be read: {error.strerror}; check the path") from None
-    try:
-        table: dict[str, Any] = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, or a number with thousands of digits
         raise RequestError(f"{path} is not TOML: {error}; {EXAMPLE}") from None
     except RecursionError:
         raise RequestError(f"{path} is nested too deeply for a scenario; {EXAMPLE}") from None
-    return table
 
 
 def unknown(kind: str, value: str, known: Iterable[str]) -> str:

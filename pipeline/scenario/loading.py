@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from pipeline.errors import Fault, Faults, RequestError
 from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
 from pipeline.scenario import catalogue
-from pipeline.scenario.catalogue import EXAMPLE
+from pipeline.scenario.catalogue import EXAMPLE, ScenarioFile
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import Plane, Region
 from pipeline.scenario.season import Season
@@ -28,18 +28,18 @@ _AS_PATH = "; write a folder or file as a path: './charts', './field.nc'"
 
 
 def load_scenario(
-    asked: str,
+    asked: str | ScenarioFile,
     *,
     charts: Path | None = None,
     currents: Sequence[str | Path] = (),
     on_note: Callable[[str], None] | None = None,
 ) -> Scenario:
-    """Load a scenario by its name in the catalogue or its path.
+    """Load a scenario by its name in the catalogue or its path, or from its file that was read.
 
     Parameters
     ----------
     asked
-        The name, or the path. Relative paths in the file start at its own folder.
+        The name, the path or the file. Relative paths in the file start at its own folder.
     charts
         A vector file or a folder of S-57 cells that replaces the scenario's chart.
     currents
@@ -53,21 +53,20 @@ def load_scenario(
     RequestError
         Not found, not a scenario, or invalid: one line for each fault.
     """
-    path = catalogue.scenario_path(asked)
-    data = catalogue.read_toml(path)
-    if not {"start", "goal", "seasons"} & data.keys():
+    path, _, table = catalogue.read_scenario(asked) if isinstance(asked, str) else asked
+    if not {"start", "goal", "seasons"} & table.keys():
         raise RequestError(
             f"{path} is TOML but not a scenario: it has no start, goal or seasons; {EXAMPLE}"
         )
     faults = Faults()
     if charts is not None:
-        data = faults.collect(partial(_with_chart, data, charts)) or data
+        table = faults.collect(partial(_with_chart, table, charts)) or table
     if currents:
-        data, notes = faults.collect(partial(with_currents, data, currents)) or (data, [])
+        table, notes = faults.collect(partial(with_currents, table, currents)) or (table, [])
         if on_note is not None:
             for note in notes:
                 on_note(note)
-    scenario = faults.collect(lambda: parse_scenario(data, path.parent))
+    scenario = faults.collect(lambda: parse_scenario(table, path.parent))
     if scenario is not None:
         faults.lines += _kept_members(scenario)
     if scenario is None or faults.lines:

@@ -5,26 +5,222 @@ metres and m/s. Any other is a *chart* scenario: it takes land and currents from
 `region` in lon/lat that a run chooses where it is left out, and is planned at a `scale`.
 """
 
+import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    model_validator,
+)
 
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.scenario.havens import HavensSpec
-from pipeline.scenario.published import Published
+from pipeline.scenario.pairs import refusals
 from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane, Region
-from pipeline.scenario.season import Season
+from pipeline.scenario.season import Interval, Season, Span, interval, span
 from pipeline.scenario.strict import StrictModel
-from pipeline.scenario.tide import TideSpec
-from pipeline.scenario.under_way import UnderWay
-from pipeline.scenario.via import Via, place_of, wait_at
 
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
+
+
+# Longest wait at an anchorage: beyond it a plan would be for another week's weather.
+_LONGEST_WAIT = timedelta(days=3)
+
+
+def _short_wait(wait: str) -> str:
+    """Refuse a wait of many days."""
+    if span(wait) > _LONGEST_WAIT:
+        raise strict.RemediedError(
+            f"= {wait!r} is longer than {_LONGEST_WAIT.days} days; give at most "
+            f"'{_LONGEST_WAIT.days}d', or plan the way on by itself, with 'departures'"
+        )
+    return wait
+
+
+class Anchorage(StrictModel):
+    """A via point at which the vessel may lie at anchor before it goes on."""
+
+    at: strict.Point = Field(
+        examples=[[119.2, 11.9]], json_schema_extra=strict.unit("degrees, or m in a plane")
+    )
+    """The anchorage. Give [lon, lat] in degrees, or [x, y] in metres in a plane."""
+    wait: Annotated[Span, AfterValidator(_short_wait)] = Field(examples=["6h"])
+    """Longest time at anchor, where no fuel is burnt: the vessel goes on when the rest of the way
+    needs least fuel. Give '30min' or '6h', at most '3d'; '0min' is a point without a wait."""
+
+
+def _kind_of_via(given: object) -> str:
+    """Say which member of the union a value is meant to be; no key has such a name."""
+    return "a table" if isinstance(given, dict | Anchorage) else "a point"
+
+
+Via = Annotated[
+    Annotated[strict.Point, Tag("a point")] | Annotated[Anchorage, Tag("a table")],
+    Discriminator(_kind_of_via),
+    BeforeValidator(lambda given: given, json_schema_input_type=strict.Point | Anchorage),
+]
+
+
+def place_of(via: strict.Point | Anchorage) -> strict.Point:
+    """Return the place of a via point."""
+    return via.at if isinstance(via, Anchorage) else via
+
+
+def wait_at(via: strict.Point | Anchorage) -> timedelta:
+    """Return the longest wait at a via point."""
+    return span(via.wait) if isinstance(via, Anchorage) else timedelta()
+
+
+def _as_path(station: str, info: ValidationInfo) -> str:
+    """Make the path of a station's file absolute; keep a name of the catalogue."""
+    return strict.usable_path(station, info) if strict.looks_like_path(station) else station
+
+
+class TideSpec(StrictModel):
+    """Stations that predict the tide over the chart datum, and how far the vessel relies on it."""
+
+    stations: tuple[Annotated[str, AfterValidator(_as_path)], ...] = Field(
+        min_length=1, max_length=100, examples=[["boston"], ["./boston.json"]]
+    )
+    """Tide stations. Each counts in its zone, or else in the waters to which it is the nearest by
+    water, within 10 km. Give names of the catalogue (`renew list`), or paths of files with harmonic
+    constants."""
+    surge_m: strict.NonNegative = 0.3
+    """Height by which the water may stand lower than predicted, by wind and air pressure, metres.
+    Give metres, 0 or more."""
+    lag: Span = "15min"
+    """Time by which the tide may be early or late. Give '15min' or '1h', or '0min'."""
+
+    @property
+    def lag_s(self) -> float:
+        """Time by which the tide may be early or late, s."""
+        return span(self.lag).total_seconds()
+
+
+class HavensSpec(StrictModel):
+    """A list of havens, and the limits within which one of them must be reached."""
+
+    path: strict.PathText = Field(examples=["./havens.geojson"])
+    """File with the havens as points, with a column 'name'; relative paths start at the scenario's
+    folder. Give a GeoJSON file, another vector file, or CSV with the columns name, lon and lat."""
+    within: Interval | None = Field(default=None, examples=["6h"])
+    """Longest time from a place of the route to a haven. Give '30min', '6h' or '1d', or leave it
+    out where there is an endurance."""
+    endurance: Interval | None = Field(default=None, examples=["2d"])
+    """Time under way for which there is fuel at departure: what is left where the vessel turns off
+    must do. Give '30min', '6h' or '2d', or leave it out where there is 'within'."""
+
+    @model_validator(mode="after")
+    def _is_limited(self) -> Self:
+        if self.within is None and self.endurance is None:
+            raise ValueError(
+                "has neither 'within' nor 'endurance'; give one of the two, as within = '6h', or "
+                "both"
+            )
+        return self
+
+    @property
+    def within_s(self) -> float | None:
+        """Longest time to a haven, s."""
+        return None if self.within is None else interval(self.within).total_seconds()
+
+    @property
+    def endurance_s(self) -> float | None:
+        """Time under way for which there is fuel at departure, s."""
+        return None if self.endurance is None else interval(self.endurance).total_seconds()
+
+
+def _behind_link(text: str, info: ValidationInfo) -> str:
+    """Make a folder's path absolute, with its links: one leads to the newest results."""
+    strict.usable_path(text, info)
+    folder = str(info.context["folder"]) if text and info.context else ""
+    whole = os.path.normpath(os.path.join(folder, os.path.expanduser(text))) if folder else text  # noqa: PTH111, PTH118 - a Path does not drop ".."
+    return strict.DiskPath(whole)
+
+
+class UnderWay(StrictModel):
+    """The plan that the vessel sails, and its heading: it is at the scenario's start now."""
+
+    results: Annotated[str, AfterValidator(_behind_link)] = Field(examples=["../crossing"])
+    """Folder of the results that have the plan. Give the path of the folder of a finished run."""
+    season: strict.Name = Field(examples=["summer"])
+    """The season of those results that the vessel sails. Give its name."""
+    departed: AwareDatetime = Field(examples=["2026-07-01T06:00:00Z"])
+    """When the vessel left. Give a time with its zone, as 2026-07-01T06:00:00Z."""
+    heading_deg: strict.Number | None = Field(
+        default=None, ge=0, le=360, examples=[215.0], json_schema_extra=strict.unit("degrees true")
+    )
+    """The vessel's true heading, where the route begins with a turn; by default it begins on the
+    best one. Give degrees from 0 to 360, clockwise from north."""
+    same_currents: bool = False
+    """Whether the plan's own currents still hold; otherwise those of the season are read. Give true
+    or false."""
+    switch_above: strict.Number = Field(default=0.02, ge=0, le=1)
+    """Share of the fuel ahead that a way on another side has to save before the vessel changes to
+    it. Give a share from 0 to 1, such as 0.02."""
+
+    def faults(self, seasons: Sequence[Season], region: Region | None) -> Iterator[str]:
+        """Find what a voyage under way lacks: the region and the season that is sailed."""
+        if region is None:
+            yield "has [under_way], which needs the [region] of the plan's results; add it"
+        if len(seasons) != 1:
+            yield f"has [under_way] and {len(seasons)} seasons; give the one that is sailed"
+            return
+        (season,) = seasons
+        if season.departure is None:
+            yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
+        elif season.departure < self.departed:
+            yield (
+                f"season {season.name!r} has departure = {season.departure.isoformat()}, before "
+                f"under_way.departed = {self.departed.isoformat()}; give a later time"
+            )
+
+
+class PublishedRow(StrictModel):
+    """One published route, in the publication's own units."""
+
+    label: str = Field(examples=["RENEW"])
+    """Who planned it. Give any text."""
+    season: str = Field(default="", examples=["summer"])
+    """Season of this scenario that it belongs to. Give the season's name."""
+    fuel: strict.Positive | None = Field(default=None, examples=[160.563])
+    """Published fuel, in the publication's units. Give a number above 0."""
+    clearance: strict.Positive | None = Field(
+        default=None, examples=[9.153], json_schema_extra=strict.unit("scaled m")
+    )
+    """Published clearance from land, in metres of the publication's scale. Give a number above 0.
+    """
+    length: strict.Positive | None = Field(
+        default=None, examples=[164.586], json_schema_extra=strict.unit("scaled m")
+    )
+    """Published length, in metres of the publication's scale. Give a number above 0."""
+    fuel_per_distance: strict.Positive | None = Field(default=None, examples=[0.976])
+    """Published F/D; if left out, fuel divided by length. Give a number above 0."""
+    side: str = Field(default="", examples=["west"])
+    """Compass side on which it passes the largest island. Give 'north', 'east', 'south' or 'west'.
+    """
+
+
+class Published(StrictModel):
+    """Published figures that the report compares with this run's."""
+
+    origin: str = Field(examples=["RENEW (AAAI 2026), Palawan"])
+    """The publication. Give any text."""
+    scale: strict.Positive = 1.0
+    """The publication's scale: true metres per published metre. Give a number above 0: 1 is the
+    true scale."""
+    rows: tuple[PublishedRow, ...]
+    """The published routes. Add a [[published.rows]] table for each."""
 
 
 MAX_SEASONS = 1000
@@ -185,52 +381,49 @@ class Scenario(StrictModel):
         return self.model_copy(update={"outputs": outputs})
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Self:
-        faults = []
-        if self.region is not None and self.plane is not None:
-            faults.append("has both [region] and [plane]; leave one of the two out")
+    def _has_what_it_needs(self) -> Self:
+        faults = [*refusals(self)]
         names = Counter(season.name for season in self.seasons)
         faults += [
             f"has {count} seasons called {name!r}; rename all but one"
             for name, count in names.items()
             if count > 1
         ]
-        if self.plane is not None and self.plane.width_m * self.scale > MAX_PLANE_M:
-            faults.append(
-                f"has a plane of {self.plane.width_m * self.scale / 1000:,.0f} true km at scale = "
-                f"{self.scale:g}; {MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
-            )
-        faults += [
-            f"season {season.name!r} {fault}"
-            for season in self.seasons
-            for fault in season.faults_in(self.plane, self.scale)
-        ]
-        faults += (*self._itinerary_faults(), *self._haven_faults(), *self._under_way_faults())
+        faults += (*self._plane_faults(), *self._time_faults(), *self._waiting_faults())
+        if self.havens is not None and self.havens.within_s is not None:
+            turn_s = 360 / self.vessel.turn_rate_deg_s
+            if self.havens.within_s < turn_s:
+                faults.append(
+                    f"has havens.within = {self.havens.within!r}, and one full turn takes the "
+                    f"vessel {turn_s:.0f} s; give more"
+                )
+        if self.under_way is not None and self.plane is None:
+            faults += self.under_way.faults(self.seasons, self.region)
         if faults:
             raise strict.RemediedError(*faults)
         return self
 
-    def _itinerary_faults(self) -> Iterator[str]:
-        """Find keys that do not go together with via points or shut areas."""
-        for name, needed in (("method", "optimal"), ("order", "fuel")):
-            if self.via and (given := getattr(self.planner, name)) != needed:
-                yield f"has via points, which need planner.{name} = {needed!r}, not {given!r}"
-        if self.avoid and self.plane is not None:
+    def _plane_faults(self) -> Iterator[str]:
+        """Find a plane that is too large, or that begins elsewhere than its gyres."""
+        if self.plane is None:
+            return
+        width_km = self.plane.width_m * self.scale / 1000
+        if width_km > MAX_PLANE_M / 1000:
             yield (
-                "has [[avoid]], whose files are in lon/lat, and a [plane]; give the areas as "
-                "obstacles of the plane"
+                f"has a plane of {width_km:,.0f} true km at scale = {self.scale:g}; "
+                f"{MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
             )
-        if self.tide is not None and self.plane is not None:
-            yield "has a [tide] and a [plane], which has no depths; leave one of the two out"
+        corner = self.plane.extent[:2]
+        for season in self.seasons:
+            if season.gyre and corner != (0, 0):
+                yield (
+                    f"season {season.name!r} is a gyre, but the plane's extent begins at "
+                    f"{list(corner)}; begin it at [0, 0]"
+                )
+
+    def _time_faults(self) -> Iterator[str]:
+        """Find hours without a clock, and choices of times where nothing changes with time."""
         with_hours = list(self._keys_with_hours())
-        yield from (
-            f"season {season.name!r} has 'members', each of which passes {key} at hours of its "
-            f"own; leave 'members' or {remedy} out"
-            for season in self.seasons
-            for key, remedy in with_hours
-            if season.members is not None
-        )
-        yield from self._waiting_faults(has_hours=bool(with_hours))
         if not with_hours:
             yield from filter(None, (season.timeless_fault for season in self.seasons))
         for key, remedy in with_hours:
@@ -240,72 +433,23 @@ class Scenario(StrictModel):
                         f"season {season.name!r} has no 'departure', from which the hours of {key} "
                         f"count; add it, or leave {remedy} out"
                     )
-            if self.scale != 1:
-                yield (
-                    f"has hours in {key} at scale = {self.scale:g}, where times under way are not "
-                    "the true ones; plan at true scale, scale = 1"
-                )
 
-    def _haven_faults(self) -> Iterator[str]:
-        """Find keys that do not go together with havens: ways to them know no hours."""
-        if self.havens is None:
-            return
-        others = {
-            "a [plane], where nothing lies in lon/lat": self.plane is not None,
-            "a [tide], which ways to them do not know": self.tide is not None,
-            "[[avoid]], which ways to them do not know": bool(self.avoid),
-            f"scale = {self.scale:g}, where times under way are not the true ones": self.scale != 1,
-            "'members' in a season, of which ways to them know the mean alone": any(
-                season.members is not None for season in self.seasons
-            ),
-            "an anchorage, after which less 'endurance' is left": self.anchorage is not None
-            and self.havens.endurance is not None,
-            "'speed' in a season: a way to them has the vessel's own speed": any(
-                season.speed is not None for season in self.seasons
-            ),
-        }
-        for other, is_there in others.items():
-            if is_there:
-                yield f"has [havens] and {other}; leave one of the two out"
-        turn_s = 360 / self.vessel.turn_rate_deg_s
-        if self.havens.within_s is not None and self.havens.within_s < turn_s:
-            yield (
-                f"has havens.within = {self.havens.within!r}, and one full turn takes the vessel "
-                f"{turn_s:.0f} s; give more"
-            )
-
-    def _waiting_faults(self, *, has_hours: bool) -> Iterator[str]:
-        """Find faults of a wait at an anchorage: it needs a clock, and one departure."""
+    def _waiting_faults(self) -> Iterator[str]:
+        """Find several waits at anchorages, and a wait where there is nothing to wait for."""
         waiting = [f"via[{at}].wait" for at, one in enumerate(self.via) if wait_at(one)]
         if len(waiting) > 1:
             yield (
                 f"has {' and '.join(waiting)}; a plan waits at one anchorage: leave out the other "
                 "waits, or plan the way on from there by itself"
             )
+        has_hours = any(self._keys_with_hours())
         for season in self.seasons if waiting else ():
-            given = [
-                repr(name)
-                for name in ("departures", "arrive_by", "speed", "members")
-                if getattr(season, name) is not None
-            ]
-            if given:
-                yield (
-                    f"season {season.name!r} has {' and '.join(given)}, and {waiting[0]} leaves "
-                    "another time open; give the season one 'departure' alone, or leave the wait "
-                    "out"
-                )
-            elif season.departure is None or not (season.is_changing or has_hours):
+            if season.first_departure is None or not (season.is_changing or has_hours):
                 yield (
                     f"season {season.name!r} has nothing to wait for at {waiting[0]}: give it a "
                     "'departure', with a [tide], hours in [[avoid]] or time_method = 'changing', "
                     "or leave the wait out"
                 )
-
-    def _under_way_faults(self) -> Iterator[str]:
-        """Find keys that do not go together with [under_way]."""
-        if self.under_way is not None:
-            waits = any(map(wait_at, self.via))
-            yield from self.under_way.faults(self.seasons, self.region, self.scale, waits=waits)
 
     def _keys_with_hours(self) -> Iterator[tuple[str, str]]:
         """Yield the keys that depend on the date, and what to leave out to be rid of it."""

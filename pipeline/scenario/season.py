@@ -1,6 +1,12 @@
-"""A season of a scenario: the current to plan in, its period, and speeds to choose from."""
+"""A season of a scenario: the current to plan in, its times, its members and its speeds.
 
+A period is a month, a day or an instant, always UTC. An interval is written as '30min', '6h' or
+'1d'.
+"""
+
+import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -16,10 +22,210 @@ from pydantic import (
 )
 
 from pipeline.scenario import strict
-from pipeline.scenario.members import CYCLES, FILES, MembersSpec
-from pipeline.scenario.region import Plane
 from pipeline.scenario.strict import StrictModel
-from pipeline.scenario.times import DepartureTimes, Interval, Period, period
+
+# Forms of a season's `valid`; whether the date exists is checked by `datetime`.
+_INSTANT = re.compile(r"\d{4}-\d{2}-\d{2}T\d{2}:\d{2}Z", re.ASCII)
+_DAY = re.compile(r"\d{4}-\d{2}-\d{2}", re.ASCII)
+_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """The time from `begin` up to `end`, aware UTC datetimes; an instant where they are equal."""
+
+    begin: datetime
+    end: datetime
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether it is a single moment, without duration."""
+        return self.begin == self.end
+
+
+def period(valid: str) -> Period:
+    """Read 'YYYY-MM', 'YYYY-MM-DD' or 'YYYY-MM-DDTHH:MMZ'; else ValueError with the remedy."""
+    try:
+        if _INSTANT.fullmatch(valid):
+            moment = datetime.strptime(valid, "%Y-%m-%dT%H:%MZ").replace(tzinfo=UTC)
+            return Period(moment, moment)
+        if _DAY.fullmatch(valid):
+            begin = datetime.strptime(valid, "%Y-%m-%d").replace(tzinfo=UTC)
+            return Period(begin, begin + timedelta(days=1))
+        if _MONTH.fullmatch(valid):
+            begin = datetime.strptime(valid, "%Y-%m").replace(tzinfo=UTC)
+            return Period(begin, (begin + timedelta(days=31)).replace(day=1))
+        reason = "it has another form"
+    except (ValueError, OverflowError) as error:
+        reason = str(error)
+    raise ValueError(
+        f"{valid!r} is not a time ({reason}): give a month 'YYYY-MM', a day 'YYYY-MM-DD' or an "
+        "instant 'YYYY-MM-DDTHH:MMZ', in UTC"
+    )
+
+
+_INTERVAL = re.compile(r"(\d{1,4})(min|h|d)", re.ASCII)
+_UNITS = {"min": timedelta(minutes=1), "h": timedelta(hours=1), "d": timedelta(days=1)}
+
+
+def interval(text: str) -> timedelta:
+    """Read an interval.
+
+    Raises
+    ------
+    ValueError
+        The text is no interval, or 0.
+    """
+    found = _INTERVAL.fullmatch(text)
+    if not found:
+        raise strict.RemediedError(
+            f"= {text!r} is not an interval; give it as '30min', '6h' or '1d'"
+        )
+    if not int(found[1]):
+        raise strict.RemediedError(f"= {text!r} is no time at all; give one above 0, such as '6h'")
+    return int(found[1]) * _UNITS[found[2]]
+
+
+def _checked(text: str) -> str:
+    """Refuse a text that is no interval."""
+    interval(text)
+    return text
+
+
+Interval = Annotated[str, AfterValidator(_checked)]
+
+_NO_TIME = "0min"
+
+
+def span(text: str) -> timedelta:
+    """Read an interval that may be no time at all, '0min'; else ValueError with the remedy."""
+    return timedelta() if text == _NO_TIME else interval(text)
+
+
+def _spanned(text: str) -> str:
+    """Refuse a text that is neither an interval nor no time."""
+    span(text)
+    return text
+
+
+Span = Annotated[str, AfterValidator(_spanned)]
+
+
+Count = Annotated[strict.Integer, Field(ge=1, le=10_000)]
+
+
+class DepartureTimes(StrictModel):
+    """Times at which the vessel may leave: `count` of them from `first` on, `every` apart.
+
+    The end of a window, `last`, is one of them too, even if `every` does not lead to it.
+    """
+
+    first: AwareDatetime = Field(examples=["2026-07-01T06:00:00Z"])
+    """First departure. Give a time with its zone, as 2026-07-01T06:00:00Z."""
+    every: Interval = "1h"
+    """Time from one departure to the next. Give '30min', '6h' or '1d'."""
+    count: Count = Field(examples=[24])
+    """Number of departures. Give a whole number from 1 to 10,000."""
+    last: AwareDatetime | None = Field(default=None, examples=["2026-07-02T05:50:00Z"])
+    """Last departure, after the others: the end of a window that 'every' does not divide. Give a
+    time with its zone, as 2026-07-02T05:50:00Z, or leave it out."""
+
+    @model_validator(mode="after")
+    def _ascending(self) -> Self:
+        if self.last is not None and self.last <= self.begin + self._sampled:
+            latest = (self.begin + self._sampled).isoformat()
+            raise strict.RemediedError(
+                f"last = {self.last.isoformat()} is not after the others, which go on to {latest}; "
+                "lower 'count', or leave it out"
+            )
+        return self
+
+    @property
+    def begin(self) -> datetime:
+        """The first departure, UTC."""
+        return self.first.astimezone(UTC)
+
+    @property
+    def window(self) -> timedelta:
+        """Time from the first departure to the last."""
+        return self._sampled if self.last is None else self.last.astimezone(UTC) - self.begin
+
+    @property
+    def seconds(self) -> tuple[float, ...]:
+        """All departures, in seconds after the first."""
+        evenly = tuple((i * interval(self.every)).total_seconds() for i in range(self.count))
+        return evenly if self.last is None else (*evenly, self.window.total_seconds())
+
+    @property
+    def _sampled(self) -> timedelta:
+        """Time from the first departure to the last that 'every' leads to."""
+        return (self.count - 1) * interval(self.every)
+
+
+# Name of the season of a departure that nobody named.
+_NAME = "%Y-%m-%dt%H%Mz"
+
+
+def departure_name(departure: datetime) -> str:
+    """Name the season of a departure, UTC: 2026-11-22t0600z."""
+    return departure.strftime(_NAME)
+
+
+def named_departure(season: str) -> datetime | None:
+    """Return the departure, UTC, that a season is named by; None where it has a name of its own."""
+    try:
+        return datetime.strptime(season, _NAME).replace(tzinfo=UTC)
+    except ValueError:
+        return None
+
+
+FILES, CYCLES = "files", "cycles"
+"""Words for members that are files of their own, or the forecasts in folders of their own."""
+
+
+class MembersSpec(StrictModel):
+    """Currents that may each come true, and what the side is chosen by.
+
+    Turns are clear in every member, and results say in how many of them each side is best.
+    """
+
+    along: str = Field(default="", examples=["member"])
+    """Where the members are: 'files', if each file of the season's source is one; 'cycles', if the
+    files of each folder are one forecast, the newest in the folder whose name is the last; or the
+    name of a dimension of its files. Give 'files', 'cycles' or a name such as 'realization', or
+    leave it out for 'spread', and in a night for the forecasts that it has kept."""
+    spread: strict.Positive | None = Field(
+        default=None, le=10, examples=[0.2], json_schema_extra=strict.unit("m/s")
+    )
+    """Typical error of the current, rms: members are then the current with random eddies of this
+    speed. Give m/s, such as 0.2, or leave it out for 'along'."""
+    eddy_km: strict.Positive = Field(default=80.0, le=1e4, json_schema_extra=strict.unit("km"))
+    """Wave length of the eddies of 'spread', about, true km. Give km, such as 80."""
+    count: strict.Integer = Field(default=20, ge=2, le=200)
+    """Number of members with 'spread'; of forecasts that a night keeps, the most. Give a whole
+    number from 2 to 200."""
+    weights: tuple[strict.NonNegative, ...] = Field(default=(), examples=[[2.0, 1.0, 1.0]])
+    """How likely each member is, in their order; by default all are equally likely. Give numbers,
+    0 or more, or leave it out."""
+    choose: Literal["mean", "p90", "cvar90", "regret"] = "mean"
+    """What the side is chosen by: the mean fuel over the members, the fuel that nine in ten don't
+    exceed, the mean of the worst tenth, or the largest excess over a member's best side. Give
+    'mean', 'p90', 'cvar90' or 'regret'."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        if self.along and self.spread is not None:
+            raise ValueError("has both 'along' and 'spread'; give one of the two")
+        if self.weights and not self.along:
+            which = "forecasts that a night keeps" if self.are_kept else "random members"
+            raise ValueError(f"has 'weights' for {which}; leave them out, or give 'along'")
+        return self
+
+    @property
+    def are_kept(self) -> bool:
+        """Whether the members are the forecasts that a night keeps."""
+        return not self.along and self.spread is None
+
 
 # The limit of a vessel's own speed.
 _Speed = Annotated[strict.Positive, Field(le=1e6)]
@@ -168,9 +374,10 @@ class Season(StrictModel):
     such as '1h', or leave it out."""
     arrive_by: AwareDatetime | None = Field(default=None, examples=["2026-07-02T18:00:00Z"])
     """Latest arrival at the goal, in currents that change or with 'speed'. Without 'speed' the
-    latest departure is chosen, not before 'departure', that still arrives in time; with it the
-    vessel leaves at 'departure', or at the best of 'departures', and chooses speeds that arrive in
-    time. Give a time with its zone, as 2026-07-02T18:00:00Z, or leave it out."""
+    latest departure is chosen, not before 'departure', that still arrives in time, or the best of
+    'departures' that does; with it the vessel leaves at 'departure', or at the best of
+    'departures', and chooses speeds that arrive in time. Give a time with its zone, as
+    2026-07-02T18:00:00Z, or leave it out."""
     speed: SpeedRange | None = None
     """Range of speeds through water, in place of the vessel's own: it chooses a speed for each leg,
     for least fuel from 'departure', or the best of 'departures', to 'arrive_by'. Give a table as {
@@ -199,48 +406,18 @@ class Season(StrictModel):
             raise strict.RemediedError(f"(season {self.name!r}) {how}{'; it '.join(faults)}")
         return self
 
-    def faults_in(self, plane: Plane | None, scale: float) -> Iterator[str]:
-        """Find keys that do not go together with the scenario's plane, if any, or its scale."""
-        if plane is None and not self.currents:
-            yield ("gives its current as numbers, which need a [plane]; name sources in 'currents'")
-        if plane is not None and self.currents:
-            yield (
-                "names sources, which a [plane] does not have; give its current as 'gyre' or "
-                "'uniform'"
-            )
-        if plane is not None and self.gyre and plane.extent[:2] != (0, 0):
-            yield (
-                f"is a gyre, but the plane's extent begins at {list(plane.extent[:2])}; begin it "
-                "at [0, 0]"
-            )
-        if self.is_changing and scale != 1:
-            yield (
-                f"has changing currents at scale = {scale:g}: a turn by hard rudder would last "
-                "hours of tide; plan at true scale, scale = 1"
-            )
-        if self.speed is not None and not self.is_changing and scale != 1:
-            yield (
-                f"has 'speed' at scale = {scale:g}, where times under way are not the true ones; "
-                "plan at true scale, scale = 1"
-            )
-
     def _changing_faults(self) -> Iterator[str]:
         """Find keys that changing currents lack, or can't have."""
         if self.departure is None and self.departures is None:
             yield "lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z"
-        if not self.currents:
-            yield "gives its current as numbers, which don't change; name 'currents'"
         if self.valid:
             yield "has 'valid', which its departure says already; leave it out"
         yield from (*self._window_faults(), *self._speed_faults(), *self._arrival_faults())
 
     def member_faults(self) -> Iterator[str]:
-        """Find keys that don't go together with members."""
+        """Find members of currents that are no files."""
         if self.members is None:
             return
-        for name in ("departures", "arrive_by", "speed"):
-            if getattr(self, name) is not None:
-                yield f"has 'members' and {name!r}; each member has times of its own: leave one out"
         along = self.members.along
         others = [source_name(one) for one in self.currents if not isinstance(one, tuple)]
         if self.members.spread is None and (others or not self.currents):
@@ -255,11 +432,6 @@ class Season(StrictModel):
         if self.departures is not None:
             if self.departure is not None:
                 yield "has both 'departure' and 'departures'; leave one out"
-            if self.arrive_by is not None and self.speed is None:
-                yield (
-                    "has both 'departures' and 'arrive_by'; leave one out, or give speeds to "
-                    "choose from"
-                )
             if self.departures.window > timedelta(hours=MAX_HOURS):
                 hours = self.departures.window.total_seconds() / 3600
                 yield (
@@ -278,8 +450,6 @@ class Season(StrictModel):
                 f"has speed.least = {self.speed.least:g} m/s above speed.most = "
                 f"{self.speed.most:g} m/s; exchange them"
             )
-        if self.to_within is not None:
-            yield "has 'to_within', which can't be proven where speeds are chosen; leave it out"
         if self.first_departure is None and not self.is_changing:
             yield "has 'speed', but no 'departure', from which its time counts; add it"
         if self.arrive_by is None:

@@ -78,6 +78,11 @@ class Heights:
     lat: FloatArray
     height_m: FloatArray
 
+    @property
+    def cells(self) -> KnownCells:
+        """Which of its cells have a figure."""
+        return KnownCells(self.lon, self.lat, np.isfinite(self.height_m))
+
 
 @dataclass(frozen=True)
 class DepthFile:
@@ -91,6 +96,11 @@ class DepthFile:
     sign: float
     title: str
     licence: str
+
+    @property
+    def name(self) -> str:
+        """The file's name in a note."""
+        return shown(self.path.name)
 
     @classmethod
     def open(cls, path: Path) -> "DepthFile":
@@ -173,24 +183,24 @@ def _described(path: Path, dataset: "xr.Dataset") -> DepthFile:
 def _variable(dataset: "xr.Dataset") -> tuple[str, float]:
     """Return the name of the variable, and the sign by which it becomes a height."""
     grids = {str(name): array for name, array in dataset.data_vars.items() if array.ndim >= 2}
-    found = {
+    signs = {
         name: sign for name, array in grids.items() if (sign := _standard_sign(array)) is not None
     }
-    if not found:
-        found = {
+    if not signs:
+        signs = {
             name: _SIGNS.get(array.attrs.get("positive", ""), _NAMES[name.lower()])
             for name, array in grids.items()
             if name.lower() in _NAMES and array.attrs.get("standard_name") != _ELLIPSOID
         }
-    named = {name: sign for name, sign in found.items() if name.lower() in _NAMES}
-    for candidates in (found, named):
+    named = {name: sign for name, sign in signs.items() if name.lower() in _NAMES}
+    for candidates in (signs, named):
         if len(candidates) == 1:
             return next(iter(candidates.items()))
     listed = ", ".join(
         f"{name} ({array.attrs.get('standard_name') or 'no standard name'})"
         for name, array in sorted(grids.items())
     )
-    if found:
+    if signs:
         raise ValueError(f"it has several grids of depths ({listed}); keep one of them")
     raise ValueError(f"it has no depths among {listed or 'no grids at all'}; {_REMEDY}")
 
@@ -207,17 +217,12 @@ def _standard_sign(array: "xr.DataArray") -> float | None:
     return None
 
 
-def name_of(path: Path) -> str:
-    """Name a file in a note."""
-    return shown(path.name)
-
-
 @dataclass(frozen=True)
 class Overlay:
     """One or more sources of land as one.
 
-    `refused_m`, if given: the world's land is the second shoreline, and how far inside it a route
-    is refused, besides the accuracy of the sources, m.
+    With `refused_m` the world's land is the second shoreline: a route is refused that gets further
+    inside it than this plus the accuracy of the sources, m.
     """
 
     sources: tuple[LandSource, ...]
@@ -271,8 +276,8 @@ def overlay(lands: Sequence[Land]) -> Land:
 
 def _depths(lands: Sequence[Land]) -> DepthCover | None:
     """Return where any chart has depths; None if no chart has any."""
-    found = [land.depths for land in lands if land.depths is not None]
-    return DepthCover(tuple(area for one in found for area in one.areas)) if found else None
+    covers = [land.depths for land in lands if land.depths is not None]
+    return DepthCover(tuple(area for cover in covers for area in cover.areas)) if covers else None
 
 
 # Size in bytes above which a file is identified by its name, size and time of change, not by its
@@ -317,7 +322,7 @@ class SoundedChart:
         """
         land = self.chart.land(region)
         heights = self.file.heights(box_around(region).bounds)
-        name = name_of(self.file.path)
+        name = self.file.name
         if heights is None or not _covered_share(heights, region):
             raise RequestError(
                 f"chart.depths: {name} covers nothing of the region; give a grid of the region, or "
@@ -327,7 +332,6 @@ class SoundedChart:
         shallow = shallow_polygons(heights, self.rule.least_m)
         text = f"shallower than {self.rule.least_m:.3g} m"
         shoal = Zone("shoal", name, text, _without_land(shallow, land))
-        cells = KnownCells(heights.lon, heights.lat, np.isfinite(heights.height_m))
         areas = land.depths.areas if land.depths else ()
         return replace(
             land,
@@ -335,18 +339,18 @@ class SoundedChart:
             credits=(*land.credits, self._credit()),
             notes=(*land.notes, *self._notes(heights, region)),
             zones=(*land.zones, shoal),
-            depths=DepthCover(areas, cells),
+            depths=DepthCover(areas, heights.cells),
             tidal_water=(*land.tidal_water, *_tidal_bands(heights, self.rule)),
         )
 
     def _credit(self) -> Credit:
         """Return the credit from the file's own attributes."""
-        name = self.file.title or f"{name_of(self.file.path)}, user's file"
+        name = self.file.title or f"{self.file.name}, user's file"
         return Credit(name, "land", f"Depths: {name}", self.file.licence)
 
     def _notes(self, heights: Heights, region: shapely.Polygon) -> Iterator[Note]:
         """Yield a note on too shallow water, and one if part of the region has no depths."""
-        name, cell_m = name_of(self.file.path), _cell_m(heights)
+        name, cell_m = self.file.name, _cell_m(heights)
         depth_m = self.rule.safety_depth_m
         yield Note.of("depths-no-go", source=name, safety_depth_m=depth_m, cell_m=cell_m)
         lacking = 1 - _covered_share(heights, region)
@@ -370,7 +374,7 @@ class SoundedChart:
         if dry > _MAX_DRY_SHARE:
             sign = "up" if self.file.sign > 0 else "down"
             raise RequestError(
-                f"chart.depths: by {name_of(self.file.path)}, {dry:.0%} of the region's water lies "
+                f"chart.depths: by {self.file.name}, {dry:.0%} of the region's water lies "
                 f"above the sea: {self.file.variable} is read as positive {sign}, but may be "
                 f"positive {'down' if self.file.sign > 0 else 'up'}, or belong to another place; "
                 "set its attribute 'positive', or its standard name"
@@ -399,8 +403,7 @@ def _covered_share(heights: Heights, region: shapely.Polygon) -> float:
     lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
     inside = shapely.contains_xy(region, lon.ravel(), lat.ravel())
     points = np.stack([lon.ravel(), lat.ravel()], axis=-1)[inside]
-    cells = KnownCells(heights.lon, heights.lat, np.isfinite(heights.height_m))
-    return float(cells.at(points).mean()) if len(points) else 0.0
+    return float(heights.cells.at(points).mean()) if len(points) else 0.0
 
 
 def _without_land(shallow: Geometries, land: Land) -> shapely.Geometry:

@@ -71,11 +71,11 @@ class LandMask:
         land = np.asarray(polygons, dtype=object)
 
         def is_land(lon: FloatArray, lat: FloatArray) -> BoolArray:
-            found = np.zeros(lon.size, dtype=bool)
+            is_in_land = np.zeros(lon.size, dtype=bool)
             # A tree of the points, not of the land: the geometries searched for are prepared.
             tree = shapely.STRtree(shapely.points(lon, lat))
-            found[np.unique(tree.query(land, predicate="intersects")[1])] = True
-            return found
+            is_in_land[np.unique(tree.query(land, predicate="intersects")[1])] = True
+            return is_in_land
 
         return cls(is_land, bounds)
 
@@ -95,13 +95,13 @@ class LandMask:
 
     def on_grid(self, lon: FloatArray, lat: FloatArray) -> BoolArray:
         """Return which points of the grid lon (nx,), lat (ny,) are land: (ny, nx)."""
-        found = np.zeros((lat.size, lon.size), dtype=bool)
+        is_land = np.zeros((lat.size, lon.size), dtype=bool)
         # A few rows at a time: the coordinates of all nodes would take 60 times the mask's memory.
         rows = max(1, _POINTS_AT_A_TIME // max(lon.size, 1))
         for first in range(0, lat.size, rows):
             x, y = np.meshgrid(lon, lat[first : first + rows])
-            found[first : first + rows] = self.is_land(x.ravel(), y.ravel()).reshape(x.shape)
-        return found
+            is_land[first : first + rows] = self.is_land(x.ravel(), y.ravel()).reshape(x.shape)
+        return is_land
 
 
 @cache
@@ -217,14 +217,14 @@ def find_shift(field: Field, mask: LandMask) -> Shift | None:
     lon, lat, gap = field.lon[columns], field.lat[rows], field.gap[rows, columns]
     if gap.all() or not gap.any():
         return None
-    shares = _LandShares.sample(lon, lat, field.cell_deg, mask, reach)
-    land, water = shares.entirely(0, 0)
+    entirely = _land_shares(lon, lat, field.cell_deg, mask, reach)
+    land, water = entirely(0, 0)
     fewest_mismatches, best = int((land & ~gap).sum() + (water & gap).sum()), None
     stride = max(1, max(reach) // _TRIALS_PER_SIDE)
     trials = [range(-most + most % stride, most + 1, stride) for most in reach]
     for east in trials[0]:
         for north in trials[1]:
-            moved_land, moved_water = shares.entirely(east, north)
+            moved_land, moved_water = entirely(east, north)
             mismatches = int((moved_land & ~gap).sum() + (moved_water & gap).sum())
             if mismatches < fewest_mismatches:
                 fewest_mismatches = mismatches
@@ -264,47 +264,40 @@ def _testable_window(field: Field, mask: LandMask) -> tuple[slice, slice, tuple[
     return slices[1], slices[0], (reaches[0], reaches[1])
 
 
-@dataclass(frozen=True, slots=True)
-class _LandShares:
-    """Share of land in the cells of a grid at any offset, from a summed-area table of a raster."""
+def _land_shares(
+    lon: FloatArray,
+    lat: FloatArray,
+    cell: tuple[float, float],
+    mask: LandMask,
+    reach: tuple[int, int],
+) -> Callable[[int, int], tuple[BoolArray, BoolArray]]:
+    """Sample the land in a grid's cells and `reach` raster points beyond them.
 
-    table: FloatArray
-    shape: tuple[int, int]
-    reach: tuple[int, int]
+    The function returned gives the cells (ny, nx) that are entirely land, and entirely water, once
+    the grid is moved east and north by some raster points; from a summed-area table of the raster.
+    """
+    fine = [
+        axis[0]
+        - step / 2
+        + step
+        / _POINTS_PER_CELL
+        * (np.arange(axis.size * _POINTS_PER_CELL + 2 * beyond) - beyond + 0.5)
+        for axis, step, beyond in zip((lon, lat), cell, reach, strict=True)
+    ]
+    land = mask.on_grid(fine[0], fine[1])
+    table = np.zeros((land.shape[0] + 1, land.shape[1] + 1))
+    table[1:, 1:] = land.cumsum(axis=0).cumsum(axis=1)
+    size = _POINTS_PER_CELL
 
-    @classmethod
-    def sample(
-        cls,
-        lon: FloatArray,
-        lat: FloatArray,
-        cell: tuple[float, float],
-        mask: LandMask,
-        reach: tuple[int, int],
-    ) -> "_LandShares":
-        """Sample the land in a grid's cells and `reach` raster points beyond them."""
-        fine = [
-            axis[0]
-            - step / 2
-            + step
-            / _POINTS_PER_CELL
-            * (np.arange(axis.size * _POINTS_PER_CELL + 2 * beyond) - beyond + 0.5)
-            for axis, step, beyond in zip((lon, lat), cell, reach, strict=True)
-        ]
-        land = mask.on_grid(fine[0], fine[1])
-        table = np.zeros((land.shape[0] + 1, land.shape[1] + 1))
-        table[1:, 1:] = land.cumsum(axis=0).cumsum(axis=1)
-        return cls(table, (lat.size, lon.size), reach)
-
-    def entirely(self, east: int, north: int) -> tuple[BoolArray, BoolArray]:
-        """Return cells (ny, nx) that are entirely land, and entirely water, at a raster offset."""
-        ny, nx = self.shape
-        size = _POINTS_PER_CELL
-        row, column = self.reach[1] + north, self.reach[0] + east
-        share = np.zeros(self.shape)
+    def entirely(east: int, north: int) -> tuple[BoolArray, BoolArray]:
+        row, column = reach[1] + north, reach[0] + east
+        share = np.zeros((lat.size, lon.size))
         for up, right, sign in ((size, size, 1), (0, 0, 1), (0, size, -1), (size, 0, -1)):
             first_row, first_column = row + up, column + right
-            rows = slice(first_row, first_row + size * ny, size)
-            columns = slice(first_column, first_column + size * nx, size)
-            share += sign * self.table[rows, columns]
+            rows = slice(first_row, first_row + size * lat.size, size)
+            columns = slice(first_column, first_column + size * lon.size, size)
+            share += sign * table[rows, columns]
         share /= size**2
         return share >= _LAND_SHARE, share <= _WATER_SHARE
+
+    return entirely

@@ -220,8 +220,10 @@ def _at_times(each: Sequence[Assessment], labels: Sequence[str]) -> Assessment:
     if len(each) == 1:
         return each[0]
     times = list(zip(each, labels, strict=True))
-    faults = [f"at {label} {fault}" for one, label in times for fault in one.faults]
-    warnings = [f"at {label} {warning}" for one, label in times for warning in one.warnings]
+    faults = [f"at {label} {fault}" for assessment, label in times for fault in assessment.faults]
+    warnings = [
+        f"at {label} {warning}" for assessment, label in times for warning in assessment.warnings
+    ]
     return Assessment(_first_few(faults), _first_few(warnings))
 
 
@@ -230,8 +232,8 @@ def _at_most_times(each: Sequence[Assessment]) -> Assessment:
 
     Water that is just turning may look as if it ran the wrong way.
     """
-    wrong = [one for one in each if one.faults]
-    doubtful = [one for one in each if one.warnings]
+    wrong = [assessment for assessment in each if assessment.faults]
+    doubtful = [assessment for assessment in each if assessment.warnings]
     for some in (wrong, doubtful):
         if 2 * len(some) > len(each):
             return some[0]

@@ -25,12 +25,10 @@ from pipeline.model.depths import NO_TIDE, DepthRule, TideRange
 from pipeline.model.inputs import CurrentSource, Issue, LandSource
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
-from pipeline.scenario.members import MembersSpec
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
-from pipeline.scenario.season import Currents, Season, StreamConstants
+from pipeline.scenario.season import Currents, MembersSpec, Season, StreamConstants, period
 from pipeline.scenario.strict import near_miss
-from pipeline.scenario.times import period
 from pipeline.sources.current_field import Field, LandMask, water_without_data
 
 
@@ -67,10 +65,10 @@ def _refused_m(sources: Sequence[LandSource]) -> float | None:
     from pipeline.sources.land.osm import ACCURACY_M, OsmLand
     from pipeline.sources.land.vector import VectorFile
 
-    files = [one for one in sources if isinstance(one, VectorFile)]
-    if not files or any(isinstance(one, OsmLand) for one in sources):
+    files = [source for source in sources if isinstance(source, VectorFile)]
+    if not files or any(isinstance(source, OsmLand) for source in sources):
         return None
-    return math.inf if all(one.source.complete for one in files) else ACCURACY_M
+    return math.inf if all(source.source.complete for source in files) else ACCURACY_M
 
 
 def _single_source(
@@ -243,12 +241,12 @@ class EmbeddedTable(CurrentSource):
         """Return the season's rows (n, 4) of lon, lat, u, v."""
         lines = self._bytes.decode("utf-8").splitlines()
         rows = csv.DictReader(line for line in lines if not line.startswith("#"))
-        found = [
+        points = [
             [float(row[key]) for key in ("lon", "lat", "u", "v")]
             for row in rows
             if row["season"] == season
         ]
-        return np.array(found, dtype=float).reshape(-1, 4)
+        return np.array(points, dtype=float).reshape(-1, 4)
 
 
 def _axis(values: FloatArray, name: str) -> tuple[FloatArray, IndexArray]:

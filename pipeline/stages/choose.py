@@ -30,7 +30,7 @@ from pipeline.machine.store import Store, artefact_key
 from pipeline.model import Case, CaseResult, DepartureChoice, Note, Say, SpeedChoice, Water
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
-from pipeline.scenario.times import departure_name, named_departure
+from pipeline.scenario.season import departure_name, named_departure
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.onward import waiting_notes, with_onward_legs
 from pipeline.stages.seasons.running import run_tasks

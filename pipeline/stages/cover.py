@@ -21,9 +21,9 @@ from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Note, Place, Say, Water, plan_options
 from pipeline.model.case import MIN_LATENESS_S, largest_stretch
-from pipeline.scenario.havens import HavensSpec
-from pipeline.scenario.model import Scenario
+from pipeline.scenario.model import HavensSpec, Scenario
 from pipeline.sources.land.vector import HavenPoint, read_havens
+from renew.planner.shut_areas import with_always_shut
 
 
 def havens_in(scenario: Scenario, water: Water) -> tuple[tuple[renew.Haven, ...], tuple[Note, ...]]:
@@ -84,11 +84,19 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
         return result
     havens, notes = havens_in(run.scenario, run.water)
     best = {case.name: case.routes[0] for case in run.cases if case.routes}
+    # Time under way before each case: nothing is burnt at an anchorage, but on the way to it.
+    before = {name: run.case(name).case.follows for name in best}
+    spent_s = {
+        name: best[first].metrics.duration_s if first in best else 0.0
+        for name, first in before.items()
+    }
     faults = [
-        f"havens.endurance = {spec.endurance!r} is below the {hours(one.metrics.duration_s)} that "
-        f"the best route of {season_text(name)} takes; give more"
+        f"havens.endurance = {spec.endurance!r} is below the "
+        f"{hours(spent_s[name] + one.metrics.duration_s)} that the best route of "
+        f"{season_text(name)} takes; give more"
         for name, one in best.items()
-        if spec.endurance_s is not None and spec.endurance_s < one.metrics.duration_s
+        if spec.endurance_s is not None
+        and spec.endurance_s < spent_s[name] + one.metrics.duration_s
     ]
     if faults:
         raise RequestError(faults)
@@ -97,7 +105,7 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
 
     def covered(name: str) -> renew.Coverage:
         key = artefact_key("cover", result.key, name, places, limits)
-        make = partial(_covered, run.case(name), spec, havens)
+        make = partial(_covered, run.case(name), spec, havens, spent_s[name])
         return store.load_or_make("cover", key, renew.Coverage, make)
 
     with ThreadPoolExecutor(min(len(best), cores())) as pool:
@@ -111,20 +119,24 @@ def cover(result: Artefact[RunResult], store: Store, say: Say) -> Artefact[RunRe
     return Artefact(key, replace(found, fetched=fetched))
 
 
-def _covered(case: RunCase, spec: HavensSpec, havens: Sequence[renew.Haven]) -> renew.Coverage:
+def _covered(
+    case: RunCase, spec: HavensSpec, havens: Sequence[renew.Haven], spent_s: float
+) -> renew.Coverage:
     """Return the coverage of a case's best route, with the ways that it needs.
 
-    Limits are lowered so far that ways keep them in true time.
+    Limits are lowered so far that ways keep them in true time. Of the endurance, `spent_s` true
+    seconds are used up before the case begins.
     """
     planned, stretch = case.case, largest_stretch(case.case)
-    endurance_s, within_s = spec.endurance_s, spec.within_s
+    endurance_s = None if spec.endurance_s is None else spec.endurance_s - spent_s
+    within_s = spec.within_s
     best, *others = case.routes
     sides = {one.metrics.main_passage: one for one in reversed(others)}
     sides.pop(best.metrics.main_passage, None)
     ranks = {} if len(planned.via) else {one.route: one.rank for one in sides.values()}
     coverage = renew.cover(
         best.route,
-        planned.chart,
+        with_always_shut(planned.chart, planned.areas),
         planned.current,
         planned.vessel,
         havens,

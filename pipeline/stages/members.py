@@ -10,7 +10,7 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.model import Current, CurrentGrid, MemberCurrents
-from pipeline.scenario.members import MembersSpec
+from pipeline.scenario.season import MembersSpec
 
 Planar: TypeAlias = Callable[[CurrentGrid], renew.GriddedCurrent | renew.VaryingCurrent]
 """Brings a current into the plane."""

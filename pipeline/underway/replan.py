@@ -13,7 +13,7 @@ from pipeline.machine.paths import expanded
 from pipeline.scenario.catalogue import read_toml
 from pipeline.scenario.loading import parse_scenario, with_currents
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.times import departure_name, interval, named_departure
+from pipeline.scenario.season import departure_name, interval, named_departure
 from pipeline.stages.finished import FinishedSeason, finished_season
 from pipeline.voyage.positions import Position, read_position
 

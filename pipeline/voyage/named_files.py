@@ -7,7 +7,7 @@ from typing import Any
 from pipeline.errors import Faults, RequestError
 from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason
 from pipeline.scenario import catalogue
-from pipeline.scenario.tide import TideSpec
+from pipeline.scenario.model import TideSpec
 from pipeline.sources.tides.station import stations_of
 from pipeline.voyage.request import VoyageRequest
 

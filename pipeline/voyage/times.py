@@ -9,7 +9,7 @@ from typing import Any
 
 from pipeline.errors import RequestError
 from pipeline.findings.text import moment_text
-from pipeline.scenario.times import departure_name, period
+from pipeline.scenario.season import departure_name, period
 from pipeline.voyage.vessel_options import speed_range_m_s
 
 _MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
@@ -98,7 +98,7 @@ class Departing:
         if self.until is not None:
             title = f"Departure from {moment_text(self.begin)} to {moment_text(self.until)}"
             within = min((self.until - self.begin) * _PROVEN_SHARE, _MAX_PROVEN)
-            if self.speeds is None and not has_tide:
+            if self.arrive_by is None and not has_tide:
                 when["to_within"] = f"{math.ceil(within / _MINUTE)}min"
         return {
             "name": departure_name(self.begin),
@@ -126,8 +126,6 @@ def departing(depart: str, until: str, arrive_by: str, speeds: str = "") -> Depa
         if text and not depart:
             faults.append(f"{option} needs --depart, the earliest departure; add --depart")
     speeds_m_s = _speeds(speeds, depart, arrive_by, faults)
-    if until and arrive_by and not speeds:
-        faults.append("--until and --arrive-by both say how to choose the departure; leave one out")
     begin, *others = times
     for (option, text), time in zip(
         (("--until", until), ("--arrive-by", arrive_by)), others, strict=True

@@ -16,7 +16,7 @@ from tests.loopback_store.server import LOGIN, Fault
 
 DAILY, TOTAL = "copernicus-forecast-daily", "copernicus-total-hourly"
 # Largest error of a single cell that can't be detected, m/s: see `_SPIKE_M_S` in
-# `pipeline.sources.copernicus.acceptance`.
+# `pipeline.sources.copernicus.adapter`.
 _UNDETECTED_M_S = 0.4
 
 

@@ -287,4 +287,4 @@ def damaged_scenario(
 
 def _is_current(kind: str) -> bool:
     """Whether files of a kind are currents."""
-    return kind.startswith(("netcdf", "zarr", "packed"))
+    return kind.startswith(("netcdf", "zarr", "packed", "grib"))

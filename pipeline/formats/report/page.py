@@ -26,7 +26,7 @@ from pipeline.formats.report.map_data import json_for_script, map_data, place_on
 from pipeline.formats.report.season import case_section
 from pipeline.geo.lonlat import position_text
 from pipeline.model import Credit, CurrentGrid, ShutStrait
-from pipeline.scenario.published import PublishedRow
+from pipeline.scenario.model import PublishedRow
 
 Notice = tuple[str, tuple[tuple[str, str], ...]]
 """What a reader must know before the answer: a title, and items that are each about a season."""

@@ -20,9 +20,8 @@ from pipeline.nightly.planning.chart import STAGE, ChartTask, CurrentTask, chart
 from pipeline.nightly.planning.work import BatchWork
 from pipeline.nightly.request.cases import Case, Cases
 from pipeline.nightly.request.newest_currents import Newest, named_currents
-from pipeline.scenario.members import CYCLES
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.season import Currents, Season
+from pipeline.scenario.season import CYCLES, Currents, Season
 from pipeline.scenario.strict import Point
 from pipeline.stages.fetch import with_max_hours
 from pipeline.stages.seasons.cluster import Fleet

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field
 from pipeline.errors import Fault, RequestError
 from pipeline.machine.paths import expanded, folder_to_write, shown, unreadable_reason
 from pipeline.scenario import catalogue
+from pipeline.scenario.season import Count, Interval, interval
 from pipeline.scenario.strict import (
     Integer,
     NonNegative,
@@ -21,7 +22,6 @@ from pipeline.scenario.strict import (
     StrictModel,
     validated,
 )
-from pipeline.scenario.times import Count, Interval, interval
 
 _TIME = re.compile(r"([01]\d|2[0-3]):([0-5]\d)Z", re.ASCII)
 _DAY = timedelta(days=1)

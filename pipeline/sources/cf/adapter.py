@@ -123,7 +123,8 @@ class CfFiles(CurrentSource):
             contents, selected = self._selected(season)
         except ValueError as error:
             raise RequestError(f"{name_of(find_files(self.paths))}: {error}") from None
-        bounds = _with_margin(contents, region.bounds)
+        lon_deg, lat_deg = contents.largest_cell
+        bounds = widened(region.bounds, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
         if contents.constituents:
             selected = stream_steps(contents, season, bounds, with_mean=self.with_mean)
         field, notes = read_checked_fields(contents, selected, bounds, region)
@@ -158,9 +159,7 @@ class CfFiles(CurrentSource):
 def _file_hashes(contents: Contents, selected: SelectedSteps) -> tuple[tuple[str, str], ...]:
     """Return the name and hash of each file that contains selected steps."""
     steps = {step for weights in selected.weights for step in weights}
-    parts = [contents.u[contents.u_index[step][0]] for step in steps]
-    parts += [contents.v[contents.v_index[step][0]] for step in steps]
-    used = sorted({part.file for part in parts})
+    used = sorted({series[step][0].file for series in (contents.u, contents.v) for step in steps})
     return tuple((file.name, _hash(file, _stamp(file))) for file in used)
 
 
@@ -201,12 +200,6 @@ def _hash(file: Path, stamp: str) -> str:
         if part.name in _ZARR_METADATA:
             digest.update(part.read_bytes())
     return digest.hexdigest()
-
-
-def _with_margin(contents: Contents, region: Bounds) -> Bounds:
-    """Return bounds of a region with a margin of a few cells."""
-    lon_deg, lat_deg = contents.largest_cell
-    return widened(region, MARGIN_CELLS * lon_deg, MARGIN_CELLS * lat_deg)
 
 
 def _check_bounds(contents: Contents, bounds: Bounds) -> Bounds:
@@ -279,7 +272,7 @@ def read_checked_fields(
             first = _without(first, zeros)
 
             def fields() -> Iterator[Field]:
-                others = (_without(one, zeros) for one in reader.fields(selected.weights[1:]))
+                others = (_without(wide, zeros) for wide in reader.fields(selected.weights[1:]))
                 for wide in itertools.chain([first], others):
                     kept.append(_cropped(wide, bounds))
                     yield wide

@@ -191,11 +191,13 @@ def coordinate_names(dataset: "xr.Dataset", dim: str) -> tuple[str, ...]:
     if dim in dataset.variables and dataset.variables[dim].ndim == 1:
         with reading():
             values = dataset.variables[dim].values.tolist()
-    texts = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in values]
-    names = [clean(one) if isinstance(one, str) else one for one in texts]
-    if not names or not all(isinstance(one, str) for one in names):
+    texts = [
+        value.decode(errors="replace") if isinstance(value, bytes) else value for value in values
+    ]
+    names = [clean(text) if isinstance(text, str) else text for text in texts]
+    if not names or not all(isinstance(name, str) for name in names):
         raise ValueError(f"{dim} has no names; add the coordinate: ['M2', 'S2', …]")
-    if len({one.upper() for one in names}) < len(names):
+    if len({name.upper() for name in names}) < len(names):
         raise ValueError(f"{dim} has a name twice ({', '.join(names)}); leave one out")
     return tuple(names)
 
@@ -249,8 +251,9 @@ class TimeSteps:
     """The steps of a file: their valid times (UTC, ascending), or a climatology's months.
 
     A file that gives no time has one step, with neither a time nor a month. `labels` are the steps
-    as text, `width` is the length of a step, if the file says it. `by` is what calls them means,
-    "point" for steps of their very moments, or "". `notes` say how the moments were read.
+    as text, `width` is the length of a step, if the file says it. `by` quotes what in the file says
+    that the steps are means; it is "point" for instants, and "" where the file says neither.
+    `notes` say how the moments were read.
     """
 
     moments: tuple[datetime, ...] = ()
@@ -321,9 +324,11 @@ def read_steps(
     units = str(time.attrs.get("units", ""))
     months = _months(time, values, units)
     stamps = [] if months else decoded_times(time, values, units)
-    months = months or tuple(one.month for one in stamps if "climatology" in time.attrs)
+    months = months or tuple(stamp.month for stamp in stamps if "climatology" in time.attrs)
     if months:
-        return TimeSteps(months=months, labels=tuple(calendar.month_name[one] for one in months))
+        return TimeSteps(
+            months=months, labels=tuple(calendar.month_name[month] for month in months)
+        )
     labels = tuple(label(stamp) for stamp in stamps)
     if bounds is not None and about.get("by") != "point":
         begins, ends = (decoded_times(time, side, units) for side in bounds.T)
@@ -336,7 +341,7 @@ def read_steps(
 
 
 def step_method(array: "xr.DataArray", dim: str, names: Iterable[str]) -> dict[str, Any]:
-    """Return what a variable, or else its file's names, say of a step: arguments of TimeSteps."""
+    """Return `by` and `width` of a variable's TimeSteps, by its attributes or its file's names."""
     methods = array.attrs.get("cell_methods", "")
     said = re.search(rf"\b(?:time|{re.escape(dim)}):(?:\s*\w+:)*\s*(\w+)", methods)
     # A spread or a largest one, along whatever axis, is no current; parentheses hold comments.
@@ -379,9 +384,9 @@ def _placed(steps: TimeSteps) -> TimeSteps:
     early = [middle - moment for middle, moment in zip(middles, moments, strict=True)]
     if length == MONTH:
         labels = tuple(moment.strftime("%Y-%m") for moment in moments)
-    elif by and all(abs(one) <= slack for one in early):
+    elif by and all(abs(lead) <= slack for lead in early):
         return replace(steps, width=length)
-    elif not by or timedelta(1) % length or any(abs(one - length / 2) > slack for one in early):
+    elif not by or timedelta(1) % length or any(abs(lead - length / 2) > slack for lead in early):
         why = f"means ({by}) at odd stamps" if by else "no name and no cell_methods call them means"
         return replace(steps, notes=(Note.of("steps-read", how=f"instants: {why}"),))
     how = f"means ({by}), each for the middle of the time that begins at its stamp"
@@ -434,7 +439,7 @@ def latest_steps(
 
     All stay where no two have the same time, or a file has no reference time.
     """
-    twice = any(times[one] == times[after] for one, after in itertools.pairwise(index))
+    twice = any(times[step] == times[after] for step, after in itertools.pairwise(index))
     if not twice or not all(references):
         return index
     own: dict[Any, list[Any]] = {}
@@ -444,7 +449,7 @@ def latest_steps(
 
     def is_covered(step: Step) -> bool:
         later = ascending[bisect.bisect(ascending, references[step[0]]) :]
-        return any(own[one][0] <= times[step] <= own[one][-1] for one in later)
+        return any(own[reference][0] <= times[step] <= own[reference][-1] for reference in later)
 
     return [step for step in index if not is_covered(step)]
 
@@ -490,14 +495,14 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
             raise ValueError("no date with a clock, in UTC or a zone as -6:00")  # noqa: TRY301
         hours, minutes = (int(f"{said['sign'] or ''}{said[part] or 0}") for part in ("h", "min"))
         offset = timedelta(hours=hours, minutes=minutes)
-        found = netCDF4.num2date(
+        decoded = netCDF4.num2date(
             values,
             said["local"],
             name,
             only_use_cftime_datetimes=False,
             only_use_python_datetimes=True,
         )
-        stamps: list[datetime] = np.atleast_1d(np.asarray(found, dtype=object)).tolist()
+        stamps: list[datetime] = np.atleast_1d(np.asarray(decoded, dtype=object)).tolist()
         moments = [(stamp + half - offset).replace(microsecond=0, tzinfo=UTC) for stamp in stamps]
     except (ValueError, ArithmeticError, TypeError, LookupError) as error:
         raise ValueError(
@@ -519,6 +524,6 @@ def reference_time(dataset: "xr.Dataset") -> datetime | None:
                 return max(decoded_times(dataset[name], values, units))
     for name in _ATTRIBUTES:
         with contextlib.suppress(ValueError):
-            found = datetime.fromisoformat(str(dataset.attrs.get(name, "")).removesuffix(" UTC"))
-            return found.astimezone(UTC) if found.tzinfo else found.replace(tzinfo=UTC)
+            moment = datetime.fromisoformat(str(dataset.attrs.get(name, "")).removesuffix(" UTC"))
+            return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
     return None

@@ -19,8 +19,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.lonlat import Bounds, common_bounds
 from pipeline.model import Credit, CurrentGrid, Land, MemberGrid, Note
 from pipeline.model.inputs import CurrentSource, Issue
-from pipeline.scenario.members import CYCLES, FILES, MembersSpec
-from pipeline.scenario.season import STILL, Season, StreamConstants
+from pipeline.scenario.season import CYCLES, FILES, STILL, MembersSpec, Season, StreamConstants
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.contents import find_files, name_of
 from pipeline.sources.cf.dataset import fatal_files, open_dataset
@@ -46,7 +45,7 @@ class CfMembers(CurrentSource):
             members = self._members()
         except RequestError:
             return ("nothing", *self.paths)
-        each = [part for _, one in members for part in one.identity(season)]
+        each = [part for _, source in members for part in source.identity(season)]
         return ("members", self.spec.along, str(self.spec.weights), *each)
 
     def uncovered_reason(self, region: Polygon, season: Season) -> str:
@@ -65,8 +64,8 @@ class CfMembers(CurrentSource):
 
     def issue(self, season: Season) -> Issue:
         """Return the first member's issue, with the hashes of all."""
-        issues = [one.issue(season) for _, one in self._members()]
-        return replace(issues[0], digest="".join(one.digest for one in issues))
+        issues = [source.issue(season) for _, source in self._members()]
+        return replace(issues[0], digest="".join(issue.digest for issue in issues))
 
     def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
         """Read each member, checked like any current, and take their mean.
@@ -74,48 +73,48 @@ class CfMembers(CurrentSource):
         A member that is refused, or on other nodes or at other times than the first one that can be
         used, is left out by name. Of forecasts, the newest must be usable, and is enough.
         """
-        found: list[tuple[str, CurrentGrid, float]] = []
-        out: list[str] = []
+        used: list[tuple[str, CurrentGrid, float]] = []
+        reasons: list[str] = []
         members = self._members()
         for (name, source), weight in zip(members, self._weights(len(members)), strict=True):
             try:
                 grid = source.current(region, season, land, folder)
             except RequestError as error:
-                if self._are_cycles and not found:
+                if self._are_cycles and not used:
                     raise
-                out.append(f"{name}: {'; '.join(str(error).splitlines())}")
+                reasons.append(f"{name}: {'; '.join(str(error).splitlines())}")
                 continue
-            if found and (differs := _difference(grid, found[0][1])):
-                out.append(f"{name} has {differs} than {found[0][0]}")
+            if used and (differs := _difference(grid, used[0][1])):
+                reasons.append(f"{name} has {differs} than {used[0][0]}")
                 continue
-            found.append((name, grid, weight))
-        left = [Note.of("member-left-out", reason=reason) for reason in out]
+            used.append((name, grid, weight))
+        left_out = [Note.of("member-left-out", reason=reason) for reason in reasons]
         choose = self.spec.choose
         needed, whose = (1 if self._are_cycles else _LEAST), "an ensemble has"
         if choose in QUANTILES:
             needed, whose = FEWEST, f"members.choose = {choose!r} needs"
-        if len(found) < needed:
-            few = f"{len(found)} of {len(members)} members can be used, and {whose} {needed}"
+        if len(used) < needed:
+            few = f"{len(used)} of {len(members)} members can be used, and {whose} {needed}"
             remedy = "or choose by the mean" if choose in QUANTILES else "or leave 'members' out"
-            raise RequestError("; ".join([*out, f"{few}; give more, {remedy}"]))
-        if len(found) == 1:
-            return replace(found[0][1], notes=(*found[0][1].notes, *left))
-        weights = np.array([weight for *_, weight in found])
+            raise RequestError("; ".join([*reasons, f"{few}; give more, {remedy}"]))
+        if len(used) == 1:
+            return replace(used[0][1], notes=(*used[0][1].notes, *left_out))
+        weights = np.array([weight for *_, weight in used])
         if (weights > 0).sum() < _LEAST:
             raise RequestError("members.weights leave less than two members; raise them")
         weights /= weights.sum()
-        first = found[0][1]
-        notes = dict.fromkeys(note for _, grid, _ in found for note in grid.notes)
+        first = used[0][1]
+        notes = dict.fromkeys(note for _, grid, _ in used for note in grid.notes)
         return replace(
             first,
-            u=_mean([grid.u for _, grid, _ in found], weights),
-            v=_mean([grid.v for _, grid, _ in found], weights),
+            u=_mean([grid.u for _, grid, _ in used], weights),
+            v=_mean([grid.v for _, grid, _ in used], weights),
             members=tuple(
                 MemberGrid(name, grid.u, grid.v, float(weight))
-                for (name, grid, _), weight in zip(found, weights, strict=True)
+                for (name, grid, _), weight in zip(used, weights, strict=True)
             ),
-            files=tuple(dict.fromkeys(one for _, grid, _ in found for one in grid.files)),
-            notes=(*notes, *left),
+            files=tuple(dict.fromkeys(file for _, grid, _ in used for file in grid.files)),
+            notes=(*notes, *left_out),
         )
 
     def _members(self) -> list[tuple[str, CfFiles]]:
@@ -125,30 +124,32 @@ class CfMembers(CurrentSource):
             names = [file.stem for file in files]
             if len(set(names)) < len(names):
                 names = [file.name for file in files]
-            found = [(name, CfFiles((str(file),))) for name, file in zip(names, files, strict=True)]
-            what = f"{len(found)} file{'s' * (len(found) != 1)}"
+            members = [
+                (name, CfFiles((str(file),))) for name, file in zip(names, files, strict=True)
+            ]
+            what = f"{len(members)} file{'s' * (len(members) != 1)}"
         elif self._are_cycles:
-            folders = sorted({file.parent for file in files}, key=lambda one: one.name)[::-1]
-            if len({one.name for one in folders}) < len(folders):
+            folders = sorted({file.parent for file in files}, key=lambda folder: folder.name)[::-1]
+            if len({folder.name for folder in folders}) < len(folders):
                 raise RequestError(
                     "members.along = 'cycles' needs folders of different names, one a forecast: "
-                    f"{', '.join(one.name for one in folders)}"
+                    f"{', '.join(folder.name for folder in folders)}"
                 )
-            found = [
-                (folder.name, CfFiles(tuple(str(one) for one in files if one.parent == folder)))
+            members = [
+                (folder.name, CfFiles(tuple(str(file) for file in files if file.parent == folder)))
                 for folder in folders
             ]
-            what = f"{len(found)} folder{'s' * (len(found) != 1)}"
+            what = f"{len(members)} folder{'s' * (len(members) != 1)}"
         else:
             along = self.spec.along
             size = _size_along(files, along)
             each = [(f"{along} {at}", (along, at)) for at in range(size)]
-            found = [(name, CfFiles(self.paths, index=index)) for name, index in each]
+            members = [(name, CfFiles(self.paths, index=index)) for name, index in each]
             what = f"{size} along {along}"
         least = 1 if self._are_cycles else _LEAST
-        if not least <= len(found) <= _MOST:
+        if not least <= len(members) <= _MOST:
             raise RequestError(f"members: {what}; there must be {least} to {_MOST}")
-        return found
+        return members
 
     @property
     def _are_cycles(self) -> bool:
@@ -183,14 +184,14 @@ def _size_along(files: Sequence[Path], along: str) -> int:
     )
 
 
-def _difference(one: CurrentGrid, first: CurrentGrid) -> str:
+def _difference(grid: CurrentGrid, first: CurrentGrid) -> str:
     """Say in what a member differs from the first one, so that they have no mean; or ""."""
     for name, what in (("lon", "other longitudes"), ("lat", "other latitudes")):
-        if not np.array_equal(getattr(one, name), getattr(first, name)):
+        if not np.array_equal(getattr(grid, name), getattr(first, name)):
             return what
-    if not np.array_equal(one.times_s, first.times_s):
+    if not np.array_equal(grid.times_s, first.times_s):
         return "other times"
-    return "" if one.valid == first.valid else f"another time ({one.valid}, not {first.valid})"
+    return "" if grid.valid == first.valid else f"another time ({grid.valid}, not {first.valid})"
 
 
 def _mean(parts: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
@@ -277,7 +278,7 @@ def _residual_fault(residual: CfFiles, region: Polygon, season: Season) -> str:
     if contents.constituents:
         return f"{name}: it has harmonic constants itself; give a current without tide"
     step = contents.steps.interval
-    if step < _LEAST_STEP and "current-without-tide" not in {one.kind for one in contents.notes}:
+    if step < _LEAST_STEP and "current-without-tide" not in {note.kind for note in contents.notes}:
         return (
             f"{name}: its steps are {step / timedelta(hours=1):g} hours apart and show the tide, "
             f"which would count twice; give daily means, residual = '{STILL}', or leave it out for "
@@ -295,8 +296,8 @@ def _sum(streams: CurrentGrid, residual: CurrentGrid) -> CurrentGrid:
         times = times[: max(2, int(np.searchsorted(times, residual.times_s[-1], side="right")))]
     u, v = streams.u[: times.size].copy(), streams.v[: times.size].copy()
     # One field of the residual after the other: each weighs in the hours around it.
-    for step, one in enumerate(np.eye(len(residual.times_s))):
-        weight = np.interp(times, residual.times_s, one)
+    for step, at_step in enumerate(np.eye(len(residual.times_s))):
+        weight = np.interp(times, residual.times_s, at_step)
         flow = bilinear(residual, lonlat, step)
         for number in np.flatnonzero(weight):
             u[number] += weight[number] * flow[..., 0]
@@ -313,10 +314,10 @@ def _sum(streams: CurrentGrid, residual: CurrentGrid) -> CurrentGrid:
     )
 
 
-def _both(one: Credit, other: Credit) -> Credit:
+def _both(main: Credit, other: Credit) -> Credit:
     """Return the credit of two sources that are used together."""
     texts, licences = (
         "; ".join(dict.fromkeys(filter(None, pair)))
-        for pair in ((one.text, other.text), (one.licence, other.licence))
+        for pair in ((main.text, other.text), (main.licence, other.licence))
     )
-    return replace(one, text=texts, licence=licences)
+    return replace(main, text=texts, licence=licences)

@@ -44,7 +44,7 @@ _UNITS_M_S = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Component:
     """One component in one file: names of the variable and of its dimensions, and its axes.
 
@@ -63,10 +63,6 @@ class Component:
     lons_deg: FloatArray
     steps: TimeSteps
     notes: tuple[Note, ...]
-
-    def lazy(self, dataset: "xr.Dataset") -> "xr.Variable":
-        """Return the variable of its open file, not yet read."""
-        return dataset.variables[self.name].isel(self.fixed)
 
 
 def read_component(
@@ -101,7 +97,7 @@ def read_component(
         raise ValueError(axes.grid_fault(dataset, array))
     fixed: dict[str, int] = {}
     # A level, or the time, may also be a variable without a dimension.
-    scalars = [str(name) for name, one in dataset.variables.items() if not one.dims]
+    scalars = [str(name) for name, variable in dataset.variables.items() if not variable.dims]
     roles |= {name: "level" for name in scalars if axes.axis_role(dataset, name) == "level"}
     times = [name for name in scalars if dataset[name].attrs.get("standard_name") == "time"]
     for dim, role in roles.items():
@@ -163,7 +159,7 @@ def require_one_grid(components: Sequence[Component]) -> None:
     first = components[0]
     for other in components:
         for axis in ("longitudes", "latitudes"):
-            own, theirs = (getattr(one, f"{axis[:3]}s_deg") for one in (other, first))
+            own, theirs = (getattr(part, f"{axis[:3]}s_deg") for part in (other, first))
             if not axes.is_same_axis(own, theirs):
                 raise ValueError(
                     f"{other.name} has other {axis} than {first.name}: interpolate both to the "
@@ -214,12 +210,16 @@ _Variable: TypeAlias = tuple[str, str]
 _Pair: TypeAlias = tuple[_Variable, _Variable]
 
 
+StepInFile: TypeAlias = tuple[Component, int]
+"""A component in a file, and the number of a step there."""
+
+
 @dataclass(frozen=True)
 class Contents:
     """Contents of files together: axes as they are in the files, both components, time steps.
 
     `lon` (nx,) and `lat` (ny,) are in degrees, ascending or descending. For each of the `steps`,
-    `u_index` and `v_index` give the number of the component's file, and the step in that file.
+    `u` and `v` give the component in a file, and the step in that file.
 
     Harmonic constants have `constituents` and no time steps: "steps" are the real parts of all
     constituents, then their imaginary parts, then the mean, if the file has one.
@@ -228,11 +228,9 @@ class Contents:
     files: tuple[Path, ...]
     lon: FloatArray
     lat: FloatArray
-    u: tuple[Component, ...]
-    v: tuple[Component, ...]
+    u: tuple[StepInFile, ...]
+    v: tuple[StepInFile, ...]
     steps: TimeSteps
-    u_index: tuple[tuple[int, int], ...]
-    v_index: tuple[tuple[int, int], ...]
     notes: tuple[Note, ...]
     attributes: dict[str, str]
     reference_time: datetime | None = None
@@ -241,7 +239,7 @@ class Contents:
     @property
     def has_mean(self) -> bool:
         """Whether harmonic constants have a mean beside them."""
-        return len(self.u_index) > len(_PARTS) * len(self.constituents)
+        return len(self.u) > len(_PARTS) * len(self.constituents)
 
     @property
     def largest_cell(self) -> tuple[float, float]:
@@ -309,8 +307,8 @@ def _contents(
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}{_groups_hint(files)}") from None
     faults: list[str] = []
-    found: tuple[list[Component], list[Component]] = ([], [])
-    for (standard, name), components in zip(pair, found, strict=True):
+    components_of: tuple[list[Component], list[Component]] = ([], [])
+    for (standard, name), components in zip(pair, components_of, strict=True):
         for file, dataset in datasets.items():
             variable = dataset.data_vars.get(name)
             if variable is not None and variable.attrs.get("standard_name", "") == standard:
@@ -321,7 +319,7 @@ def _contents(
     if faults:
         raise RequestError(list(dict.fromkeys(faults)))
     try:
-        return _combined(datasets, *found, notes)
+        return _combined(datasets, *components_of, notes)
     except ValueError as error:
         raise RequestError(f"{name_of(files)}: {error}") from None
 
@@ -349,7 +347,7 @@ def _find_pair(datasets: "Sequence[xr.Dataset]") -> tuple[_Pair, tuple[Note, ...
             "ice or waves: give a file of currents, or correct its names"
         )
     text = {of: " ".join((of[1], *texts)).lower() for of, texts in said.items()}
-    pair = max(pairs, key=lambda one: bool(re.search(_SUM, text[one[0]])))
+    pair = max(pairs, key=lambda candidate: bool(re.search(_SUM, text[candidate[0]])))
     also = {of for of in said if re.search(_MOVES, text[of]) and not re.search(_NO_WATER, text[of])}
     return pair, tuple(_notes(pair, said, sorted({*also, *itertools.chain(*pairs)} - {*pair})))
 
@@ -417,32 +415,38 @@ def _constants(files: tuple[Path, ...], datasets: "dict[Path, xr.Dataset]") -> C
             "and v_im, as `renew tide fit` writes them"
         )
     try:
-        found = {
+        components = {
             name: read_component(
                 file, dataset, name, along="" if name.endswith("mean") else _CONSTITUENT
             )
             for name in wanted
         }
-        require_one_grid(list(found.values()))
+        require_one_grid(list(components.values()))
         names = axes.coordinate_names(dataset, _CONSTITUENT)
     except ValueError as error:
         raise RequestError(f"{file.name}: {error}") from None
-    u, v = (tuple(found[f"{component}_{part}"] for part in parts) for component in "uv")
-    sizes = [len(names), len(names), 1][: len(parts)]
-    index = tuple((part, step) for part, size in enumerate(sizes) for step in range(size))
+    count = {part: 1 if part == "mean" else len(names) for part in parts}
+    u, v = (
+        tuple((components[f"{name}_{part}"], step) for part in parts for step in range(count[part]))
+        for name in "uv"
+    )
+    first = components[wanted[0]]
     return Contents(
         files=files,
-        lon=u[0].lons_deg,
-        lat=u[0].lats_deg,
+        lon=first.lons_deg,
+        lat=first.lats_deg,
         u=u,
         v=v,
         steps=TimeSteps(),
-        u_index=index,
-        v_index=index,
-        notes=tuple(dict.fromkeys(note for one in (*u, *v) for note in one.notes)),
+        notes=_distinct_notes([components[f"{name}_{part}"] for name in "uv" for part in parts]),
         attributes=dict(dataset.attrs),
         constituents=names,
     )
+
+
+def _distinct_notes(parts: Sequence[Component], before: Sequence[Note] = ()) -> tuple[Note, ...]:
+    """Return some notes and those of components, each once."""
+    return tuple(dict.fromkeys([*before, *(note for part in parts for note in part.notes)]))
 
 
 def name_of(files: Sequence[Path]) -> str:
@@ -476,12 +480,12 @@ def _combined(
     require_one_grid([*u, *v])
     references = {file: reference_time(dataset) for file, dataset in datasets.items()}
     (u_steps, u_index), (v_steps, v_index) = (
-        merge_steps([one.steps for one in parts], [references[one.file] for one in parts])
+        merge_steps([part.steps for part in parts], [references[part.file] for part in parts])
         for parts in (u, v)
     )
     known = [time for time in references.values() if time is not None]
     newest = max(known) if len(known) == len(references) else None
-    if (count := sum(len(one.steps.labels) for one in u) - len(u_index)) > 0:
+    if (count := sum(len(part.steps.labels) for part in u) - len(u_index)) > 0:
         notes = (*notes, Note.of("forecasts-overlap", count=count, reference=newest))
     if u_steps != v_steps:
         raise ValueError(
@@ -492,12 +496,10 @@ def _combined(
         files=tuple(datasets),
         lon=first.lons_deg,
         lat=first.lats_deg,
-        u=tuple(u),
-        v=tuple(v),
+        u=tuple((u[file], step) for file, step in u_index),
+        v=tuple((v[file], step) for file, step in v_index),
         steps=u_steps,
-        u_index=u_index,
-        v_index=v_index,
-        notes=tuple(dict.fromkeys([*notes, *(note for one in (*u, *v) for note in one.notes)])),
+        notes=_distinct_notes([*u, *v], notes),
         attributes=dict(next(iter(datasets.values())).attrs),
         reference_time=newest,
     )

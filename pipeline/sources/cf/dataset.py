@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline._types import FloatArray
-from pipeline.machine.interpreters import ProcessResult, run_python
+from pipeline.machine.interpreters import run_python
 from pipeline.sources.cf import grib
 from pipeline.texts import acts, clean
 
@@ -56,27 +56,23 @@ _TEXT = "SUO"
 _MAX_REASON = 200
 
 
-def is_grib(path: Path) -> bool:
-    """Whether a file says that it is GRIB."""
+def _first_bytes(path: Path) -> bytes:
+    """Return what a file begins with; nothing where it can't be read, or is a folder."""
     try:
         with path.open("rb") as file:
-            return b"GRIB" in file.read(_HEADER_BYTES)
+            return file.read(_HEADER_BYTES)
     except OSError:
-        return False
+        return b""
+
+
+def is_grib(path: Path) -> bool:
+    """Whether a file says that it is GRIB."""
+    return b"GRIB" in _first_bytes(path)
 
 
 def is_zarr(path: Path) -> bool:
     """Whether a path is that of a Zarr store."""
     return path.is_dir() and any((path / name).is_file() for name in _ZARR_MARKERS)
-
-
-def is_hdf5(path: Path) -> bool:
-    """Whether a file says that it is NetCDF 4, and so HDF5."""
-    try:
-        with path.open("rb") as file:
-            return file.read(4) == _HDF5
-    except OSError:
-        return False
 
 
 @contextlib.contextmanager
@@ -193,8 +189,8 @@ def _check_is_number(name: str, variable: "xr.Variable | xr.DataArray") -> None:
 
 def _check_names(variables: Iterable[str]) -> None:
     """Refuse names of variables that would act on a terminal: messages quote them."""
-    if found := next(filter(None, map(acts, variables)), ""):
-        raise ValueError(f"a variable has in its name {found}; rename it, as with `ncrename -v`")
+    if acting := next(filter(None, map(acts, variables)), ""):
+        raise ValueError(f"a variable has in its name {acting}; rename it, as with `ncrename -v`")
 
 
 def _check_axis_size(name: str, size: int) -> None:
@@ -232,7 +228,7 @@ def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
     versions = {
         file: (file, file.stat().st_size, file.stat().st_mtime_ns)
         for file in files
-        if is_hdf5(file) or is_grib(file)
+        if _first_bytes(file).startswith(_HDF5) or is_grib(file)
     }
     unknown = tuple(file for file, version in versions.items() if version not in _found)
     fatal = dict(_fatal(unknown))
@@ -242,13 +238,19 @@ def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
 
 def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
     """Find the fatal files among some."""
-    found = []
+    faults = []
     while files:
-        result = _run(files)
+        values_s = sum(file.stat().st_size for file in files if is_grib(file)) / _BYTES_S
+        cpu_s = _START_CPU_S + _FILE_CPU_S * len(files) + values_s
+        result = run_python(
+            ["-m", __name__],
+            "\n".join([str(math.ceil(cpu_s)), *map(str, files)]),
+            _START_S + _FILE_S * len(files) + 4 * values_s,
+        )
         begun = [int(line) for line in result.stderr.splitlines() if line.isdecimal()]
         for line in result.stdout.splitlines():
             number, _, fault = line.partition(" ")
-            found.append((files[int(number)], fault))
+            faults.append((files[int(number)], fault))
         # Where the process itself can't start, the files are read without this probe.
         if not begun or (result.exit_code is not None and result.exit_code >= 0):
             break
@@ -257,20 +259,9 @@ def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
             end = f"ends by {Signals(-result.exit_code).name}"
         last = files[begun[-1]]
         library = "ecCodes" if is_grib(last) else "the HDF5 library"
-        found.append((last, f"it is damaged: {library} {end} on it; fetch it again"))
+        faults.append((last, f"it is damaged: {library} {end} on it; fetch it again"))
         files = files[begun[-1] + 1 :]
-    return tuple(found)
-
-
-def _run(files: tuple[Path, ...]) -> ProcessResult:
-    """Open files in a process."""
-    values_s = sum(file.stat().st_size for file in files if is_grib(file)) / _BYTES_S
-    cpu_s = _START_CPU_S + _FILE_CPU_S * len(files) + values_s
-    return run_python(
-        ["-m", __name__],
-        "\n".join([str(math.ceil(cpu_s)), *map(str, files)]),
-        _START_S + _FILE_S * len(files) + 4 * values_s,
-    )
+    return tuple(faults)
 
 
 def main() -> None:
@@ -285,11 +276,14 @@ def main() -> None:
     for index, file in enumerate(map(Path, files)):
         print(index, file=sys.stderr, flush=True)  # noqa: T201 - this is how it answers
         try:
-            _check(file)
+            if is_grib(file):
+                grib.require_library()
+                with reading():
+                    grib.check_values(file)
+                continue
+            _refuse_parts_elsewhere(file)
         except ValueError as error:
             print(index, error, flush=True)  # noqa: T201 - as above
-            continue
-        if is_grib(file):
             continue
         # An error is raised again where the file is read.
         with contextlib.suppress(Exception), netCDF4.Dataset(file) as dataset:
@@ -299,24 +293,8 @@ def main() -> None:
                     _touch(variable)
 
 
-def _check(file: Path) -> None:
-    """Read all values of a GRIB file; refuse an HDF5 file that has parts in other files."""
-    if is_grib(file):
-        grib.require_library()
-        with reading():
-            grib.check_values(file)
-        return
-    with reading():
-        part = _part_elsewhere(file)
-    if part:
-        raise ValueError(
-            f"{part} is virtual, or in another file, which is not read; copy all into one file, as "
-            "with `nccopy`"
-        )
-
-
-def _part_elsewhere(file: Path) -> str:
-    """Name the first part of an HDF5 file that lies in another file; "" where there is none."""
+def _refuse_parts_elsewhere(file: Path) -> None:
+    """Raise ValueError for an HDF5 file of which a part lies in another file."""
     import h5py
 
     def visit(name: str, link: object) -> str | None:
@@ -326,12 +304,18 @@ def _part_elsewhere(file: Path) -> str:
         is_known = isinstance(link, (h5py.HardLink, h5py.SoftLink))
         return name if is_away or not is_known else None
 
-    try:
-        opened = h5py.File(file)
-    except OSError:
-        return ""  # the error is raised again where the file is read
-    with opened:
-        return opened.visititems_links(visit) or ""
+    with reading():
+        try:
+            opened = h5py.File(file)
+        except OSError:
+            return  # the error is raised again where the file is read
+        with opened:
+            part = opened.visititems_links(visit)
+    if part:
+        raise ValueError(
+            f"{part} is virtual, or in another file, which is not read; copy all into one file, as "
+            "with `nccopy`"
+        )
 
 
 def _touch(variable: Any) -> None:  # noqa: ANN401 - netCDF4 has no types

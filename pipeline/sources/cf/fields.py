@@ -21,10 +21,9 @@ import renew
 from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond, widened
 from pipeline.model import Note
-from pipeline.scenario.season import Season, TimeMethod
-from pipeline.scenario.times import Period
-from pipeline.sources.cf.axes import SAME_SHARE, Step, TimeSteps, label
-from pipeline.sources.cf.contents import Component, Contents
+from pipeline.scenario.season import Period, Season, TimeMethod
+from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label
+from pipeline.sources.cf.contents import Component, Contents, StepInFile
 from pipeline.sources.cf.dataset import open_dataset, reading
 from pipeline.sources.current_field import Field
 from renew.inputs.tide import arguments, speeds
@@ -40,10 +39,11 @@ _MAX_FAULTS = 3
 
 @dataclass(frozen=True, slots=True)
 class SelectedSteps:
-    """A season's fields: the weights (sum 1) of steps, by index, that make up each of them.
+    """A season's fields: each is a weighted sum of steps, whose weights are given by index.
 
-    `valid` is the time that they stand for. `times_s` are seconds since departure, and `labels` the
-    times as text, one for each field; 0 and "" for a single one.
+    Weights of time steps sum to 1; those of harmonic constants are factors of their real and
+    imaginary parts. `valid` is the time that the fields stand for. `times_s` are seconds since
+    departure, and `labels` the times as text, one for each field; 0 and "" for a single one.
     """
 
     weights: tuple[Mapping[int, float], ...]
@@ -79,7 +79,7 @@ def steps_of_season(
     if contents.constituents:
         return _of_constants(contents, season, step, with_mean=with_mean)
     if season.is_changing:
-        return select_all_steps(contents.steps, season.period, contents.u_index)
+        return select_all_steps(contents.steps, season.period, contents.u)
     return select_steps(contents.steps, season.period, season.resolved_time_method)
 
 
@@ -134,7 +134,7 @@ def _mean(steps: TimeSteps, period: Period) -> SelectedSteps:
 def _sparse_notes(steps: TimeSteps, inside: Sequence[int], period: Period) -> tuple[Note, ...]:
     """Return a note if the steps do not fill the period."""
     interval = steps.interval
-    # A step stands for the time around it, or after it.
+    # Half a step before the begin is allowed: a step may stand for the time around it.
     times = [period.begin - interval / 2, *(steps.moments[i] for i in inside), period.end]
     largest = max(later - earlier for earlier, later in itertools.pairwise(times))
     if largest <= _MISSING_STEP * interval:
@@ -193,7 +193,7 @@ def _of_constants(
     first = math.floor((period.begin - LONGEST_STEP - _EPOCH) / step)
     last = math.ceil((period.end - _EPOCH) / step)
     moments = [_EPOCH + number * step for number in range(first, last + 1)]
-    instants = np.array([one.replace(tzinfo=None) for one in moments], "datetime64[us]")
+    instants = np.array([moment.replace(tzinfo=None) for moment in moments], "datetime64[us]")
     try:
         factors, angles = arguments(names, instants)
     except renew.ParameterError as error:
@@ -211,10 +211,12 @@ def _of_constants(
     )
 
 
-def select_all_steps(steps: TimeSteps, period: Period, index: Sequence[Step] = ()) -> SelectedSteps:
+def select_all_steps(
+    steps: TimeSteps, period: Period, series: Sequence[StepInFile] = ()
+) -> SelectedSteps:
     """Select all steps from the one before a period's begin to the one after its end.
 
-    Each is a field of its own. `index` says where each step stands in its files, if known.
+    Each is a field of its own. `series` says where each step of a component stands, if known.
 
     Raises
     ------
@@ -240,7 +242,7 @@ def select_all_steps(steps: TimeSteps, period: Period, index: Sequence[Step] = (
     end_s = (period.end - departure).total_seconds()
     last = min(max(int(np.searchsorted(times, end_s)), first + 1), len(times) - 1)
     chosen = range(first, last + 1)
-    faults = [*_holes(steps, chosen), *_descending(moments, index, chosen if index else ())]
+    faults = [*_holes(steps, chosen), *_descending(moments, series, chosen if series else ())]
     if faults:
         raise ValueError("; ".join(faults))
     labels = tuple(label(moments[i]) for i in chosen)
@@ -267,13 +269,13 @@ def _holes(steps: TimeSteps, chosen: Sequence[int]) -> Iterator[str]:
 
 
 def _descending(
-    moments: Sequence[datetime], index: Sequence[Step], chosen: Sequence[int]
+    moments: Sequence[datetime], series: Sequence[StepInFile], chosen: Sequence[int]
 ) -> Iterator[str]:
     """Find steps of one file that stand in another order than their times."""
     wrong = [
         (earlier, later)
         for earlier, later in itertools.pairwise(chosen)
-        if index[earlier][0] == index[later][0] and index[earlier][1] > index[later][1]
+        if series[earlier][0] is series[later][0] and series[earlier][1] > series[later][1]
     ]
     for earlier, later in wrong[:_MAX_FAULTS]:
         yield (
@@ -414,8 +416,8 @@ class FieldReader:
         most = max(1, _CHUNK_VALUES // max(1, window.lat.size * window.lon.size))
         for _, same in groupby(weights, key=tuple):
             while some := list(islice(same, most)):
-                east = self._weighted_sums(contents.u, contents.u_index, some)
-                north = self._weighted_sums(contents.v, contents.v_index, some)
+                east = self._weighted_sums(contents.u, some)
+                north = self._weighted_sums(contents.v, some)
                 for u, v in zip(east, north, strict=True):
                     gap = ~(np.isfinite(u) & np.isfinite(v))
                     u[gap] = v[gap] = np.nan
@@ -423,30 +425,29 @@ class FieldReader:
 
     def _weighted_sums(
         self,
-        files: Sequence[Component],
-        index: Sequence[tuple[int, int]],
+        series: Sequence[StepInFile],
         weights: Sequence[Mapping[int, float]],
     ) -> FloatArray:
         """Return weighted sums (n, ny, nx) of a component's steps in m/s, all of the same steps."""
         total = np.zeros((len(weights), self._window.lat.size, self._window.lon.size))
-        for steps, values in self.blocks(files, index, weights[0]):
-            shares = [[one[step] for step in steps] for one in weights]
+        for steps, values in self.blocks(series, weights[0]):
+            shares = [[share_of[step] for step in steps] for share_of in weights]
             total += np.tensordot(shares, values, axes=1)
         return total
 
     def blocks(
-        self, files: Sequence[Component], index: Sequence[tuple[int, int]], steps: Iterable[int]
+        self, series: Sequence[StepInFile], steps: Iterable[int]
     ) -> Iterator[tuple[list[int], FloatArray]]:
         """Yield numbers and values (nt, ny, nx), m/s, of some megabytes of steps at a time."""
-        by_file: dict[int, dict[int, int]] = {}
+        by_part: dict[Component, dict[int, int]] = {}
         for step in steps:
-            file, own = index[step]
-            by_file.setdefault(file, {})[own] = step
+            part, own = series[step]
+            by_part.setdefault(part, {})[own] = step
         most = max(1, _CHUNK_VALUES // max(1, self._window.lat.size * self._window.lon.size))
-        for file, numbers in by_file.items():
+        for part, numbers in by_part.items():
             for first in range(0, len(numbers), most):
                 some = sorted(numbers)[first : first + most]
-                yield [numbers[own] for own in some], self._values(files[file], some)
+                yield [numbers[own] for own in some], self._values(part, some)
 
     def _values(self, component: Component, steps: Sequence[int]) -> FloatArray:
         """Read ascending steps of a file (nt, ny, nx), m/s."""
@@ -456,7 +457,8 @@ class FieldReader:
             is_range = steps[-1] - steps[0] == len(steps) - 1
             part[component.time] = slice(steps[0], steps[-1] + 1) if is_range else list(steps)
         try:
-            variable = component.lazy(self._dataset(component.file))
+            variable = self._dataset(component.file).variables[component.name]
+            variable = variable.isel(component.fixed)
             with reading():
                 values = read_window(variable.isel(part), (component.lat, component.lon), window)
         except ValueError as error:
@@ -522,12 +524,10 @@ def _time_step(contents: Contents, window: Window, season: Season) -> tuple[time
     bounded by the largest of its parts at any node.
     """
     names, count = contents.constituents, len(contents.constituents)
-    peaks = np.zeros((2, len(contents.u_index)))
+    peaks = np.zeros((2, len(contents.u)))
     with FieldReader(contents, window) as reader:
-        for row, (files, index) in enumerate(
-            ((contents.u, contents.u_index), (contents.v, contents.v_index))
-        ):
-            for steps, values in reader.blocks(files, index, range(2 * count)):
+        for row, series in enumerate((contents.u, contents.v)):
+            for steps, values in reader.blocks(series, range(2 * count)):
                 sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
                 peaks[row, steps] = sizes.max(axis=(1, 2), initial=0.0)
     amplitudes = np.sqrt((peaks[:, : 2 * count] ** 2).reshape(2, 2, count).sum(axis=(0, 1)))
@@ -553,10 +553,10 @@ def _age_notes(contents: Contents, departure: datetime) -> list[Note]:
     series = []
     for side in ("start", "end"):
         try:
-            found = datetime.fromisoformat(contents.attributes[f"time_coverage_{side}"])
+            moment = datetime.fromisoformat(contents.attributes[f"time_coverage_{side}"])
         except (KeyError, ValueError):
             return []
-        series.append(found if found.tzinfo else found.replace(tzinfo=UTC))
+        series.append(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
     years = max(series[0] - departure, departure - series[1]) / timedelta(days=365.25)
     if years <= _OLD_YEARS:
         return []
@@ -571,7 +571,7 @@ def weak_cells(contents: Contents, bounds: Bounds) -> BoolArray | None:
     ValueError
         The file is damaged.
     """
-    part = contents.u[0]
+    part, _ = contents.u[0]
     window = find_window(contents.lon, contents.lat, bounds)
     with open_dataset(part.file) as dataset:
         share = dataset.variables.get("variance_share")

@@ -47,7 +47,8 @@ _DEPTH = {"standard_name": "depth", "units": "m", "positive": "down"}
 _NO_CENTRES = (255, 65535)
 # Largest number of nodes of a field: 512 MB.
 _MAX_NODES = 64 << 20
-# Difference between an axis's step and the one stated, as a share: edition 1 has millidegrees.
+# Largest difference between an axis's step and the one that the file states, as a share of it:
+# edition 1 rounds to millidegrees.
 _STEP_SHARE = 0.05
 # Number of other parameters, and of kinds of level, that a message names.
 _MAX_NAMES = 4
@@ -359,11 +360,13 @@ def _one_grid(fields: Sequence[GribField]) -> Grid:
 
 def _in_time(fields: Sequence[GribField], component: str) -> list[GribField]:
     """Return a component's fields in time; ValueError where two have the same time."""
-    own = sorted((one for one in fields if one.component == component), key=lambda one: one.time)
-    for one, following in itertools.pairwise(own):
-        if one.time == following.time:
+    own = sorted(
+        (field for field in fields if field.component == component), key=lambda field: field.time
+    )
+    for field, following in itertools.pairwise(own):
+        if field.time == following.time:
             raise ValueError(
-                f"it has two fields of the {component} component at {_moment(one.time)}; leave "
+                f"it has two fields of the {component} component at {_moment(field.time)}; leave "
                 "one out"
             )
     return own
@@ -390,7 +393,7 @@ def _lazy(path: Path, fields: Sequence[GribField]) -> Any:  # noqa: ANN401 - a t
         def read(self, key: tuple[Any, ...]) -> FloatArray:
             """Read whole fields, and cut the rest of the key out of them."""
             chosen = np.arange(len(fields))[key[0]]
-            found = np.stack([_values(path, fields[i])[None][key[1:]] for i in np.ravel(chosen)])
-            return found if np.ndim(chosen) else found[0]
+            read = np.stack([_values(path, fields[i])[None][key[1:]] for i in np.ravel(chosen)])
+            return read if np.ndim(chosen) else read[0]
 
     return indexing.LazilyIndexedArray(Values())

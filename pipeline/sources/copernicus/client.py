@@ -64,7 +64,7 @@ def without_secrets(text: str) -> str:
 
 def _secrets() -> set[str]:
     """Return user names and passwords of the environment and of the client's own file."""
-    found = {os.environ.get(USERNAME, ""), os.environ.get(PASSWORD, "")}
+    secrets = {os.environ.get(USERNAME, ""), os.environ.get(PASSWORD, "")}
     try:
         stored = base64.standard_b64decode(credentials_file().read_bytes()).decode("utf-8")
     except (OSError, binascii.Error, UnicodeDecodeError):
@@ -72,8 +72,8 @@ def _secrets() -> set[str]:
     # As configparser reads it; in a damaged file, every line.
     for line in stored.splitlines():
         name, _, value = line.replace(":", "=", 1).partition("=")
-        found.add(value.strip() if value else name.strip("[] "))
-    return found - {"", "credentials"}
+        secrets.add(value.strip() if value else name.strip("[] "))
+    return secrets - {"", "credentials"}
 
 
 # Exit codes of the check of the login.
@@ -216,9 +216,9 @@ def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | No
 def _time_axis(part: Any, variable: str) -> list[datetime]:  # noqa: ANN401 - the client has no types
     """Return all time steps of a variable, UTC."""
     for service in part.services:
-        for found in service.variables:
-            for axis in found.coordinates:
-                if found.short_name == variable and axis.coordinate_id == "time":
+        for listed in service.variables:
+            for axis in listed.coordinates:
+                if listed.short_name == variable and axis.coordinate_id == "time":
                     return sorted(_utc(value) for value in _values(axis))
     raise NotCoveredError(f"it lists no time steps for a variable {variable!r}")
 
@@ -244,15 +244,15 @@ def _with_labels(
 ) -> list[datetime]:
     """Return the times of the steps with these labels; NotCoveredError where one is not there."""
     wanted = set(labels)
-    found = [time for time in times if time.strftime(label_format) in wanted]
-    lacking = sorted(wanted - {time.strftime(label_format) for time in found})
+    at_labels = [time for time in times if time.strftime(label_format) in wanted]
+    lacking = sorted(wanted - {time.strftime(label_format) for time in at_labels})
     if lacking:
         around = around_missing([time.strftime(label_format) for time in times], lacking[0])
         raise NotCoveredError(
             f"it covers {times[0]:%Y-%m-%d} to {times[-1]:%Y-%m-%d}, and lacks {len(lacking)} of "
             f"the {len(wanted)} steps requested, the first {lacking[0]}{around}"
         )
-    return found
+    return at_labels
 
 
 def _chunk_box(part: Any, store: str, index: tuple[int, ...]) -> tuple[float, float, float, float]:  # noqa: ANN401 - the same

@@ -34,8 +34,7 @@ from pipeline.machine.files import write_whole
 from pipeline.machine.interpreters import run_python
 from pipeline.machine.store import file_hash
 from pipeline.scenario.catalogue import CopernicusSpec, StepLength
-from pipeline.scenario.season import TimeMethod
-from pipeline.scenario.times import Period
+from pipeline.scenario.season import Period, TimeMethod
 from pipeline.sources.cf.axes import MONTH, TimeSteps, middle_of_step, step_around
 from pipeline.sources.cf.fields import SelectedSteps, select_all_steps, select_steps
 from pipeline.sources.copernicus.client import LOGIN, NO_ANSWER, without_secrets
@@ -109,7 +108,7 @@ def select(
         selected = select_steps(steps, period, method)
     used = sorted({step for weights in selected.weights for step in weights})
     place = {step: at for at, step in enumerate(used)}
-    weights = tuple({place[i]: share for i, share in one.items()} for one in selected.weights)
+    weights = tuple({place[i]: share for i, share in shares.items()} for shares in selected.weights)
     return steps.only(used), replace(selected, weights=weights)
 
 

@@ -89,16 +89,16 @@ def polygons_near(
     """
     path, problem = cache_file(shoreline), "there is no home"
     if path is not None:
-        if (found := read_cached(path, box, least_deg)) is not None:
-            return found, ()
+        if (near := read_cached(path, box, least_deg)) is not None:
+            return near, ()
         try:
             write_cached(path, unpacked(shoreline))
         except OSError as error:
             problem = f"{path.parent}: {error.strerror or error}"
         else:
-            found = read_cached(path, box, least_deg)
-            if found is not None:
-                return found, ()
+            near = read_cached(path, box, least_deg)
+            if near is not None:
+                return near, ()
             problem = f"{path} is damaged as soon as it is written"
     return read_near(unpacked(shoreline), box, least_deg), (
         Note.of("land-not-cached", problem=problem),
@@ -201,18 +201,18 @@ def read_cached(path: Path, box: shapely.Polygon, least_deg: float = 0.0) -> Nea
     begins = np.where(near > 0, table["end"][near - 1], 0).astype(np.int64)
     spans = list(zip(begins.tolist(), ends.tolist(), table["crc"][near].tolist(), strict=True))
     first, is_large = _HEAD.size + table.nbytes, ends - begins > _LARGE
-    found = np.empty(len(near), dtype=object)
+    geometries = np.empty(len(near), dtype=object)
     try:
-        found[~is_large] = shapely.from_wkb(
+        geometries[~is_large] = shapely.from_wkb(
             [_checked(content[a:b], crc) for a, b, crc in compress(spans, ~is_large)]
         )
-        found[is_large] = [
+        geometries[is_large] = [
             large_polygon(path, first + a, first + b, crc)
             for a, b, crc in compress(spans, is_large)
         ]
     except ValueError:
         return None
-    polygons, index = shapes.near_box(found, box)
+    polygons, index = shapes.near_box(geometries, box)
     return NearPolygons(polygons, table["is_valid"][near][index])
 
 

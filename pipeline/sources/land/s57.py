@@ -8,7 +8,6 @@ bed, unless they are known to lie deep enough. Where cells overlap, the larger s
 precedence.
 """
 
-import hashlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +22,6 @@ from pipeline._types import Geometries
 from pipeline.errors import RequestError
 from pipeline.geo.lonlat import DepthCover
 from pipeline.machine.paths import require_readable
-from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, PlaceName, Zone
 from pipeline.model.depths import DepthArea, DepthRule, TidalWater
 from pipeline.sources.land import shapes
@@ -112,11 +110,17 @@ def land(
     parts = _visible_cells(cells, box)
     covered = shapes.merged([part.covered for part in parts])
     depths = [tuple(_depth_areas(part)) for part in parts]
-    safe = [[one.area for one in areas if one.least_m >= least_m] for areas in depths]
+    safe = [
+        [depth_area.area for depth_area in areas if depth_area.least_m >= least_m]
+        for areas in depths
+    ]
     sea = shapes.merged([area for areas in safe for area in areas])
     # An unknown depth is NaN, and so not deep enough.
     shoals = [
-        shapes.merged([one.area for one in areas if not one.least_m >= least_m]) for areas in depths
+        shapes.merged(
+            [depth_area.area for depth_area in areas if not depth_area.least_m >= least_m]
+        )
+        for areas in depths
     ]
     # A cell's depth areas must not overlap; where they do, the shallower one counts.
     sea = shapes.subtract(sea, shapes.merged(shoals))
@@ -161,9 +165,11 @@ def _tidal_water(
 ) -> Iterator[TidalWater]:
     """Yield the depth areas, and the objects on the bed, that need a tide to be deep enough."""
     for areas in depths:
-        for one in areas:
-            if rule.is_tidal(one.least_m):
-                yield TidalWater(_depth_text(one), rule.need_m(one.least_m), one.area)
+        for depth_area in areas:
+            if rule.is_tidal(depth_area.least_m):
+                yield TidalWater(
+                    _depth_text(depth_area), rule.need_m(depth_area.least_m), depth_area.area
+                )
     for part in parts:
         radius_m = _fixed_radius_m(part)
         for name in _SUNKEN:
@@ -316,13 +322,13 @@ def _notes(parts: Sequence[Cell], sea: shapely.Geometry, region: shapely.Polygon
 
 def _poor(parts: Sequence[Cell]) -> Geometries:
     """Return areas in which the survey is poor or unassessed."""
-    found: list[Geometries] = [np.empty(0, dtype=object)]
+    poor_parts: list[Geometries] = [np.empty(0, dtype=object)]
     for part in parts:
         quality = part.objects.get("M_QUAL")
         if quality is not None:
             poor = quality.geometry[quality.numbers("CATZOC") >= _POOR_CATZOC]
-            found.append(shapely.intersection(poor, part.covered))
-    return np.concatenate(found)
+            poor_parts.append(shapely.intersection(poor, part.covered))
+    return np.concatenate(poor_parts)
 
 
 def _credits(cells: Sequence[Cell]) -> Iterator[Credit]:
@@ -361,13 +367,10 @@ class S57Chart:
     @cached_property
     def identity(self) -> tuple[str, ...]:
         """Which depths are deep enough, and a hash of all files."""
-        digest = hashlib.sha256()
         bases = self._bases
         with shapes.reading(str(self.path), "fetch the cells and their updates again"):
-            for base in bases:
-                for file in cell_files(base):
-                    digest.update(file.name.encode() + file_hash(file).encode())
-        return ("s57", f"{self.rule!r}", digest.hexdigest())
+            digest = shapes.hash_of(file for base in bases for file in cell_files(base))
+        return ("s57", f"{self.rule!r}", digest)
 
     @cached_property
     def _bases(self) -> tuple[Path, ...]:
@@ -398,12 +401,12 @@ def find_cells(path: Path) -> tuple[Path, ...]:
     RequestError
         There is no cell, a cell is there twice, or a file can't be read.
     """
-    found = base_files(path)
-    if not found:
+    bases = base_files(path)
+    if not bases:
         raise RequestError(f"{path} holds no S-57 cell (.000 file): name the folder of the cells")
-    twice = [name for name, count in Counter(base.stem for base in found).items() if count > 1]
+    twice = [name for name, count in Counter(file.stem for file in bases).items() if count > 1]
     if twice:
         where = f"in {path}; keep the latest"
         raise RequestError([f"cell {name} is there more than once {where}" for name in twice])
-    require_readable((file for base in found for file in cell_files(base)), "chart.source")
-    return found
+    require_readable((file for base in bases for file in cell_files(base)), "chart.source")
+    return bases

@@ -114,7 +114,7 @@ def base_files(path: Path) -> tuple[Path, ...]:
     """
     if not path.is_dir():
         return (path,) if path.suffix == ".000" else ()
-    found: list[Path] = []
+    bases: list[Path] = []
     count = 0
     for folder, _, names in os.walk(path):
         count += len(names)
@@ -122,8 +122,8 @@ def base_files(path: Path) -> tuple[Path, ...]:
             raise RequestError(
                 f"{path} holds more than {_MAX_FILES:,} files: name the folder of the cells"
             )
-        found += [Path(folder, name) for name in names if name.endswith(".000")]
-    return tuple(sorted(found))
+        bases += [Path(folder, name) for name in names if name.endswith(".000")]
+    return tuple(sorted(bases))
 
 
 def cell_files(base: Path) -> tuple[Path, ...]:
@@ -154,11 +154,14 @@ def read_cell(base: Path, box: shapely.Polygon, classes: Iterable[str]) -> Cell 
         if not len(covered):
             return None
         read = {name: _objects(base, name, box) for name in sorted(layers.intersection(classes))}
+    day = clean(str(identification["DSID_ISDT"]))
+    if len(day) == 8:  # as 20260108
+        day = f"{day[:4]}-{day[4:6]}-{day[6:]}"
     return Cell(
         name=base.stem,
         edition=clean(str(identification["DSID_EDTN"])),
         update=clean(str(identification["DSID_UPDN"])),
-        issued=_iso_date(clean(str(identification["DSID_ISDT"]))),
+        issued=day,
         scale=int(str(identification["DSPM_CSCL"])),
         covered=shapely.union_all(covered),
         datum=_DATUMS.get(sdat := str(identification["DSPM_SDAT"]), f"datum {sdat} of S-57"),
@@ -173,14 +176,14 @@ def _identification(base: Path) -> dict[str, object]:
     pyogrio = vector_library()
 
     meta, _, _, columns = pyogrio.raw.read(base, layer="DSID", **_OPTIONS)
-    found = {
+    fields = {
         str(name): column[0]
         for name, column in zip(meta["fields"], columns, strict=True)
         if len(column)
     }
-    if lacking := [name for name in _IDENTIFICATION if name not in found]:
+    if lacking := [name for name in _IDENTIFICATION if name not in fields]:
         raise ValueError(f"its identification lacks {', '.join(lacking)}")
-    return found
+    return fields
 
 
 def _check(base: Path, identification: Mapping[str, object]) -> None:
@@ -226,8 +229,3 @@ def _objects(base: Path, layer: str, box: shapely.Polygon) -> tuple[Objects, int
         for name, column in zip(meta["fields"], columns, strict=True)
     }
     return Objects(valid, values), count
-
-
-def _iso_date(digits: str) -> str:
-    """Write a date of S-57, 20260108, as 2026-01-08."""
-    return f"{digits[:4]}-{digits[4:6]}-{digits[6:]}" if len(digits) == 8 else digits

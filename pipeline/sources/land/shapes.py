@@ -8,13 +8,14 @@ view of a GeoPackage may never end.
 """
 
 import glob
+import hashlib
 import json
 import math
 import mmap
 import re
 import sqlite3
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
 from functools import cache
 from importlib import import_module
@@ -32,6 +33,7 @@ from pipeline.errors import PipelineError, RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.geo.projection import MAX_EDGE_M, Projection
 from pipeline.machine.paths import require_readable
+from pipeline.machine.store import file_hash
 from pipeline.model import Note, PlaceName
 from pipeline.scenario.strict import near_miss
 from pipeline.texts import clean
@@ -90,21 +92,16 @@ def near_box(geometries: Geometries, box: shapely.Polygon) -> tuple[Geometries, 
     They are moved by whole turns; one that meets the box after two different moves comes twice.
     """
     bounds = shapely.bounds(geometries)
-    found: list[Geometries] = [np.empty(0, dtype=object)]
+    near: list[Geometries] = [np.empty(0, dtype=object)]
     index: list[IntArray] = [np.empty(0, dtype=np.int64)]
     for turn in _WHOLE_TURNS:
         meets = _meets(bounds, box, turn)
         chosen = geometries[meets]
-        found.append(chosen if turn == 0 else _moved_east(chosen, turn))
+        if turn:
+            chosen[:] = [affinity.translate(geometry, turn) for geometry in chosen]
+        near.append(chosen)
         index.append(np.flatnonzero(meets))
-    return np.concatenate(found), np.concatenate(index)
-
-
-def _moved_east(geometries: Geometries, degrees: float) -> Geometries:
-    """Move geometries eastward."""
-    moved = np.empty(len(geometries), dtype=object)
-    moved[:] = [affinity.translate(geometry, degrees) for geometry in geometries]
-    return moved
+    return np.concatenate(near), np.concatenate(index)
 
 
 def joined_at_180(parts: Geometries) -> tuple[Geometries, BoolArray]:
@@ -388,9 +385,17 @@ _ZIP = b"PK\x03\x04"
 def files_of(path: Path) -> tuple[Path, ...]:
     """Return a file and its sidecar files, as .dbf and .prj, which GDAL reads too."""
     beside = path.parent.glob(f"{glob.escape(path.stem)}.*")
-    files = tuple(sorted({path, *(one for one in beside if not one.is_dir())}))
+    files = tuple(sorted({path, *(file for file in beside if not file.is_dir())}))
     require_readable(files, path.name)
     return files
+
+
+def hash_of(files: Iterable[Path]) -> str:
+    """Return a hash of the names and the content of files."""
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(file.name.encode() + file_hash(file).encode())
+    return digest.hexdigest()
 
 
 def require_self_contained(path: Path) -> None:
@@ -413,7 +418,7 @@ def require_self_contained(path: Path) -> None:
         own = _of_geopackage(path)
     else:
         own = _of_flatgeobuf(path) if head.startswith(_FLATGEOBUF) else _of_geojson(path)
-    projections = (one.read_text("latin-1") for one in files if one.suffix.lower() == ".prj")
+    projections = (file.read_text("latin-1") for file in files if file.suffix.lower() == ".prj")
     if any(_FILES.search(text) for text in (*own, *projections)):
         raise RequestError(f"{path} has a CRS that is in another file; export it in EPSG:4326")
 
@@ -421,14 +426,14 @@ def require_self_contained(path: Path) -> None:
 def _of_geojson(path: Path) -> Iterator[str]:
     """Yield each CRS of a file that may be a GeoJSON."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        for found in _JSON_CRS.finditer(content):
-            text = content[found.end() : found.end() + _MOST].decode(errors="replace")
+        for member in _JSON_CRS.finditer(content):
+            text = content[member.end() : member.end() + _MOST].decode(errors="replace")
             try:
                 crs, _ = json.JSONDecoder().raw_decode(text)
             except ValueError:
                 crs = {"type": "link"}  # damaged, or as long as none is
             kinds = [str(value) for key, value in crs.items() if key.casefold() == "type"]
-            if not {one.casefold() for one in kinds} <= _NAMED:
+            if not {kind.casefold() for kind in kinds} <= _NAMED:
                 raise RequestError(
                     f"{path} has a CRS that is a link, which is not followed: export it again with "
                     'the CRS\'s name, as in "crs": {"type": "name", "properties": {"name": '

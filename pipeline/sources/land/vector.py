@@ -6,7 +6,6 @@ state (which of several layers, the CRS, that radius) are asked for, not guessed
 with names, in any format that GDAL reads, or in CSV.
 """
 
-import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -61,7 +60,7 @@ class VectorLayer:
 
     def near(self, box: shapely.Polygon) -> tuple[Geometries, tuple[Note, ...]]:
         """Return valid parts of geometries near a box, in its longitudes, and notes."""
-        found: list[Geometries] = [np.empty(0, dtype=object)]
+        near: list[Geometries] = [np.empty(0, dtype=object)]
         total, notes = 0, list[Note]()
         with shapes.reading_chart(self.path) as issued:
             for window, parts in self._parts(box, notes):
@@ -70,15 +69,15 @@ class VectorLayer:
                 shapely.prepare(window)
                 crosses = ~shapely.covers(window, valid)
                 valid[crosses] = shapely.intersection(valid[crosses], window)
-                found.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
+                near.append(self._to_lonlat(valid[~shapely.is_empty(valid)], box))
         repairs = shapes.repair_note(self.path.name, total)
-        return np.concatenate(found), (*repairs, *notes, *self._notes(issued))
+        return np.concatenate(near), (*repairs, *notes, *self._notes(issued))
 
     def _parts(
         self, box: shapely.Polygon, notes: list[Note]
     ) -> Iterator[tuple[shapely.Polygon, Geometries]]:
-        """Yield windows in the file's CRS, and the parts near them; add a note on changed ones."""
-        # The bounds of a feature that jumps at 180 degrees say nothing.
+        """Yield each window in the file's CRS with the parts near it; add notes on those joined."""
+        # A feature across 180 degrees that is not split there has bounds round the earth.
         _, south, _, north = box.bounds
         left, bottom, right, top = self.extents
         is_wide = self._is_lonlat & (right - left > shapes.HALF_TURN)
@@ -96,10 +95,10 @@ class VectorLayer:
     def places(self, box: shapely.Polygon) -> tuple[PlaceName, ...]:
         """Return the names of areas near a box, where the layer has a column of names."""
         pyogrio = shapes.vector_library()
-        found: list[PlaceName] = []
+        places: list[PlaceName] = []
         # Its warnings were already given when the areas themselves were read.
         with shapes.reading_chart(self.path):
-            named = (one for one in self.fields if one.casefold() in shapes.NAME_COLUMNS)
+            named = (field for field in self.fields if field.casefold() in shapes.NAME_COLUMNS)
             column = next(named, None)
             for window in self._windows(box) if column is not None else ():
                 _, _, wkb, (names,) = pyogrio.raw.read(
@@ -108,8 +107,8 @@ class VectorLayer:
                 geometry = shapes.repaired(
                     shapely.force_2d(shapely.from_wkb(wkb, on_invalid="ignore"))
                 )[0]
-                found += shapes.named_places(names, self._to_lonlat(geometry, box))
-        return tuple(found)
+                places += shapes.named_places(names, self._to_lonlat(geometry, box))
+        return tuple(places)
 
     def bounds(self) -> tuple[float, float, float, float] | None:
         """Return the layer's bounds in its own CRS; None if no feature has a geometry."""
@@ -211,7 +210,7 @@ class VectorLayer:
         _, numbers, wkb, _ = shapes.vector_library().raw.read(
             self.path, layer=self.name, columns=[], return_fids=True, **which
         )
-        is_there = np.array([one is not None for one in wkb], dtype=bool)
+        is_there = np.array([geometry is not None for geometry in wkb], dtype=bool)
         present = np.flatnonzero(is_there & ~np.isin(numbers, but))
         numbers, wkb = np.asarray(numbers)[present], wkb[present]
         with np.errstate(invalid="ignore"):
@@ -307,15 +306,11 @@ class VectorFile:
     @cached_property
     def identity(self) -> tuple[str, ...]:
         """The scenario's table about the file, and a hash of it and its sidecar files."""
-        digest = hashlib.sha256()
         files = self._files
         with shapes.reading_chart(self.path):
-            for file in files:
-                digest.update(file.name.encode())
-                with file.open("rb") as content:
-                    digest.update(hashlib.file_digest(content, "sha256").digest())
+            digest = shapes.hash_of(files)
         entry = self.entry.model_dump_json() if self.entry else ""
-        return ("vector", self.source.model_dump_json(), entry, digest.hexdigest())
+        return ("vector", self.source.model_dump_json(), entry, digest)
 
     @cached_property
     def _files(self) -> tuple[Path, ...]:
@@ -347,14 +342,14 @@ class VectorFile:
         require_readable(self._files, self.path.name)
         version = tuple(file.stat().st_mtime_ns for file in self._files)
         layer = open_layer(self.path, self.source.layer, self.source.crs, version)
-        found, notes = layer.near(box)
-        if len(found) == 0:
+        near, notes = layer.near(box)
+        if len(near) == 0:
             raise self._nothing_near(layer)
         is_given = self.entry or self.source.accuracy_m is not None
         name, accuracy_m = self.path.name, _ASSUMED_ACCURACY_M
         assumed = Note.of("accuracy-assumed", source=name, accuracy_m=accuracy_m)
         return Land(
-            polygons=tuple(self._areas(found).tolist()),
+            polygons=tuple(self._areas(near).tolist()),
             credits=(self.credit,),
             accuracy_m=self.accuracy_m,
             notes=notes if is_given else (*notes, assumed),
@@ -429,27 +424,29 @@ def read_havens(path: Path) -> tuple[HavenPoint, ...]:
         if len(layers) != 1:
             raise _fault(path, f"has {len(layers)} layers ({', '.join(layers)}); give one alone")
         meta, _, wkb, values = pyogrio.raw.read(path, **_CSV_COLUMNS)
-        fields = [str(one).casefold() for one in meta["fields"]]
+        fields = [str(field).casefold() for field in meta["fields"]]
         points = [
-            None if one is None else shapely.from_wkb(one) for one in ([] if wkb is None else wkb)
+            None if geometry is None else shapely.from_wkb(geometry)
+            for geometry in ([] if wkb is None else wkb)
         ]
         lonlat = _lonlat(path, points, meta["crs"])
-    column = next((at for at, one in enumerate(fields) if one in shapes.NAME_COLUMNS), None)
+    column = next((at for at, field in enumerate(fields) if field in shapes.NAME_COLUMNS), None)
     names = [None] * len(points) if column is None else list(values[column])
-    found = tuple(
+    havens = tuple(
         HavenPoint(clean(str(name or ""), shapes.MAX_NAME) or f"haven {number}", lon, lat)
         for number, (name, (lon, lat)) in enumerate(
             zip(names, lonlat.tolist(), strict=True), start=1
         )
     )
-    if twice := _twice([one.name for one in found]):
-        raise _fault(path, f"has several havens called {twice!r}; rename all but one")
-    return found
+    for at, haven in enumerate(havens):
+        if haven.name in (other.name for other in havens[:at]):
+            raise _fault(path, f"has several havens called {haven.name!r}; rename all but one")
+    return havens
 
 
 def _lonlat(path: Path, points: Sequence[shapely.Geometry | None], crs: str | None) -> FloatArray:
     """Return places (n, 2), degrees; a file that states no CRS is in degrees."""
-    kinds = {"nothing" if one is None or one.is_empty else one.geom_type for one in points}
+    kinds = {"nothing" if point is None or point.is_empty else point.geom_type for point in points}
     if not points or kinds != {"Point"}:
         listed = ", ".join(sorted(kinds - {"Point"})) or "no feature"
         raise _fault(path, f"has {listed} in place of points; {_REMEDY}")
@@ -464,11 +461,6 @@ def _lonlat(path: Path, points: Sequence[shapely.Geometry | None], crs: str | No
         x, y = places[beyond][0].tolist()
         raise _fault(path, f"has a haven at [{x:g}, {y:g}], which is not on earth: give lon, lat")
     return np.asarray(places)
-
-
-def _twice(names: Sequence[str]) -> str:
-    """Return the first name that is given twice, or ""."""
-    return next((one for at, one in enumerate(names) if one in names[:at]), "")
 
 
 def _fault(path: Path, fault: str) -> RequestError:

@@ -74,12 +74,12 @@ def fit_files(paths: Sequence[str]) -> "xr.Dataset":
 def separable(days: float, interval: timedelta) -> tuple[str, ...]:
     """Return the constituents that a series tells apart, by Rayleigh's and Nyquist's criterion."""
     turn = 360.0 / (24 * days)
-    found: dict[str, float] = {}
+    chosen: dict[str, float] = {}
     for name, speed in zip(CONSTITUENTS, speeds(CONSTITUENTS), strict=True):
         is_slow = speed * (interval / _HOUR) < 180
-        if is_slow and all(abs(speed - other) >= turn for other in (0.0, *found.values())):
-            found[name] = float(speed)
-    return tuple(found)
+        if is_slow and all(abs(speed - other) >= turn for other in (0.0, *chosen.values())):
+            chosen[name] = float(speed)
+    return tuple(chosen)
 
 
 def _series_faults(steps: TimeSteps) -> Iterator[str]:
@@ -116,15 +116,15 @@ def _fitted(contents: Contents) -> "xr.Dataset":
     import xarray as xr
 
     steps = contents.steps
-    moments = np.array([one.replace(tzinfo=None) for one in steps.moments], "datetime64[us]")
+    moments = np.array([moment.replace(tzinfo=None) for moment in steps.moments], "datetime64[us]")
     names = separable(len(moments) * (steps.interval / timedelta(days=1)), steps.interval)
     design = _design(names, moments, steps.width)
     bounds = (contents.lon.min(), contents.lat.min(), contents.lon.max(), contents.lat.max())
     window = find_window(contents.lon, contents.lat, bounds)
     with FieldReader(contents, window) as reader:
         u, v = (
-            _solved(design, reader.blocks(files, index, range(len(moments))))
-            for files, index in ((contents.u, contents.u_index), (contents.v, contents.v_index))
+            _solved(design, reader.blocks(series, range(len(moments))))
+            for series in (contents.u, contents.v)
         )
     # A node that lacks a component at any step has no constants.
     gap = np.where(np.isfinite(u.left + v.left), 0.0, np.nan)
@@ -195,11 +195,11 @@ def _solved(design: FloatArray, blocks: Iterator[tuple[list[int], FloatArray]]) 
         right = right + np.tensordot(design[rows], apart, axes=(0, 0))
         squares = squares + (apart**2).sum(axis=0)
     shape = (len(right), -1)
-    found = np.linalg.solve(design.T @ design, right.reshape(shape)).reshape(right.shape)
-    half = (len(found) + 1) // 2
+    solution = np.linalg.solve(design.T @ design, right.reshape(shape)).reshape(right.shape)
+    half = (len(solution) + 1) // 2
     return _Solved(
-        constants=found[1:half] + 1j * found[half:],
-        mean=first + found[0],
-        left=np.maximum(squares - (found * right).sum(axis=0), 0.0),
+        constants=solution[1:half] + 1j * solution[half:],
+        mean=first + solution[0],
+        left=np.maximum(squares - (solution * right).sum(axis=0), 0.0),
         about=np.maximum(squares - right[0] ** 2 / len(design), 0.0),
     )

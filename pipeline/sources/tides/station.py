@@ -33,8 +33,8 @@ from pipeline.geo.projection import Projection
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
 from pipeline.model.depths import TideRange
 from pipeline.scenario import catalogue, strict
+from pipeline.scenario.model import TideSpec
 from pipeline.scenario.strict import NonNegative, Number, near_miss, shown, validated
-from pipeline.scenario.tide import TideSpec
 
 # Least number of constants of a tide: M2, S2, K1 and O1.
 _LEAST_CONSTANTS = 4
@@ -106,13 +106,13 @@ def read_station(path: Path) -> Station:
     """Read a station's file; RequestError with a line for each fault."""
     faults: list[str] = []
     try:
-        found = _read(path, faults)
-        faults += _faults(found)
+        station = _read(path, faults)
+        faults += _faults(station)
     except RequestError as error:
         faults += error.faults
     if faults:
         raise RequestError([f"{shown_path(path.name)}: {fault}" for fault in faults])
-    return found
+    return station
 
 
 def _read(path: Path, faults: list[str]) -> Station:
@@ -137,14 +137,14 @@ def _read(path: Path, faults: list[str]) -> Station:
     )
 
 
-def _faults(found: Station) -> Iterator[str]:
+def _faults(station: Station) -> Iterator[str]:
     """Say what a station lacks, and what can't be right."""
-    if not found.datum or math.isnan(found.mean_level_m):
+    if not station.datum or math.isnan(station.mean_level_m):
         yield (
             "the chart datum, or mean sea level over it, is missing; give a TOML file with `datum` "
             "and `mean_level_m` that names this file as `constants`"
         )
-    amplitudes = [one.amplitude for one in found.constants.values()]
+    amplitudes = [constant.amplitude for constant in station.constants.values()]
     moving = sum(amplitude > 0 for amplitude in amplitudes)
     if moving < _LEAST_CONSTANTS:
         yield (
@@ -157,8 +157,8 @@ def _faults(found: Station) -> Iterator[str]:
             "as feet or centimetres would; give metres"
         )
     try:
-        level = 0.0 if math.isnan(found.mean_level_m) else found.mean_level_m
-        replace(found, mean_level_m=level, name="").tide(np.datetime64(0, "s"))
+        level = 0.0 if math.isnan(station.mean_level_m) else station.mean_level_m
+        replace(station, mean_level_m=level, name="").tide(np.datetime64(0, "s"))
     except renew.ParameterError as error:
         yield str(error)
 
@@ -367,29 +367,31 @@ def tide_zones(
     A station with a zone counts there. Elsewhere the nearest of the others by water counts, within
     10 km of it. The second part is within 10 km of one by the straight line alone: none counts.
     """
-    zones = [shapely.Polygon(one.zone) if one.zone else shapely.Polygon() for one in stations]
+    zones = [
+        shapely.Polygon(station.zone) if station.zone else shapely.Polygon() for station in stations
+    ]
     own = [projection.geometry_to_plane(zone, _REACH_M) for zone in zones]
     rest = shapely.difference(extent, shapely.union_all(own))
     points = [
         None
-        if one.zone or one.position is None
-        else shapely.Point(projection.to_plane(one.position))
-        for one in stations
+        if station.zone or station.position is None
+        else shapely.Point(projection.to_plane(station.position))
+        for station in stations
     ]
     near = [point for point in points if point is not None]
     cells = shapely.get_parts(shapely.voronoi_polygons(shapely.MultiPoint(near), extend_to=extent))
-    found = list[shapely.Geometry]()
+    parts = list[shapely.Geometry]()
     for point, zone in zip(points, own, strict=True):
         if point is None:
-            found.append(shapely.intersection(zone, extent))
+            parts.append(shapely.intersection(zone, extent))
             continue
         cell = extent if len(near) == 1 else cells[shapely.intersects(cells, point)][0]
         circle = shapely.buffer(point, _REACH_M / projection.scale)
-        found.append(shapely.intersection(shapely.intersection(cell, circle), rest))
+        parts.append(shapely.intersection(shapely.intersection(cell, circle), rest))
     far = shapely.Polygon()
     if near and len(land) and not rest.is_empty:
-        far = _part_by_land(found, points, rest, land, _REACH_M / projection.scale)
-    return found, far
+        far = _part_by_land(parts, points, rest, land, _REACH_M / projection.scale)
+    return parts, far
 
 
 def _part_by_land(
@@ -401,7 +403,7 @@ def _part_by_land(
 ) -> shapely.Geometry:
     """Give cells of the water to other zones where the straight line to a station crosses land.
 
-    Return those that no station counts for, since it is farther than its reach by water.
+    Return those that no station counts for, since all are farther by water than their reach.
     `points` are the stations that count in the `rest` of the extent. Water that is joined with none
     of them keeps its zone: no route leads there.
     """
@@ -482,9 +484,9 @@ def refuse_far_water(
     """Raise RequestError for tidal water at a planar place that no station counts for."""
     lonlat = projection.to_lonlat(shapely.get_coordinates(place)[0]).tolist()
     apart = sorted(
-        (float(place.distance(shapely.Point(projection.to_plane(one.position)))), one.name)
-        for one in stations
-        if one.position is not None
+        (float(place.distance(shapely.Point(projection.to_plane(station.position)))), station.name)
+        for station in stations
+        if station.position is not None
     )
     named = [
         f"{name} ({d * projection.scale / 1000:.0f} km in a straight line)"

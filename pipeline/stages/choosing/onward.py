@@ -22,7 +22,7 @@ from pipeline._types import FloatArray
 from pipeline.machine.store import Artefact, artefact_key
 from pipeline.model import Case, Note
 from pipeline.model.case import MIN_LATENESS_S, true_duration_s
-from pipeline.scenario.times import DepartureTimes
+from pipeline.scenario.season import DepartureTimes
 from pipeline.stages.choosing.chosen import Chosen, in_thread
 from pipeline.stages.plan_case import planned
 from renew.inputs.shut_areas import Area

@@ -24,8 +24,7 @@ from pipeline.model import Case, CaseResult, VoyageBefore
 from pipeline.model.case import true_duration_s
 from pipeline.model.hashes import current_hash, land_hash
 from pipeline.scenario.loading import load_scenario
-from pipeline.scenario.model import Scenario
-from pipeline.scenario.under_way import UnderWay
+from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.finished import finished_season

@@ -1,5 +1,6 @@
 """Choose the departure of a season that leaves it open, as one task; see `seasons/task.py`."""
 
+import math
 import threading
 from dataclasses import dataclass
 from datetime import datetime
@@ -15,9 +16,9 @@ from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import Case, DepartureChoice, Note, Say, plan_options
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
-from pipeline.scenario.season import Season
-from pipeline.scenario.times import interval
+from pipeline.scenario.season import Season, interval
 from pipeline.stages.seasons.task import Status, stored_case
+from renew.errors import Moment
 
 # Number of plans between two progress notes.
 _PLANS_PER_NOTE = 5
@@ -83,11 +84,11 @@ def _choice(case: Case, season: Season, options: PlannerOptions, say: Say) -> De
     given, first = (case.chart, case.current, case.vessel, case.start, case.goal), case.departure
     if first is None:
         raise ValueError(f"season {season.name!r} leaves a departure open without a clock")
+    by = math.inf
     if season.arrive_by is not None and season.speed is None:
         by = (season.arrive_by - first).total_seconds()
-        return _latest(renew.plan(*given, **asked | {"arrive_by": by}).best, first, season)
     if season.departures is None:
-        raise ValueError(f"season {season.name!r} leaves no departure open")
+        return _latest(renew.plan(*given, **asked | {"arrive_by": by}).best, first, season)
     times = season.departures.seconds
     say(Note.of("departures-asked", count=len(times)))
     within = None if season.to_within is None else interval(season.to_within).total_seconds()
@@ -101,20 +102,30 @@ def _choice(case: Case, season: Season, options: PlannerOptions, say: Say) -> De
         progress=partial(_say_progress, len(times), say),
         with_classes=False,
     )
+    fuels = np.where(found.arrivals <= by, found.fuels, np.inf)
+    causes = [
+        _too_late(arrival, by) if cause is None and arrival > by else cause
+        for cause, arrival in zip(found.causes, found.arrivals, strict=True)
+    ]
+    if not np.isfinite(fuels).any():
+        raise _too_late(found.arrivals.min(), by)
     return DepartureChoice(
         season=season.name,
         first=first,
         departures_s=found.departures,
-        fuels=found.fuels,
+        fuels=fuels,
         durations_s=found.durations,
         homotopies=found.homotopies,
-        reasons=tuple(
-            "" if cause is None else planner_text(cause.text, case) for cause in found.causes
-        ),
-        chosen_s=float(found.departures[found.best]),
+        reasons=tuple("" if cause is None else planner_text(cause.text, case) for cause in causes),
+        chosen_s=float(found.departures[fuels.argmin()]),
         unproven_s=found.unproven,
         has_speeds=season.speed is not None,
     )
+
+
+def _too_late(arrival: float, by: float) -> renew.ArrivalError:
+    """Return the error of a departure whose route arrives after the latest arrival, s."""
+    return renew.ArrivalError("arrives at {0}, later than {1}", Moment(arrival), Moment(by))
 
 
 def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureChoice:

@@ -103,7 +103,7 @@ def test_clean_all_says_what_it_takes_of_the_user_and_needs_a_yes(
 def test_clean_all_asks_at_a_terminal(
     tmp_path: Path, land_cache: Path, monkeypatch: pytest.MonkeyPatch, answer: str, *, is_kept: bool
 ) -> None:
-    monkeypatch.setattr("pipeline.cli.listing.sys", _Terminal)
+    monkeypatch.setattr("pipeline.cli.upkeep.sys", _Terminal)
     command = ["clean", "--output", str(tmp_path / "out"), "--all"]
     asked = CliRunner().invoke(app, command, input=answer)
     assert str(land_cache) in asked.output

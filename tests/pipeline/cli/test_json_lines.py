@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 import pytest
 
-from pipeline.cli.log_lines import json_lines
+from pipeline.cli.terminal import json_lines
 from pipeline.sources.copernicus.client import PASSWORD, USERNAME
 
 # With characters that JSON and addresses each spell in their own way.

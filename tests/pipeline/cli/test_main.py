@@ -52,7 +52,7 @@ def test_the_list_says_what_a_scenario_needs() -> None:
 def test_what_runs_offline_has_a_current_there(name: str) -> None:
     """The list's word against the sources': those that are asked for a current of the region."""
     content = catalogue.entry("scenarios", name)
-    [entry] = [e for e in listed() if (e.section, e.name) == ("scenarios", name)]
+    [needs] = [entry["needs"] for entry in listed()["scenarios"] if entry["name"] == name]
     region = shapely.box(*content["region"]["bbox"]) if "region" in content else None
     for table in content["seasons"]:
         season = Season.model_validate(table)
@@ -62,8 +62,8 @@ def test_what_runs_offline_has_a_current_there(name: str) -> None:
             and not source.uncovered_reason(region, season)
             for source in sources
         )
-        needs_account = f"{season.name} needs" in entry.needs or (
-            entry.needs.startswith("needs") and "Copernicus" in entry.needs
+        needs_account = f"{season.name} needs" in needs or (
+            needs.startswith("needs") and "Copernicus" in needs
         )
         assert offline != needs_account, season.name
 

@@ -14,12 +14,13 @@ from typer.testing import CliRunner
 
 from pipeline.cli import plot as plot_module
 from pipeline.cli.main import app
-from pipeline.cli.plot import plot
-from pipeline.errors import RequestError, StageError
+from pipeline.cli.plot import draw
+from pipeline.errors import StageError
+from pipeline.findings.names import output_directory
 from pipeline.formats.figures.kinds import Form, Kind
-from pipeline.run import Event, run
+from pipeline.run import Event, EventHandler, planned_scenario, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
-from pipeline.scenario.loading import parse_scenario
+from pipeline.scenario.loading import parse_scenario, scenario_text
 from pipeline.scenario.model import Scenario
 from tests.tree import tree
 
@@ -37,6 +38,20 @@ def scenario(classes: int = 2, **changes: object) -> Scenario:
     return parse_scenario(table | changes)
 
 
+def plot(
+    asked: Scenario,
+    output: Path,
+    *,
+    kinds: tuple[Kind, ...] = (),
+    form: Form = Form.PNG,
+    on_event: EventHandler | None = None,
+) -> list[Path]:
+    """Draw figures of all cases, as the command does."""
+    with planned_scenario(asked, output, on_event=on_event) as result:
+        folder = output_directory(output.resolve(), asked.name) / "figures"
+        return draw(result, result.cases, folder, kinds=kinds, form=form)
+
+
 @pytest.fixture(scope="module")
 def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the results of a run, without figures."""
@@ -49,39 +64,34 @@ def test_all_figures_of_a_run_are_drawn_and_nothing_else_changes(output: Path) -
     before = tree(output)
     settings = dict(mpl.rcParams)
     events: list[Event] = []
-    drawn = plot(scenario(), output, on_event=events.append)
-    assert drawn.failures == ()
+    files = plot(scenario(), output, on_event=events.append)
     folder = output / "single-gyre" / "figures"
-    assert drawn.directory == folder
-    assert [file.name for file in drawn.files] == [f"gyre-{kind.value}.png" for kind in Kind]
-    assert sorted(folder.iterdir()) == sorted(drawn.files)
+    assert [file.name for file in files] == [f"gyre-{kind.value}.png" for kind in Kind]
+    assert sorted(folder.iterdir()) == sorted(files)
     after = tree(output)
     assert {name: after[name] for name in before} == before
     results = (output / "single-gyre").resolve().relative_to(output.resolve())
-    assert after.keys() - before.keys() == {
-        f"{results}/figures/{file.name}" for file in drawn.files
-    }
+    assert after.keys() - before.keys() == {f"{results}/figures/{file.name}" for file in files}
     # The stored plan was used; nothing but figures was written.
     assert "write" not in {event.stage for event in events}
     assert dict(mpl.rcParams) == settings
-    for file in drawn.files:
+    for file in files:
         assert imread(file).shape[1] >= 1000
 
 
 def test_the_same_figure_is_the_same_file(output: Path) -> None:
     for form in Form:
-        asked = {"kinds": (Kind.ROUTES,), "form": form}
-        (first,) = plot(scenario(), output, **asked).files  # type: ignore[arg-type]
+        (first,) = plot(scenario(), output, kinds=(Kind.ROUTES,), form=form)
         was = first.read_bytes()
-        (again,) = plot(scenario(), output, **asked).files  # type: ignore[arg-type]
+        (again,) = plot(scenario(), output, kinds=(Kind.ROUTES,), form=form)
         assert again == first
         assert again.read_bytes() == was
 
 
 def test_pdf_and_svg_files_have_their_format(output: Path) -> None:
-    (pdf,) = plot(scenario(), output, kinds=(Kind.ROUTES,), form=Form.PDF).files
+    (pdf,) = plot(scenario(), output, kinds=(Kind.ROUTES,), form=Form.PDF)
     assert pdf.read_bytes().startswith(b"%PDF-1.")
-    (svg,) = plot(scenario(), output, kinds=(Kind.ROUTES,), form=Form.SVG).files
+    (svg,) = plot(scenario(), output, kinds=(Kind.ROUTES,), form=Form.SVG)
     text = svg.read_text()
     assert text.count("<svg") == 1
     # The whole extent is in it as vectors, not as an image.
@@ -90,10 +100,10 @@ def test_pdf_and_svg_files_have_their_format(output: Path) -> None:
 
 
 def test_a_scenario_without_a_run_is_planned_and_only_figures_are_written(tmp_path: Path) -> None:
-    drawn = plot(scenario(classes=1), tmp_path / "new", kinds=(Kind.ALONG,))
+    files = plot(scenario(classes=1), tmp_path / "new", kinds=(Kind.ALONG,))
     visible = [name for name in tree(tmp_path / "new") if not name.startswith(".artefacts")]
     assert visible == ["single-gyre/figures/gyre-along.png"]
-    assert [str(file.relative_to(tmp_path / "new")) for file in drawn.files] == visible
+    assert [str(file.relative_to(tmp_path / "new")) for file in files] == visible
     plans = tree(tmp_path / "new" / ".artefacts" / "plan")
     assert plans
     # A run continues from there.
@@ -106,19 +116,14 @@ def test_a_failed_season_leaves_the_others_figures(tmp_path: Path) -> None:
         {"name": "calm", "uniform": {"u": 0.1, "v": 0.0}},
         {"name": "torrent", "uniform": {"u": 3.0, "v": 0.0}},
     ]
-    asked = scenario(classes=1, seasons=seasons, published=None)
-    drawn = plot(asked, tmp_path, kinds=(Kind.ROUTES, Kind.ALONG))
-    assert [file.name for file in drawn.files] == ["calm-routes.png", "calm-along.png"]
-    (failure,) = drawn.failures
-    assert failure.startswith("season 'torrent': ")
-    only_calm = plot(asked, tmp_path, seasons=("calm",), kinds=(Kind.ROUTES,))
-    assert only_calm.failures == ()
-
-
-def test_an_unknown_season_is_refused_before_anything_is_planned(tmp_path: Path) -> None:
-    with pytest.raises(RequestError, match="has no season 'spring': it has gyre"):
-        plot(scenario(), tmp_path / "none", seasons=("gyre", "spring"))
-    assert not (tmp_path / "none").exists()
+    file = tmp_path / "asked.toml"
+    file.write_text(scenario_text(scenario(classes=1, seasons=seasons, published=None)))
+    asked = (str(file), "--output", str(tmp_path), "--figure", "routes", "--figure", "along")
+    code, out, err = invoke(*asked)
+    assert [Path(line).name for line in out.split()] == ["calm-routes.png", "calm-along.png"]
+    assert code == 1
+    assert err.splitlines()[-1].startswith("error: season 'torrent': ")
+    assert invoke(*asked, "--season", "calm")[0] == 0
 
 
 def test_figures_that_cannot_be_written_are_a_failure_with_a_remedy(
@@ -136,7 +141,7 @@ def test_figures_that_cannot_be_written_are_a_failure_with_a_remedy(
 def test_an_interrupted_figure_leaves_the_earlier_one_complete(
     output: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (file,) = plot(scenario(), output, kinds=(Kind.ROUTES,)).files
+    (file,) = plot(scenario(), output, kinds=(Kind.ROUTES,))
     whole = tree(output)
     # A resolution that exceeds any memory.
     monkeypatch.setattr(plot_module, "_DPI", 1e6)
@@ -151,13 +156,13 @@ def test_no_run_replaces_the_folder_while_figures_are_saved(
 ) -> None:
     save = plot_module._save
 
-    def run_meanwhile(drawing: Figure, path: Path, title: str) -> Path:
+    def run_meanwhile(drawing: Figure, path: Path, title: str) -> None:
         with pytest.raises(StageError, match="another run of 'single-gyre'"):
             run(scenario(title="Another"), output)
-        return save(drawing, path, title)
+        save(drawing, path, title)
 
     monkeypatch.setattr(plot_module, "_save", run_meanwhile)
-    (file,) = plot(scenario(), output, kinds=(Kind.ROUTES,)).files
+    (file,) = plot(scenario(), output, kinds=(Kind.ROUTES,))
     assert file.is_file()
 
 

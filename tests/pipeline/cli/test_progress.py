@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cli import progress as progress_module
-from pipeline.cli.progress import progress
+from pipeline.cli import reporting as progress_module
+from pipeline.cli.reporting import progress
 from pipeline.findings.note_words import note_text
 from pipeline.model import Note
 from pipeline.run import Event, run

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.cli import log_lines
+from pipeline.cli import terminal
 from pipeline.cli.main import app
 
 
@@ -34,16 +34,16 @@ def _slow(*_: object, **__: object) -> str:
     [
         (["check", "single-gyre"], "pipeline.stages.choosing.coverage.endpoints_on_land"),
         (["nightly", "check"], "pipeline.nightly.request.expansion.pairs_on_land"),
-        (["clean"], "pipeline.cli.listing.freed"),
-        (["warm"], "pipeline.cli.warm.warm"),
-        (["doctor", "--offline"], "pipeline.cli.doctor.examine"),
+        (["clean"], "pipeline.cli.upkeep.freed"),
+        (["warm"], "pipeline.cli.upkeep.warm"),
+        (["doctor", "--offline"], "pipeline.cli.upkeep.examine"),
     ],
 )
 def test_a_slow_command_says_that_it_is_at_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], slow: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(log_lines, "_PAUSE_S", 0.1)
+    monkeypatch.setattr(terminal, "_PAUSE_S", 0.1)
     monkeypatch.setattr(slow, _slow)
     threads = threading.active_count()
     ended = CliRunner().invoke(app, arguments, catch_exceptions=False)

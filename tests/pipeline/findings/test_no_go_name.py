@@ -12,7 +12,7 @@ import pytest
 import shapely
 from matplotlib.text import Text
 
-from pipeline.cli.ending import season_table
+from pipeline.cli.reporting import season_table
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
 from pipeline.formats.figures.kinds import Kind, figure

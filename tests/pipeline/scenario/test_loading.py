@@ -34,7 +34,7 @@ def test_the_region_may_be_left_out() -> None:
     scenario = parse_scenario(table(region=None))
     assert scenario.region is None
     assert not scenario.is_planar
-    assert "both [region] and [plane]" in "".join(faults(plane={"extent": [0, 0, 9, 9]}))
+    assert "has a [plane] together with [region]" in "".join(faults(plane={"extent": [0, 0, 9, 9]}))
 
 
 def test_depths_need_a_file_and_a_draught() -> None:
@@ -58,7 +58,7 @@ def test_a_missing_or_wrong_version_hides_no_fault_of_another_key(version: int |
 
 def test_all_faults_between_tables_are_reported_at_once() -> None:
     lines = faults(seasons=[SEASON, SEASON], plane={"extent": [0, 0, 9, 9]})
-    for part in ("2 seasons called", "both [region]"):
+    for part in ("2 seasons called", "together with [region]"):
         assert sum(part in line for line in lines) == 1, (part, lines)
     lines = faults(start=[110.0, 11.0], goal=[110.0, 11.0], chart={"source": "./nowhere.gpkg"})
     for part in ("start = [110.0, 11.0] lies", "same place", "nowhere.gpkg"):

@@ -69,7 +69,6 @@ CHANGING = {
         ({"departure": None}, "lacks 'departure'"),
         ({"departure": "2026-11-22T06:00:00"}, "timezone"),
         ({"valid": "2026-11"}, "has 'valid'"),
-        ({"currents": [], "uniform": {"u": 0.1}}, "as numbers, which don't change"),
         ({"departure": None, "valid": "2026-11"}, "'departure'; add.*has 'valid'"),
         ({"max_hours": 0}, "max_hours"),
         ({"departures": WINDOW}, "both 'departure' and 'departures'"),
@@ -86,10 +85,6 @@ CHANGING = {
         (
             {"to_within": "1h", "arrive_by": "2026-11-22T06:00:00Z"},
             "no 'departures' .*is to arrive_by 2026-11-22T06:00:00.00:00, not after its departure",
-        ),
-        (
-            {"departure": None, "departures": WINDOW, "arrive_by": "2026-11-23T06:00:00Z"},
-            "both 'departures' and 'arrive_by'",
         ),
         ({"arrive_by": "2028-11-22T06:00:00Z"}, "under way for more than 8,784 hours"),
     ],
@@ -125,11 +120,6 @@ def test_speeds_are_chosen_in_steady_and_in_changing_currents(base: dict[str, ob
         ({"speed": {"least": 6.0, "most": 2.0}}, "speed.least = 6 m/s above speed.most = 2 m/s"),
         ({"arrive_by": None}, "no 'arrive_by'"),
         ({"departure": None}, "no 'departure'"),
-        (
-            {"time_method": "changing", "valid": "", "currents": ["a"], "to_within": "1h"}
-            | {"departure": None, "departures": WINDOW},
-            "'to_within', which can't be proven",
-        ),
         ({"speed": {"least": float("nan"), "most": 2.0}}, "speed.least\n.*finite"),
         ({"speed": {"least": 0.0, "most": 2e6}}, "speed.least\n(.*\n)*speed.most"),
         ({"speed": {"least": 1.0}}, "speed.most\n.*required"),
@@ -165,7 +155,7 @@ def test_a_choice_of_speeds_is_of_its_season_and_at_true_scale() -> None:
     speeds = [scenario.vessel_in(season).speed_m_s for season in scenario.seasons]
     assert speeds == [6.0, 4.0]
     assert scenario.fastest_vessel.speed_m_s == 6.0
-    with pytest.raises(ValidationError, match="'calm' has 'speed' at scale = 100"):
+    with pytest.raises(ValidationError, match="a scale other than 1 together with 'speed'"):
         Scenario.model_validate({**asked, "scale": 100.0})
 
 
@@ -192,7 +182,7 @@ def test_changing_currents_are_planned_at_true_scale() -> None:
     }
     begin, end = Scenario.model_validate(asked).passage("tide", 5400.0) or (None, None)
     assert f"{begin}, {end}" == "2026-11-22 06:00:00+00:00, 2026-11-22 07:30:00+00:00"
-    with pytest.raises(ValidationError, match=r"at scale = 1000: a turn .* hours of tide"):
+    with pytest.raises(ValidationError, match=r"a scale other than 1 .* hours of tide"):
         Scenario.model_validate({**asked, "scale": 1000.0})
 
 
@@ -280,7 +270,7 @@ def test_departures_are_chosen_where_something_changes_with_time(
         ({"seasons": [{"name": "calm", "currents": ["still"]}]}, "nothing to wait for"),
         (
             {"seasons": [{"name": "calm", "currents": ["still"], "departures": WINDOW}]},
-            r"'departures', and via\[1\].wait leaves another time open; give .* one 'departure'",
+            r"has a wait at an anchorage together with 'departures': .*; give .* one 'departure'",
         ),
         (
             {"via": [{"at": [119.3, 9.5], "wait": "2h"}, {"at": [119.5, 9.5], "wait": "6h"}]},

@@ -8,7 +8,7 @@ from datetime import UTC, date, datetime, timedelta
 import pytest
 from hypothesis import given, strategies as st
 
-from pipeline.scenario.times import Period, period
+from pipeline.scenario.season import Period, period
 
 
 @given(st.dates(max_value=date(9998, 12, 31)))

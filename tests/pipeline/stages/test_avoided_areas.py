@@ -19,7 +19,7 @@ from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
-from pipeline.scenario.via import Anchorage
+from pipeline.scenario.model import Anchorage
 from pipeline.sources.current_field import Field
 from pipeline.stages.places import avoided_zones
 from pipeline.voyage.one_line import voyage_scenario

@@ -36,6 +36,7 @@ from tests.pipeline.underway import sailing
 WITHIN_S = 1500.0
 # MAV_CMD_NAV_WAYPOINT
 GO_TO = 16
+SHUT_UNTIL_NOON = {"path": "range.geojson", "until": "2026-11-22T12:00:00Z"}
 # Near the start, near the goal, on the island, and off the chart.
 HAVENS = """name,lon,lat
 West,119.015,9.515
@@ -251,8 +252,8 @@ def test_if_no_haven_lies_in_the_water_nothing_is_planned(tmp_path: Path) -> Non
         ({"within": "1min"}, {}, "one full turn takes the vessel 90 s"),
         ({"within": "6 hours"}, {}, "is not an interval"),
         ({"path": "nowhere.csv"}, {}, "does not exist; give a GeoJSON file"),
-        ({}, {"avoid": [{"path": "range.geojson"}]}, r"\[havens\] and \[\[avoid\]\]"),
-        ({}, {"scale": 10}, r"\[havens\] and scale = 10"),
+        ({}, {"avoid": [SHUT_UNTIL_NOON]}, r"has \[havens\] together with hours in \[\[avoid\]\]"),
+        ({}, {"scale": 10}, r"a scale other than 1 together with .* \[havens\]"),
     ],
 )
 def test_what_can_not_be_covered_is_refused(

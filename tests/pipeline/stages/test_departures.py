@@ -19,8 +19,7 @@ from pipeline.formats.figures.choice_plots import departure_figure
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import DepartureChoice, Note
 from pipeline.model.case import SpeedChoice
-from pipeline.scenario.season import Season
-from pipeline.scenario.times import departure_name
+from pipeline.scenario.season import Season, departure_name
 from pipeline.stages.choose import choose_departures
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.fetch import FetchedData

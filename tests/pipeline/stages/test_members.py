@@ -17,7 +17,7 @@ from pipeline.findings.result import RunResult
 from pipeline.formats.report.page import gather, render
 from pipeline.run import run
 from pipeline.scenario.loading import parse_scenario
-from pipeline.scenario.members import MembersSpec
+from pipeline.scenario.season import MembersSpec
 from pipeline.stages.members import stirred
 from tests.pipeline.formats.page import Page
 from tests.pipeline.small_plane import small_plane

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pipeline.errors import RequestError
-from pipeline.scenario.times import period
+from pipeline.scenario.season import period
 from pipeline.voyage.times import read_months
 
 months = st.dates(max_value=date(9998, 12, 31)).map(lambda day: f"{day:%Y-%m}".zfill(7))

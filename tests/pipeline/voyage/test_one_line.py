@@ -18,7 +18,7 @@ import pytest
 import shapely
 
 import pipeline
-from pipeline.cli.ending import outcome_json, season_table
+from pipeline.cli.reporting import outcome_json, season_table
 from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.run import Outcome, run

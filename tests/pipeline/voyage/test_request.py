@@ -146,10 +146,6 @@ def test_a_departure_alone_takes_the_services_hours_with_tide(speeds: str) -> No
             {"depart": "", "arrive_by": "2026-11-23T06:00"},
             ["--arrive-by 2026-11-23T06:00 has no zone", "--arrive-by needs --depart"],
         ),
-        (
-            {"until": "2026-11-23T05:00Z", "arrive_by": "2026-11-24T05:00Z"},
-            ["--until and --arrive-by both say"],
-        ),
         ({"depart": "soon", "currents": ("still",)}, ["soon is not a time"]),
     ],
 )

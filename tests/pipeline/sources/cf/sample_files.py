@@ -94,21 +94,11 @@ VARIANTS: dict[str, Callable[[], xr.Dataset]] = {
     ),
     "other order of axes": lambda: dataset(SEA).transpose("longitude", "time", "latitude"),
     "no time": lambda: dataset(SEA).isel(time=0, drop=True),
-    "levels in metres": lambda: at_levels([0.494, 1.54, 2.65], "m", "down"),
-    "levels from below": lambda: at_levels([-50.0, -10.0, 0.0], "m", "up"),
     "an ensemble of one": lambda: dataset(SEA).expand_dims("member", axis=1),
     "geostrophic": lambda: _named("ugos", "vgos"),
-    "u and v": lambda: _named("u", "v"),
-    "total": lambda: _named("utotal", "vtotal"),
     "upper case": lambda: _named("U", "V"),
     "standard names before names": lambda: _named(
         "current_e", "current_n", ("eastward_sea_water_velocity", "northward_sea_water_velocity")
-    ),
-    "surface standard names": lambda: _named(
-        "a", "b", ("surface_eastward_sea_water_velocity", "surface_northward_sea_water_velocity")
-    ),
-    "x and y along lon and lat": lambda: _named(
-        "c", "d", ("sea_water_x_velocity", "sea_water_y_velocity")
     ),
     "other variables beside": lambda: dataset(SEA).assign(
         uwind=dataset(SEA).uo.assign_attrs(standard_name="eastward_wind"),

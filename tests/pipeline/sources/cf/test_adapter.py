@@ -6,13 +6,11 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-import xarray as xr
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
@@ -192,69 +190,6 @@ def test_real_files_are_accepted_for_palawan(
     assert len(grid.files[0][1]) == 64
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SHARED)
-@pytest.mark.parametrize(
-    ("fault", "message"),
-    [
-        ("flip u", "one component has the wrong sign"),
-        ("flip v", "one component has the wrong sign"),
-        ("swap", "the components are swapped"),
-        ("km/h", "another unit"),
-        ("shift", "the field is shifted by 0."),
-        ("cm/s", "another unit"),
-        ("still", "every speed is 0"),
-        ("same", "it is the same everywhere"),
-        ("hole", "open water has no data"),
-    ],
-)
-def test_faults_in_real_files_are_reported(
-    shared: Path, tmp_path: Path, name: str, fault: str, message: str
-) -> None:
-    with xr.open_dataset(shared / "data" / "currents" / SHARED[name], decode_times=False) as real:
-        path = write(tmp_path / "faulty.nc", with_fault(real.load(), fault))
-    valid = {"cwb": "2020-06-17", "duacs": "2019-02-23", "glo": "2024-01", "oscar": "2024-07"}
-    region = shapely.box(118, 16, 124, 24)
-    reported = messages(path, valid[name], region)
-    assert any(message in line for line in reported), reported
-
-
-def messages(path: Path, valid: str, region: shapely.Polygon) -> tuple[str, ...]:
-    """Return why a file is refused, or the notes with which it is accepted."""
-    try:
-        return tuple(note_texts(current(path, valid=valid, region=region).notes))
-    except RequestError as error:
-        return error.faults
-
-
-def with_fault(data: xr.Dataset, fault: str) -> xr.Dataset:
-    """Put a fault that files may have into a real one."""
-    u, v = (name for name in data.data_vars if str(name).startswith(("u", "v")))
-    east, north = data[u].copy(), data[v].copy()
-    zero = xr.zeros_like(east).where(east.notnull())
-    changed: dict[str, Callable[[], tuple[xr.DataArray, xr.DataArray]]] = {
-        "flip u": lambda: (-east, north),
-        "flip v": lambda: (east, -north),
-        "swap": lambda: (north, east),
-        "km/h": lambda: (3.6 * east, 3.6 * north),
-        "cm/s": lambda: (100 * east, 100 * north),
-        "shift": lambda: (east, north),
-        "still": lambda: (zero, zero),
-        "same": lambda: (zero + 0.3, zero + 0.1),
-        "hole": lambda: (
-            east.where((east.latitude < 17) | (east.latitude > 21)),
-            north.where((north.latitude < 17) | (north.latitude > 21)),
-        ),
-    }
-    for name, part in zip((u, v), changed[fault](), strict=True):
-        data[name] = (data[name].dims, part.values, data[name].attrs)
-    if fault == "shift":
-        data = data.assign_coords(latitude=data.latitude + 0.5)
-        for name in ("latitude", "longitude"):
-            data[name].attrs = {"units": f"degrees_{'north' if name == 'latitude' else 'east'}"}
-    return data
-
-
 # --- the command line ---------------------------------------------------------------------------
 
 
@@ -322,9 +257,6 @@ def test_paths_start_at_the_scenarios_folder_and_names_are_of_the_catalogue(tmp_
         load_scenario(str(path))
     path.write_text(SCENARIO.replace(own, "[[]]"))
     with pytest.raises(RequestError, match=r"seasons\[0\]\.currents\[0\]"):
-        load_scenario(str(path))
-    path.write_text(SCENARIO.replace('"2024-07"', '"2024-02-30"'))
-    with pytest.raises(RequestError, match=r"seasons\[0\]\.valid = '2024-02-30' is not a time"):
         load_scenario(str(path))
 
 

@@ -15,10 +15,13 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
+from pipeline.machine.interpreters import run_python
 from pipeline.model import Land
 from pipeline.scenario.season import Season
+from pipeline.sources.cf import dataset as probing
 from pipeline.sources.cf.adapter import CfFiles
-from tests.pipeline.sources.cf.sample_files import LAT, LON, SEA
+from pipeline.sources.cf.dataset import missing_bytes
+from tests.pipeline.sources.cf.sample_files import LAT, LON, SEA, read
 from tests.pipeline.synthetic_currents import dataset, write
 
 REGION = shapely.box(118.3, 9.3, 119.2, 10.4)
@@ -119,7 +122,7 @@ BAD: dict[str, tuple[Callable[[Path], Path], list[str]]] = {
     "components of pairs": (with_compound, ["uo holds another type, not numbers"]),
     "groups alone": (
         lambda p: build(p, group="surface"),
-        ["no variables at all", "groups (surface) are not read", "ncks -G : -g surface"],
+        ["among no variables; needed", "groups (surface) are not read", "ncks -G : -g surface"],
     ),
     "times that are none": (
         lambda p: build(p, times([0.0], "days after lunch")),
@@ -273,3 +276,111 @@ def test_a_folder_that_is_no_store_is_not_searched(
 
     monkeypatch.setattr(Path, "rglob", searched)
     assert "neither NetCDF, Zarr nor GRIB" in refusal(tmp_path)
+
+
+# --- Classic NetCDF files that end too early are found: the library reads zeros beyond their end.
+
+
+FORMATS = ("NETCDF3_CLASSIC", "NETCDF3_64BIT_OFFSET", "NETCDF3_64BIT_DATA")
+TYPES = ("i1", "S1", "i2", "i4", "f4", "f8")
+
+
+def write_random(path: Path, name: str, rng: np.random.Generator) -> bool:
+    """Write random variables, with and without a dimension that grows; whether any has values."""
+    steps = int(rng.integers(0, 4))
+    has_values = False
+    with netCDF4.Dataset(path, "w", format=name) as data:  # type: ignore[arg-type]  # one of FORMATS
+        data.createDimension("time", None)
+        for i in range(3):
+            data.createDimension(f"d{i}", int(rng.integers(1, 6)))
+        data.title = "é" * int(rng.integers(0, 9))
+        for i in range(int(rng.integers(0, 7))):
+            shape = [f"d{j}" for j in range(rng.integers(0, 3))]
+            grows = bool(rng.integers(0, 2))
+            kind = rng.choice(TYPES)
+            variable = data.createVariable(f"v{i}", kind, ["time"] * grows + shape)
+            variable.range = np.arange(3, dtype="i2")
+            if grows and steps:
+                variable[:steps] = np.ones((steps, *variable.shape[1:]), kind)
+            has_values |= not grows or steps > 0
+    return has_values
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_no_byte_of_a_complete_file_is_missing_and_none_can_be_spared(
+    tmp_path: Path, name: str
+) -> None:
+    rng = np.random.default_rng(1)
+    path = tmp_path / "classic.nc"
+    for _ in range(25):
+        has_values = write_random(path, name, rng)
+        assert missing_bytes(path) == 0
+        if has_values:
+            # The last value may have up to three bytes of padding.
+            content = path.read_bytes()
+            path.write_bytes(content[:-4])
+            assert 1 <= missing_bytes(path) <= 4
+
+
+def test_a_truncated_classic_file_is_refused_and_not_read_as_zeros(tmp_path: Path) -> None:
+    path = tmp_path / "classic.nc"
+    dataset(SEA).to_netcdf(
+        path, engine="netcdf4", format="NETCDF3_CLASSIC", unlimited_dims=["time"]
+    )
+    assert np.isfinite(read(path).u).all()
+    content = path.read_bytes()
+    path.write_bytes(content[:-1000])
+    with netCDF4.Dataset(path) as data:
+        assert (data["vo"][0, -2:] == 0).any(), "the library does so without an error"
+    with pytest.raises(RequestError, match=r"classic\.nc: it can't be read: it ends 1,000 bytes"):
+        read(path)
+
+
+# --- Files on which the HDF5 library hangs or crashes are found in a process of their own.
+
+
+# Stands in for the probe: does to each file what the file's name says.
+STAND_IN = """
+import os, signal, sys, time
+for i, name in enumerate(sys.stdin.read().splitlines()[1:]):
+    print(i, file=sys.stderr, flush=True)
+    if "hang" in name:
+        time.sleep(60)
+    if "crash" in name:
+        os.kill(os.getpid(), signal.SIGSEGV)
+"""
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Put a script in the probe's place: no file is known to crash every version of a library."""
+    script = tmp_path / "stand_in.py"
+    script.write_text(STAND_IN)
+    run = run_python
+
+    def run_script(arguments: list[str], stdin: str, deadline_s: float) -> object:
+        assert arguments == ["-m", "pipeline.sources.cf.dataset"]
+        return run([str(script)], stdin, deadline_s)
+
+    monkeypatch.setattr(probing, "run_python", run_script)
+    monkeypatch.setattr(probing, "_START_S", 1.0)
+    monkeypatch.setattr(probing, "_FILE_S", 0.1)
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_each_fatal_file_is_named_and_the_others_are_not(tmp_path: Path) -> None:
+    names = ("a.nc", "crash.nc", "b.nc", "hang.nc", "crash-too.nc", "c.nc")
+    files = [tmp_path / name for name in names]
+    for file in files:
+        file.write_bytes(b"\x89HDF")
+    found = probing.fatal_files(files)
+    assert [file.name for file in found] == ["crash.nc", "hang.nc", "crash-too.nc"]
+    assert "the HDF5 library ends by SIGSEGV on it" in found[files[1]]
+    assert "the HDF5 library hangs on it; fetch it again" in found[files[3]]
+
+
+def test_whole_and_cut_files_are_left_to_the_reader(tmp_path: Path) -> None:
+    whole = write(tmp_path / "whole.nc", dataset(SEA))
+    cut = tmp_path / "cut.nc"
+    cut.write_bytes(whole.read_bytes()[:5000])
+    assert probing.fatal_files([whole, cut]) == {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -20,7 +19,6 @@ from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.dataset import fatal_files, open_dataset
 from pipeline.sources.current_field import Field, LandMask
 from tests.pipeline.sources.cf.grib_files import PARAMETERS, messages, write_grib
-from tests.pipeline.sources.cf.test_adapter import SCENARIO, run
 from tests.pipeline.synthetic_currents import coastal, dataset, sea
 
 REGION = shapely.box(118.3, 9.3, 119.2, 10.4)
@@ -100,26 +98,6 @@ def test_a_grib_file_gives_what_the_same_netcdf_file_does(
             )
         assert (one.valid, one.notes) == (other.valid, other.notes)
         assert np.isnan(one.u).any(), "Palawan is in it"
-
-
-@pytest.mark.slow
-def test_a_grib_file_is_planned_as_the_same_netcdf_file(
-    tmp_path: Path, around_palawan: Field
-) -> None:
-    metrics = []
-    grib = write_grib(tmp_path / "field.grb", dataset(around_palawan))
-    with open_dataset(grib) as data:
-        fields = Field(LON, LAT, *(data[name].values[0, 0] for name in ("uo", "vo")))
-    dataset(fields).to_netcdf(tmp_path / "field.nc", engine="netcdf4")
-    for suffix in ("grb", "nc"):
-        folder = tmp_path / suffix
-        folder.mkdir()
-        shutil.copy(tmp_path / f"field.{suffix}", folder)
-        code, errors, _ = run(folder, SCENARIO.replace("field.nc", f"field.{suffix}"))
-        assert (code, errors) == (0, [])
-        metrics.append(np.genfromtxt(next(folder.rglob("metrics.csv")), delimiter=",", names=True))
-    for name in ("fuel", "length_m", "clearance_m", "duration_s", "optimality_gap"):
-        assert metrics[0][name] == pytest.approx(metrics[1][name], rel=1e-9, abs=1e-9)
 
 
 ORDERS: dict[str, dict[str, int]] = {
@@ -297,36 +275,6 @@ ODD: dict[str, tuple[Callable[[xr.Dataset], list[bytes]], str]] = {
 def test_odd_files_are_refused(tmp_path: Path, days: xr.Dataset, name: str) -> None:
     make, said = ODD[name]
     assert said in refusal(joined(tmp_path / "odd.grb", make(days)))
-
-
-def test_a_hole_between_the_steps_is_refused(tmp_path: Path, days: xr.Dataset) -> None:
-    times = ["2024-07-01", "2024-07-02", "2024-07-04"]
-    more = xr.concat([days, days.isel(time=[0])], "time").assign_coords(
-        time=np.array([*times, "2024-07-05"], "datetime64[ns]")
-    )
-    changing = {"time_method": "changing", "departure": "2024-07-01T06:00:00Z", "max_hours": 72}
-    path = write_grib(tmp_path / "hole.grb", more)
-    assert "no step between 2024-07-02 and 2024-07-04" in refusal(path, **changing)
-
-
-@pytest.mark.usefixtures("plain_report")
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda days: 100 * days, "another unit, or damaged"),
-        (lambda days: days.assign(uo=-days.uo), "one component has the wrong sign"),
-        (lambda days: days.assign(uo=days.vo, vo=days.uo), "the components are swapped"),
-        (lambda days: days.assign_coords(longitude=days.longitude + 1), "the field is shifted"),
-        (lambda days: days.fillna(9998.0), "a fill value"),
-    ],
-)
-def test_units_signs_and_places_are_looked_at_as_in_netcdf(
-    tmp_path: Path, days: xr.Dataset, change: Callable[[xr.Dataset], xr.Dataset], said: str
-) -> None:
-    write_grib(tmp_path / "field.grb", change(days))
-    code, errors, notes = run(tmp_path, SCENARIO.replace("field.nc", "field.grb"))
-    assert said in f"{errors} {notes}"
-    assert code == 0 or errors
 
 
 @EDITIONS

@@ -16,10 +16,10 @@ from hypothesis import given, strategies as st
 from pipeline.errors import StageError
 from pipeline.model import Credit, Land
 from pipeline.scenario.catalogue import CopernicusSpec
-from pipeline.scenario.times import period
+from pipeline.scenario.season import period
 from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.fields import SelectedSteps
-from pipeline.sources.copernicus.acceptance import accept, largest_spike
+from pipeline.sources.copernicus.adapter import accept, largest_spike
 from pipeline.sources.copernicus.download import Request, select
 from pipeline.sources.current_field import Field
 
@@ -169,15 +169,6 @@ def test_every_defect_is_refused_with_its_reason(
         accept(path, MONTH, (), LAND)
     assert "bad.nc" in str(caught.value)
     assert message in str(caught.value)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
-def test_a_truncated_file_is_refused(tmp_path: Path, share: float) -> None:
-    path = write(tmp_path / "cut.nc", field())
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(StageError, match=r"cut\.nc"):
-        accept(path, MONTH, (), LAND)
 
 
 def test_a_real_file_with_other_days_and_cells_is_refused(shared: Path) -> None:

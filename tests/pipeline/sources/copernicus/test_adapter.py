@@ -1,9 +1,14 @@
-"""Copernicus without its service: account, requests and coverage, with the unmodified client."""
+"""Copernicus without its service: account, requests, coverage and cache."""
 
 from __future__ import annotations
 
+import base64
+import configparser
+import json
 import os
 import re
+import subprocess
+import sys
 import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -15,11 +20,12 @@ from typer.testing import CliRunner
 from pipeline.cli.main import app
 from pipeline.errors import StageError
 from pipeline.findings.note_words import note_texts
-from pipeline.machine.store import Store
+from pipeline.machine.store import Store, file_hash
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.copernicus.adapter import Copernicus
-from pipeline.sources.copernicus.client import PASSWORD, USERNAME
+from pipeline.sources.copernicus.client import PASSWORD, USERNAME, without_secrets
+from pipeline.sources.copernicus.download import CachedDownload
 from pipeline.stages.fetch import fetch
 from tests.loopback_store import world
 from tests.loopback_store.world import LAND, REGION, season, spec
@@ -231,3 +237,131 @@ def test_every_entry_of_the_catalogue_is_consistent(name: str) -> None:
     assert entry.dataset.endswith("-i") == (entry.kind == "instant")
     length = {"month": "_P1M-", "day": "_P1D-", "6 hours": "_PT6H-", "hour": "_PT1H-"}[entry.step]
     assert length in entry.dataset
+
+
+# --- Credentials do not appear in messages ---
+
+
+@pytest.fixture
+def home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Give the client's own folder, empty, without credentials in the environment."""
+    for name in list(os.environ):
+        if name.startswith("COPERNICUS"):
+            monkeypatch.delenv(name)
+    monkeypatch.setenv("COPERNICUSMARINE_CREDENTIALS_DIRECTORY", str(tmp_path))
+    folder = tmp_path / ".copernicusmarine"
+    folder.mkdir()
+    return folder
+
+
+def test_credentials_are_removed_from_messages(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(USERNAME, "captain")
+    monkeypatch.setenv(PASSWORD, "captain-nemo")
+    stored = "[credentials]\nusername = ahab\npassword = moby=dick\n"
+    (home / ".copernicusmarine-credentials").write_bytes(base64.b64encode(stored.encode()))
+    text = without_secrets("login captain-nemo of captain or ahab with moby=dick failed")
+    assert text == "login *** of *** or *** with *** failed"
+
+
+def test_credentials_are_removed_from_addresses_as_they_are_encoded_there(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del home
+    monkeypatch.setenv(USERNAME, "nemo@sea.org")
+    monkeypatch.setenv(PASSWORD, "p&ss word")
+    text = without_secrets(
+        "https://s3/uo/1.2?x-cop-client=a&x-cop-user=nemo_of_the_service&b=c, form "
+        "username=nemo%40sea.org&password=p%26ss+word, proxy http://me:secret@proxy:3128/"
+    )
+    assert text == (
+        "https://s3/uo/1.2?x-cop-client=a&x-cop-user=***&b=c, form "
+        "username=***&password=***, proxy http://***@proxy:3128/"
+    )
+
+
+@pytest.mark.parametrize(
+    "stored",
+    [
+        "username=ahab\npassword=moby-dick\n",
+        "[credentials]\nusername: ahab\npassword: moby-dick\n",
+        "ahab\nmoby-dick\n",
+        "[ahab]\n[moby-dick\n",
+    ],
+)
+def test_errors_of_a_damaged_credentials_file_show_nothing_of_it(home: Path, stored: str) -> None:
+    (home / ".copernicusmarine-credentials").write_bytes(base64.b64encode(stored.encode()))
+    try:
+        configparser.RawConfigParser().read_string(stored)
+        error = stored
+    except configparser.Error as raised:
+        error = str(raised)
+    assert "ahab" in error or "moby" in error
+    text = without_secrets(error)
+    assert "ahab" not in text
+    assert "moby-dick" not in text
+
+
+# --- The cache of downloads: only complete files that match their sidecar are used ---
+
+
+REQUEST = {"a": 1.5, "b": ["x"]}
+
+
+def saved(folder: Path) -> CachedDownload:
+    """Put a file into the cache."""
+    cached = CachedDownload(folder / "data_0.083deg_2024-07_abc.nc")
+    with cached.staging_folder() as staging:
+        staged = staging / cached.file.name
+        staged.write_bytes(b"content")
+        cached.save(staged, {"request": REQUEST})
+    return cached
+
+
+def test_a_cached_file_is_found_by_its_sidecar(tmp_path: Path) -> None:
+    cached = saved(tmp_path)
+    metadata = cached.metadata(REQUEST)
+    assert metadata is not None
+    assert (metadata["sha256"], metadata["bytes"]) == (file_hash(cached.file), 7)
+    assert metadata["retrieved_utc"].endswith("+00:00")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "data_0.083deg_2024-07_abc.json",
+        "data_0.083deg_2024-07_abc.nc",
+    ]
+
+
+def test_a_cached_file_that_does_not_match_its_sidecar_is_not_used(tmp_path: Path) -> None:
+    cached = saved(tmp_path)
+    assert cached.metadata({"a": 2}) is None
+    cached.file.write_bytes(b"cantent")
+    assert cached.metadata(REQUEST) is None
+    cached.file.unlink()
+    assert cached.metadata(REQUEST) is None
+    cached = saved(tmp_path)
+    for damaged in ("", "[]", "{}", '{"request": ', json.dumps({"request": REQUEST})):
+        cached.sidecar.write_text(damaged)
+        assert cached.metadata(REQUEST) is None
+    cached.sidecar.unlink()
+    assert cached.metadata(REQUEST) is None
+
+
+def test_staging_folders_of_killed_runs_are_removed_and_those_in_use_are_not(
+    tmp_path: Path,
+) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        ended.wait()
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
+        left = [
+            tmp_path / f"data_0.083deg.{ended.pid}.0123abcd.partial",
+            tmp_path / f"data_0.083deg.{other.pid}.0123abcd.partial",
+            tmp_path / f"data_0.083deg.{other.pid}.4567cdef.partial",
+        ]
+        for folder in left:
+            folder.mkdir()
+            (folder / "data.nc.XXXXXXXX").write_bytes(b"half")
+        # Older than the process that has this id now.
+        os.utime(left[2], (0, 0))
+        with CachedDownload(tmp_path / "data.nc").staging_folder() as staging:
+            assert [path.exists() for path in left] == [False, True, False]
+            assert staging.is_dir()
+        assert sorted(tmp_path.iterdir()) == [left[1]]
+        other.kill()

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pipeline.scenario.catalogue import CopernicusSpec, StepKind, StepLength
-from pipeline.scenario.season import TimeMethod
-from pipeline.scenario.times import Period, period
+from pipeline.scenario.season import Period, TimeMethod, period
 from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.copernicus.download import select, step_ends
 from tests.loopback_store.world import spec

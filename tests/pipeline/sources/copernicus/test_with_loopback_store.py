@@ -1,9 +1,10 @@
-"""The unmodified client against the loopback store: its data are right, cell by cell."""
+"""The unmodified client against the loopback store: right data cell by cell, and each fault."""
 
 from __future__ import annotations
 
 import base64
 import json
+import logging
 import shutil
 import subprocess
 import sys
@@ -22,13 +23,16 @@ from pipeline.model import Land
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.sources.copernicus.adapter import Copernicus
+from pipeline.sources.copernicus.client import AnswerLog
 from pipeline.stages.fetch import fetch
 from tests.loopback_store import world
-from tests.loopback_store.fault_table import clients_of
+from tests.loopback_store.fault_table import clients_of, inject
 from tests.loopback_store.ocean import Ocean
+from tests.loopback_store.rows import ROWS, Row
 from tests.loopback_store.server import PASSWORD, USERNAME, Fault
 from tests.loopback_store.world import LAND, REGION, TOLERANCE_M_S, connected, season, spec
 from tests.pipeline.conftest import ACROSS_BOX
+from tests.pipeline.processes import ends_within
 
 MONTHLY = "copernicus-glorys-monthly"
 
@@ -262,3 +266,81 @@ def test_a_run_on_the_services_currents_is_credited_cached_and_keeps_the_account
         shutil.rmtree(output / ".artefacts" / stage)
         again = CliRunner().invoke(app, ["run", str(path), "--output", str(output), "--offline"])
         assert again.exit_code == 0, again.output
+
+
+# --- The fault table: each row is injected into a download of the unmodified client ---
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        pytest.param(row, id=row.name, marks=() if row.is_quick else (pytest.mark.slow,))
+        for row in ROWS
+    ],
+)
+def test_no_fault_causes_a_wrong_field_a_hang_or_leftovers(row: Row, tmp_path: Path) -> None:
+    outcome = inject(row, tmp_path)
+    assert not outcome.is_wrong(row), f"accepted, with an error of {outcome.error_m_s} m/s"
+    assert not outcome.is_hung, f"took {outcome.seconds:.1f} s of {outcome.limit_s:.1f} s"
+    assert not outcome.has_leftovers, f"left {outcome.leftovers}, {outcome.clients} clients"
+    for part in row.message:
+        assert part in outcome.reason
+    assert bool(outcome.reason) == bool(row.message), outcome.reason
+    for secret in (USERNAME, PASSWORD):
+        assert secret not in outcome.reason
+        assert secret not in outcome.written
+
+
+# --- The process that downloads: it ends with its parent, and notes what was missing ---
+
+
+def test_a_download_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
+    pid_file = tmp_path / "pid"
+    # Its sleep stands for anything that the client may wait for.
+    download = (
+        "import os, threading, time\n"
+        "from pipeline.machine.interpreters import end_with_parent\n"
+        "end_with_parent(os.getppid())\n"
+        f"open({str(pid_file)!r}, 'w').write(str(os.getpid()))\n"
+        "time.sleep(60)\n"
+    )
+    script = (
+        "import sys\n"
+        "from pipeline.machine.interpreters import run_python\n"
+        f"run_python(['-c', {download!r}], '', 60)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script]) as parent:
+        for _ in range(100):
+            if pid_file.exists() and pid_file.read_text():
+                break
+            time.sleep(0.1)
+        parent.kill()
+    assert ends_within(int(pid_file.read_text()), seconds=5)
+
+
+def logged(*lines: str) -> AnswerLog:
+    """Return the log after urllib3 has written some lines."""
+    log = AnswerLog()
+    for line in lines:
+        log.emit(logging.LogRecord("urllib3", logging.DEBUG, "", 0, line, (), None))
+    return log
+
+
+def test_missing_chunks_are_noted(capsys: pytest.CaptureFixture[str]) -> None:
+    store = "/arco/PRODUCT/data_202311/timeChunked.zarr"
+    log = logged(
+        f'http://mds.invalid:80 "GET {store}/uo/378.2.67.224?x-cop-user=nemo HTTP/1.1" 403 0',
+        f'http://mds.invalid:80 "GET http://mds.invalid{store}/vo/1.2.3?x=y HTTP/1.1" 404 243',
+        f'http://mds.invalid:80 "GET {store}/uo/378.2.67.225 HTTP/1.1" 200 1000',
+        f'http://mds.invalid:80 "GET {store}/.zattrs HTTP/1.1" 403 0',
+        "Starting new HTTPS connection (1): mds.invalid:443",
+    )
+    assert log.missing_chunks == {(store, (378, 2, 67, 224)), (store, (1, 2, 3))}
+    assert capsys.readouterr().err == ""
+
+
+def test_errors_of_the_service_are_reported_without_the_user_name(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    logged('http://mds.invalid:80 "GET /a.zarr/uo/1.2?x-cop-user=nemo HTTP/1.1" 503 0')
+    assert capsys.readouterr().err == "the service answers 503 for /a.zarr/uo/1.2\n"

@@ -1,7 +1,9 @@
-"""OpenStreetMap's land: cleaning polygons, and the real land."""
+"""OpenStreetMap's land, from the cache as the package has it; coarse land around a region."""
 
 from __future__ import annotations
 
+import errno
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +12,13 @@ import numpy as np
 import pytest
 import roaring_landmask
 import shapely
+from hypothesis import given, settings, strategies as st
 
 from pipeline._types import Geometries
+from pipeline.findings.note_words import note_text
 from pipeline.sources.land import osm
+from pipeline.sources.land.osm import surroundings
+from pipeline.sources.land.shapes import box_around
 
 PALAWAN = shapely.box(118.6, 9.6, 119.0, 10.0)
 WRANGEL = shapely.box(177.5, 70.5, 183.0, 71.8)
@@ -154,3 +160,217 @@ print(re.search(r"VmHWM:\\s*(\\d+) kB", pathlib.Path("/proc/self/status").read_t
         [sys.executable, "-c", script], check=True, capture_output=True, text=True, cwd=root
     )
     assert int(done.stdout) < 600_000
+
+
+# --- The world's polygons come from the cache as the package has them; damage and full disks.
+
+
+BOX = shapely.box(-5, -5, 15, 15)
+ISLANDS = [shapely.box(x, x, x + 1, x + 1) for x in range(-20, 30, 2)]
+
+
+def _texts(near: osm.NearPolygons | None) -> list[str]:
+    assert near is not None
+    assert near.is_valid.tolist() == shapely.is_valid(near.polygons).tolist()
+    return [polygon.wkt for polygon in near.polygons]
+
+
+@settings(max_examples=60)
+@given(
+    corners=st.lists(st.tuples(st.integers(-170, 160), st.integers(-80, 70)), max_size=12),
+    chunk=st.integers(1, 5),
+    lakes=st.sampled_from([(), (0,), (0, 2), (7,)]),
+    west=st.integers(-180, 170),
+    south=st.integers(-85, 75),
+)
+def test_both_ways_of_reading_find_what_a_plain_reader_finds(
+    tmp_path_factory: pytest.TempPathFactory,
+    corners: list[tuple[int, int]],
+    chunk: int,
+    lakes: tuple[int, ...],
+    west: int,
+    south: int,
+) -> None:
+    holes = [[(x, x), (x + 1, x), (x, x + 1)] for x in lakes]
+    polygons = [
+        shapely.Polygon(
+            np.add([(-1, -1), (8, -1), (8, 8), (-1, 8)], corner),
+            [np.add(ring, corner) for ring in holes],
+        )
+        for corner in corners
+    ]
+    box = shapely.box(west, south, west + 9.5, south + 9.5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(osm, "_CHUNK", chunk)
+        found = osm.read_near(_wkb(*polygons), box)
+        path = tmp_path_factory.mktemp("cache") / "some.shoreline"
+        osm.write_cached(path, _wkb(*polygons))
+        cached = osm.read_cached(path, box)
+    expected = [p for p in polygons if p.intersects(box)]
+    assert sorted(_texts(found)) == sorted(p.wkt for p in expected)
+    assert _texts(cached) == _texts(found)
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give the file of a small world in a cache of its own, before it is made."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(osm, "unpacked", lambda _: _wkb(*ISLANDS))
+    path = osm.cache_file("Osm")
+    assert path is not None
+    assert path.is_relative_to(tmp_path)
+    return path
+
+
+def test_it_is_unpacked_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, notes = osm.polygons_near("Osm", BOX)
+    assert notes == ()
+    assert os.listdir(cache.parent) == [cache.name]  # noqa: PTH208 - names alone
+    monkeypatch.setattr(osm, "unpacked", None)
+    second, notes = osm.polygons_near("Osm", BOX)
+    assert notes == ()
+    assert _texts(first) == _texts(second) == _texts(osm.read_near(_wkb(*ISLANDS), BOX))
+    assert osm.remove_cached() > 1000
+    assert not cache.exists()
+
+
+@pytest.mark.parametrize("where", ["head", "table", "polygon", "cut", "empty", "longer"])
+def test_a_damaged_file_is_made_again(cache: Path, where: str) -> None:
+    whole, _ = osm.polygons_near("Osm", BOX)
+    content = cache.read_bytes()
+    table = 28 + len(ISLANDS) * 45
+    at = {"head": 3, "table": 40, "polygon": table + (len(content) - table) // 2}
+    if where in at:
+        bad = bytearray(content)
+        bad[at[where]] ^= 1
+    else:
+        bad = bytearray({"cut": content[:-9], "empty": b"", "longer": content + b"x"}[where])
+    cache.write_bytes(bad)
+    assert osm.read_cached(cache, BOX) is None
+    again, notes = osm.polygons_near("Osm", BOX)
+    assert notes == ()
+    assert _texts(again) == _texts(whole)
+    assert cache.read_bytes() == content
+
+
+def test_without_room_it_is_unpacked_each_time_and_a_note_says_so(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    found, (note,) = osm.polygons_near("Osm", BOX)
+    assert _texts(found) == _texts(osm.read_near(_wkb(*ISLANDS), BOX))
+    assert "could not be kept in the user's cache" in note_text(note)
+    assert "No space left on device" in note_text(note)
+    assert list(cache.parent.iterdir()) == []
+
+
+def test_without_a_home_or_a_folder_a_note_says_so(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache.parent.parent.joinpath("file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache.parent.parent / "file"))
+    found, (note,) = osm.polygons_near("Osm", BOX)
+    assert len(found.polygons) == 11
+    assert "Not a directory" in note_text(note)
+    monkeypatch.setattr(osm, "user_cache", lambda: None)
+    found, (note,) = osm.polygons_near("Osm", BOX)
+    assert len(found.polygons) == 11
+    assert "there is no home" in note_text(note)
+
+
+def test_what_killed_processes_left_is_removed(cache: Path) -> None:
+    cache.parent.mkdir(parents=True)
+    old, new = (cache.with_name(f".{cache.name}.{name}.tmp") for name in ("old", "new"))
+    for path in (old, new):
+        path.touch()
+    os.utime(old, (0, 0))
+    osm.polygons_near("Osm", BOX)
+    assert sorted(cache.parent.iterdir()) == sorted([cache, new])
+
+
+def test_several_processes_may_make_it_at_once(cache: Path, root: Path) -> None:
+    script = """
+import shapely
+from pipeline.sources.land import osm
+from tests.pipeline.sources.land.test_osm import BOX, ISLANDS, _wkb
+osm.unpacked = lambda _: _wkb(*ISLANDS)
+for _ in range(20):
+    found, notes = osm.polygons_near("Osm", BOX)
+    assert notes == () and len(found.polygons) == 11
+    osm.write_cached(osm.cache_file("Osm"), _wkb(*ISLANDS))
+"""
+    running = [
+        subprocess.Popen([sys.executable, "-c", script], cwd=root, stderr=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    for process in running:
+        assert process.communicate(timeout=60)[1] == b""
+        assert process.returncode == 0
+    assert list(cache.parent.iterdir()) == [cache]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shoreline", ["Osm", "Gshhg"])
+def test_of_the_real_world_both_ways_of_reading_are_equal(shoreline: osm.Shoreline) -> None:
+    wkb = osm.unpacked(shoreline)
+    for box in (
+        shapely.box(115.5, 7.0, 122.0, 13.5),
+        shapely.box(177.0, -18.0, 182.0, -16.0),
+        shapely.box(-183.0, 70.0, -177.0, 72.0),
+        shapely.box(-180.0, -90.0, 180.0, -78.0),
+        shapely.box(0.0, 80.0, 60.0, 90.0),
+    ):
+        cached, notes = osm.polygons_near(shoreline, box)
+        assert notes == ()
+        direct = osm.read_near(wkb, box)
+        assert [p.wkb for p in cached.polygons] == [p.wkb for p in direct.polygons]
+        assert cached.is_valid.tolist() == direct.is_valid.tolist()
+        assert len(direct.polygons)
+
+
+# --- Land around a region for maps: the world's, coarse ---
+
+
+CREEK = shapely.box(119.0, 9.0, 120.2, 10.6)  # Palawan's middle, cut on two sides
+AROUND_FIJI = shapely.box(177.5, -18.5, 181.5, -16.0)
+
+
+@pytest.mark.parametrize("region", [CREEK, AROUND_FIJI])
+def test_it_is_the_worlds_land_outside_the_region_in_the_regions_longitudes(
+    region: shapely.Polygon,
+) -> None:
+    found = shapely.union_all(surroundings(region))
+    side = max(np.subtract(region.bounds[2:], region.bounds[:2]))
+    wide = box_around(region, 0.5 * side * 111_000.0)
+    fine = shapely.union_all(osm.land_polygons(wide).polygons)
+    outside = wide.difference(region)
+    assert found.intersection(region).area < 1e-12
+    wrong = found.intersection(outside).symmetric_difference(fine.intersection(outside))
+    # All of it lies within the detail of a coast.
+    assert wrong.buffer(-0.002 * side).is_empty
+    assert fine.intersection(outside).area > 0.01
+
+
+def test_it_is_coarse() -> None:
+    beyond_m = 0.75 * 1.6 * 111_195.0
+    fine = osm.land_polygons(CREEK, beyond_m).polygons
+    coarse = surroundings(CREEK)
+    assert all(polygon.is_valid for polygon in coarse)
+    vertices = [int(shapely.get_num_coordinates(np.array(one)).sum()) for one in (coarse, fine)]
+    assert vertices[0] < 0.3 * vertices[1]
+
+
+def test_small_polygons_are_left_out_before_they_are_read() -> None:
+    whole, some = (osm.polygons_near("Osm", CREEK, least_deg=least)[0] for least in (0.0, 0.02))
+    bounds = shapely.bounds(whole.polygons)
+    is_large = (bounds[:, 2:] - bounds[:, :2]).max(axis=1) >= 0.02
+    assert 0 < len(some.polygons) < len(whole.polygons)
+    assert shapely.equals_exact(some.polygons, whole.polygons[is_large]).all()
+
+
+def test_a_region_at_the_pole_has_surroundings() -> None:
+    polar = shapely.box(0.0, 78.0, 40.0, 88.0)
+    assert surroundings(polar)

@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 LON, LAT = np.arange(355.0, 360.0, 0.5), np.arange(48.0, 51.0, 0.5)
 
 
-def written(folder: Path) -> dict[str, np.ndarray[Any, Any]]:
+def atlas_written(folder: Path) -> dict[str, np.ndarray[Any, Any]]:
     """Write an atlas in the form of FES2014, cm/s and degrees; return the constants by name."""
     found: dict[str, np.ndarray[Any, Any]] = {}
     x, y = np.meshgrid(LON, LAT)
@@ -40,7 +40,7 @@ def written(folder: Path) -> dict[str, np.ndarray[Any, Any]]:
 
 @pytest.mark.filterwarnings("ignore:You will likely lose important projection:UserWarning")
 def test_constants_of_an_atlas_are_amplitude_and_lag_in_metres(tmp_path: Path) -> None:
-    atlas = written(tmp_path)
+    atlas = atlas_written(tmp_path)
     page = (ROOT / "docs" / "how-to" / "tides.md").read_text(encoding="utf-8")
     blocks = [block.partition("```")[0] for block in page.split("```python\n")[1:]]
     (recipe,) = (block for block in blocks if "def constants_of_atlas" in block)

@@ -1,19 +1,30 @@
-"""Files of stations: each form gives the same tide; all faults are named at once."""
+"""Stations of the tide: their files, heights beside other libraries, and where each counts."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
+from pipeline._types import FloatArray
 from pipeline.errors import RequestError
+from pipeline.geo.projection import Projection
 from pipeline.scenario import catalogue
-from pipeline.sources.tides.station import Station, find_station, read_station
+from pipeline.sources.tides.station import (
+    Station,
+    distances_by_water,
+    find_station,
+    read_station,
+    tide_zones,
+)
+from tests.tide_oracles import PREDICTORS, apart, highest_and_lowest, stations
 
 EPOCH = np.datetime64("2026-11-22")
 TIMES = np.linspace(0, 30 * 86400, 999)
@@ -194,3 +205,158 @@ def test_other_files_are_refused(name: str, content: str, beginning: str, tmp_pa
 def test_a_station_that_is_not_there_is_named_with_the_nearest_name() -> None:
     with pytest.raises(RequestError, match="did you mean 'boston'"):
         find_station("bosto")
+
+
+# --- Heights at real stations, beside pyTMD and UTide, and beside the extremes that NOAA publishes.
+
+
+MONTHS = [np.datetime64(day) for day in ("1990-02-01", "2026-11-22")]
+# HAT and LAT of this station both lie 0.11 m above what its own mean sea level and constants give.
+OTHER_LEVEL = "noaa-9415193"
+
+
+@pytest.fixture(scope="module")
+def all_stations(shared: Path) -> Mapping[str, Station]:
+    assert (shared / "data" / "tides").is_dir()
+    found = stations()
+    assert len(found) == 21
+    return found
+
+
+@pytest.mark.parametrize("begin", MONTHS)
+@pytest.mark.parametrize("name", [pytest.param("pyTMD", marks=pytest.mark.slow), "UTide"])
+def test_boston_is_what_the_other_libraries_predict(name: str, begin: np.datetime64) -> None:
+    most, rms = apart(find_station("boston"), PREDICTORS[name], begin)
+    assert most < 0.01
+    assert rms < 0.004
+
+
+def test_boston_s_highest_and_lowest_tide_are_those_that_noaa_publishes() -> None:
+    station = find_station("boston")
+    highest, lowest = highest_and_lowest(station)
+    assert highest == pytest.approx(station.datums["HAT"], abs=0.012)
+    assert lowest == pytest.approx(station.datums["LAT"], abs=0.012)
+    tide = station.tide(MONTHS[0])
+    assert tide.lowest < lowest
+    assert highest < tide.highest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begin", MONTHS)
+@pytest.mark.parametrize("name", PREDICTORS)
+def test_all_stations_are_what_the_other_libraries_predict(
+    name: str, begin: np.datetime64, all_stations: Mapping[str, Station]
+) -> None:
+    for station in all_stations.values():
+        most, rms = apart(station, PREDICTORS[name], begin)
+        assert most <= 0.02
+        assert rms <= 0.008
+
+
+@pytest.mark.slow
+def test_the_extremes_of_all_stations_are_those_that_noaa_publishes(
+    all_stations: Mapping[str, Station],
+) -> None:
+    # A phase error of 180 degrees in M1, S1 or MF moves some of them by 33 to 90 mm, in M3 by 10
+    # mm.
+    for key, station in all_stations.items():
+        found = np.array(highest_and_lowest(station))
+        off = found - (station.datums["HAT"], station.datums["LAT"])
+        assert abs(off - (off.mean() if key == OTHER_LEVEL else 0.0)).max() < 0.025
+
+
+# --- Which station counts on which side of a spit, beside the exact way round its tip ---
+
+
+PLANE = Projection.at(42.3, -71.0, 1.0)
+EXTENT = shapely.box(-4000, -3000, 4000, 3000)
+# From the northern edge to 1 km from the southern one.
+SPIT = shapely.box(-100, -2000, 100, 3000)
+WEST, EAST = (-3000.0, 1500.0), (500.0, 1500.0)
+CELL = 8000 / 120
+
+
+def station(name: str, place: tuple[float, float]) -> Station:
+    lon, lat = PLANE.to_lonlat(np.array(place)).tolist()
+    return Station(name=name, position=(lon, lat), datum="MLLW", mean_level_m=1.0, constants={})
+
+
+def way(begin: FloatArray, end: FloatArray, spit: shapely.Polygon) -> float:
+    """Shortest way outside a box that touches the northern edge: round none, one or two corners."""
+    xmin, ymin, xmax, _ = spit.bounds
+    inside = shapely.buffer(spit, -1e-6)
+    corners = [(xmin, ymin), (xmax, ymin)]
+    rounds = [(), *((one,) for one in corners), tuple(corners), tuple(corners[::-1])]
+    found = []
+    for between in rounds:
+        line = [tuple(begin), *between, tuple(end)]
+        if not shapely.LineString(line).intersects(inside):
+            found.append(sum(itertools.starmap(math.dist, itertools.pairwise(line))))
+    return min(found)
+
+
+@pytest.mark.parametrize("spit", [SPIT, shapely.box(-1530, -2410, -1410, 3000)])
+def test_distances_are_those_of_the_shortest_way_round_a_spit(spit: shapely.Polygon) -> None:
+    stations = np.array([WEST, EAST])
+    boxes, places, apart = distances_by_water(stations, EXTENT, np.array([spit]))
+    water = shapely.difference(EXTENT, spit)
+    assert shapely.difference(water, shapely.union_all(boxes)).area < 1e-3
+    exact = np.array([[way(one, place, spit) for place in places] for one in stations])
+    assert (apart >= exact - 1e-6).all()
+    assert (apart <= 1.03 * exact + 3 * CELL).all()
+    # Nothing lies between: the straight line.
+    straight = np.linalg.norm(stations[:, None] - places[None], axis=2)
+    is_open = exact < straight + 1e-9
+    assert is_open.mean() > 0.3
+    np.testing.assert_allclose(apart[is_open], straight[is_open], atol=1e-6)
+
+
+def test_a_spit_parts_the_waters_of_two_stations() -> None:
+    given = [station("West", WEST), station("East", EAST)]
+    zones, far = tide_zones(given, EXTENT, PLANE, np.array([SPIT]))
+    rng = np.random.default_rng(3)
+    places = rng.uniform((-4000, -3000), (4000, 3000), (800, 2))
+    places = places[~shapely.contains_xy(shapely.buffer(SPIT, CELL), places)]
+    exact = np.array([[way(np.array(one), at, SPIT) for at in places] for one in (WEST, EAST)])
+    is_sure = np.abs(exact[0] - exact[1]) > 0.03 * exact.max(axis=0) + 4 * CELL
+    nearest = exact.argmin(axis=0)
+    for at, zone in enumerate(zones):
+        holds = shapely.contains_xy(zone, places)
+        assert (holds == (nearest == at))[is_sure].all()
+    # By the straight line the water beside the spit would be the other side's.
+    beside = np.array([-300.0, 1500.0])
+    assert math.dist(beside, EAST) < math.dist(beside, WEST)
+    assert shapely.contains_xy(zones[0], *beside)
+    assert far.is_empty
+    assert shapely.intersection(*zones).area == pytest.approx(0.0, abs=1e-3)
+
+
+def test_without_land_between_the_zones_are_those_of_the_straight_line() -> None:
+    given = [station("West", WEST), station("East", EAST)]
+    islet = np.array([shapely.box(-3990, -2990, -3950, -2950)])
+    free, beside = (tide_zones(given, EXTENT, PLANE, land)[0] for land in (islet[:0], islet))
+    for one, other in zip(free, beside, strict=True):
+        assert shapely.symmetric_difference(one, other).area < 4 * CELL**2
+
+
+def test_water_beyond_ten_kilometres_by_water_has_no_station() -> None:
+    """Three kilometres across a long spit, and fifteen round it."""
+    extent, spit = shapely.box(-4000, -9000, 4000, 3000), shapely.box(-100, -8500, 100, 3000)
+    given = [station("East", (1500.0, 2000.0))]
+    (zone,), far = tide_zones(given, extent, PLANE, np.array([spit]))
+    behind = shapely.Point(-1500.0, 2000.0)
+    assert far.intersects(behind)
+    assert not zone.intersects(behind)
+    assert zone.intersects(shapely.Point(1500.0, -5000.0))
+
+
+def test_a_station_on_a_pier_and_a_pond_keep_what_they_have() -> None:
+    pier, dam = shapely.box(450, 1400, 550, 1600), shapely.box(2000, -3000, 4000, -1000)
+    pond = shapely.box(2500, -2500, 3500, -1500)
+    land = np.array([pier, shapely.difference(dam, pond)])
+    _, places, apart = distances_by_water(np.array([EAST]), EXTENT, land)
+    in_pond = shapely.contains_xy(shapely.buffer(pond, 1e-6), places)
+    assert np.isinf(apart[0, in_pond]).all()
+    assert np.isfinite(apart[0, ~in_pond]).all()
+    (zone,), _ = tide_zones([station("East", EAST)], EXTENT, PLANE, land)
+    assert zone.covers(shapely.box(2600, -2400, 3400, -1600))

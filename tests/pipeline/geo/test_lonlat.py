@@ -1,4 +1,4 @@
-"""Cells with figures, and the share of a path outside them."""
+"""Positions as text, and where something is known on a grid."""
 
 from __future__ import annotations
 
@@ -6,8 +6,26 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.geo.lonlat import DepthCover, KnownCells, share_without
+from pipeline.geo.lonlat import DepthCover, KnownCells, position_text, share_without
 from pipeline.geo.projection import Projection
+
+
+@pytest.mark.parametrize(
+    ("lon", "lat", "text"),
+    [
+        (119.871, 11.5244, "119.8710 E 11.5244 N"),
+        (-70.9815, 42.3427, "70.9815 W 42.3427 N"),
+        (-5.25, -36.5, "5.2500 W 36.5000 S"),
+        (181.5, -17.0, "178.5000 W 17.0000 S"),
+        (-181.0, 0.0, "179.0000 E 0.0000 N"),
+    ],
+)
+def test_a_position_is_given_by_its_hemispheres(lon: float, lat: float, text: str) -> None:
+    assert position_text(lon, lat) == text
+
+
+# --- Cells with figures, and the share of a path outside them ---
+
 
 LON, LAT = np.arange(5), np.array([10.0, 11.0, 12.0])
 KNOWN = np.ones((3, 5), dtype=bool)

@@ -1,0 +1,183 @@
+"""The pairs of features that a scenario can't have both, each with its reason: one table.
+
+Every other pair is planned. The scenario's checks and the reference are made from this table, and a
+property test draws random scenarios against it. What one feature needs (a departure, a draught) is
+no pair: it is checked where that feature is defined.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from pipeline.scenario.model import Scenario
+    from pipeline.scenario.season import Season
+
+
+OF_THE_SCENARIO: "dict[str, Callable[[Scenario], bool]]" = {
+    "a [plane]": lambda asked: asked.plane is not None,
+    "no [plane]": lambda asked: asked.plane is None,
+    "[region]": lambda asked: asked.region is not None,
+    "a scale other than 1": lambda asked: asked.scale != 1,
+    "[[avoid]]": lambda asked: bool(asked.avoid),
+    "hours in [[avoid]]": lambda asked: any(area.has_hours for area in asked.avoid),
+    "a [tide]": lambda asked: asked.tide is not None,
+    "[havens]": lambda asked: asked.havens is not None,
+    "[under_way]": lambda asked: asked.under_way is not None,
+    "via points": lambda asked: bool(asked.via),
+    "a wait at an anchorage": lambda asked: asked.anchorage is not None,
+    "planner.method = 'sampled'": lambda asked: asked.planner.method == "sampled",
+    "another planner.order than 'fuel'": lambda asked: asked.planner.order != "fuel",
+}
+"""Features of a whole scenario, as a message names them."""
+
+OF_A_SEASON: "dict[str, Callable[[Season], bool]]" = {
+    "sources in 'currents'": lambda season: bool(season.currents),
+    "a current as numbers": lambda season: not season.currents,
+    "time_method = 'changing'": lambda season: season.is_changing,
+    "'departures'": lambda season: season.departures is not None,
+    "'to_within'": lambda season: season.to_within is not None,
+    "'arrive_by'": lambda season: season.arrive_by is not None,
+    "'speed'": lambda season: season.speed is not None,
+    "'speed' in a current that changes": lambda season: (
+        season.speed is not None and season.is_changing
+    ),
+    "'members'": lambda season: season.members is not None,
+}
+"""Features of one season, as a message names them."""
+
+
+class Pair(NamedTuple):
+    """Two groups of features: no feature of the first goes together with one of the second."""
+
+    first: tuple[str, ...]
+    second: tuple[str, ...]
+    reason: str
+    remedy: str = "leave one of the two out"
+
+
+_CHOICES_OF_TIME = ("'departures'", "'arrive_by'", "'speed'")
+_HOURS = ("hours in [[avoid]]", "a [tide]")
+_AT_TRUE_SCALE = "plan at true scale, scale = 1"
+
+PAIRS = (
+    Pair(
+        ("a [plane]",),
+        (
+            *("[region]", "[[avoid]]", "a [tide]", "[havens]", "[under_way]"),
+            "sources in 'currents'",
+        ),
+        "nothing in a plane lies in lon/lat, and it has neither depths nor sources",
+        "leave one of the two out; a plane has obstacles, and a current as 'gyre' or 'uniform'",
+    ),
+    Pair(
+        ("no [plane]",),
+        ("a current as numbers",),
+        "'gyre' and 'uniform' are along the axes of a plane",
+        "name sources in 'currents', or add a [plane]",
+    ),
+    Pair(
+        ("time_method = 'changing'",),
+        ("a current as numbers",),
+        "such a current doesn't change",
+        "name 'currents'",
+    ),
+    Pair(
+        ("a scale other than 1",),
+        ("time_method = 'changing'", "'speed'", *_HOURS, "[havens]", "[under_way]"),
+        "at that scale times under way are not the true ones, and a turn by hard rudder would last "
+        "hours of tide",
+        _AT_TRUE_SCALE,
+    ),
+    Pair(
+        ("'members'",),
+        (*_CHOICES_OF_TIME, "a wait at an anchorage"),
+        "each member has times of its own, so no one choice of times is proven for all",
+    ),
+    Pair(
+        ("'members'",),
+        _HOURS,
+        "each member passes at hours of its own",
+        "leave 'members' out, or the hours: 'from' and 'until', or the [tide]",
+    ),
+    Pair(
+        ("[havens]",),
+        _HOURS,
+        "ways to havens know no hours at which water is shut",
+    ),
+    Pair(
+        ("[havens]",),
+        ("'members'",),
+        "ways to havens are proven in one current, and would be in the mean alone",
+    ),
+    Pair(
+        ("[havens]",),
+        ("'speed'",),
+        "a way to a haven has the vessel's own speed",
+    ),
+    Pair(
+        ("a wait at an anchorage",),
+        _CHOICES_OF_TIME,
+        "the wait and these each leave a time open, and one of the two is chosen at a time",
+        "give the season one 'departure' alone, or leave the wait out",
+    ),
+    Pair(
+        ("[under_way]",),
+        ("a wait at an anchorage", *_CHOICES_OF_TIME, "'members'"),
+        "the plan that is sailed has one current, one speed and one departure",
+        "plan from here without [under_way]",
+    ),
+    Pair(
+        ("'to_within'",),
+        ("'speed'", "'arrive_by'"),
+        "what another departure may save can't be proven where speeds are chosen, or where some "
+        "departures arrive too late",
+        "leave 'to_within' out, or give departures that stand closer",
+    ),
+    Pair(
+        ("planner.method = 'sampled'",),
+        ("via points", *_CHOICES_OF_TIME),
+        "the paper's random chains begin at a given time and end at the goal",
+        "leave them out, or give planner.method = 'optimal'",
+    ),
+    Pair(
+        ("another planner.order than 'fuel'",),
+        ("via points",),
+        "classes through via points are found by fuel",
+        "leave them out, or give planner.order = 'fuel'",
+    ),
+    Pair(
+        ("via points",),
+        ("'speed' in a current that changes",),
+        "a speed for each leg is searched for on one clock from start to goal",
+        "leave one of the two out, or plan from one via point to the next with an arrival at each",
+    ),
+)
+"""The pairs that are refused; at most 15, and each for one reason."""
+
+
+def refusals(scenario: "Scenario") -> Iterator[str]:
+    """Yield a line for each pair of the table that a scenario has."""
+    for pair in PAIRS:
+        lines = dict.fromkeys(_line(pair, scenario, season) for season in scenario.seasons)
+        yield from filter(None, lines)
+
+
+def _line(pair: Pair, scenario: "Scenario", season: "Season") -> str:
+    """Return the line on a pair in a season; "" where the season lacks one of the two."""
+    first, second = (
+        [name for name in group if _has(name, scenario, season)]
+        for group in (pair.first, pair.second)
+    )
+    if not (first and second):
+        return ""
+    of_a_season = any(name in OF_A_SEASON for name in (*first, *second))
+    about = f"season {season.name!r} " if of_a_season else ""
+    have = f"has {' and '.join(first)} together with {' and '.join(second)}"
+    return f"{about}{have}: {pair.reason}; {pair.remedy}"
+
+
+def _has(feature: str, scenario: "Scenario", season: "Season") -> bool:
+    """Whether a scenario, or a season of it, has a feature."""
+    if feature in OF_THE_SCENARIO:
+        return OF_THE_SCENARIO[feature](scenario)
+    return OF_A_SEASON[feature](season)

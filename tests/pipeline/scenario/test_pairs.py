@@ -1,0 +1,229 @@
+"""Random subsets of a scenario's features are planned, or refused by a row of the table of pairs.
+
+What a feature needs (a departure, a clock, a draught) is drawn with it. Any other refusal, a plan
+that fails, or a crash is a pair of features that doesn't compose and that nobody said so of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, strategies as st
+
+from pipeline.errors import RequestError
+from pipeline.run import run
+from pipeline.scenario.loading import parse_scenario
+from pipeline.scenario.pairs import OF_A_SEASON, OF_THE_SCENARIO, PAIRS
+from pipeline.sources.current_field import Field
+from tests.pipeline.sources.depth_grids import emodnet
+from tests.pipeline.synthetic_currents import dataset, write
+from tests.strategies import examples
+
+Draw = Callable[[st.SearchStrategy[Any]], Any]
+# Half an hour before high water at the bar, off Boston, near enough to its station.
+DEPARTURE = np.datetime64("2026-11-23T00:30")
+START, ANCHORAGE, GOAL = [-71.03, 42.34], [-71.02, 42.34], [-70.99, 42.34]
+WEST, SOUTH, EAST, NORTH = BOX = (-71.05, 42.325, -70.97, 42.355)
+ISLAND = shapely.box(-71.012, 42.337, -71.008, 42.343)
+BAR = shapely.box(-71.0105, 42.30, -71.0095, 42.40)
+SHORE = shapely.box(-71.02, 42.347, -71.00, 42.350)
+ISLAND_M = [[40, 30], [60, 30], [60, 70], [40, 70]]
+VESSEL = {"length_m": 7.0, "draught_m": 1.5, "speed_m_s": 3.0, "turn_rate_deg_s": 16.5}
+
+
+def time(minutes: int) -> str:
+    """Some minutes after the departure."""
+    return f"{DEPARTURE + np.timedelta64(minutes, 'm')}:00Z"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the files of a water with a bar and an island."""
+    made = tmp_path_factory.mktemp("pairs")
+    make_files(made)
+    return made
+
+
+def make_files(folder: Path) -> None:
+    """Write land, depths, currents, an area and havens."""
+    (folder / "island.geojson").write_text(shapely.to_geojson(ISLAND))
+    (folder / "area.geojson").write_text(shapely.to_geojson(SHORE))
+    (folder / "havens.csv").write_text("name,lon,lat\nWest,-71.028,42.336\nEast,-70.992,42.336\n")
+    lon, lat = np.arange(-71.06, -70.96, 0.001), np.arange(42.315, 42.365, 0.001)
+    on_bar = shapely.contains_xy(BAR, *np.meshgrid(lon, lat))
+    for name, depth_m in (("shallow", 0.8), ("deep", 3.0)):
+        emodnet(folder / f"{name}.nc", lon, lat, np.where(on_bar, -depth_m, -20.0))
+    lon = np.linspace(WEST - 0.02, EAST + 0.02, 15)
+    lat = np.linspace(SOUTH - 0.02, NORTH + 0.02, 11)
+    strength = 0.2 + 0.1 * (lat[:, None] - SOUTH) / (NORTH - SOUTH) * np.ones(lon.size)
+    steps = [Field(lon, lat, strength * np.cos(0.5 * i), 0.3 * strength) for i in range(36)]
+    hours = np.datetime64("2026-11-22T12:00") + np.arange(36) * np.timedelta64(1, "h")
+    write(folder / "hourly.nc", dataset(*steps, times=hours))
+    write(folder / "month.nc", dataset(steps[0], times=("2026-11-15",)))
+
+
+def planner(draw: Draw) -> dict[str, Any]:
+    """Options of the planner, mostly its own."""
+    rare = st.sampled_from([False] * 9 + [True])
+    options: dict[str, Any] = {"classes": 2, "drift": draw(st.sampled_from(["projected", "crab"]))}
+    if draw(rare):
+        options |= {"method": "sampled", "samples": 20}
+    if draw(rare):
+        options["order"] = draw(st.sampled_from(["length", "depth-first"]))
+    if draw(rare):
+        options["padding"] = "none"
+    elif draw(rare):
+        options["risk_at"] = "point"
+    return options
+
+
+def times(draw: Draw, *, has_clock: bool, has_speed: bool) -> dict[str, Any]:
+    """When a season's vessel leaves and arrives: what is open needs a clock, or speeds."""
+    season: dict[str, Any] = {}
+    if has_clock and draw(st.booleans()):
+        season["departures"] = {"first": time(0), "every": "20min", "count": 3}
+        if draw(st.booleans()):
+            season["to_within"] = "10min"
+    elif has_clock or has_speed or draw(st.booleans()):
+        season["departure"] = time(0)
+    if has_speed or (has_clock and draw(st.booleans())):
+        season["arrive_by"] = time(100)
+    if has_speed:
+        season["speed"] = {"least": 2.0, "most": 4.0}
+    return season
+
+
+def off_boston(draw: Draw) -> dict[str, Any]:
+    """Draw a voyage over a bar, in lon/lat."""
+    few = st.sampled_from([False, False, False, True])
+    has_tide, has_area, is_shut_for_hours = draw(few), draw(st.booleans()), draw(few)
+    is_changing, has_speed = draw(st.booleans()), draw(few)
+    has_clock = is_changing or has_tide or (has_area and is_shut_for_hours)
+    season: dict[str, Any] = {"name": "day"}
+    season |= times(draw, has_clock=has_clock, has_speed=has_speed)
+    if is_changing:
+        season |= {"time_method": "changing", "currents": ["./hourly.nc"]}
+    elif draw(st.booleans()):
+        season |= {"valid": "2026-11", "currents": ["./month.nc"]}
+    else:
+        season["currents"] = ["still"]
+    if draw(few):
+        season["members"] = {"spread": 0.1, "count": 3, "eddy_km": 3.0}
+    chart = {"source": {"path": "island.geojson", "accuracy_m": 5, "complete": True}}
+    asked: dict[str, Any] = {
+        "schema_version": 1,
+        "name": "bar",
+        "start": START,
+        "goal": GOAL,
+        "vessel": VESSEL,
+        "region": {"bbox": list(BOX)},
+        "chart": {**chart, "datum": "MLLW", "depths": "shallow.nc" if has_tide else "deep.nc"},
+        "seasons": [season],
+        "planner": planner(draw),
+        "outputs": {"explain_gap": draw(few)},
+        "scale": draw(st.sampled_from([1.0] * 11 + [2.0])),
+    }
+    if has_tide:
+        asked["tide"] = {"stations": ["boston"]}
+    if has_area:
+        hours = {"from": time(-600), "until": time(20)} if is_shut_for_hours else {}
+        asked["avoid"] = [{"path": "area.geojson", **hours}]
+    if draw(few):
+        can_wait = has_clock and draw(st.booleans())
+        asked["via"] = [{"at": ANCHORAGE, "wait": "1h"} if can_wait else ANCHORAGE]
+    if draw(few):
+        limit = draw(st.sampled_from([{"within": "40min"}, {"endurance": "4h"}]))
+        asked["havens"] = {"path": "havens.csv", **limit}
+    if draw(st.sampled_from([False] * 19 + [True])):
+        season |= {"currents": [], "uniform": {"u": 0.1}}
+    return asked
+
+
+def in_a_plane(draw: Draw) -> dict[str, Any]:
+    """Draw a voyage round an island in a plane, now and then with what lies in lon/lat."""
+    few, rare = st.sampled_from([False] * 3 + [True]), st.sampled_from([False] * 19 + [True])
+    season: dict[str, Any] = {"name": "day"}
+    season |= {"gyre": {"amplitude": 0.3}} if draw(st.booleans()) else {"uniform": {"u": 0.1}}
+    if draw(few):
+        times = {"departure": time(0), "arrive_by": time(3)}
+        season |= {"speed": {"least": 0.7, "most": 1.4}, **times}
+    elif draw(st.booleans()):
+        season["departure"] = time(0)
+    if draw(few):
+        season["members"] = {"spread": 0.05, "count": 3, "eddy_km": 0.05}
+    asked: dict[str, Any] = {
+        "schema_version": 1,
+        "name": "plane",
+        "start": [10, 50],
+        "goal": [90, 50],
+        "vessel": "paper-asv",
+        "plane": {"extent": [0, 0, 100, 100], "obstacles": [ISLAND_M]},
+        "seasons": [season],
+        "planner": planner(draw),
+        "outputs": {"explain_gap": draw(few)},
+        "scale": draw(st.sampled_from([1.0] * 5 + [2.0])),
+    }
+    if draw(few):
+        asked["via"] = [[20, 60]]
+    if draw(rare):
+        asked["avoid"] = [{"path": "area.geojson"}]
+    if draw(rare):
+        asked["havens"] = {"path": "havens.csv", "within": "40min"}
+    if draw(rare):
+        asked["region"] = {"bbox": list(BOX)}
+    return asked
+
+
+def outcome(asked: dict[str, Any], folder: Path) -> str:
+    """Return "planned", "refused", or what was refused by no row of the table, or failed."""
+    try:
+        scenario = parse_scenario(asked, folder)
+    except RequestError as error:
+        known = [pair.reason for pair in PAIRS]
+        strange = [line for line in error.faults if not any(reason in line for reason in known)]
+        return f"refused by no row: {'; '.join(strange)}" if strange else "refused"
+    done = run(scenario, folder / "outputs", offline=True)
+    return f"failed: {'; '.join(done.failures)}" if done.failures else "planned"
+
+
+@pytest.mark.gate_share(3)
+@examples(gate=12, new=300)
+@given(asked=st.composite(off_boston)())
+def test_a_voyage_in_lon_lat_is_planned_or_its_pair_is_in_the_table(
+    asked: dict[str, Any], folder: Path
+) -> None:
+    assert outcome(asked, folder) in {"planned", "refused"}
+
+
+@pytest.mark.gate_share(3)
+@examples(gate=12, new=300)
+@given(asked=st.composite(in_a_plane)())
+def test_a_voyage_in_a_plane_is_planned_or_its_pair_is_in_the_table(
+    asked: dict[str, Any], folder: Path
+) -> None:
+    assert outcome(asked, folder) in {"planned", "refused"}
+
+
+def test_the_table_has_few_rows_with_known_features_and_a_reason_each() -> None:
+    assert len(PAIRS) <= 15
+    assert len({pair.reason for pair in PAIRS}) == len(PAIRS)
+    named = {name for pair in PAIRS for name in (*pair.first, *pair.second)}
+    assert named == {*OF_THE_SCENARIO, *OF_A_SEASON}
+
+
+def test_a_pair_is_named_with_its_season_reason_and_remedy(folder: Path) -> None:
+    asked = in_a_plane(lambda _: False)
+    season = {"name": "day", "uniform": {"u": 0.1}, "departure": time(0), "arrive_by": time(3)}
+    season |= {"speed": {"least": 0.7, "most": 1.4}, "members": {"spread": 0.1}}
+    with pytest.raises(RequestError) as caught:
+        parse_scenario({**asked, "scale": 1.0, "planner": {}, "seasons": [season]}, folder)
+    (line,) = caught.value.faults
+    assert line == (
+        "season 'day' has 'members' together with 'arrive_by' and 'speed': each member has times "
+        "of its own, so no one choice of times is proven for all; leave one of the two out"
+    )
