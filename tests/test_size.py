@@ -26,7 +26,7 @@ ROOMS = {
     "pipeline/nightly": (4_486, 46),
     "pipeline/scenario": (2_511, 38),
     "pipeline/serve": (1_746, 14),
-    "pipeline/sources": (8_458, 47),
+    "pipeline/sources": (8_461, 47),
     "pipeline/stages": (5_238, 26),
     "pipeline/underway": (320, 2),
     "pipeline/voyage": (1_142, 5),
