@@ -59,7 +59,13 @@ COLUMNS = (
 # fmt: on
 """Columns; `earlier_` is yesterday's route, `keep_` yesterday's route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
-LAYER = "routes"
+LAYER = frames.Layer(
+    "routes",
+    title="Routes of the night",
+    description="The best route of each case (rank 1), and its best route on each other side; "
+    "routes.parquet has all routes",
+    geometry_type="LineString",
+)
 _TEXT = ("case", "scenario", "season", "pair", "departure", "vessel", "member", "side", "class")
 # Figures of a route in the layer: those of the layer of a run.
 _FIGURES = tuple(
@@ -181,21 +187,12 @@ def write_geopackage(routes_path: Path, path: Path, reference: datetime | None) 
     count = 0
     with frames.system_errors(path):
         for chunk in _chunks(routes_path):
-            frames.write_layer(
-                path,
-                _frame(chunk),
-                LAYER,
-                "LineString",
-                title="Routes of the night",
-                description="The best route of each case (rank 1), and its best route on each "
-                "other side; routes.parquet has all routes",
-                append=count > 0,
-            )
+            frames.write_layer(path, _frame(chunk), LAYER, append=count > 0)
             count += len(chunk)
         with frames.opened(path) as database:
             stamp = reference.strftime("%Y-%m-%dT%H:%M:%S.000Z") if reference else _NO_DATE
             database.execute("UPDATE gpkg_contents SET last_change = ?", (stamp,))
-            frames.check_count(database, LAYER, count)
+            frames.check_count(database, LAYER.name, count)
 
 
 def _chunks(routes_path: Path) -> Iterator[list[Row]]:
