@@ -25,7 +25,7 @@ from pipeline.formats.gis.frames import (
     route_key,
     to_lonlat,
 )
-from pipeline.formats.passage.tracks import tracks
+from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text
 from pipeline.model import Zone
 
