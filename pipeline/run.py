@@ -272,7 +272,8 @@ class _Stages:
                     raise
                 region = opened
         for _ in range(MAX_WIDENINGS):
-            wider = wider_region(region, best_paths(made.value))
+            look = partial(wider_region, region, best_paths(made.value))
+            wider = self.late.attempt("the choice of a wider region", look, None)
             if wider is None:
                 break
             run = partial(self._in_region, wider.complete(asked), wider.notes)
@@ -302,14 +303,24 @@ class _Stages:
         return made
 
     def _sailed(self, voyage: UnderWay | None) -> Sailed | None:
-        """Return the voyage that the vessel is on, from the store or made again; None if none."""
-        if voyage is None:
-            return None
+        """Return the voyage that the vessel is on, from the store or made again; None if none.
+
+        It may itself be a plan made under way, so all plans are made from the first one on.
+        """
         quiet = replace(self, on_event=ignore, on_step=ignore_step, timings={})
-        chosen, land = quiet.chosen(scenario_before(voyage))
-        own = case_sailed(voyage, chosen)
-        planned = quiet.planned(own, land)
-        return Sailed(voyage, own, land, planned.value[0], planned.key)
+        plans = list[tuple[UnderWay, Scenario]]()
+        while voyage is not None:
+            before = scenario_before(voyage)
+            plans.append((voyage, before))
+            voyage = before.under_way
+        sailed: Sailed | None = None
+        for way, scenario in reversed(plans):
+            asked = scenario if sailed is None else sailed.ahead(scenario)
+            chosen, land = quiet.chosen(asked, (), sailed)
+            own = case_sailed(way, chosen)
+            planned = quiet.planned(own, land)
+            sailed = Sailed(way, own, land, planned.value[0], planned.key)
+        return sailed
 
     def chosen(
         self,

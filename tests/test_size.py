@@ -16,9 +16,9 @@ from tests.conftest import ROOT
 # Room -> largest number of lines, and of types.
 ROOMS = {
     "renew": (1_260, 28),
-    "pipeline": (1_108, 13),
+    "pipeline": (1_119, 13),
     "pipeline/cli": (2_866, 9),
-    "pipeline/findings": (3_321, 19),
+    "pipeline/findings": (3_314, 19),
     "pipeline/formats": (8_554, 36),
     "pipeline/geo": (818, 5),
     "pipeline/machine": (1_047, 6),
@@ -26,8 +26,8 @@ ROOMS = {
     "pipeline/nightly": (4_486, 46),
     "pipeline/scenario": (2_511, 38),
     "pipeline/serve": (1_746, 14),
-    "pipeline/sources": (8_458, 47),
-    "pipeline/stages": (5_238, 26),
+    "pipeline/sources": (8_461, 47),
+    "pipeline/stages": (5_235, 26),
     "pipeline/underway": (320, 2),
     "pipeline/voyage": (1_142, 5),
     "renew/bounds": (1_581, 7),
@@ -43,7 +43,7 @@ ROOMS = {
 }
 MOST_FILES = 305
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (10, 29), "optimality_gap": (14, 21), "seasons?": (86, 972)}
+WORDS = {"endurance": (10, 29), "optimality_gap": (14, 21), "seasons?": (86, 970)}
 
 
 def modules(room: str) -> dict[Path, str]:

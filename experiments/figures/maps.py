@@ -99,7 +99,7 @@ def _figure(environment: Environment, maps: Sequence[_Map]) -> Figure:
         columns=len(maps),
     )
     for one, (axes, sea) in zip(maps, drawn, strict=True):
-        draw_case(axes, sea, result, one.case.season)
+        draw_case(axes, sea, result.case(one.case.season))
         area = [] if one.padding is None else [soft_layer(axes, _soft(one.padding))]
         add_layers(axes, [*area, *one.lines], sea)
     return figure

@@ -205,9 +205,9 @@ def _tightest(route: renew.Route) -> list[_TightPlace]:
 
 def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _TightPlace) -> None:
     """Draw the surroundings of a tight place, and hard-over turns from there and nearby."""
-    scene, route = result.scene, ranked.route
+    route = ranked.route
     middle = _point_at(route, place.along)
-    (turn,) = _turns(result, ranked, np.array([place.along]))
+    (turn,) = _turns(ranked, np.array([place.along]))
     reach = float(np.linalg.norm(turn - middle, axis=-1).max())
     half = max(place.min_half_width, _WINDOW_FACTOR * reach)
     low, high = middle - half, middle + half
@@ -219,7 +219,7 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     # Turns are one reach apart, so that they don't overlap much.
     count = min(_MAX_BESIDE, int(half / reach))
     stations = place.along + reach * np.arange(-count, count + 1, dtype=float)
-    turns = _turns(result, ranked, stations[(stations > 0) & (stations < route.length)])
+    turns = _turns(ranked, stations[(stations > 0) & (stations < route.length)])
     layers = [
         *season_map.chart_layers(axes, result),
         season_map.soft_layer(axes, route.soft_no_go),
@@ -232,7 +232,7 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     )
     axes.add_artist(frame)
     frame.set_clip_on(False)
-    artists.draw_scale_bar(axes, scene.projection, drop_pt=8)
+    artists.draw_scale_bar(axes, result.water.projection, drop_pt=8)
 
 
 def _point_at(route: renew.Route, along: float) -> FloatArray:
@@ -242,7 +242,7 @@ def _point_at(route: renew.Route, along: float) -> FloatArray:
     return np.asarray(shapely.get_coordinates(line.interpolate(max(along, 0.0)))[0])
 
 
-def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatArray:
+def _turns(ranked: RankedRoute, along: FloatArray) -> FloatArray:
     """Return tracks (n, 2, steps, 2) of turns to port and starboard at distances (n,) run."""
     points = np.stack([_point_at(ranked.route, at) for at in along])
     step = ranked.route.length / _STATIONS / 2
@@ -253,8 +253,8 @@ def _turns(result: RunResult, ranked: RankedRoute, along: FloatArray) -> FloatAr
     return fly_turns(
         points,
         np.arctan2(ahead[:, 1], ahead[:, 0]),
-        result.case(ranked.season).case.current,
-        result.scene.vessel_in(ranked.season),
+        ranked.case.case.current,
+        ranked.case.case.vessel,
         np.zeros((1, 1, 2)),
         np.interp(along, np.append(0.0, passed), ranked.route.times),
         speeds=ranked.route.speeds[

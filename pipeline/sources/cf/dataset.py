@@ -330,10 +330,6 @@ def _touch(variable: Any) -> None:  # noqa: ANN401 - netCDF4 has no types
             variable[(corner,) * variable.ndim]
 
 
-if __name__ == "__main__":
-    main()
-
-
 MAGIC = b"CDF"
 # Size of a value by the number of its type, bytes.
 _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}
@@ -402,3 +398,7 @@ def missing_bytes(path: Path) -> int:
 def _padded(size: int) -> int:
     """Return the size of an item with its padding."""
     return -(-size // 4) * 4
+
+
+if __name__ == "__main__":
+    main()

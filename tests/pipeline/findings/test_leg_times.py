@@ -31,6 +31,7 @@ from pipeline.formats.passage.waypoints import (
 from pipeline.formats.tables import rows
 from tests.pipeline import chosen_speeds, tidal_run
 from tests.pipeline.formats import oracles, runs
+from tests.pipeline.results import with_case
 
 DEPARTURE = datetime(2026, 11, 22, 6, 20, tzinfo=UTC)
 
@@ -123,8 +124,7 @@ def test_a_vessel_of_one_speed_sails_each_leg_at_it(make: Callable[[], RunResult
 def test_in_still_water_a_speed_over_ground_is_the_vessels_own() -> None:
     """The legs stand off V, and are a little longer than the path."""
     moving = runs.random_run(1)
-    still = {runs.SEASON: renew.UniformCurrent(0.0, 0.0)}
-    result = replace(moving, scene=replace(moving.scene, currents=still))
+    result = with_case(moving, runs.SEASON, current=renew.UniformCurrent(0.0, 0.0))
     for points in every(result):
         assert points.speed_m_s[:-1] == pytest.approx(result.cases[0].case.vessel.speed, rel=1e-6)
 

@@ -12,7 +12,7 @@ import geopandas
 import pyproj
 
 from pipeline.findings.result import RunResult
-from pipeline.model import Evaluation, SeasonPlan
+from pipeline.model import CaseResult
 
 GEOD = pyproj.Geod(ellps="WGS84")
 
@@ -61,5 +61,5 @@ def layer(path: Path, name: str) -> geopandas.GeoDataFrame:
 
 
 def without_routes(result: RunResult) -> RunResult:
-    plans = tuple(SeasonPlan(entry.name, None, "no way", 0.0) for entry in result.results)
-    return replace(result, plans=plans, evaluation=Evaluation((), {}))
+    results = tuple(CaseResult(one.name, None, "no way", 0.0) for one in result.results)
+    return replace(result, results=results)

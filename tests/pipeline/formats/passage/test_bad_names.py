@@ -61,7 +61,9 @@ def named(request: pytest.FixtureRequest) -> tuple[str, RunResult]:
 def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None:
     name, result = named
     path = tmp_path / f"{safe_name(name)}.rtz"
-    write_rtz(result.case(runs.SEASON), path, version=version)
+    outputs = result.scenario.outputs.model_copy(update={"rtz_version": version})
+    scenario = result.scenario.model_copy(update={"outputs": outputs})
+    write_rtz(replace(result, scenario=scenario).case(runs.SEASON), path)
     root = etree.parse(path).getroot()
     assert not any(rtz_faults(root, version))
     assert root[0].get("routeName") == path.stem

@@ -21,7 +21,8 @@ def corridors() -> list[tuple[SafeCorridor, Drawing]]:
     found = []
     for seed in range(3):
         result = runs.random_run(seed)
-        obstacles, scene = Obstacles(result.scene), result.scene
+        scene = result.planned[runs.SEASON]
+        obstacles = Obstacles(scene)
         for ranked in result.routes[:3]:
             curve = curve_for(scene.projection.to_lonlat(ranked.route.path))
             for share in (4e-2, 1e-2, 2e-3):

@@ -91,7 +91,7 @@ def test_few_vertices_and_the_legs_inside_by_their_limits(
     assert all(len(ring) >= 3 for _, ring in found)
     room = HEADER + sum(POLYGON + VERTEX * len(ring) for _, ring in found) + END
     assert room <= FENCE_BYTES
-    scene, points = fenced.scene, case_waypoints(fenced.case(season_of(fenced)))[0]
+    scene, points = fenced.water, case_waypoints(fenced.case(season_of(fenced)))[0]
     rings = [
         shapely.LinearRing(scene.projection.to_plane(shapely.get_coordinates(dense)))
         for _, ring in found
