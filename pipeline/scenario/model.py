@@ -183,11 +183,12 @@ class UnderWay(StrictModel):
             yield f"has [under_way] and {len(seasons)} seasons; give the one that is sailed"
             return
         (season,) = seasons
-        if season.departure is None:
+        departure = season.first_departure
+        if departure is None:
             yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
-        elif season.departure < self.departed:
+        elif departure < self.departed:
             yield (
-                f"season {season.name!r} has departure = {season.departure.isoformat()}, before "
+                f"season {season.name!r} has departure = {departure.isoformat()}, before "
                 f"under_way.departed = {self.departed.isoformat()}; give a later time"
             )
 

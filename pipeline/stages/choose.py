@@ -223,12 +223,15 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
     case = departed.case(name)
     season = next(one for one in scenario.seasons if one.name == label)
     begun = replace(case.later(shift, label), speeds=SpeedChoice.of(season))
+    notes = [Note.of("departure-chosen", choice=choice)]
+    if case.members is not None:
+        notes.append(Note.of("departure-in-mean"))
     return replace(
         departed.at_clock(scenario, begun, case, shift),
         choices=(*departed.choices, replace(choice, season=label)),
         notes=(
             *departed.notes,
-            Note.of("departure-chosen", choice=choice).about(*scenario.season_if_several(label)),
+            *(note.about(*scenario.season_if_several(label)) for note in notes),
         ),
     )
 
