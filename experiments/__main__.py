@@ -13,7 +13,7 @@ import typer
 
 from experiments.jobs import Result
 from pipeline.cli.failures import ending_promptly, reported_errors
-from pipeline.cli.log_lines import still_at_work
+from pipeline.cli.terminal import still_at_work
 from pipeline.machine.paths import short_path
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

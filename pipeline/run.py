@@ -18,8 +18,9 @@ from pipeline.machine.interpreters import give_back_memory
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
 from pipeline.machine.workers import first_compilation
 from pipeline.model import CaseResult, Fetched, Note, Say, SideBound
+from pipeline.scenario.catalogue import ScenarioFile
 from pipeline.scenario.model import Scenario, UnderWay
-from pipeline.session import Origin, session
+from pipeline.session import session
 from pipeline.stages.choose import choose
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.coverage import require_covered
@@ -130,7 +131,7 @@ def run(
     strict: bool = False,
     scheduler: str | None = None,
     limit_s: float | None = None,
-    origin: Origin | None = None,
+    origin: ScenarioFile | None = None,
     on_event: EventHandler | None = None,
     on_step: OnStep = ignore_step,
     on_result: Callable[[RunResult], None] | None = None,
@@ -205,7 +206,7 @@ def planned_scenario(
     output: Path,
     *,
     offline: bool = False,
-    origin: Origin | None = None,
+    origin: ScenarioFile | None = None,
     on_event: EventHandler | None = None,
 ) -> Iterator[RunResult]:
     """Yield a scenario's result, from an earlier run or planned now, without writing its files.
@@ -272,7 +273,8 @@ class _Stages:
                     raise
                 region = opened
         for _ in range(MAX_WIDENINGS):
-            wider = wider_region(region, best_paths(made.value))
+            look = partial(wider_region, region, best_paths(made.value))
+            wider = self.late.attempt("the choice of a wider region", look, None)
             if wider is None:
                 break
             run = partial(self._in_region, wider.complete(asked), wider.notes)
@@ -302,14 +304,24 @@ class _Stages:
         return made
 
     def _sailed(self, voyage: UnderWay | None) -> Sailed | None:
-        """Return the voyage that the vessel is on, from the store or made again; None if none."""
-        if voyage is None:
-            return None
+        """Return the voyage that the vessel is on, from the store or made again; None if none.
+
+        It may itself be a plan made under way, so all plans are made from the first one on.
+        """
         quiet = replace(self, on_event=ignore, on_step=ignore_step, timings={})
-        chosen, land = quiet.chosen(scenario_before(voyage))
-        own = case_sailed(voyage, chosen)
-        planned = quiet.planned(own, land)
-        return Sailed(voyage, own, land, planned.value[0], planned.key)
+        plans = list[tuple[UnderWay, Scenario]]()
+        while voyage is not None:
+            before = scenario_before(voyage)
+            plans.append((voyage, before))
+            voyage = before.under_way
+        sailed: Sailed | None = None
+        for way, scenario in reversed(plans):
+            asked = scenario if sailed is None else sailed.ahead(scenario)
+            chosen, land = quiet.chosen(asked, (), sailed)
+            own = case_sailed(way, chosen)
+            planned = quiet.planned(own, land)
+            sailed = Sailed(way, own, land, planned.value[0], planned.key)
+        return sailed
 
     def chosen(
         self,

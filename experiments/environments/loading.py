@@ -51,12 +51,12 @@ class Environment:
 
     def voyage(self, case: Case) -> Voyage:
         """The voyage of a case, m and m/s."""
-        scene, chart = self.result.scene, self.result.water.chart
+        planned, chart = self.result.planned[case.season], self.result.water.chart
         if case.vertices is not None:
-            ends = np.stack([scene.start, scene.goal])
-            chart = coarse(chart, scene.land, case.vertices, ends)
-        waters = Waters(chart, scene.currents[case.season])
-        return Voyage(waters, scene.vessel, scene.start, scene.goal, "projected")
+            ends = np.stack([planned.start, planned.goal])
+            chart = coarse(chart, planned.water.land, case.vertices, ends)
+        waters = Waters(chart, planned.current)
+        return Voyage(waters, planned.vessel, planned.start, planned.goal, "projected")
 
     def side(self, path: FloatArray) -> str:
         """On which side of the spec's island a path passes; empty if it names none."""

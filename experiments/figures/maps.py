@@ -14,8 +14,7 @@ from experiments.environments.model import Case
 from experiments.jobs import Judged
 from experiments.tables.summary import Runs
 from experiments.tables.tables import Results
-from pipeline.formats.figures.artists import stroke
-from pipeline.formats.figures.chart_map import add_layers, map_figure
+from pipeline.formats.figures.chart_map import add_layers, map_figure, stroke
 from pipeline.formats.figures.season_map import draw_case, land_handles, soft_handle, soft_layer
 from pipeline.formats.palette import COLOURS
 from renew._types import FloatArray
@@ -99,7 +98,7 @@ def _figure(environment: Environment, maps: Sequence[_Map]) -> Figure:
         columns=len(maps),
     )
     for one, (axes, sea) in zip(maps, drawn, strict=True):
-        draw_case(axes, sea, result, one.case.season)
+        draw_case(axes, sea, result.case(one.case.season))
         area = [] if one.padding is None else [soft_layer(axes, _soft(one.padding))]
         add_layers(axes, [*area, *one.lines], sea)
     return figure

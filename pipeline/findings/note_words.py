@@ -286,6 +286,8 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
     # What was chosen.
     "currents-end": "in the {sides: and } the region ends where the data of {source} end",
     "departure-chosen": lambda choice: " ".join(departure_text(choice)).removesuffix("."),
+    "departure-in-mean": "the departure was chosen in the mean of the members' currents, and at "
+    "that departure the side in all of them",
     "departures-asked": "{count} departures are planned to choose from",
     "departures-planned": "{count} of {asked} departures are planned",
     "departures-refined": "{count} departures are planned; another one may still save up to "

@@ -99,17 +99,10 @@ class RunCase:
 
     @cached_property
     def routes(self) -> tuple[RankedRoute, ...]:
-        """The routes with their metrics, best first; empty if it could not be planned.
-
-        The metrics set the ranks: a plan is sorted by fuel, but the sampled method may choose
-        another route than the first.
-        """
-        if self.plan is None:
-            return ()
-        routes = {(route.homotopy, route.fuel): route for route in self.plan.routes}
-        rows = sorted(self.measures.routes, key=lambda row: row.rank)
+        """The routes with their metrics, best first; empty if it could not be planned."""
         return tuple(
-            RankedRoute(self, row.rank, routes[row.homotopy, row.fuel], row) for row in rows
+            RankedRoute(self, row.rank, self.result.routes[row.rank - 1], row)
+            for row in self.measures.routes
         )
 
     @property

@@ -10,7 +10,7 @@ import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
@@ -27,6 +27,7 @@ from pipeline.scenario.season import Season
 from renew.planner.ensemble.statistics import Statistic
 
 Current = renew.GriddedCurrent | renew.GyreCurrent | renew.UniformCurrent | renew.VaryingCurrent
+CurrentT = TypeVar("CurrentT", bound=renew.CurrentField)
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,13 +240,15 @@ class Case:
 
     def later(self, shift_s: float, name: str) -> "Case":
         """Return the case called `name` whose clock begins `shift_s` seconds later."""
-        current, depth, begin = self.current, self.tidal_depth, self.departure
-        if isinstance(current, renew.VaryingCurrent):
-            current = renew.VaryingCurrent(current.slice_times - shift_s, current.slices)
+        depth, begin, members = self.tidal_depth, self.departure, self.members
+        if members is not None:
+            currents = tuple(_later_current(one, shift_s) for one in members.currents)
+            members = replace(members, currents=currents)
         return replace(
             self,
             name=name,
-            current=current,
+            current=_later_current(self.current, shift_s),
+            members=members,
             areas=tuple(
                 renew.ShutArea(one.polygon, one.begin - shift_s, one.end - shift_s, one.name)
                 for one in self.areas
@@ -258,6 +261,13 @@ class Case:
         """Return a copy that shares no geometry: two threads must not use one prepared geometry."""
         copied: Case = pickle.loads(pickle.dumps(self, pickle.HIGHEST_PROTOCOL))  # noqa: S301 - own
         return copied
+
+
+def _later_current(current: CurrentT, shift_s: float) -> CurrentT | renew.VaryingCurrent:
+    """Return a current on a clock that begins `shift_s` seconds later."""
+    if isinstance(current, renew.VaryingCurrent):
+        return renew.VaryingCurrent(current.slice_times - shift_s, current.slices)
+    return current
 
 
 def _later_tides(depth: renew.TidalDepth, shift_s: float) -> renew.TidalDepth:

@@ -86,7 +86,6 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
     faults = [
         *_unknown_sources(scenario),
         *_missing_paths(scenario),
-        *_missing_draught(scenario),
         *_misplaced_stops(scenario),
     ]
     if faults:
@@ -104,17 +103,23 @@ def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
 def _missing_paths(scenario: Scenario) -> Iterator[str]:
     """Find charts and lists of havens that do not exist or can't be read."""
     chart, havens = scenario.chart, scenario.havens
-    for one in chart.source:
-        if one.path and (reason := unreadable_reason(one.path)):
-            remedy = "; give a vector file, or a folder of S-57 cells"
-            remedy = remedy if reason == NOT_THERE else ""
-            yield f"chart.source = '{shown(one.path)}' {reason}{remedy}"
-    if chart.depths and (reason := unreadable_reason(chart.depths)):
-        remedy = "; give a GEBCO or EMODnet grid in NetCDF" if reason == NOT_THERE else ""
-        yield f"chart.depths = '{shown(chart.depths)}' {reason}{remedy}"
-    if havens is not None and (reason := unreadable_reason(havens.path)):
-        remedy = "; give a GeoJSON file with points" if reason == NOT_THERE else ""
-        yield f"havens.path = '{shown(havens.path)}' {reason}{remedy}"
+    named = [
+        ("chart.source", source.path, "a vector file, or a folder of S-57 cells")
+        for source in chart.source
+    ]
+    named.append(("chart.depths", chart.depths, "a GEBCO or EMODnet grid in NetCDF"))
+    named.append(
+        ("havens.path", "" if havens is None else havens.path, "a GeoJSON file with points")
+    )
+    for key, path, what in named:
+        if path and (reason := unreadable_reason(path)):
+            remedy = f"; give {what}" if reason == NOT_THERE else ""
+            yield f"{key} = '{shown(path)}' {reason}{remedy}"
+    if chart.depths and scenario.vessel.draught_m is None:
+        yield (
+            "vessel.draught_m is missing, and chart.depths needs it: give the vessel's draught in "
+            "metres (--draught)"
+        )
 
 
 def _kept_members(scenario: Scenario) -> Iterator[str]:
@@ -151,15 +156,6 @@ def _unknown_sources(scenario: Scenario) -> Iterator[str]:
                 if needs_land
                 else f"{key} = {name!r} gives land, not currents; name a source of currents"
             )
-
-
-def _missing_draught(scenario: Scenario) -> Iterator[str]:
-    """Find a chart with depths whose vessel has no draught."""
-    if scenario.chart.depths and scenario.vessel.draught_m is None:
-        yield (
-            "vessel.draught_m is missing, and chart.depths needs it: give the vessel's draught in "
-            "metres (--draught)"
-        )
 
 
 def _misplaced_stops(scenario: Scenario) -> Iterator[str]:
@@ -224,16 +220,16 @@ def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
     Names of the catalogue stay as they are; files are one source, in the place of the first.
     """
     known = catalogue.names("sources")
-    found: list[str | list[str]] = []
+    sources: list[str | list[str]] = []
     files: list[str] = []
-    for one in map(str, asked):
-        if one in known:
-            found.append(one)
+    for name in map(str, asked):
+        if name in known:
+            sources.append(name)
             continue
         if not files:
-            found.append(files)
-        files.append(str(resolved(one, "--currents")))
-    return found
+            sources.append(files)
+        files.append(str(resolved(name, "--currents")))
+    return sources
 
 
 def require_currents(asked: Sequence[str | Path]) -> None:
@@ -243,17 +239,17 @@ def require_currents(asked: Sequence[str | Path]) -> None:
     """
     known = catalogue.names("sources")
     faults = []
-    for one in map(str, asked):
-        if one in known or glob.has_magic(one):
+    for name in map(str, asked):
+        if name in known or glob.has_magic(name):
             continue
-        reason = unreadable_reason(resolved(one, "--currents"))
+        reason = unreadable_reason(resolved(name, "--currents"))
         if reason == NOT_THERE:
             hint = "give a NetCDF, GRIB or Zarr file"
-            if not looks_like_path(one):
-                hint = f"it is no source of the catalogue either: {near_miss(one, known)}"
+            if not looks_like_path(name):
+                hint = f"it is no source of the catalogue either: {near_miss(name, known)}"
             reason = f"{reason}; {hint}"
         if reason:
-            faults.append(f"--currents = '{shown(one)}' {reason}")
+            faults.append(f"--currents = '{shown(name)}' {reason}")
     if faults:
         raise RequestError(faults)
 

@@ -130,6 +130,12 @@ class HavensSpec(StrictModel):
         return self
 
     @property
+    def text(self) -> str:
+        """The limits for readers: "within 6h and with fuel for 2d at departure"."""
+        fuel = self.endurance and f"with fuel for {self.endurance} at departure"
+        return " and ".join(filter(None, (self.within and f"within {self.within}", fuel)))
+
+    @property
     def within_s(self) -> float | None:
         """Longest time to a haven, s."""
         return None if self.within is None else interval(self.within).total_seconds()
@@ -177,11 +183,12 @@ class UnderWay(StrictModel):
             yield f"has [under_way] and {len(seasons)} seasons; give the one that is sailed"
             return
         (season,) = seasons
-        if season.departure is None:
+        departure = season.first_departure
+        if departure is None:
             yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
-        elif season.departure < self.departed:
+        elif departure < self.departed:
             yield (
-                f"season {season.name!r} has departure = {season.departure.isoformat()}, before "
+                f"season {season.name!r} has departure = {departure.isoformat()}, before "
                 f"under_way.departed = {self.departed.isoformat()}; give a later time"
             )
 

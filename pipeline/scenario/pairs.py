@@ -90,8 +90,8 @@ PAIRS = (
     ),
     Pair(
         ("'members'",),
-        (*_CHOICES_OF_TIME, "a wait at an anchorage"),
-        "each member has times of its own, so no one choice of times is proven for all",
+        ("'arrive_by'", "'speed'", "a wait at an anchorage"),
+        "each member has times of its own, so no one choice is in time in all of them",
     ),
     Pair(
         ("'members'",),

@@ -40,8 +40,7 @@ from pipeline.sources.land.shapes import box_around, extract_polygons
 if TYPE_CHECKING:
     import xarray as xr
 
-# Standard names (CF table 85) of a depth, positive down, and the beginning of the names of a
-# height; "altitude" is the height above the geoid.
+# Standard names (CF table 85) of a depth, positive down.
 _DEPTHS = {
     "sea_floor_depth_below_geoid",
     "sea_floor_depth_below_mean_sea_level",
@@ -49,7 +48,9 @@ _DEPTHS = {
     "sea_floor_depth",
     "depth",
 }
+# Beginning of the standard names of a height.
 _HEIGHTS = "height_above_"
+# Standard names of the height above the geoid.
 _ALTITUDES = {"altitude", "surface_altitude", "sea_floor_altitude"}
 # Standard name of a height above the ellipsoid, which is up to 100 m off the sea's surface.
 _ELLIPSOID = "height_above_reference_ellipsoid"
@@ -289,7 +290,7 @@ _PLACES = 60
 _MIN_PLACES = 30
 # Largest share of the places in water that may lie above the sea.
 _MAX_DRY_SHARE = 0.5
-# Depth range, m, of a band of tidal water, for all of which the same height of tide is required.
+# Depth range of a band of tidal water, m; all of a band needs the tide of its shallowest water.
 _BAND_M = 0.25
 # A note is given if more than this share of the region has no depths.
 _MIN_NOTED_SHARE = 0.005

@@ -26,7 +26,7 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError, StageError
 from pipeline.findings.text import season_text
-from pipeline.machine.store import Artefact, Store, artefact_key
+from pipeline.machine.store import Store, artefact_key
 from pipeline.model import Case, CaseResult, DepartureChoice, Note, Say, SpeedChoice, Water
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
@@ -223,12 +223,15 @@ def _with_departure(departed: Chosen, choice: DepartureChoice) -> Chosen:
     case = departed.case(name)
     season = next(one for one in scenario.seasons if one.name == label)
     begun = replace(case.later(shift, label), speeds=SpeedChoice.of(season))
+    notes = [Note.of("departure-chosen", choice=choice)]
+    if case.members is not None:
+        notes.append(Note.of("departure-in-mean"))
     return replace(
         departed.at_clock(scenario, begun, case, shift),
         choices=(*departed.choices, replace(choice, season=label)),
         notes=(
             *departed.notes,
-            Note.of("departure-chosen", choice=choice).about(*scenario.season_if_several(label)),
+            *(note.about(*scenario.season_if_several(label)) for note in notes),
         ),
     )
 
@@ -241,13 +244,8 @@ def _label(scenario: Scenario, season: str, chosen: datetime) -> str:
 
 
 def _without(departed: Chosen, season: str, reason: str) -> Chosen:
-    """Move a season that has no departure from the currents to the failures, with the reason."""
+    """Leave out the plan of a season that has no departure, with the reason."""
     data = departed.data
     keys = {name: key for name, key in data.current_keys.items() if name != season}
     failures = {**data.failures, season: reason}
-    cases = tuple(case for case in departed.cases.value if case.name != season)
-    return replace(
-        departed,
-        data=replace(data, current_keys=keys, failures=failures),
-        cases=Artefact(artefact_key("without", departed.cases.key, season), cases),
-    )
+    return replace(departed, data=replace(data, current_keys=keys, failures=failures))

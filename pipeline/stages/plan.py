@@ -111,6 +111,8 @@ def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iter
     # The file of the havens may change, so their places count.
     places = [(one.name, *one.place.tolist()) for one in havens]
     for case in chosen.cases.value:
+        if case.name not in parts.current_keys:
+            continue  # no departure was found for it
         # The key of all cases is not used: it depends on the other cases' currents, too.
         plan_key = artefact_key(
             "plan",

@@ -21,9 +21,10 @@ from shapely.geometry import Polygon
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection
-from pipeline.model import Credit, CurrentGrid, Fetched, Land, Scene
-from pipeline.scenario.model import PlannerOptions, Scenario
+from pipeline.model import Case, Credit, CurrentGrid, Fetched, Land
+from pipeline.scenario.model import Scenario
 from pipeline.sources.land import osm
+from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most
@@ -143,10 +144,10 @@ def _check(
         scene = _scene(scenario, land)
     except RequestError as error:
         return Checked((), f"refused: {error}")
-    plan = plan_season(scene, "made-up", scenario.planner)
+    plan = plan_case(scene, scenario.planner)
     if plan.plan is None:
         return Checked((), f"without a route: {plan.failure}")
-    rows = evaluate_season(scene, plan, PlannerOptions()).routes
+    rows = plan.measures.routes
     return Checked(
         tuple(
             _measured(scene, land, np.asarray(route.path), row.clearance_m)
@@ -176,7 +177,7 @@ def _scenario(
     )
 
 
-def _scene(scenario: Scenario, land: Land) -> Scene:
+def _scene(scenario: Scenario, land: Land) -> Case:
     """Build the planner's world, with a current that turns once across the region."""
     if scenario.region is None:
         raise ValueError("a pair has a region")
@@ -195,10 +196,11 @@ def _scene(scenario: Scenario, land: Land) -> Scene:
         tolerance_m=chart.tolerance_m,
         endpoints=(scenario.start, scenario.goal),
     )
-    return project(scenario, Fetched(land, (current,)), simplified.simplified)
+    (case,) = project(scenario, Fetched(land, (current,)), simplified.simplified)
+    return case
 
 
-def _measured(scene: Scene, land: Land, path: FloatArray, reported_m: float) -> Route:
+def _measured(scene: Case, land: Land, path: FloatArray, reported_m: float) -> Route:
     """Take a route to degrees by PROJ itself, finely cut, and measure it."""
     line = shapely.segmentize(shapely.LineString(path), _STEP_M / scene.projection.scale)
     xy = shapely.get_coordinates(line) * scene.projection.scale

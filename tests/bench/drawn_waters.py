@@ -20,7 +20,7 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.stages.choose import offing_m
-from pipeline.stages.choosing.region_choice import DirectLine, FarSide, choose_region
+from pipeline.stages.choosing.region_choice import DirectLine, choose_region
 from pipeline.stages.simplify import simplify_land
 from tests.bench.sea_figures import PEAK_M_S, Water
 from tests.oracles import leg_times
@@ -42,7 +42,7 @@ class DrawnWater(Water):
     """A water drawn by a seed, with the vessel that sails there."""
 
     spec: VesselSpec
-    left_out: tuple[FarSide, ...]
+    leaves_out: bool
 
     @cached_property
     def vessel(self) -> renew.Vessel:
@@ -113,8 +113,7 @@ def drawn(seed: int) -> DrawnWater:
             return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)
 
         choice = choose_region(voyage, mask_of, _WORLD)
-        left_out = (*choice.far_sides, *choice.largest)
-        water = DrawnWater(f"water {seed}", choice.bounds, *ends, spec, left_out)
+        water = DrawnWater(f"water {seed}", choice.bounds, *ends, spec, choice.leaves_out)
         parts = shapely.get_parts(water.raw.water)
         both = [shapely.covers(parts, shapely.Point(end)) for end in water.ends]
         if (both[0] & both[1]).any():

@@ -16,7 +16,7 @@ from pipeline.scenario.loading import load_scenario
 from renew._types import FloatArray
 from renew.planner.ensemble.statistics import statistic, worst_weights
 from tests.bench.figure import Figure, at_most, quoted
-from tests.bench.palawan_figures import fetched_data, scene_of
+from tests.bench.palawan_figures import cases_of, fetched_data
 from tests.bench.real_voyages import seas
 from tests.ensembles import Lattice, evened, gyre_chart, island_between, stirred
 from tests.strategies import PAPER_VESSEL, SIZE, random_scene
@@ -155,7 +155,7 @@ def _real_days() -> Iterator[Figure]:
     for is_back, day in itertools.product((False, True), range(_DAYS_BEFORE, 26, 2)):
         own = replace(sea, is_back=is_back)
         members = [own.forecast((day - lag) * _DAY_S) for lag in range(1, _DAYS_BEFORE + 1)]
-        ends = (own.stops[-1], own.stops[0]) if is_back else (own.stops[0], own.stops[-1])
+        ends = (own.case.goal, own.case.start) if is_back else (own.case.start, own.case.goal)
         found = renew.plan_ensemble(
             own.chart, members, own.craft, *ends, classes=2, drift="crab", padding="none"
         )
@@ -271,8 +271,8 @@ def _turns() -> Iterator[Figure]:
 def _palawan() -> Iterator[Figure]:
     """Yield the time of 50 members and 8 classes of Palawan."""
     scenario = load_scenario("palawan-usv")
-    scene = scene_of(scenario, fetched_data(scenario))
-    base = cast("renew.GriddedCurrent", scene.currents["summer"])
+    scene, _ = cases_of(scenario, fetched_data(scenario))
+    base = cast("renew.GriddedCurrent", scene.current)
     members = stirred(base, _MANY, _EDDY, 0, (base.x, base.y), _EDDY_M)
     wall, cpu = time.perf_counter(), time.process_time()
     found = renew.plan_ensemble(

@@ -10,7 +10,7 @@ from pipeline.scenario.loading import load_scenario
 from tests.bench import cover_figures, real_voyages
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most, quoted
-from tests.bench.palawan_figures import fetched_data, scene_of
+from tests.bench.palawan_figures import cases_of, fetched_data
 from tests.strategies import PAPER_VESSEL, single_gyre
 from tests.under_way import Outcome, Sea, Waters, replanned, sailed
 
@@ -25,8 +25,8 @@ def figures(*, is_whole: bool = False) -> Iterator[Figure]:
     gyre = renew.plan(chart, current, PAPER_VESSEL, (10.0, 10.0), (90.0, 90.0))
     yield from _replanned("single gyre", gyre, renew.GyreCurrent(0.75, 100, 100), 50.0)
     scenario = load_scenario("palawan-usv")
-    scene, options = scene_of(scenario, fetched_data(scenario)), scenario.planner
-    summer, winter = scene.currents["summer"], scene.currents["winter"]
+    (scene, other), options = cases_of(scenario, fetched_data(scenario)), scenario.planner
+    summer, winter = scene.current, other.current
     palawan = renew.plan(
         scene.chart,
         summer,

@@ -15,7 +15,6 @@ from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.stages.choose import room_notes
 from tests.bench.figure import Figure, quoted
-from tests.pipeline.results import rows_of
 
 
 def figures() -> Iterator[Figure]:
@@ -50,7 +49,7 @@ def _voyage(name: str, outcome: Outcome) -> Iterator[Figure]:
     seasons = [season.name for season in outcome.scenario.seasons]
     for at, season in enumerate(seasons):
         key = f"{name}_{season}" if len(seasons) > 1 else name
-        best = next(row for row in rows_of(outcome.result) if row.season == season)
+        best = outcome.result.case(season).measures.routes[0]
         yield quoted(
             f"{key}: fuel, turns, turns that met land",
             **{
@@ -60,7 +59,7 @@ def _voyage(name: str, outcome: Outcome) -> Iterator[Figure]:
             },
         )
         for note in room_notes(
-            outcome.result.scene, outcome.result.results[at : at + 1], outcome.scenario.planner
+            outcome.result.water, outcome.result.results[at : at + 1], outcome.scenario.planner
         ):
             values: dict[str, Any] = dict(note.values)
             yield quoted(

@@ -13,7 +13,7 @@ import shapely
 import renew
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Store
-from pipeline.model import Fetched, Scene
+from pipeline.model import Case, Fetched
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.stages.fetch import fetch
@@ -37,21 +37,20 @@ def figures() -> Iterator[Figure]:
     """Yield fuel and time beside the grid's, for each clearance and season."""
     scenario = load_scenario("palawan-usv")
     fetched = fetched_data(scenario)
-    scene = scene_of(scenario, fetched)
+    cases = cases_of(scenario, fetched)
     for miles in CLEARANCES_NM:
         clearance = miles * NAUTICAL_MILE
-        barred = yardstick.keep_out(scene.land, clearance)
-        for season in scene.currents:
-            yield from _Case(scenario, scene, season, barred, clearance).figures()
+        barred = yardstick.keep_out(cases[0].water.land, clearance)
+        for case in cases:
+            yield from _Voyage(scenario, case, barred, clearance).figures()
 
 
 @dataclass(frozen=True)
-class _Case:
-    """One season at one clearance (m)."""
+class _Voyage:
+    """One case at one clearance (m)."""
 
     scenario: Scenario
-    scene: Scene
-    season: str
+    case: Case
     barred: shapely.Geometry
     clearance: float
 
@@ -62,7 +61,7 @@ class _Case:
         ours: dict[int, FloatArray] = {}
         for route in plan.routes:
             ours.setdefault(self._side(route.path), route.path)
-        name = f"Palawan, {self.season}, {self.clearance / NAUTICAL_MILE:g} nm"
+        name = f"Palawan, {self.case.name}, {self.clearance / NAUTICAL_MILE:g} nm"
         by_grid = sorted((self._hours(path), side) for side, path in grid.items())
         for (hours, side), rank in zip(by_grid, ("better", "other"), strict=False):
             yield self._fuel(f"{name}: {rank} side, hours", hours, side, ours.get(side))
@@ -70,25 +69,25 @@ class _Case:
 
     def _grid(self) -> dict[int, FloatArray]:
         """The yardstick's best path on each side."""
-        scene = self.scene
+        case = self.case
         return yardstick.Grid.over(
-            scene.chart.extent,
+            case.chart.extent,
             self.barred,
-            scene.currents[self.season],
-            scene.vessel.speed,
-            scene.start,
-            scene.goal,
+            case.current,
+            case.vessel.speed,
+            case.start,
+            case.goal,
         ).best_on_each_side(self._wall)
 
     def _plan(self) -> renew.Plan:
         """The planner's, with the scenario's own k and least size of islands that make a choice."""
-        scene, options = self.scene, self.scenario.planner
+        case, options = self.case, self.scenario.planner
         return renew.plan(
-            scene.chart,
-            scene.currents[self.season],
-            scene.vessel,
-            scene.start,
-            scene.goal,
+            case.chart,
+            case.current,
+            case.vessel,
+            case.start,
+            case.goal,
             classes=options.classes,
             distinct_by=options.distinct_by,
             padding="none",
@@ -98,8 +97,8 @@ class _Case:
     @property
     def _wall(self) -> yardstick.Wall:
         """Through Palawan, square to the way."""
-        way = self.stops[-1] - self.stops[0]
-        middle = self.water.projection.to_plane(np.array(PALAWAN))
+        way = self.case.goal - self.case.start
+        middle = self.case.projection.to_plane(np.array(PALAWAN))
         return yardstick.Wall(middle, way / np.linalg.norm(way))
 
     def _side(self, path: FloatArray) -> int:
@@ -108,8 +107,7 @@ class _Case:
 
     def _hours(self, path: FloatArray) -> float:
         """Score a path by the yardstick's own quadrature."""
-        scene = self.scene
-        seconds = yardstick.passage_time(path, scene.currents[self.season], scene.vessel.speed)
+        seconds = yardstick.passage_time(path, self.case.current, self.case.vessel.speed)
         return seconds / 3600
 
     def _fuel(self, name: str, limit: float, side: int, path: FloatArray | None) -> Figure:
@@ -118,7 +116,8 @@ class _Case:
         if path is None:
             return Figure(name, asked, "no route", met=False)
         hours = self._hours(path)
-        apart = float(shapely.distance(shapely.LineString(path), np.array(self.water.land)).min())
+        land = np.array(self.case.water.land)
+        apart = float(shapely.distance(shapely.LineString(path), land).min())
         clear = apart >= self.clearance - _TOUCH_M
         said = "" if clear else f", {apart:.0f} m from land"
         return Figure(name, asked, f"{hours:.3f}{said}", clear and hours <= limit)
@@ -137,8 +136,8 @@ def fetched_data(scenario: Scenario) -> Fetched:
         return fetch(scenario, Store(Path(folder)), offline=True).fetched
 
 
-def scene_of(scenario: Scenario, fetched: Fetched) -> Scene:
-    """The planner's world, as a run makes it."""
+def cases_of(scenario: Scenario, fetched: Fetched) -> tuple[Case, ...]:
+    """The planner's cases, as a run makes them."""
     if scenario.region is None:
         raise ValueError(f"{scenario.name} has no region")
     region = scenario.region

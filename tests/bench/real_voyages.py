@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 import renew
-from pipeline.model import Scene
+from pipeline.model import Case
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.stages.seasons.task import hat_weights, weighted
+from pipeline.stages.worth import hat_weights, weighted
 from renew._types import FloatArray
-from tests.bench.palawan_figures import fetched_data, scene_of
+from tests.bench.palawan_figures import cases_of, fetched_data
 from tests.under_way import Flow, Pace
 
 FIELDS = (
@@ -42,7 +42,7 @@ _PACE = Pace(60.0, 50.0, 200.0, 1000.0, 300.0, _DAY_S, 16 * _DAY_S)
 class RealSea:
     """A voyage from a departure (s after the first) in real fields, there or back."""
 
-    scene: Scene
+    case: Case
     departure: float
     is_back: bool
     craft: renew.Vessel = _CRAFT
@@ -51,12 +51,12 @@ class RealSea:
     @property
     def chart(self) -> renew.Chart:
         """The chart."""
-        return self.water.chart
+        return self.case.chart
 
     @cached_property
     def truth(self) -> renew.VaryingCurrent:
         """The true current, on a clock that begins at the departure."""
-        current = self.case("january").case.current
+        current = self.case.current
         if not isinstance(current, renew.VaryingCurrent):
             raise TypeError("the fields change")
         return renew.VaryingCurrent(current.slice_times - self.departure, current.slices)
@@ -76,7 +76,7 @@ class RealSea:
 
     def plan(self, current: renew.CurrentField) -> renew.Plan:
         """Plan the voyage at time 0."""
-        ends = (self.stops[0], self.stops[-1])
+        ends = (self.case.start, self.case.goal)
         return renew.plan(
             self.chart,
             current,
@@ -104,6 +104,6 @@ def seas() -> Iterator[RealSea]:
         }
     ]
     scenario = Scenario.model_validate(table)
-    scene = scene_of(scenario, fetched_data(scenario))
+    (case,) = cases_of(scenario, fetched_data(scenario))
     for number in range(VOYAGES):
-        yield RealSea(scene, number * _EVERY_S / 2, bool(number % 2))
+        yield RealSea(case, number * _EVERY_S / 2, bool(number % 2))

@@ -14,7 +14,7 @@ from pipeline.model import Credit, CurrentGrid
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from tests.bench.figure import Figure, at_most
-from tests.bench.palawan_figures import fetched_data, scene_of
+from tests.bench.palawan_figures import cases_of, fetched_data
 
 _FIRST = datetime(2026, 11, 22, tzinfo=UTC)
 # Departure, and length of the series: hours after its first step.
@@ -41,8 +41,8 @@ def figures() -> Iterator[Figure]:
     scenario = Scenario.model_validate(table)
     fetched = fetched_data(given)
     tracemalloc.start()
-    scene = scene_of(scenario, replace(fetched, currents=(_tide(scenario),)))
-    current = scene.currents["tide"]
+    (scene,) = cases_of(scenario, replace(fetched, currents=(_tide(scenario),)))
+    current = scene.current
     current.table(scene.chart.bounds)
     field, _ = tracemalloc.get_traced_memory()
     plan = renew.plan(

@@ -93,21 +93,19 @@ def water_figures(water: DrawnWater) -> Iterator[Figure]:
 
 
 def _far_side(water: DrawnWater, plan: renew.Plan) -> Figure:
-    """Whether the far side of the largest island within 1.5 best ways is planned, or named."""
+    """Whether the far side of the largest island within 1.5 best ways is planned, or left out."""
     voyage = DirectLine.between(water.start, water.goal)
     around = widened_by(bounds_of(voyage.points), voyage.distance_m)
     land = osm.land_polygons(shapely.box(*around), 0.0).polygons
     ends = np.array(water.start), np.array(water.goal)
     island = largest_between(land, around, *ends, FAR_WAY)
-    name = f"{water.name}: far side of the largest island, planned or named"
+    name = f"{water.name}: far side of the largest island, planned or said to be left out"
     if island is None:
         return Figure(name, "", "no island")
     found = sides((np.asarray(route.path) for route in plan.routes), water.plane(island))
-    # The point is in a cell of the raster, up to a cell off the island.
-    outline = min(land, key=shapely.Point(island).distance)
-    named = any(outline.intersects(shapely.Point(side.lon, side.lat)) for side in water.left_out)
-    text = f"{len(found)} sides of the one at {island[0]:.2f} {island[1]:.2f}, named {named}"
-    is_known = len(found) > 1 or named
+    said = water.leaves_out
+    text = f"{len(found)} sides of the one at {island[0]:.2f} {island[1]:.2f}, left out {said}"
+    is_known = len(found) > 1 or said
     return Figure(name, "True", text, is_known, {"islands": 1.0, "unnamed": float(not is_known)})
 
 

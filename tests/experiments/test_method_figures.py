@@ -23,7 +23,7 @@ from pipeline.model import Passage
 from renew._types import FloatArray
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.figures.legible import assert_texts_apart, ink_at_the_edge, is_land
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import with_case, with_result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,7 +124,11 @@ def test_the_best_by_each_passage_has_its_channel_drawn(
         )
         for ranked, rank in zip([*routes, *routes][:5], (1, 2, 3, 4, 5), strict=True)
     ]
-    many = replace(result, evaluation=replace(result.evaluation, routes=tuple(rows)))
+    entry = result.case("winter").result
+    assert entry.plan is not None
+    plan = replace(entry.plan, routes=tuple(one.route for one in [*routes, *routes][:5]))
+    measures = replace(entry.measures, routes=tuple(rows))
+    many = with_result(result, "winter", plan=plan, measures=measures)
     titles = [text.get_text() for text in method.channels(many, "winter").texts]
     assert titles[::2] == [
         *(f"{rank}: north of island 1, east of island 2" for rank in (1, 2, 3)),
@@ -159,13 +163,7 @@ def test_the_soft_zone_is_the_padded_edges_and_the_turns_begin_on_the_route(
 
 
 def test_turns_in_still_water_are_circles(planar_result: RunResult) -> None:
-    still = replace(
-        planar_result,
-        scene=replace(
-            planar_result.scene,
-            currents={"gyre": renew.UniformCurrent(0.0, 0.0)},
-        ),
-    )
+    still = with_case(planar_result, "gyre", current=renew.UniformCurrent(0.0, 0.0))
     _, window, *_ = method.padding(still, "gyre").axes
     radius = planar_result.cases[0].case.vessel.turning_radius
     for turn in segments(window, COLOURS["ink"]):
@@ -186,12 +184,9 @@ def test_open_sea_has_no_padding_and_no_windows(planar_result: RunResult) -> Non
     entry = planar_result.results[0]
     assert entry.plan is not None
     bare = replace(entry.plan.best, padding_used=np.empty((0, 5)))
-    rows = (rows_of(planar_result)[0],)
-    open_sea = replace(
-        planar_result,
-        plans=(replace(entry, plan=replace(entry.plan, routes=(bare,))),),
-        evaluation=replace(planar_result.evaluation, routes=rows),
-    )
+    plan = replace(entry.plan, routes=(bare,))
+    measures = replace(entry.measures, routes=entry.measures.routes[:1])
+    open_sea = with_result(planar_result, "gyre", plan=plan, measures=measures)
     drawn = method.padding(open_sea, "gyre")
     assert len(drawn.axes) == 1
     assert area(drawn.axes[0], COLOURS["soft"]).is_empty

@@ -24,6 +24,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.voyage.one_line import voyage_scenario
 from pipeline.voyage.request import VoyageRequest
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import rows_of
 from tests.tree import tree
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -121,7 +122,7 @@ def test_a_fault_after_the_plan_is_said_and_loses_no_plan(
 
     late = {
         "pipeline.run.bounds_of_sides": "bounds",
-        "pipeline.stages.compare.with_way_names": "names",
+        "pipeline.stages.compare.way_names": "names",
         "pipeline.stages.compare.shut_straits": "straits",
         "pipeline.stages.compare.waiting_notes": "notes",
         "pipeline.formats.tables.write_metrics": "a file",
@@ -149,16 +150,16 @@ def test_a_fault_beyond_the_chosen_region_loses_no_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*_: object) -> None:
-        raise ValueError("the fault of the wide scene")
+        raise ValueError("the fault of the wider region")
 
-    monkeypatch.setattr("pipeline.stages.choosing.region.bounded_sides", fails)
+    monkeypatch.setattr("pipeline.run.wider_region", fails)
     options = {"positions": ("119.0E 8.6N", "119.4E 8.6N"), "vessel": "usv-7m"}
     request = VoyageRequest.of_options({**options, "currents": ("still",)})
     scenario, _ = voyage_scenario(request)
     outcome = run(scenario, tmp_path, offline=True)
     (said,) = outcome.failures
-    assert "the bound on ways outside the region failed" in said
-    assert "the fault of the wide scene" in said
+    assert "the choice of a wider region failed" in said
+    assert "the fault of the wider region" in said
     assert outcome.result.routes
     assert (outcome.directory / "routes.gpkg").is_file()
 
@@ -263,9 +264,8 @@ def test_palawan_both_seasons(tmp_path: Path) -> None:
     outcome = run(scenario, tmp_path, offline=True)
     assert outcome.exit_code == 0
     rows = rows_of(outcome.result)
-    assert {row.season for row in rows} == {"summer", "winter"}
     for season in ("summer", "winter"):
-        ways = {row.main_passage for row in rows if row.season == season}
+        ways = {row.main_passage for row in outcome.result.case(season).measures.routes}
         assert {"west of Palawan", "east of Palawan"} <= ways
     assert all(row.land_m == 0 for row in rows)
     assert all(row.collisions == 0 for row in rows)

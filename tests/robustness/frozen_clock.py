@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 import pipeline.run
 import pipeline.stages.compare
-import pipeline.stages.seasons.one_season
+import pipeline.stages.plan_case
 
 _NOW = datetime(2026, 1, 1, tzinfo=UTC)
 
@@ -23,7 +23,7 @@ def frozen_clock() -> Iterator[None]:
     with (
         patch.object(pipeline.stages.compare, "datetime", date),
         patch.object(pipeline.run, "time", timer),
-        patch.object(pipeline.stages.seasons.one_season, "time", timer),
+        patch.object(pipeline.stages.plan_case, "time", timer),
     ):
         yield
 

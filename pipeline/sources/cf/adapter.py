@@ -142,7 +142,7 @@ class CfFiles(CurrentSource):
             files=_file_hashes(contents, selected),
             climatology_for=season.valid if selected.is_climatology else "",
         )
-        # Empty unless it is a climatology: sources passed over are not known here.
+        # Only a climatology is noted here: which sources were passed over is not known yet.
         return replace(current, notes=(*current.notes, *current.stand_in_notes))
 
     def _selected(self, season: Season) -> tuple[Contents, SelectedSteps]:

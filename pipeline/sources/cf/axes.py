@@ -37,13 +37,14 @@ _AXIS_NAMES = {
     "time": {"time", "month", "time_counter", "valid_time"},
     "level": {"depth", "deptht", "lev", "level", "elevation", "z", "zlev"},
 }
-# Depth down to which the uppermost level is used for the surface, m; with a note if it is deeper
-# than the surface proper.
+# Depth down to which the uppermost level stands for the surface, m; below SURFACE_DEPTH_M with a
+# note.
 _MAX_DEPTH_M = 20.0
-# Units of a depth, and of levels that are numbers or shares of it; and beginnings of standard names
-# of levels that are counted upwards.
+# Units of a depth.
 _METRES = ("m", "meter", "meters", "metre", "metres", "dbar", "decibar")
+# Units of levels that are numbers, or shares of the depth.
 _NUMBERS = ("", "1", "level", "levels", "layer", "sigma_level")
+# Beginnings of the standard names of levels that are counted upwards.
 _UPWARD = ("ocean_", "height", "altitude")
 SWAP = "make its coordinate the axis, if it has one, as with xarray's `swap_dims({'x': 'lon'})`"
 """The remedy where an axis may have its values under another name."""
@@ -344,7 +345,7 @@ def step_method(array: "xr.DataArray", dim: str, names: Iterable[str]) -> dict[s
     """Return `by` and `width` of a variable's TimeSteps, by its attributes or its file's names."""
     methods = array.attrs.get("cell_methods", "")
     said = re.search(rf"\b(?:time|{re.escape(dim)}):(?:\s*\w+:)*\s*(\w+)", methods)
-    # A spread or a largest one, along whatever axis, is no current; parentheses hold comments.
+    # What is a spread or a maximum along any axis is no current; parentheses hold comments.
     if set(re.findall(r":\s*(\w+)\b(?!:)", re.sub(r"\(.*?\)", "", methods))) - {"mean", "point"}:
         raise ValueError(f"{array.name} is neither of a time nor a mean ({methods}); give such")
     by = "" if said is None else {"mean": said[0], "point": "point"}[said[1]]

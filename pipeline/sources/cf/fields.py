@@ -428,7 +428,7 @@ class FieldReader:
         series: Sequence[StepInFile],
         weights: Sequence[Mapping[int, float]],
     ) -> FloatArray:
-        """Return weighted sums (n, ny, nx) of a component's steps in m/s, all of the same steps."""
+        """Return a component's sums (n, ny, nx), m/s, for n weightings that name the same steps."""
         total = np.zeros((len(weights), self._window.lat.size, self._window.lon.size))
         for steps, values in self.blocks(series, weights[0]):
             shares = [[share_of[step] for step in steps] for share_of in weights]
@@ -484,7 +484,8 @@ WEAK_SHARE = 0.7
 _ERROR_M_S = 0.03
 # Times between fields, minutes: parts of an hour, so that the hours of other currents are kept.
 _STEPS_MIN = (60, 30, 20, 15, 12, 10, 6, 5)
-# Number of values of all fields above which the time between them is longer: 160 MB a component.
+# Number of values in all fields together above which a longer time between them is taken: 160 MB a
+# component.
 _MAX_VALUES = 20_000_000
 # Years beyond the series of a fit after which its constants are called old.
 _OLD_YEARS = 5.0

@@ -43,7 +43,7 @@ _REGULAR = "regular_ll"
 _DEPTHS_M = dict.fromkeys(("surface", "meanSea", "oceanSurface"), 0.0)
 _DEPTHS_M |= dict.fromkeys(("depthBelowSea", "depthBelowSeaLayer"), 1.0)
 _DEPTH = {"standard_name": "depth", "units": "m", "positive": "down"}
-# Numbers of a missing centre, which the library has names for.
+# Numbers that mean no centre, though the library has names for them.
 _NO_CENTRES = (255, 65535)
 # Largest number of nodes of a field: 512 MB.
 _MAX_NODES = 64 << 20

@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 import renew
 from pipeline.findings.islands import Island, island_places, islands
 from pipeline.geo.projection import Projection
-from pipeline.model import Scene
+from pipeline.model import Water
 
 STILL = renew.UniformCurrent(0.0, 0.0)
 JAMAICA = next(island for island in islands() if island.name == "Jamaica")
@@ -33,18 +33,10 @@ def names(region: Polygon, *land: Polygon) -> dict[int, str]:
     clipped = [shapely.intersection(region, one) for one in land]
     plane = projection.geometry_to_plane(np.array(clipped, dtype=object))
     extent = projection.geometry_to_plane(region)
-    scene = Scene(
-        chart=renew.Chart(extent, []),
-        land=tuple(plane),
-        currents={"still": STILL},
-        start=np.zeros(2),
-        goal=np.ones(2),
-        projection=projection,
-        vessel=renew.Vessel(speed=1.0, turn_rate=0.5),
-    )
+    water = Water(renew.Chart(extent, []), tuple(plane), projection)
     return {
         index: place.name
-        for place in island_places(scene)
+        for place in island_places(water)
         for index, one in enumerate(land)
         if shapely.contains_xy(one, place.lon, place.lat)
     }

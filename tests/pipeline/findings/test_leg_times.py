@@ -20,8 +20,7 @@ from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import steps_along_legs
 from pipeline.formats.gis.geopackage import write_geojson, write_geopackage
 from pipeline.formats.passage.missions import write_mission, write_plan
-from pipeline.formats.passage.routes import write_gpx, write_kml
-from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.passage.routes import write_gpx, write_kml, write_rtz
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     MAX_EXTRA_FUEL,
@@ -31,6 +30,7 @@ from pipeline.formats.passage.waypoints import (
 from pipeline.formats.tables import rows
 from tests.pipeline import chosen_speeds, tidal_run
 from tests.pipeline.formats import oracles, runs
+from tests.pipeline.results import with_case
 
 DEPARTURE = datetime(2026, 11, 22, 6, 20, tzinfo=UTC)
 
@@ -123,8 +123,7 @@ def test_a_vessel_of_one_speed_sails_each_leg_at_it(make: Callable[[], RunResult
 def test_in_still_water_a_speed_over_ground_is_the_vessels_own() -> None:
     """The legs stand off V, and are a little longer than the path."""
     moving = runs.random_run(1)
-    still = {runs.SEASON: renew.UniformCurrent(0.0, 0.0)}
-    result = replace(moving, scene=replace(moving.scene, currents=still))
+    result = with_case(moving, runs.SEASON, current=renew.UniformCurrent(0.0, 0.0))
     for points in every(result):
         assert points.speed_m_s[:-1] == pytest.approx(result.cases[0].case.vessel.speed, rel=1e-6)
 

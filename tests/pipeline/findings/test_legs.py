@@ -38,7 +38,8 @@ def test_courses_are_those_of_the_planned_line() -> None:
 def test_times_are_those_at_true_scale() -> None:
     """A step takes its true length divided by the speed over ground there."""
     result = runs.stretched()
-    scene, ranked = result.scene, result.routes[0]
+    ranked = result.routes[0]
+    scene = ranked.case.case
     path = np.asarray(ranked.route.path)
     share = np.linspace(0, 1, 200)[:, None]
     dense = np.vstack([a + share * (b - a) for a, b in itertools.pairwise(path)])
@@ -47,7 +48,7 @@ def test_times_are_those_at_true_scale() -> None:
     ahead = np.diff(dense, axis=0)
     apart = np.linalg.norm(ahead, axis=1)
     ahead = np.divide(ahead, apart[:, None], where=apart[:, None] > 0, out=np.zeros_like(ahead))
-    current = np.asarray(scene.currents[ranked.season]((dense[:-1] + dense[1:]) / 2))
+    current = np.asarray(scene.current((dense[:-1] + dense[1:]) / 2))
     time = np.append(0.0, np.cumsum(step / (scene.vessel.speed + (current * ahead).sum(axis=1))))
     # The duration itself is that of the steered trajectory.
     time *= ranked.metrics.duration_s / time[-1]

@@ -25,25 +25,21 @@ from pipeline.run import Outcome
 from pipeline.stages.compare import safety_notes
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import rows_of, with_measures, with_rows
 
 WORD = re.compile(r"\bland\b", re.IGNORECASE)
 
 
 def charted(result: RunResult) -> RunResult:
     """The same run on a chart with depths, and with turns that met what is no-go."""
-    evaluation = result.evaluation
-    rows = tuple(replace(row, uncharted_share=0.0, collisions=1) for row in evaluation.routes)
-    found = {
-        key: replace(one, collided=one.collided | True)
-        for key, one in evaluation.contingency.items()
-    }
-    gaps = (GapShares(0.01, 0.02, 0.03),)
+    result = with_rows(result, lambda _, row: replace(row, uncharted_share=0.0, collisions=1))
+    for case in result.cases:
+        turns = tuple(replace(one, collided=one.collided | True) for one in case.measures.turns)
+        gap = GapShares(0.01, 0.02, 0.03)
+        result = with_measures(result, case.name, turns=turns, gap_shares=gap)
     fetched = small_run.with_zones(result).fetched
     return replace(
-        result,
-        fetched=replace(fetched, land=replace(fetched.land, depths=DepthCover())),
-        evaluation=replace(evaluation, routes=rows, contingency=found, gap_shares=gaps),
+        result, fetched=replace(fetched, land=replace(fetched.land, depths=DepthCover()))
     )
 
 
@@ -129,11 +125,8 @@ def test_the_table_gives_the_fuel_of_other_routes_beside_the_best(tmp_path: Path
     result = small_run.parts()
     rows = rows_of(result)
     of_best = next(row for row in rows if row.rank == 1)
-    dear = tuple(replace(row, fuel=1.682e7 * (1 + 0.1 * (row.rank > 1))) for row in rows)
-    evaluation = replace(result.evaluation, routes=dear)
-    table = season_table(
-        Outcome(replace(result, evaluation=evaluation), tmp_path, fresh=True, seconds=1.0)
-    )
+    dear = with_rows(result, lambda _, row: replace(row, fuel=1.682e7 * (1 + 0.1 * (row.rank > 1))))
+    table = season_table(Outcome(dear, tmp_path, fresh=True, seconds=1.0))
     assert "million" not in table
     assert "16,820,000" in table
     assert ("+10.0 %" in table) == any(row.main_passage != of_best.main_passage for row in rows)

@@ -13,7 +13,7 @@ import shapely
 
 import renew
 from pipeline.findings.note_words import note_texts
-from pipeline.model import Credit, CurrentGrid, SeasonPlan
+from pipeline.model import CaseResult, Credit, CurrentGrid
 from pipeline.stages.compare import waiting_notes
 from pipeline.stages.fetch import overpowering_notes
 from tests.pipeline.formats import small_run
@@ -86,20 +86,20 @@ def test_the_hours_when_a_class_is_shut_are_reported_as_dates() -> None:
 
     current = renew.VaryingCurrent(np.arange(0.0, 1201.0, 2.0), with_a_way_round)
     departure = datetime(2026, 11, 22, 6, tzinfo=UTC)
-    plain = small_run.parts(planar=True).scene
-    scene = replace(plain, currents={"tide": current}, departures={"tide": departure})
+    plain = small_run.parts(planar=True).planned["gyre"]
+    case = replace(plain, name="tide", current=current, departure=departure)
     plans = [
-        SeasonPlan("tide", renew.plan(
+        CaseResult("tide", renew.plan(
             chart, current, PAPER_VESSEL, (10, 50), (190, 50), departure=at, lateness=0.25,
             padding="none",
         ), "", 0.0)
         for at in (75.0, 105.0)
     ]  # fmt: skip
     through, around = plans
-    note, *_ = note_texts(waiting_notes(scene, [through]))
+    note, *_ = note_texts(waiting_notes([(case, through)]))
     assert note.startswith("tide: the current shuts water for a while on the way of route 1 at (")
     assert note.endswith("The routes are the best without waiting")
-    (other,) = note_texts(waiting_notes(scene, [around]))
+    (other,) = note_texts(waiting_notes([(case, around)]))
     assert other.startswith("tide: no route was found where the current shuts")
     for text in (note, other):
         place = re.search(r"at \((\d[\d.]*), (\d[\d.]*)\) m from", text)
@@ -111,4 +111,4 @@ def test_the_hours_when_a_class_is_shut_are_reported_as_dates() -> None:
             for (m, s), later in zip((*times, *times), (-2, 2, 2, -2), strict=True)
         ]
         assert max(strength[:2]) < 0.97 < min(strength[2:])
-    assert note_texts(waiting_notes(scene, [SeasonPlan("tide", None, "no water", 0.0)])) == []
+    assert note_texts(waiting_notes([(case, CaseResult("tide", None, "no water", 0.0))])) == []

@@ -16,6 +16,7 @@ from pipeline.findings.text import json_value
 from pipeline.geo.lonlat import position_text
 from renew.errors import InfeasibleError, Moment, Strait, Text, TooLateError
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import with_case
 
 BEGUN = datetime(2026, 1, 1, tzinfo=UTC)
 
@@ -29,8 +30,8 @@ def with_rejected(
     channel = entry.plan.best.channel
     gone = renew.Rejected("p1", str(cause), channel, strait, cause)
     plan = replace(entry, plan=replace(entry.plan, rejected=(gone,)))
-    scene = replace(result.scene, departures={entry.name: BEGUN})
-    return replace(result, plans=(plan, *result.results[1:]), scene=scene)
+    begun = with_case(result, entry.name, departure=BEGUN)
+    return replace(begun, results=(plan, *result.results[1:]))
 
 
 def test_places_and_widths_are_those_of_the_sentence() -> None:

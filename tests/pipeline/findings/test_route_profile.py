@@ -15,8 +15,9 @@ from pipeline._types import FloatArray
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.route_profile import RouteProfile, coast_index, legs, route_profile
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.seasons.one_season import evaluate_season
+from pipeline.stages.measure import measured
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import with_case, with_measures, with_water
 from tests.strategies import examples
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -24,9 +25,10 @@ GEOD = pyproj.Geod(ellps="WGS84")
 
 def evaluated(result: RunResult) -> RunResult:
     """The run with the metrics of the real evaluation."""
-    parts = [evaluate_season(result.scene, plan, PlannerOptions()) for plan in result.results]
-    rows = tuple(row for part in parts for row in part.routes)
-    return replace(result, evaluation=replace(result.evaluation, routes=rows))
+    for case in result.cases:
+        rows = measured(case.case, case.result, PlannerOptions()).routes
+        result = with_measures(result, case.name, routes=rows)
+    return result
 
 
 def profile_of(
@@ -39,10 +41,12 @@ def profile_of(
     """Profile of any path as the first season's best route, with other land or current."""
     entry = result.results[0]
     assert entry.plan is not None
-    scene = result.scene if land is None else replace(result.scene, land=land)
+    if land is not None:
+        result = with_water(result, land=land)
     if current is not None:
-        scene = replace(scene, currents={entry.name: current})
-    field = scene.currents[entry.name]
+        result = with_case(result, entry.name, current=current)
+    scene = result.planned[entry.name]
+    field = scene.current
     legs = range(2, len(path) + 1)
     fuels = [0.0, *(renew.fuel(path[:end], field, scene.vessel) for end in legs)]
     route = replace(
@@ -55,8 +59,8 @@ def profile_of(
         fuel=fuels[-1],
         duration=fuels[-1] / scene.vessel.fuel_rate,
     )
-    plans = (replace(entry, plan=replace(entry.plan, routes=(route,), chosen=0)),)
-    changed = evaluated(replace(result, scene=scene, plans=plans))
+    alone = replace(entry, plan=replace(entry.plan, routes=(route,), chosen=0))
+    changed = evaluated(replace(result, results=(alone,)))
     return route_profile(changed.routes[0]), changed
 
 

@@ -11,7 +11,15 @@ import shapely
 
 import renew
 from pipeline.findings.other_ways import shut_straits
-from pipeline.model import CurrentGrid, Fetched, Land, Scene, SeasonPlan, ShutStrait, Simplified
+from pipeline.model import (
+    Case,
+    CaseResult,
+    CurrentGrid,
+    Fetched,
+    Land,
+    ShutStrait,
+    Simplified,
+)
 from pipeline.scenario.model import Scenario
 from pipeline.stages.project import project
 from pipeline.stages.simplify import simplify_land
@@ -47,7 +55,7 @@ def atoll(mouth_m: float) -> list[shapely.Polygon]:
 
 def straits(
     land: list[shapely.Polygon], clearance: float, vessel: dict[str, float]
-) -> tuple[tuple[ShutStrait, ...], Scene, Simplified]:
+) -> tuple[tuple[ShutStrait, ...], Case, Simplified]:
     """Plan round and between islands; return the straits that are shut, and the chart."""
     asked: Scenario = small_run.scenario(
         scale=1.0,
@@ -67,16 +75,17 @@ def straits(
     lon, lat = np.linspace(118.8, 120.4, 9), np.linspace(8.8, 10.2, 8)
     still = np.zeros((8, 9))
     grid = CurrentGrid("still", lon, lat, still[None], still[None], "2024-07", small_run.STAND_IN)
-    scene = project(asked, Fetched(Land(tuple(land), (), MARGIN_M), (grid,)), simplified)
+    (scene,) = project(asked, Fetched(Land(tuple(land), (), MARGIN_M), (grid,)), simplified)
     plan = renew.plan(
-        scene.chart, scene.currents["still"], scene.vessel, scene.start, scene.goal,
+        scene.chart, scene.current, scene.vessel, scene.start, scene.goal,
         classes=4, clearance=clearance, distinct_by=2000.0,
     )  # fmt: skip
-    found = shut_straits(scene, simplified, [SeasonPlan("still", plan, "", 1.0)], asked.planner)
+    planned = [(scene, CaseResult("still", plan, "", 1.0))]
+    found = shut_straits(planned, scene.stops, simplified, asked.planner)
     return found, scene, simplified
 
 
-def is_open(scene: Scene, padding: float) -> bool:
+def is_open(scene: Case, padding: float) -> bool:
     """Whether water of the planner's chart leads through the strait, off land by a padding."""
     mouth, other = scene.projection.to_plane([(119.45, 9.5), (119.75, 9.5)])
     box = shapely.box(*scene.projection.to_plane([(119.45, 9.45), (119.75, 9.55)]).ravel())
@@ -135,7 +144,7 @@ def test_straits_of_enclosed_water_are_shut_by_its_mouths() -> None:
 
 def test_a_plane_and_a_run_without_routes_have_none() -> None:
     result = small_run.parts(planar=True)
-    none = SeasonPlan("gyre", None, "no water", 0.0)
-    for plans in (result.results, (none,)):
-        found = shut_straits(result.scene, result.simplified, plans, result.scenario.planner)
-        assert found == ()
+    none = CaseResult("gyre", None, "no water", 0.0)
+    for one in (result.results[0], none):
+        planned, options = [(result.planned["gyre"], one)], result.scenario.planner
+        assert shut_straits(planned, result.stops, result.simplified, options) == ()

@@ -9,23 +9,22 @@ import pytest
 import shapely
 
 import renew
-from pipeline.findings.other_ways import side_bounds
-from pipeline.findings.way_names import with_way_names
-from pipeline.model import Evaluation, SeasonPlan
+from pipeline.findings.other_ways import side_bound
+from pipeline.findings.way_names import way_names
+from pipeline.model import CaseResult, Measures
 from tests.pipeline.formats import small_run
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import rows_of, with_rows
 
 
 def planned_around(island: shapely.Polygon, speed: float) -> tuple[list[renew.Route], float]:
     """Routes around an island in a current along x, m/s; and the bound of the worse side."""
     like = small_run.parts(planar=True)
     chart = renew.Chart(shapely.box(0, 0, 100, 100), [island])
-    current = renew.UniformCurrent(speed, 0.0)
-    scene = replace(like.scene, chart=chart, land=(island,), currents={"gyre": current})
+    water = replace(like.water, chart=chart, land=(island,))
+    case = replace(like.planned["gyre"], water=water, current=renew.UniformCurrent(speed, 0.0))
     plan = renew.plan(
-        chart, current, scene.vessel, scene.start, scene.goal, classes=4, padding="none"
+        chart, case.current, case.vessel, case.start, case.goal, classes=4, padding="none"
     )
-    seasons = [SeasonPlan("gyre", plan, "", 0.0)]
     rows = tuple(
         replace(
             rows_of(like)[0],
@@ -36,9 +35,10 @@ def planned_around(island: shapely.Polygon, speed: float) -> tuple[list[renew.Ro
         )
         for rank, route in enumerate(plan.routes, start=1)
     )
-    evaluation = with_way_names(Evaluation(rows, {}), scene, seasons, ())
-    [bound] = side_bounds(scene, seasons, evaluation, like.scenario.planner)
-    assert bound.season == "gyre"
+    result = CaseResult("gyre", plan, "", 0.0, measures=Measures(rows))
+    names = way_names(water, [result], ())
+    bound = side_bound(case, names.name(result), names.islands[0], like.scenario.planner)
+    assert bound is not None
     return list(plan.routes), bound.fuel
 
 
@@ -60,22 +60,21 @@ def test_nothing_is_proven_of_two_sides_that_are_alike() -> None:
     assert bound <= best.fuel
 
 
-def test_seasons_without_another_side_have_no_bound() -> None:
-    result = small_run.parts()
-    alone = replace(
-        result.evaluation,
-        routes=tuple(replace(row, passages=()) for row in rows_of(result)),
-    )
-    assert side_bounds(result.scene, result.results, alone, result.scenario.planner) == ()
+def test_cases_without_another_side_have_no_bound() -> None:
+    result = with_rows(small_run.parts(), lambda _, row: replace(row, passages=()))
+    for case in result.cases:
+        options = result.scenario.planner
+        assert side_bound(case.case, case.result, result.islands[0], options) is None
 
 
 def test_the_bound_of_a_real_plan_is_below_its_routes_there() -> None:
-    result = small_run.parts()
-    found = side_bounds(result.scene, result.results, result.evaluation, result.scenario.planner)
-    assert {bound.season for bound in found} <= {plan.name for plan in result.results}
-    for bound in found:
-        best, *others = result.case(bound.season).routes
-        there = [o for o in others if o.metrics.main_passage != best.metrics.main_passage]
-        assert bound.fuel <= min(one.route.fuel for one in there)
-        assert np.isfinite(bound.fuel)
+    result, found = small_run.parts(), []
+    for case in result.cases:
+        bound = side_bound(case.case, case.result, result.islands[0], result.scenario.planner)
+        if bound is not None:
+            best, *others = case.routes
+            there = [o for o in others if o.metrics.main_passage != best.metrics.main_passage]
+            assert bound.fuel <= min(one.route.fuel for one in there)
+            assert np.isfinite(bound.fuel)
+            found.append(bound)
     assert found

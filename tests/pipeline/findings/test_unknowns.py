@@ -8,10 +8,10 @@ from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult, route_unknowns
 from pipeline.findings.unknowns import has_all_depths
 from pipeline.geo.lonlat import DepthCover
-from pipeline.model import ShoreCrossing, ShutStrait
+from pipeline.model import RouteMetrics, ShoreCrossing, ShutStrait
 from pipeline.model.inputs import Note
 from tests.pipeline.formats import small_run
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import rows_of, with_measures, with_rows
 
 NO_DEPTHS = "no depths in this chart: the draught was not used, and shoals are not avoided"
 
@@ -20,20 +20,16 @@ def with_shares(
     result: RunResult, filled: dict[int, float], uncharted: float | None = None
 ) -> RunResult:
     """The same run with shares of the summer's routes by rank, and of depths for all of them."""
-    rows = tuple(
-        replace(
+
+    def with_share(season: str, row: RouteMetrics) -> RouteMetrics:
+        return replace(
             row,
-            filled_share=filled.get(row.rank, 0.0) if row.season == "summer" else 0.0,
+            filled_share=filled.get(row.rank, 0.0) if season == "summer" else 0.0,
             uncharted_share=float("nan") if uncharted is None else uncharted,
         )
-        for row in rows_of(result)
-    )
+
     land = replace(result.fetched.land, depths=None if uncharted is None else DepthCover(areas=()))
-    return replace(
-        result,
-        evaluation=replace(result.evaluation, routes=rows),
-        fetched=replace(result.fetched, land=land),
-    )
+    return replace(with_rows(result, with_share), fetched=replace(result.fetched, land=land))
 
 
 def test_a_chart_without_depths_says_so_and_nothing_else() -> None:
@@ -48,10 +44,10 @@ def test_shares_of_the_current_are_reported_for_the_best_and_the_worst() -> None
         "3, the largest share of the 2 other routes: it was filled from the water around"
     )
     best, second = result.case("summer").routes[:2]
-    assert "12.3 % of route 1:" in note_texts(route_unknowns(result, best.metrics))[1]
-    assert "20.0 % of route 2:" in note_texts(route_unknowns(result, second.metrics))[1]
-    winter = result.case("winter").routes[0].metrics
-    assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
+    assert "12.3 % of route 1:" in note_texts(route_unknowns(best))[1]
+    assert "20.0 % of route 2:" in note_texts(route_unknowns(second))[1]
+    winter = result.case("winter").routes[0]
+    assert note_texts(route_unknowns(winter)) == [NO_DEPTHS]
 
 
 def without_current(result: RunResult, season: str) -> RunResult:
@@ -70,10 +66,11 @@ def test_a_current_that_is_not_known_at_all_is_reported_first() -> None:
     assert first.startswith("summer: the source of the current has no values anywhere on the best")
     still = without_current(with_shares(small_run.parts(), {}), "winter")
     assert [still.case(season).lacks_current for season in ("summer", "winter")] == [False, True]
-    winter = still.case("winter").routes[0].metrics
-    assert note_texts(route_unknowns(still, winter))[0].startswith("no current was used")
-    assert still.gap_figure(winter) == "not proven"
-    assert still.gap_figure(still.case("summer").routes[0].metrics).endswith(" %")
+    winter = still.case("winter").routes[0]
+    assert note_texts(route_unknowns(winter))[0].startswith("no current was used")
+    assert winter.case.gap_figure(winter.metrics) == "not proven"
+    summer = still.case("summer")
+    assert summer.gap_figure(summer.routes[0].metrics).endswith(" %")
     partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
     assert not partly.case("summer").lacks_current
 
@@ -84,15 +81,15 @@ def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
         ShoreCrossing(rank, 119.0 + rank, 9.0, length_m)
         for rank, length_m in ((1, 2461.0), (2, 33_000.0))
     )
-    result = replace(result, evaluation=replace(result.evaluation, shore_crossings=crossings))
+    result = with_measures(result, "summer", shore_crossings=crossings)
     first = note_texts(result.unknowns)[0]
     assert first.startswith("summer: a second, independent shoreline")
     assert "2,461 m at 120.0000 E 9.0000 N on route 1; 33,000 m" in first
     best, second = result.case("summer").routes[:2]
-    assert "33,000 m" not in note_texts(route_unknowns(result, best.metrics))[0]
-    assert "33,000 m" in note_texts(route_unknowns(result, second.metrics))[0]
-    winter = result.case("winter").routes[0].metrics
-    assert note_texts(route_unknowns(result, winter)) == [NO_DEPTHS]
+    assert "33,000 m" not in note_texts(route_unknowns(best))[0]
+    assert "33,000 m" in note_texts(route_unknowns(second))[0]
+    winter = result.case("winter").routes[0]
+    assert note_texts(route_unknowns(winter)) == [NO_DEPTHS]
 
 
 def test_missing_depths_are_reported_and_complete_ones_are_not() -> None:
@@ -117,4 +114,4 @@ def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
     assert one.startswith("1 strait is shut")
     planar = small_run.parts(planar=True)
     assert note_texts(planar.unknowns) == []
-    assert note_texts(route_unknowns(planar, planar.routes[0].metrics)) == []
+    assert note_texts(route_unknowns(planar.routes[0])) == []

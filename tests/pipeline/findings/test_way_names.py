@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +16,10 @@ from pyproj import Geod
 
 import renew
 from pipeline.findings.islands import islands
-from pipeline.findings.way_names import class_names_text, with_way_names
+from pipeline.findings.way_names import class_names_text, way_names
 from pipeline.geo.projection import Projection
-from pipeline.model import Evaluation, PlaceName, RouteMetrics, Scene, SeasonPlan
+from pipeline.model import Case, CaseResult, Measures, PlaceName, RouteMetrics, Water
+from pipeline.model.result import NumberedIsland
 from tests.strategies import examples
 
 VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
@@ -25,55 +27,44 @@ EXTENT = shapely.box(-500, -500, 500, 500)
 STILL = renew.UniformCurrent(0.0, 0.0)
 
 
-def plane_scene(islands: list[shapely.Polygon], start: npt.ArrayLike, goal: npt.ArrayLike) -> Scene:
-    """Return a scene in metres at 0 N 0 E: north is up."""
-    return Scene(
-        chart=renew.Chart(EXTENT, islands),
-        land=tuple(islands),
-        currents={"still": STILL},
-        start=np.asarray(start, dtype=float),
-        goal=np.asarray(goal, dtype=float),
-        projection=Projection.at(0.0, 0.0),
-        vessel=VESSEL,
-    )
+def voyage(islands: list[shapely.Polygon], start: npt.ArrayLike, goal: npt.ArrayLike) -> Case:
+    """Return a case in metres at 0 N 0 E: north is up."""
+    water = Water(renew.Chart(EXTENT, islands), tuple(islands), Projection.at(0.0, 0.0))
+    start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
+    return Case("still", water, VESSEL, start, goal, STILL)
 
 
-def planned(scene: Scene, **options: object) -> SeasonPlan:
-    """Plan the scene's season."""
+def planned(case: Case, **options: object) -> CaseResult:
+    """Plan the case; its routes have no figures that matter."""
     plan = renew.plan(
-        scene.chart,
+        case.chart,
         STILL,
         VESSEL,
-        scene.start,
-        scene.goal,
+        case.start,
+        case.goal,
         **options,  # type: ignore[arg-type]
     )
-    return SeasonPlan("still", plan, "", 0.0)
-
-
-def named(scene: Scene, *plans: SeasonPlan, places: tuple[PlaceName, ...] = ()) -> Evaluation:
-    """Name the ways of some plans."""
-    rows = [
-        RouteMetrics(
-            plan.name,
-            rank,
-            route.homotopy,
-            route.fuel,
-            1.0,
-            1.0,
-            1.0,
-            1.0,
-            1.0,
-            1.0,
-            0.0,
-            0,
-            0,
-            0.0,
-        )
-        for plan in plans
+    figures = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0, 0, 0.0)
+    rows = tuple(
+        RouteMetrics(rank, route.homotopy, route.fuel, *figures)
         for rank, route in enumerate(plan.routes, start=1)
-    ]
-    return with_way_names(Evaluation(tuple(rows), {}), scene, plans, places)
+    )
+    return CaseResult("still", plan, "", 0.0, measures=Measures(rows))
+
+
+class Named(NamedTuple):
+    """Metrics with the names of their ways, and the islands in these names."""
+
+    routes: tuple[RouteMetrics, ...]
+    islands: tuple[NumberedIsland, ...]
+    class_islands: tuple[NumberedIsland, ...]
+
+
+def named(case: Case, *results: CaseResult, places: tuple[PlaceName, ...] = ()) -> Named:
+    """Name the ways of some results."""
+    names = way_names(case.water, results, places)
+    rows = tuple(row for one in results for row in names.name(one).measures.routes)
+    return Named(rows, names.islands, names.class_islands)
 
 
 def _north_of(row: RouteMetrics) -> set[int]:
@@ -87,7 +78,7 @@ def test_the_side_is_where_the_way_round_lies(angle: float) -> None:
     """Two ways round one island: each lies on the named side of it."""
     ahead = np.array([math.cos(angle), math.sin(angle)])
     island = shapely.Point(0, 0).buffer(100, quad_segs=3)
-    scene = plane_scene([island, shapely.box(-500, -500, -450, -450)], -300 * ahead, 300 * ahead)
+    scene = voyage([island, shapely.box(-500, -500, -450, -450)], -300 * ahead, 300 * ahead)
     plan = planned(scene, classes=2)
     ways = {}
     for row, route in zip(named(scene, plan).routes, plan.routes, strict=True):
@@ -104,69 +95,69 @@ def test_the_side_is_where_the_way_round_lies(angle: float) -> None:
 def test_a_strait_is_named_by_the_islands_on_either_side() -> None:
     """Going north past three islands in a row there are four ways; each has a name of its own."""
     row = [shapely.box(x, -w, x + 2 * w, w) for x, w in ((-250, 60), (-90, 70), (90, 50))]
-    scene = plane_scene(row, (0, -300), (0, 300))
-    evaluation = named(scene, planned(scene, classes=4))
+    scene = voyage(row, (0, -300), (0, 300))
+    found = named(scene, planned(scene, classes=4))
     # The largest is 1: the one in the middle; the western is 2, the eastern 3.
-    ways = {route.way for route in evaluation.routes}
+    ways = {route.way for route in found.routes}
     assert ways == {
         "between islands 1 and 2",
         "between islands 1 and 3",
         "west of islands 1 and 2",
         "east of islands 1 and 3",
     }
-    places = {island.label: island.x for island in islands}
+    places = {island.label: island.x for island in found.islands}
     assert set(places) == {"1", "2", "3"}
     assert places["2"] < places["1"] < places["3"]
-    for island in islands:
-        assert island.place == scene.place_text(np.array([island.x, island.y]))
+    for island in found.islands:
+        assert island.place == scene.water.place_text(np.array([island.x, island.y]))
 
 
 def test_numbers_are_those_of_the_homotopy_classes() -> None:
     """A class that passes north of one island alone has that island's number in its name."""
-    scene = plane_scene([shapely.box(-60, -60, 60, 40), shapely.box(100, 90, 130, 120)],
+    scene = voyage([shapely.box(-60, -60, 60, 40), shapely.box(100, 90, 130, 120)],
                         (-300, 0), (300, 0))  # fmt: skip
-    evaluation = named(scene, planned(scene, classes=4))
-    for route in evaluation.routes:
+    found = named(scene, planned(scene, classes=4))
+    for route in found.routes:
         north = {f"s{number}" for number in (1, 2) if number in _north_of(route)}
         assert north <= set(route.homotopy.split("."))
-    assert len({route.way for route in evaluation.routes}) == len(evaluation.routes)
+    assert len({route.way for route in found.routes}) == len(found.routes)
 
 
 def test_the_charts_own_names_take_the_place_of_numbers() -> None:
     island = shapely.box(-60, -50, 60, 50)
-    scene = plane_scene([island], (-300, 0), (300, 0))
+    scene = voyage([island], (-300, 0), (300, 0))
     lon, lat = scene.projection.to_lonlat(np.array([10.0, 10.0]))
     rock, elsewhere = PlaceName("A rock", lon, lat, 1e-9), PlaceName("Far", lon + 1, lat, 1.0)
     isle = PlaceName("Isle, of Dogs", lon, lat, 1e-6)
-    evaluation = named(scene, planned(scene), places=(rock, isle, elsewhere))
-    assert {row.way for row in evaluation.routes} == {
+    found = named(scene, planned(scene), places=(rock, isle, elsewhere))
+    assert {row.way for row in found.routes} == {
         "north of Isle, of Dogs", "south of Isle, of Dogs",
     }  # fmt: skip
-    assert {row.main_passage for row in evaluation.routes} == {row.way for row in evaluation.routes}
-    assert [(island.number, island.label) for island in islands] == [(1, "Isle, of Dogs")]
-    evaluation = named(scene, planned(scene), places=(elsewhere,))
+    assert {row.main_passage for row in found.routes} == {row.way for row in found.routes}
+    assert [(island.number, island.label) for island in found.islands] == [(1, "Isle, of Dogs")]
+    found = named(scene, planned(scene), places=(elsewhere,))
     # It may be far away: so much lies between a degree of longitude.
-    named_place = islands[0]
-    found = re.fullmatch(r".* N, ([\d,.]+) km from Far", named_place.place)
-    assert found, named_place.place
+    named_place = found.islands[0]
+    far = re.fullmatch(r".* N, ([\d,.]+) km from Far", named_place.place)
+    assert far, named_place.place
     lon, lat = scene.projection.to_lonlat(np.array([named_place.x, named_place.y])).tolist()
     away_m = Geod(ellps="WGS84").inv(lon, lat, elsewhere.lon, elsewhere.lat)[2]
-    assert float(found[1].replace(",", "")) == pytest.approx(away_m / 1000, rel=0.01)
+    assert float(far[1].replace(",", "")) == pytest.approx(away_m / 1000, rel=0.01)
 
 
 def test_no_two_islands_have_one_name() -> None:
     """A chart may have one name twice: the largest island keeps it, the other has its number."""
     row = [shapely.box(-250, -60, -130, 60), shapely.box(-90, -70, 50, 70)]
-    scene = plane_scene(row, (0, -300), (0, 300))
+    scene = voyage(row, (0, -300), (0, 300))
     (west, _), (east, lat) = scene.projection.to_lonlat([(-190.0, 0.0), (-20.0, 0.0)]).tolist()
     places = PlaceName("Sheep", west, lat, 1e-6), PlaceName("Sheep", east, lat, 1e-8)
-    evaluation = named(scene, planned(scene, classes=3), places=places)
-    assert {island.label for island in islands} == {"Sheep", "2"}
-    assert len({row.way for row in evaluation.routes}) == 3
+    found = named(scene, planned(scene, classes=3), places=places)
+    assert {island.label for island in found.islands} == {"Sheep", "2"}
+    assert len({row.way for row in found.routes}) == 3
 
 
-def bali_scene(*others: shapely.Polygon) -> Scene:
-    """Return a scene with a diamond in Bali's bounds, and other land (lon/lat degrees)."""
+def bali_scene(*others: shapely.Polygon) -> Case:
+    """Return a case with a diamond in Bali's bounds, and other land (lon/lat degrees)."""
     bali = next(island for island in islands() if island.name == "Bali")
     west, south, east, north = bali.bounds
     x, y = (west + east) / 2, (south + north) / 2
@@ -174,15 +165,9 @@ def bali_scene(*others: shapely.Polygon) -> Scene:
     region = shapely.box(west - 0.5, south - 0.5, east + 0.5, north + 0.5)
     projection = Projection.for_region(region, 1000.0)
     land = projection.geometry_to_plane(np.array([diamond, *others], dtype=object))
-    return Scene(
-        chart=renew.Chart(projection.geometry_to_plane(region), [shapely.union_all(land)]),
-        land=tuple(land),
-        currents={"still": STILL},
-        start=projection.to_plane([x, south - 0.3]),
-        goal=projection.to_plane([x, north + 0.3]),
-        projection=projection,
-        vessel=VESSEL,
-    )
+    chart = renew.Chart(projection.geometry_to_plane(region), [shapely.union_all(land)])
+    ends = projection.to_plane([[x, south - 0.3], [x, north + 0.3]])
+    return Case("still", Water(chart, tuple(land), projection), VESSEL, ends[0], ends[1], STILL)
 
 
 def test_the_catalogues_names_come_after_the_charts() -> None:
@@ -194,7 +179,7 @@ def test_the_catalogues_names_come_after_the_charts() -> None:
     assert {row.way for row in named(scene, plan, places=(own,)).routes} == {
         "west of Pulau Bali", "east of Pulau Bali",
     }  # fmt: skip
-    plane = replace(scene, is_planar=True)
+    plane = replace(scene, water=replace(scene.water, is_planar=True))
     assert {row.way for row in named(plane, plan).routes} == {
         "west of island 1", "east of island 1",
     }  # fmt: skip
@@ -202,10 +187,10 @@ def test_the_catalogues_names_come_after_the_charts() -> None:
 
 def test_a_number_has_a_named_island_in_names_of_classes() -> None:
     scene = bali_scene()
-    evaluation = named(scene, planned(scene, classes=2))
-    assert [island.label for island in islands] == ["Bali"]
-    spelled = set("".join(row.homotopy for row in evaluation.routes)) & {"1"}
-    assert {island.label for island in class_islands} == spelled
+    found = named(scene, planned(scene, classes=2))
+    assert [island.label for island in found.islands] == ["Bali"]
+    spelled = set("".join(row.homotopy for row in found.routes)) & {"1"}
+    assert {island.label for island in found.class_islands} == spelled
 
 
 def test_larger_land_that_an_offing_joins_to_an_island_has_not_its_name() -> None:
@@ -219,37 +204,36 @@ def test_larger_land_that_an_offing_joins_to_an_island_has_not_its_name() -> Non
 
 def test_seasons_share_the_main_island() -> None:
     """One season has routes on both sides, the other on one side only."""
-    scene = plane_scene([shapely.box(-60, -60, 60, 40)], (-300, 0), (300, 0))
+    scene = voyage([shapely.box(-60, -60, 60, 40)], (-300, 0), (300, 0))
     both, one = planned(scene), planned(scene, classes=1)
-    evaluation = named(scene, both, SeasonPlan("other", one.plan, "", 0.0))
-    ways = {(row.season, row.rank): row.way for row in evaluation.routes}
-    assert set(ways.values()) == {"north of island 1", "south of island 1"}
-    assert ways["other", 1] == ways["still", 1]
+    first, second, other = named(scene, both, replace(one, name="other")).routes
+    assert {first.way, second.way} == {"north of island 1", "south of island 1"}
+    assert other.way == first.way
 
 
 def test_a_single_way_is_named_by_the_largest_island_beside_it() -> None:
     mainland = shapely.box(-500, 300, 500, 500)
-    scene = plane_scene([shapely.box(-60, -60, 60, 40), mainland], (-300, 0), (300, 0))
+    scene = voyage([shapely.box(-60, -60, 60, 40), mainland], (-300, 0), (300, 0))
     (row,) = named(scene, planned(scene, classes=1)).routes
     assert row.way == "north of island 1"
 
 
 def test_without_an_island_beside_it_a_way_has_no_name() -> None:
     mainland = shapely.box(-500, 300, 500, 500)
-    scene = plane_scene([shapely.box(-400, -10, -395, -5), mainland], (-200, 0), (200, 0))
-    evaluation = named(scene, planned(scene, classes=1))
-    assert [row.way for row in evaluation.routes] == [""]
-    assert islands == ()
+    scene = voyage([shapely.box(-400, -10, -395, -5), mainland], (-200, 0), (200, 0))
+    found = named(scene, planned(scene, classes=1))
+    assert [row.way for row in found.routes] == [""]
+    assert found.islands == ()
 
 
 def test_names_of_classes_in_a_refusal_are_explained_by_places() -> None:
     small, large = shapely.box(-250, -50, -150, 50), shapely.box(100, -100, 300, 100)
-    scene = plane_scene([small, large], (-400, 0), (400, 0))
-    (found,) = class_names_text(["s2.p1", "e", "p1"], scene)
+    scene = voyage([small, large], (-400, 0), (400, 0))
+    (found,) = class_names_text(["s2.p1", "e", "p1"], scene.water)
     assert re.findall(r"([ps]\d) leaves the island at .*? to (\w+)", found) == [
         ("s2", "starboard"),
         ("p1", "port"),
     ]
     assert found.endswith("e stands for none of the letters")
     assert found.index("0.0018 W") < found.index("0.0018 E")
-    assert list(class_names_text([], scene)) == []
+    assert list(class_names_text([], scene.water)) == []

@@ -24,15 +24,16 @@ _MEDIUM = 2  # compliance_checker's weights: 3 is high, 2 medium, 1 low
 
 def with_grids(result: RunResult, *grids: CurrentGrid) -> RunResult:
     """The same run, planned with other currents (but for its routes)."""
-    scene = result.scene
-    currents = {
-        grid.season: planar_current(grid, scene.projection, scene.chart.bounds) for grid in grids
+    water = result.water
+    planned = {
+        grid.season: replace(
+            result.planned[grid.season],
+            current=planar_current(grid, water.projection, water.chart.bounds),
+        )
+        for grid in grids
     }
-    return replace(
-        result,
-        fetched=replace(result.fetched, currents=grids),
-        scene=replace(scene, currents=currents),
-    )
+    fetched = replace(result.fetched, currents=grids)
+    return replace(result, fetched=fetched, planned={**result.planned, **planned})
 
 
 def in_file(file: xr.Dataset, lonlat: np.ndarray, time: xr.DataArray | None = None) -> np.ndarray:

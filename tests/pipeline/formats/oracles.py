@@ -70,17 +70,17 @@ def quickest_s(points: Waypoints, result: RunResult) -> FloatArray:
 
     Summed over steps of 200 m on the ellipsoid. The clock of a current that changes runs along.
     """
-    scene, season = result.scene, points.ranked.season
-    speed, lines = scene.vessel_in(season).speed, drawn(points)
+    case = result.planned[points.ranked.season]
+    speed, lines = case.vessel.speed, drawn(points)
     steps = [GEOD.inv(*line[:-1].T, *line[1:].T)[2] for line in lines]
-    plane = [scene.projection.to_plane(line) for line in lines]
+    plane = [case.projection.to_plane(line) for line in lines]
     ahead = np.concatenate([np.diff(line, axis=0) for line in plane])
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     middles = np.concatenate([(line[:-1] + line[1:]) / 2 for line in plane])
     needed = np.concatenate(steps) / speed
     for _ in range(5):
         clock = np.cumsum(needed) - needed / 2
-        velocity = scene.currents[season].velocity(middles, clock)
+        velocity = case.current.velocity(middles, clock)
         along = (velocity * ahead).sum(axis=1)
         across = np.linalg.norm(velocity - along[:, None] * ahead, axis=1)
         needed = np.concatenate(steps) / (along + np.sqrt(speed**2 - across**2))

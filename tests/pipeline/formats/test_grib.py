@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.grib import _ibm_below, _message, fields_from, write_grib
+from pipeline.formats.records import _ibm_below, _message, fields_from, write_grib
 from pipeline.model import CurrentGrid
 from pipeline.write import formats_of
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.currents_files import planners, with_grids
+from tests.pipeline.results import with_case
 
 TIME = datetime(2024, 7, 31, 23, 45, tzinfo=UTC)
 
@@ -95,7 +96,7 @@ def test_a_current_that_changes_has_a_field_at_each_of_its_times(
     times = np.array([-3600.0, 0.0, 5400.0])
     grid = CurrentGrid("summer", lon, lat, u, v, "x", small_run.STAND_IN, times_s=times)
     run = with_grids(result, grid)
-    run = replace(run, scene=replace(run.scene, departures={"summer": TIME}))
+    run = with_case(run, "summer", departure=TIME)
     write_grib(run.case("summer"), tmp_path / "c.grb")
     found = fields(tmp_path / "c.grb")
     said = [(one["dataDate"], one["dataTime"], one["indicatorOfParameter"]) for one in found]
@@ -113,7 +114,7 @@ def test_a_current_without_a_time_has_no_file(result: RunResult) -> None:
     grid = result.case("summer").grid
     assert grid is not None
     undated = with_grids(result, replace(grid, valid="some time or other"))
-    assert fields_from(undated, undated.fetched.currents[0]) is None
+    assert fields_from(undated.case("summer")) is None
     names = {name for name in formats_of(undated) if "currents" in name}
     assert names == {"small-run-summer-currents.nc"}
 

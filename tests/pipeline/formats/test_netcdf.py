@@ -44,6 +44,7 @@ from tests.pipeline.formats.gis.cases import (
     moved_east,
     renamed,
 )
+from tests.pipeline.results import with_case, with_water
 
 
 @pytest.fixture
@@ -115,7 +116,7 @@ def test_north_that_turns_in_the_plane_hardly_matters(
     region = shapely.box(west, south, east, north)
     projection = Projection.for_region(region, 1000.0)
     chart = renew.Chart(extent_polygon(region, projection), [])
-    moved = replace(result, scene=replace(result.scene, chart=chart, projection=projection))
+    moved = with_water(result, chart=chart, projection=projection)
     grid = CurrentGrid("summer", lon, lat, u, v, "", small_run.STAND_IN)
     run = with_grids(moved, grid)
     write_currents(run.case("summer"), tmp_path / "currents.nc")
@@ -213,7 +214,7 @@ def tide(result: RunResult) -> RunResult:
     grid = CurrentGrid("summer", lon, lat, u, v, "2026-11", small_run.STAND_IN, times_s=times)
     run = with_grids(result, grid)
     departure = datetime(2026, 11, 22, 6, tzinfo=UTC)
-    return replace(run, scene=replace(run.scene, departures={"summer": departure}))
+    return with_case(run, "summer", departure=departure)
 
 
 def test_a_current_that_changes_is_written_at_all_its_times(
@@ -291,7 +292,8 @@ def test_the_time_is_that_of_the_source(
 ) -> None:
     summer, winter = result.fetched.currents
     path = tmp_path / "currents.nc"
-    write_currents(with_grids(result, summer, replace(winter, valid=valid)), "winter", path)
+    changed = with_grids(result, summer, replace(winter, valid=valid))
+    write_currents(changed.case("winter"), path)
     with xr.open_dataset(path) as file:
         assert file.uo.time.values == np.datetime64(middle)
         covered = [file.attrs[f"time_coverage_{end}"] for end in ("start", "end")]
@@ -308,7 +310,8 @@ def test_a_period_that_cannot_be_read_stays_a_text(
 ) -> None:
     summer, winter = result.fetched.currents
     path = tmp_path / "currents.nc"
-    write_currents(with_grids(result, summer, replace(winter, valid=valid)), "winter", path)
+    changed = with_grids(result, summer, replace(winter, valid=valid))
+    write_currents(changed.case("winter"), path)
     with xr.open_dataset(path) as file:
         assert "time" not in file.variables
         assert "time_coverage_start" not in file.attrs

@@ -22,6 +22,7 @@ from pipeline.formats.report.page import gather
 from pipeline.formats.tables import distance_text, position, rows
 from pipeline.model import ShoreCrossing
 from tests.pipeline.formats import oracles, runs, small_run
+from tests.pipeline.results import with_measures, with_water
 
 DEPARTURE = datetime(2026, 12, 31, 20, 30, tzinfo=UTC)
 
@@ -161,16 +162,16 @@ def test_the_map_goes_on_beyond_the_regions_edge_and_names_it(
     words = "edge of the region that was planned in"
     assert words not in texts(tmp_path / "with.pdf")[0]  # it lies beyond this map
     chart = renew.Chart(shapely.box(-60, -50, 60, 28), result.water.chart.no_go)
-    near = replace(result, scene=replace(result.scene, chart=chart))
+    near = with_water(result, chart=chart)
     write_passage_plan(near, tmp_path / "near.pdf")
     assert words in texts(tmp_path / "near.pdf")[0]
 
 
 def test_land_of_another_shoreline_is_reported(result: RunResult, tmp_path: Path) -> None:
     crossings = (ShoreCrossing(1, 119.4, 9.4, 2461.0),)
-    evaluation = replace(result.evaluation, shore_crossings=crossings)
+    crossed = with_measures(result, "summer", shore_crossings=crossings)
     path = tmp_path / "passage-plan.pdf"
-    write_passage_plan(replace(result, evaluation=evaluation), path)
+    write_passage_plan(crossed, path)
     summer, winter = (" ".join(page.split()) for page in texts(path))
     assert "2,461 m at 119.4000 E 9.4000 N" in summer
     assert "shoreline" not in winter
@@ -207,7 +208,7 @@ def test_many_waypoints_go_on_another_page(result: RunResult, tmp_path: Path) ->
     )
     cached = {"summer": (long,), "winter": case_waypoints(result.case("winter"))}
     other = replace(result)
-    other.kept["_exchange_waypoints"] = (None, cached)
+    other.kept["_exchange_waypoints"] = cached
     write_passage_plan(other, tmp_path / "a.pdf")
     pages = texts(tmp_path / "a.pdf")
     assert len(pages) == 4
@@ -235,11 +236,11 @@ def test_still_water_is_valid_at_no_time_and_has_no_arrows(
         tmp_path / "moving.pdf"
     )[0].replace("\n", " ")
     grids = tuple(replace(one, u=0 * one.u, v=0 * one.v) for one in result.fetched.currents)
-    currents = {one.season: renew.UniformCurrent(0.0, 0.0) for one in grids}
+    calm = renew.UniformCurrent(0.0, 0.0)
     still = replace(
         result,
         fetched=replace(result.fetched, currents=grids),
-        scene=replace(result.scene, currents=currents),
+        planned={name: replace(case, current=calm) for name, case in result.planned.items()},
     )
     write_passage_plan(still, tmp_path / "still.pdf")
     assert f"Current: {small_run.STAND_IN.name}. " in " ".join(

@@ -97,17 +97,6 @@ def test_the_longest_time_is_rounded_up(seconds: float) -> None:
     assert figure(texts.at_most_hours(seconds), "") * SAFE >= seconds
 
 
-@given(st.floats(1.0, 12.0), st.sampled_from(["fuel", "length"]))
-def test_a_side_that_is_left_out_needs_no_less_than_is_said(ratio: float, of: str) -> None:
-    said = note_text(Note.of("side-left-out", island="Panay", place=PLACE, ratio=ratio, of=of))
-    assert "at least 1 times" not in said
-    if "times" in said:
-        assert ratio * 0.9 <= figure(said, "at least ") <= ratio * SAFE
-    else:
-        assert ratio < 1.01
-        assert re.search("at least as (much fuel|long) as the", said)
-
-
 @given(st.floats(0.01, 30.0))
 def test_limits_in_notes_are_on_the_safe_side(value: float) -> None:
     least = Note.of(

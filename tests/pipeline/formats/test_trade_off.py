@@ -31,7 +31,6 @@ from pipeline.write import formats_of
 from tests.pipeline import chosen_speeds
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
-from tests.pipeline.results import rows_of
 from tests.pipeline.tidal_run import DEPARTURE
 
 
@@ -122,15 +121,14 @@ def test_the_page_says_how_fast_and_plots_it(result: RunResult) -> None:
 
 
 def test_still_water_is_that_of_the_same_time(result: RunResult) -> None:
-    rows = {row.season: row for row in rows_of(result) if row.rank == 1}
-    assert still_speed_m_s(rows["own"]) == 1.5
-    chosen = rows["chosen"]
-    speed = still_speed_m_s(chosen)
+    own, best = (result.case(name).routes[0] for name in ("own", "chosen"))
+    assert still_speed_m_s(own) == 1.5
+    speed, chosen = still_speed_m_s(best), best.metrics
     assert speed == pytest.approx(chosen.length_m / chosen.duration_s)
     vessel = replace(result.cases[0].case.vessel, speed=speed)
     line = np.array([[0.0, 0.0], [chosen.length, 0.0]])
     still = renew.fuel(line, renew.UniformCurrent(0.0, 0.0), vessel)
-    assert still_fuel_per_metre(chosen) * chosen.length == pytest.approx(still)
+    assert still_fuel_per_metre(best) * chosen.length == pytest.approx(still)
 
 
 def test_the_files_are_written_where_speeds_are_chosen_and_the_choice_is_kept(

@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.findings.other_ways import side_bounds
+from pipeline.findings.other_ways import side_bound
 from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import legs
-from pipeline.model.case import speed_choices, true_duration_s
-from pipeline.scenario.model import PlannerOptions
+from pipeline.model.case import true_duration_s
 from pipeline.scenario.season import Season
+from pipeline.stages.plan_case import plan_case, planned as planned_case
 from pipeline.stages.project import project
-from pipeline.stages.seasons.one_season import combine_seasons, evaluate_season, plan_season
-from pipeline.stages.seasons.task import clock_worth, gap_shares, speeds_in_time
+from pipeline.stages.worth import clock_worth, gap_shares, speeds_in_time
 from tests.pipeline import chosen_speeds
-from tests.pipeline.results import rows_of
 from tests.pipeline.tidal_run import DEPARTURE, planned
 
 
@@ -29,13 +27,13 @@ def result() -> RunResult:
 
 
 def test_every_route_is_in_time_at_true_scale_and_the_best_one_just_so(result: RunResult) -> None:
-    routes = [row for row in rows_of(result) if row.season == "chosen"]
+    routes = result.case("chosen").measures.routes
     assert len(routes) > 1
     within_s = chosen_speeds.WITHIN.total_seconds()
     assert max(row.duration_s for row in routes) <= within_s
     assert routes[0].duration_s >= (1 - 2e-3) * within_s
-    assert result.scene.vessel_in("chosen").speed == chosen_speeds.SPEEDS[1]
-    assert result.scene.vessel_in("own") is result.cases[0].case.vessel
+    assert result.planned["chosen"].vessel.speed == chosen_speeds.SPEEDS[1]
+    assert result.planned["own"].vessel.speed == result.scenario.vessel.speed_m_s
 
 
 def test_the_routes_are_those_of_renew(result: RunResult) -> None:
@@ -45,7 +43,7 @@ def test_the_routes_are_those_of_renew(result: RunResult) -> None:
     plan = chosen_speeds.plan_by_renew(result, entry.arrive_by_s)
     assert entry.plan.best.fuel == plan.best.fuel
     assert np.ptp(plan.best.speeds) > 0
-    for row, route in zip(rows_of(result), entry.plan.routes, strict=False):
+    for row, route in zip(entry.measures.routes, entry.plan.routes, strict=True):
         dt = np.diff(route.times)
         assert row.speed_m_s == pytest.approx((route.speeds * dt).sum() / dt.sum())
         # The figure at the chosen speeds, not that at the vessel's own speed.
@@ -56,25 +54,24 @@ def test_the_routes_are_those_of_renew(result: RunResult) -> None:
 
 def test_a_choice_of_speeds_saves_fuel_beside_one_speed_in_the_same_time(result: RunResult) -> None:
     """The least constant speed that arrives in time along the same path takes more fuel."""
-    scene, plan = result.scene, result.results[0].plan
+    case, plan = result.planned["chosen"], result.results[0].plan
     assert plan is not None
     best = plan.best
     low, high = chosen_speeds.SPEEDS
     for _ in range(40):
         speed = (low + high) / 2
-        vessel = replace(scene.vessel, speed=speed)
-        duration = renew.fuel(best.path, scene.currents["chosen"], vessel, drift="crab") / speed**2
+        vessel = replace(case.vessel, speed=speed)
+        duration = renew.fuel(best.path, case.current, vessel, drift="crab") / speed**2
         low, high = (low, speed) if duration <= best.duration else (speed, high)
-    constant = renew.fuel(
-        best.path, scene.currents["chosen"], replace(scene.vessel, speed=high), drift="crab"
-    )
+    vessel = replace(case.vessel, speed=high)
+    constant = renew.fuel(best.path, case.current, vessel, drift="crab")
     assert best.fuel < constant
 
 
 def test_the_parts_of_the_gap_add_up_with_speeds(result: RunResult) -> None:
     plan = result.results[0].plan
     assert plan is not None
-    found = gap_shares(result.scene, result.results[0], result.scenario.planner)
+    found = gap_shares(result.planned["chosen"], result.results[0], result.scenario.planner)
     assert found is not None
     assert min(found.chart, found.padding, found.bound) >= 0
     whole = found.chart + found.padding + found.bound
@@ -82,30 +79,32 @@ def test_the_parts_of_the_gap_add_up_with_speeds(result: RunResult) -> None:
 
 
 def test_a_bound_of_the_other_side_is_below_its_routes(result: RunResult) -> None:
-    bounds = side_bounds(result.scene, result.results, result.evaluation, result.scenario.planner)
-    by_season = {bound.season: bound.fuel for bound in bounds}
-    rows = [row for row in rows_of(result) if row.season == "chosen"]
+    case = result.case("chosen")
+    bound = side_bound(case.case, case.result, result.islands[0], result.scenario.planner)
+    assert bound is not None
+    rows = case.measures.routes
     others = [row.fuel for row in rows if row.main_passage != rows[0].main_passage]
     assert others
-    assert 0.5 * min(others) < by_season["chosen"] <= min(others)
+    assert 0.5 * min(others) < bound.fuel <= min(others)
 
 
 def test_where_the_planes_scale_varies_it_is_planned_closer(result: RunResult) -> None:
     """On a plane whose scale grows by 2 % along the way the vessel does not come 2 % early."""
     asked = result.scenario
-    scene = chosen_speeds.stretched(result.scene)
-    plan = plan_season(scene, "chosen", asked.planner)
+    case = chosen_speeds.stretched(result.planned["chosen"])
+    plan = planned_case(case, asked.planner)
     assert plan.plan is not None
-    durations = [true_duration_s(route, scene, "chosen") for route in plan.plan.routes]
-    within_s = scene.speeds["chosen"].within_s
+    durations = [true_duration_s(route, case) for route in plan.plan.routes]
+    within_s = chosen_speeds.choice().within_s
     assert max(durations) <= within_s
     assert durations[0] >= (1 - 1e-3) * within_s
     assert plan.arrive_by_s > 1.005 * within_s * 0.98
 
 
 def test_an_arrival_that_cannot_be_made_is_refused_with_dates(result: RunResult) -> None:
-    speeds = {"chosen": replace(result.scene.speeds["chosen"], within_s=1800.0)}
-    plan = plan_season(replace(result.scene, speeds=speeds), "chosen", result.scenario.planner)
+    speeds = replace(chosen_speeds.choice(), within_s=1800.0)
+    hurried = replace(result.planned["chosen"], speeds=speeds)
+    plan = planned_case(hurried, result.scenario.planner)
     assert plan.plan is None
     assert plan.failure.startswith("arrive_by = 2026-11-22 06:50 UTC can't be made")
     assert "a departure at 2026-11-22 06:20 UTC arrives at 2026-11-22 0" in plan.failure
@@ -136,25 +135,19 @@ def test_a_refusal_of_the_planner_is_reported_for_the_season() -> None:
         "speed": {"least": 1.0, "most": 3.0},
     }
     scenario = result.scenario.model_copy(update={"seasons": (Season.model_validate(season),)})
-    scene = project(scenario, result.fetched, result.simplified)
-    assert scene.speeds == speed_choices(scenario)
-    plan = plan_season(scene, "tide", scenario.planner)
-    if plan.plan is None:
-        assert "speed" in plan.failure
+    (case,) = project(scenario, result.fetched, result.simplified)
+    speeds = case.speeds
+    assert speeds is not None
+    found = plan_case(case, scenario.planner)
+    if found.plan is None:
+        assert "speed" in found.failure
         return
     # On the current's own clock: in time, and every leg as the planner has it.
-    evaluated = evaluate_season(scene, plan, PlannerOptions(drift="crab"))
-    assert max(row.duration_s for row in evaluated.routes) <= scene.speeds["tide"].within_s
-    worth = clock_worth(scene, plan, scenario.planner)
+    assert max(row.duration_s for row in found.measures.routes) <= speeds.within_s
+    worth = clock_worth(case, found, scenario.planner)
     assert worth is not None
     assert worth.in_time
     assert min(worth.frozen, worth.mean, worth.shortest) >= worth.best * (1 - 1e-3)
-    by_speeds = replace(
-        result,
-        scenario=scenario,
-        scene=scene,
-        plans=(plan,),
-        evaluation=combine_seasons([evaluated]),
-    )
+    by_speeds = replace(result, scenario=scenario, planned={"tide": case}, results=(found,))
     best = by_speeds.case("tide").routes[0]
     assert legs(best).time_s == pytest.approx(best.route.times, abs=1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -20,9 +21,10 @@ from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.scenario.model import Anchorage
 from pipeline.sources.current_field import Field
-from pipeline.stages.places import avoided_zones, later
+from pipeline.stages.places import avoided_zones
 from pipeline.voyage.one_line import voyage_scenario
 from pipeline.voyage.request import VoyageRequest
+from tests.pipeline.formats import small_run
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)
@@ -120,10 +122,12 @@ def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path:
 
 def test_the_clock_of_an_area_begins_with_the_departure_that_was_chosen() -> None:
     area = renew.ShutArea(RANGE, 600.0, 1200.0, "range")
-    (moved,) = later([area], 500.0)
+    case = small_run.parts(planar=True).planned["gyre"]
+    later = replace(case, areas=(area, renew.ShutArea(RANGE))).later(500.0, "later")
+    moved, always = later.areas
     assert (moved.begin, moved.end) == (100.0, 700.0)
-    (always,) = later([renew.ShutArea(RANGE)], 500.0)
     assert always.is_always_shut
+    assert later.name == "later"
 
 
 def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ import pytest
 import renew
 from pipeline.findings.route_profile import legs, route_profile
 from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.measure import measured
+from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import planar_current, project
 from tests.pipeline.results import rows_of
 from tests.pipeline.tidal_run import DEPARTURE, PERIOD_S, planned, tide
@@ -33,7 +35,7 @@ def test_the_clock_begins_at_departure() -> None:
     """At departure the tide is a third of a step old, and turns from there on."""
     result = planned()
     current = result.case("tide").case.current
-    assert result.scene.departures == {"tide": DEPARTURE}
+    assert result.planned["tide"].departure == DEPARTURE
     middle = result.water.projection.to_plane((119.05, 9.53))[None]
     for hours in (0.0, 3.0, 6.21):
         wanted = 0.4 * np.cos(2 * np.pi * hours * 3600 / PERIOD_S + 0.6)
@@ -43,8 +45,8 @@ def test_the_clock_begins_at_departure() -> None:
 
 def test_turns_are_flown_early_on_time_and_late() -> None:
     result = planned()
-    steady = replace(result.scene, currents={"tide": renew.UniformCurrent(0.0, 0.0)})
-    still = evaluate_season(steady, result.results[0], PlannerOptions())
+    steady = replace(result.planned["tide"], current=renew.UniformCurrent(0.0, 0.0))
+    still = measured(steady, result.results[0], PlannerOptions())
     for row, other in zip(rows_of(result), still.routes, strict=True):
         assert row.trials == 3 * other.trials > 300
         assert row.collisions == 0
@@ -71,8 +73,9 @@ def test_currents_that_end_too_early_are_named_with_their_end() -> None:
     result = planned()
     needed_s = result.routes[0].metrics.duration_s
     short = tide(0.5 * needed_s / 3600)
-    scene = project(result.scenario, replace(result.fetched, currents=(short,)), result.simplified)
-    plan = plan_season(scene, "tide", result.scenario.planner)
+    fetched = replace(result.fetched, currents=(short,))
+    (case,) = project(result.scenario, fetched, result.simplified)
+    plan = plan_case(case, result.scenario.planner)
     end = DEPARTURE + timedelta(seconds=float(short.times_s[-1]))
     assert plan.plan is None
     assert f"the current is known until {end:%Y-%m-%d %H:%M} UTC" in plan.failure

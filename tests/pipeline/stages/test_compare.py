@@ -7,24 +7,22 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.findings.note_words import note_texts
-from pipeline.model import Evaluation
+from pipeline.model import Measures
 from pipeline.stages.compare import safety_notes, weak_stream_notes
 from tests.pipeline import tidal_run
 from tests.pipeline.formats import small_run
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import with_result
 
 
 def test_turns_that_met_land_are_reported_with_the_first_place() -> None:
     result = small_run.parts()
     assert not list(safety_notes(result))
-    turns = result.evaluation.contingency["winter", 1]
+    measures = result.case("winter").measures
+    best, turns = measures.routes[0], measures.turns[0]
     collided = np.zeros(len(turns.points), dtype=bool)
     collided[[5, 9]] = True
-    rows = tuple(
-        replace(row, collisions=2 if row.season == "winter" else 0) for row in rows_of(result)
-    )
-    flown = {**result.evaluation.contingency, ("winter", 1): replace(turns, collided=collided)}
-    (note,) = note_texts(safety_notes(replace(result, evaluation=Evaluation(rows, flown))))
+    measures = Measures((replace(best, collisions=2),), (replace(turns, collided=collided),))
+    (note,) = note_texts(safety_notes(with_result(result, "winter", measures=measures)))
     lon, lat = result.water.projection.to_lonlat(turns.points[5])
     assert note.startswith("winter: not safe everywhere: 2 of ")
     assert f"met land, the first one from {lon:.4f} E {lat:.4f} N; it was planned" in note

@@ -18,12 +18,12 @@ from pipeline.findings.text import exact_moment_text
 from pipeline.formats.figures.choice_plots import departure_figure
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import DepartureChoice, Note
-from pipeline.model.case import speed_choices
+from pipeline.model.case import SpeedChoice
 from pipeline.scenario.season import Season, departure_name
 from pipeline.stages.choose import choose_departures
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.fetch import FetchedData
-from pipeline.stages.seasons.one_season import plan_season
+from pipeline.stages.plan_case import planned as planned_case
 from renew.planner.departures import Sailing, Sailings
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 
@@ -47,10 +47,8 @@ def _chosen(
     season = Season.model_validate({k: v for k, v in keys.items() if v is not None})
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
     data = FetchedData(result.fetched, "land", {"tide": "current"}, {})
-    store, scene = Store(folder, "test"), result.scene
-    if season.speed is not None:
-        scene = replace(scene, speeds=speed_choices(scenario))
-    given = Chosen(scenario, data, Artefact("scene", scene))
+    case = replace(result.planned["tide"], speeds=SpeedChoice.of(season))
+    store, given = Store(folder, "test"), Chosen(scenario, data, Artefact("cases", (case,)))
     return choose_departures(given, store, notes.append, scheduler)
 
 
@@ -69,21 +67,21 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     (season,) = departed.scenario.seasons
     assert season.departure == choice.chosen
     assert season.departures is None
-    assert departed.scene.value.departures["tide"] == choice.chosen
+    assert departed.case("tide").departure == choice.chosen
     # Single plans at the clock of the whole tide and at the season's own agree.
     options = departed.scenario.planner
-    plan = plan_season(departed.scene.value, "tide", options).plan
+    plan = planned_case(departed.case("tide"), options).plan
     assert plan is not None
     assert plan.best.times[0] == 0.0
     assert plan.best.duration == pytest.approx(choice.least_s, rel=2e-3)
     before = result.case("tide").case.current.velocity(result.stops[0], choice.chosen_s)
-    now = departed.scene.value.currents["tide"].velocity(result.stops[0], 0.0)
+    now = departed.case("tide").current.velocity(result.stops[0], 0.0)
     assert now == pytest.approx(before, abs=1e-4)
     (grid,) = departed.data.fetched.currents
     (asked,) = result.fetched.currents
     assert grid.times_s + round(choice.chosen_s) == pytest.approx(asked.times_s)
     assert departed.data.current_keys["tide"] != "current"
-    assert departed.scene.key != "scene"
+    assert departed.cases.key != "cases"
     assert notes[0] == Note.of("departures-asked", count=5)
     (note,) = {*departed.notes}  # each note is given once
     assert note_text(note).startswith("Leave at ")
@@ -92,7 +90,7 @@ def test_the_best_departure_becomes_the_seasons_own(result: Any, tmp_path: Path)
     again: list[Note] = []
     same = _chosen(result, tmp_path, again, departure=None, departures=WINDOW, to_within="30min")
     assert again == []
-    assert same.scene.key == departed.scene.key
+    assert same.cases.key == departed.cases.key
 
 
 def test_a_scheduler_finds_the_same_departure_and_the_same_failure(
@@ -110,7 +108,7 @@ def test_a_scheduler_finds_the_same_departure_and_the_same_failure(
         for folder, scheduler in (("here", None), ("there", str(cluster.scheduler_address))):
             notes: list[Note] = []
             departed = _chosen(result, tmp_path / folder, notes, scheduler, **asked)
-            found.append(artefact_key("choice", departed.choices, departed.scene.key))
+            found.append(artefact_key("choice", departed.choices, departed.cases.key))
             # A worker does not tell how far it is.
             assert bool(notes) == (scheduler is None)
             with pytest.raises(RequestError) as error:
@@ -154,23 +152,17 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
 ) -> None:
     """If the vessel leaves hours into the window, no file has its beginning in the name."""
     old = departure_name(DEPARTURE - timedelta(hours=1))
-    (grid,), scene = result.fetched.currents, result.scene
+    (grid,) = result.fetched.currents
     data = result.scenario.seasons[0].model_dump(exclude_none=True)
     data |= {"name": old, "departures": {**WINDOW, "count": 3}}
     del data["departure"]
     season = Season.model_validate(data)
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
     fetched = replace(result.fetched, currents=(replace(grid, season=old),))
-    scene = replace(
-        scene,
-        currents={old: scene.currents["tide"]},
-        departures={old: DEPARTURE},
-        current_cells={},
-        areas={},
-    )
+    case = replace(result.planned["tide"], name=old)
     data = FetchedData(fetched, "land", {old: "current"}, {})
     notes: list[Note] = []
-    given = Chosen(scenario, data, Artefact("scene", scene))
+    given = Chosen(scenario, data, Artefact("cases", (case,)))
     departed = choose_departures(given, Store(tmp_path, "test"), notes.append)
     (choice,) = departed.choices
     new = departure_name(choice.chosen)
@@ -178,8 +170,8 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
     (named,) = departed.scenario.seasons
     assert (named.name, choice.season, named.title) == (new, new, "")
     assert choice.asked == season
-    by_season = (departed.scene.value.currents, departed.scene.value.departures)
-    assert [list(one) for one in by_season] == [[new], [new]]
+    assert [one.name for one in departed.cases.value] == [new]
+    assert departed.case(new).departure == choice.chosen
     assert [one.season for one in departed.data.fetched.currents] == [new]
     assert list(departed.data.current_keys) == [new]
 
@@ -225,8 +217,10 @@ def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Pa
     assert len(choice.departures_s) == 2
     (season,) = departed.scenario.seasons
     assert (season.departure, season.arrive_by) == (choice.chosen, by)
-    assert departed.scene.value.speeds["tide"].within_s == (by - choice.chosen).total_seconds()
-    plan = plan_season(departed.scene.value, "tide", departed.scenario.planner).plan
+    speeds = departed.case("tide").speeds
+    assert speeds is not None
+    assert speeds.within_s == (by - choice.chosen).total_seconds()
+    plan = planned_case(departed.case("tide"), departed.scenario.planner).plan
     assert plan is not None
     assert plan.best.fuel == pytest.approx(choice.fuels.min(), rel=2e-3)
     assert plan.best.times[-1] <= (by - choice.chosen).total_seconds()
@@ -243,8 +237,8 @@ def test_each_departure_has_speeds_to_be_there_in_time(result: Any, tmp_path: Pa
 def test_a_departure_that_is_given_is_left_alone(result: Any, tmp_path: Path) -> None:  # noqa: ANN401
     departed = _chosen(result, tmp_path, [])
     assert departed.choices == ()
-    assert departed.scene.value is result.scene
-    assert departed.scene.key == "scene"
+    assert departed.case("tide").current is result.planned["tide"].current
+    assert departed.cases.key == "cases"
 
 
 CHOICE = DepartureChoice(

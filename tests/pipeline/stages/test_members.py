@@ -12,7 +12,7 @@ import pytest
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.findings.ensembles import ensemble_of, ensemble_text
+from pipeline.findings.ensembles import ensemble_text
 from pipeline.findings.result import RunResult
 from pipeline.formats.report.page import gather, render
 from pipeline.run import run
@@ -76,12 +76,14 @@ def test_eddies_have_the_asked_speed_and_no_mean(is_changing: bool) -> None:
 
 
 def test_a_run_writes_what_each_route_needs_in_each_member(result: RunResult, folder: Path) -> None:
-    found = ensemble_of(result, "still")
+    found = result.case("still").result.ensemble
     assert found is not None
     with (folder / "members" / "ensemble.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 8 * len(result.routes)
-    currents = dict(zip(found.names, result.scene.members["still"].currents, strict=True))
+    members = result.planned["still"].members
+    assert members is not None
+    currents = dict(zip(found.names, members.currents, strict=True))
     for row in rows[:6]:
         route = result.routes[int(row["rank"]) - 1].route
         vessel = result.cases[0].case.vessel

@@ -24,8 +24,8 @@ from pipeline.stages.choose import (
     room_notes,
     with_offing,
 )
-from pipeline.stages.places import plane_scene
-from pipeline.stages.seasons.one_season import plan_season
+from pipeline.stages.plan_case import planned
+from tests.pipeline.planar_cases import case_of
 from tests.pipeline.results import rows_of
 
 FAR_M, MILE_M = 1e6, 1852.0
@@ -80,11 +80,11 @@ def a_wall(gap_m: float, **planner: object) -> Scenario:
 @pytest.mark.parametrize("gap_m", [60.0, 30.0])
 def test_the_length_with_reduced_offing_is_reported(gap_m: float) -> None:
     scene, options = (
-        plane_scene(a_wall(gap_m)),
+        case_of(a_wall(gap_m)),
         PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1),
     )
-    season = plan_season(scene, "calm", options)
-    (note,) = narrows_notes(scene, [season], options)
+    season = planned(scene, options)
+    (note,) = narrows_notes(scene.water, [season], options)
     values: dict[str, Any] = dict(note.values)
     line = shapely.LineString(season.routes[0].path)
     land = shapely.union_all(scene.chart.no_go)
@@ -107,39 +107,40 @@ def test_a_reduced_offing_stands_below_the_table(tmp_path: Path) -> None:
 
 def test_where_the_offing_has_room_it_does_not_yield() -> None:
     scene, options = (
-        plane_scene(a_wall(200.0)),
+        case_of(a_wall(200.0)),
         PlannerOptions(clearance=40.0, narrow_share=0.5, classes=1),
     )
-    assert narrows_notes(scene, [plan_season(scene, "calm", options)], options) == ()
+    assert narrows_notes(scene.water, [planned(scene, options)], options) == ()
 
 
 def test_what_the_room_is_for_is_told_by_what_turns_need() -> None:
     """The turns' part is what a plan without an offing pads at most, on the same edges."""
-    scene = plane_scene(a_wall(200.0))
+    scene = case_of(a_wall(200.0))
     for clearance in (40.0, 0.5):
         options = PlannerOptions(clearance=clearance, classes=1)
-        (note,) = room_notes(scene, [plan_season(scene, "calm", options)], options)
+        (note,) = room_notes(scene.water, [planned(scene, options)], options)
         values: dict[str, Any] = dict(note.values)
-        bare = plan_season(scene, "calm", PlannerOptions(classes=1)).routes[0]
+        bare = planned(scene, PlannerOptions(classes=1)).routes[0]
         assert values["turns_m"] == pytest.approx(bare.padding_used[:, 4].max(), rel=1e-6)
         assert values["offing_m"] == clearance
         assert ("the offing decides" in note_text(note)) == (clearance > 5)
     plain = PlannerOptions(clearance=40.0, classes=1, padding="none")
-    assert room_notes(scene, [plan_season(scene, "calm", plain)], plain) == ()
+    assert room_notes(scene.water, [planned(scene, plain)], plain) == ()
 
 
 def test_a_clearance_that_is_given_is_never_reduced() -> None:
-    scene, options = plane_scene(a_wall(60.0)), PlannerOptions(clearance=40.0, classes=1)
-    assert "gap is" in plan_season(scene, "calm", options).failure
+    scene, options = case_of(a_wall(60.0)), PlannerOptions(clearance=40.0, classes=1)
+    assert "gap is" in planned(scene, options).failure
     scenario = parse_scenario(scenario_text(clearance=40.0))
     assert with_offing(scenario, scene, 60.0) is scenario.planner
 
 
 def test_on_a_chart_it_is_chosen_with_its_share() -> None:
     scenario = parse_scenario(scenario_text())
-    scene = replace(
-        plane_scene(a_wall(60.0)), is_planar=False, projection=Projection.at(118.5, 9.75)
-    )
+    scene = case_of(a_wall(60.0))
+    projection = Projection.at(118.5, 9.75)
+    water = replace(scene.water, is_planar=False, projection=projection)
+    scene = replace(scene, water=water)
     chosen = with_offing(scenario, scene, 60.0)
     assert chosen.narrow_share == 0.5
     assert chosen.clearance == 4.0  # a two-hundredth of 900 m, in whole metres

@@ -18,7 +18,7 @@ from pipeline.model import Credit, CurrentGrid, Simplified
 from pipeline.scenario.region import Region
 from pipeline.sources.interpolation import fill_gaps
 from pipeline.sources.land.shapes import box_around
-from pipeline.stages.project import extent_polygon, planar_current, project
+from pipeline.stages.project import extent_polygon, planar_current, project, water_of
 from tests.pipeline.formats import small_run
 
 CREDIT = Credit("made up", "current", "", "")
@@ -76,7 +76,7 @@ def test_land_that_is_cut_along_a_parallel_does_not_reach_beyond_it_in_the_plane
     got = small_run.fetched(asked)
     land = replace(got.land, polygons=(coast,), second_shore=(coast,))
     open_sea = Simplified((), (), 0, 0, 0.0, 0.0)
-    scene = project(arctic, replace(got, land=land, currents=()), open_sea)
+    scene = water_of(arctic, land, open_sea)
     sea = [(lon, 72.05) for lon in range(121, 240)]
     for polygons in (scene.land, scene.second_shore):
         for place in scene.projection.to_plane(sea):
@@ -175,9 +175,11 @@ def test_land_that_the_plane_makes_invalid_is_repaired() -> None:
     assert not bow.is_valid
     land = replace(got.land, polygons=(*got.land.polygons, bow), second_shore=(bow,))
     simplified = Simplified(got.land.polygons, got.land.polygons, 9, 9, 0.0, 0.0)
-    scene = project(asked, replace(got, land=land), simplified)
+    (case,) = project(asked, replace(got, land=land), simplified)
+    scene = case.water
     for polygons, count in ((scene.land, 4), (scene.second_shore, 2)):
         assert shapely.is_valid(np.array(polygons, dtype=object)).all()
         assert len(polygons) == count
     assert scene.depths is None
-    assert scene.current_cells["winter"].known.sum() == 8 * 9 - 4
+    assert case.current_cells is not None
+    assert case.current_cells.known.sum() == 8 * 9 - 4

@@ -26,7 +26,7 @@ from pipeline.model import Land, Simplified
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.sources.tides.station import find_station
-from pipeline.stages.tides import tidal_depths
+from pipeline.stages.tides import tidal_depth
 from pipeline.voyage.one_line import voyage_scenario
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.vessel_options import VesselFigures
@@ -150,7 +150,9 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
     assert departure is not None
     table = rows(points, departure)
     assert headings(points).water == "Water under\nkeel, m"
-    tide = shapely.union_all(result.scene.tidal_depths["day"].areas)
+    depth = result.planned["day"].tidal_depth
+    assert depth is not None
+    tide = shapely.union_all(depth.areas)
     for index, row in enumerate(table[1:]):
         leg = shapely.LineString(result.water.projection.to_plane(points.lonlat[index : index + 2]))
         assert bool(row.water) == leg.intersects(tide)
@@ -204,7 +206,7 @@ def test_a_grid_beside_cells_does_not_take_their_datum(tmp_path: Path) -> None:
     region = shapely.box(*BOX)
     simplified = Simplified((), (), 0, 0, 5.0, 5.0)
     with pytest.raises(RequestError, match="does not state the datum of its depths"):
-        tidal_depths(scenario, cells, simplified, region, Projection.for_region(region))
+        tidal_depth(scenario, cells, simplified, region, Projection.for_region(region))
 
 
 def test_water_far_from_every_station_is_refused_with_the_nearest(tmp_path: Path) -> None:

@@ -18,8 +18,8 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
-from pipeline.machine.store import Artefact, Store
-from pipeline.model import Scene
+from pipeline.machine.store import Artefact
+from pipeline.model import Case
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.stages.choosing.chosen import Chosen
@@ -123,9 +123,10 @@ def test_the_written_scenario_gives_the_same_voyage(outcome: Outcome, tmp_path: 
     assert table(again) == table(outcome)
 
 
-def is_shut_for(scene: Scene, departure: float) -> Any:  # noqa: ANN401 - as the oracle takes it
+def is_shut_for(case: Case, departure: float) -> Any:  # noqa: ANN401 - as the oracle takes it
     """Say which legs are shut, by this test's own rule: early, on time, late and for a turn."""
-    depth, turn = scene.tidal_depths["day"], scene.vessel.turn_period
+    depth, turn = case.tidal_depth, case.vessel.turn_period
+    assert depth is not None
     kinds = depth.tide if isinstance(depth.tide, list) else [depth.tide] * len(depth.areas)
     relied = {one: ReliedOnTide(one, depth.surge, depth.lag) for one in set(kinds)}
 
@@ -144,7 +145,8 @@ def is_shut_for(scene: Scene, departure: float) -> Any:  # noqa: ANN401 - as the
 
 
 def test_an_oracle_that_waits_at_that_node_does_not_arrive_earlier(outcome: Outcome) -> None:
-    scene, season = outcome.result.scene, "day-onward"
+    season, first = "day-onward", outcome.result.planned["day"]
+    anchorage, goal = outcome.result.stops[1:]
     there, onward = (
         next(row for row in table(outcome) if row["season"] == name) for name in ("day", season)
     )
@@ -152,15 +154,15 @@ def test_an_oracle_that_waits_at_that_node_does_not_arrive_earlier(outcome: Outc
 
     def way_on(departure: float) -> float:
         fuel, _ = earliest_arrival(
-            scene.chart,
-            scene.currents["day"],
-            scene.vessel,
-            scene.via[0],
-            scene.goal,
+            first.chart,
+            first.current,
+            first.vessel,
+            anchorage,
+            goal,
             departure,
             spacing=120.0,
             clearance=float(outcome.scenario.planner.clearance or 0.0),
-            is_shut=is_shut_for(scene, departure),
+            is_shut=is_shut_for(first, departure),
         )
         return fuel
 
@@ -182,7 +184,7 @@ def test_no_wait_at_all_changes_nothing(tmp_path: Path) -> None:
     )
     assert table(anchorage) == table(point)
     (one,), (other,) = (
-        [entry.plan for entry in found.plans if entry.plan is not None]
+        [one.plan for one in found.result.results if one.plan is not None]
         for found in (point, anchorage)
     )
     for route, same in zip(one.routes, other.routes, strict=True):
@@ -194,7 +196,8 @@ def test_no_wait_at_all_changes_nothing(tmp_path: Path) -> None:
 def test_a_vessel_leaves_before_its_anchorage_falls_dry(tmp_path: Path) -> None:
     found = voyage(tmp_path, {"at": ON_THE_BAR, "wait": "9h"}, HIGH)
     (choice,) = found.result.departures
-    depth = found.result.scene.tidal_depths["day"]
+    depth = found.result.planned["day"].tidal_depth
+    assert depth is not None
     here = shapely.Point(found.result.stops[1:-1][0])
     shut = [area for area in depth.tidal_areas if shapely.dwithin(area.polygon, here, 7.0)]
     assert shut
@@ -204,22 +207,18 @@ def test_a_vessel_leaves_before_its_anchorage_falls_dry(tmp_path: Path) -> None:
     assert last < WAIT.total_seconds() / 2
 
 
-def test_the_way_on_has_the_current_and_the_hours_of_its_own_clock(tmp_path: Path) -> None:
+def test_the_way_on_has_the_current_and_the_hours_of_its_own_clock() -> None:
     result: RunResult = tidal_run(tide(30), ())
     middle = [119.05, 9.53]
     via = result.scenario.model_validate(
         {**result.scenario.model_dump(exclude_unset=True), "via": [{"at": middle, "wait": "6h"}]}
     )
     area = renew.ShutArea(shapely.box(9e3, 0, 9.1e3, 10), 7200.0, 9000.0)
-    scene = replace(
-        result.scene,
-        via=result.water.projection.to_plane(np.array([middle])),
-        anchorage=0,
-        areas={"tide": (area,)},
-    )
+    anchorage = result.water.projection.to_plane(np.array([middle]))
+    case = replace(result.planned["tide"], via=anchorage, areas=(area,))
     data = FetchedData(result.fetched, "land", {"tide": "current"}, {})
-    given = Chosen(via, data, Artefact("scene", scene))
-    split = with_onward_legs(given, Store(tmp_path, "test"))
+    given = Chosen(via, data, Artefact("cases", (case,)))
+    split = with_onward_legs(given)
     season, onward = split.scenario.seasons
     assert (season.name, onward.name) == ("tide", "tide-onward")
     assert onward.departures is not None
@@ -228,13 +227,15 @@ def test_the_way_on_has_the_current_and_the_hours_of_its_own_clock(tmp_path: Pat
     assert season.departure is not None
     shift = (onward.departures.begin - season.departure).total_seconds()
     assert shift > 0
-    found = split.scene.value
-    before, after = (found.currents[name] for name in ("tide", "tide-onward"))
+    first, second = split.case("tide"), split.case("tide-onward")
     np.testing.assert_allclose(
-        after.velocity(scene.start, 600.0), before.velocity(scene.start, shift + 600.0), atol=1e-12
+        second.current.velocity(case.start, 600.0),
+        first.current.velocity(case.start, shift + 600.0),
+        atol=1e-12,
     )
-    assert found.areas["tide-onward"][0].begin == pytest.approx(7200.0 - shift)
+    assert second.areas[0].begin == pytest.approx(7200.0 - shift)
     assert set(split.data.current_keys) == {"tide", "tide-onward"}
     assert len(split.data.fetched.currents) == 2
-    np.testing.assert_array_equal(found.leg("tide").goal, scene.via[0])
-    np.testing.assert_array_equal(found.leg("tide-onward").start, scene.via[0])
+    np.testing.assert_array_equal(first.goal, anchorage[0])
+    np.testing.assert_array_equal(second.start, anchorage[0])
+    assert second.follows == "tide"

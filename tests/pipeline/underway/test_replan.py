@@ -117,9 +117,9 @@ def test_what_changed_the_fuel_adds_up(voyage: Path, best: renew.Route) -> None:
 
 def test_the_route_begins_on_the_vessels_heading(voyage: Path) -> None:
     result = again(voyage, heading_deg=270.0, name="westward")
-    route, scene = result.routes[0].route, result.scene
+    route, water = result.routes[0].route, result.water
     through = np.array([math.cos(route.trajectory[0, 3]), math.sin(route.trajectory[0, 3])])
-    east, north = scene.projection.rotate_to_lonlat(result.scenario.start, through)
+    east, north = water.projection.rotate_to_lonlat(result.scenario.start, through)
     assert math.degrees(math.atan2(east, north)) % 360 == pytest.approx(270.0, abs=0.01)
 
 

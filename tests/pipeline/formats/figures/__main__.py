@@ -44,7 +44,7 @@ def of_season(season: str, kind: Kind) -> Callable[[RunResult], Figure]:
 
 
 PICTURES = {
-    "palawan-season": Picture("palawan-season", overview_figure, 160),
+    "palawan-season": Picture("palawan-season", lambda result: overview_figure(result.cases), 160),
     "palawan-winter-along": Picture("palawan-season", of_season("winter", Kind.ALONG), 160),
     "single-gyre-mesh": Picture("single-gyre", partial(method.mesh, season="gyre"), 130),
     "single-gyre-channels": Picture("single-gyre", partial(method.channels, season="gyre"), 100),

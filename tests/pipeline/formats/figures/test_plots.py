@@ -16,10 +16,10 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import route_profile
-from pipeline.formats.figures.artists import page_svg
-from pipeline.formats.figures.plots import profile_figure
-from pipeline.formats.figures.turning import padding_figure, tightest_place
+from pipeline.formats.figures.chart_map import page_svg
+from pipeline.formats.figures.plots import padding_figure, profile_figure, tightest_place
 from pipeline.formats.palette import COLOURS
+from tests.pipeline.results import with_case, with_water
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,12 +109,8 @@ def test_fuel_in_still_water_is_what_the_distance_takes(planar_result: RunResult
 
 
 def test_a_large_fuel_is_written_and_drawn_in_millions(planar_result: RunResult) -> None:
-    ranked = planar_result.routes[0]
-    vessel = planar_result.cases[0].case.vessel
-    thirsty = replace(
-        planar_result,
-        scene=replace(planar_result.scene, vessel=replace(vessel, fuel_coefficient=1e6)),
-    )
+    vessel = replace(planar_result.planned["gyre"].vessel, fuel_coefficient=1e6)
+    ranked = with_case(planar_result, "gyre", vessel=vessel).routes[0]
     burnt = replace(ranked, metrics=replace(ranked.metrics, fuel=ranked.metrics.fuel * 1e6))
     fuel = profile_figure(burnt).axes[0]
     assert drawn(fuel, "best")[0][-1, 1] == pytest.approx(ranked.metrics.fuel)
@@ -123,8 +119,8 @@ def test_a_large_fuel_is_written_and_drawn_in_millions(planar_result: RunResult)
 
 
 def test_open_sea_has_no_panel_of_clearance(planar_result: RunResult) -> None:
-    open_sea = replace(planar_result, scene=replace(planar_result.scene, land=()))
-    assert len(profile_figure(planar_result.routes[0]).axes) == 3
+    open_sea = with_water(planar_result, land=())
+    assert len(profile_figure(open_sea.routes[0]).axes) == 3
 
 
 def test_a_crossing_of_land_is_drawn_at_the_panels_foot(planar_result: RunResult) -> None:
@@ -209,9 +205,7 @@ def test_the_svg_is_well_formed_and_leaves_its_colours_to_the_page(result: RunRe
 
 def test_the_padding_of_a_run_is_that_of_its_tightest_place(result: RunResult) -> None:
     ranked = result.routes[0]
-    tightest = renew.tightest(
-        ranked.route, result.case(ranked.season).case.current, result.cases[0].case.vessel
-    )
+    tightest = renew.tightest(ranked.route, ranked.case.case.current, ranked.case.case.vessel)
     assert tightest is not None
     (axes,) = padding_figure(tightest, result.scenario.scale).axes
     (line,) = drawn(axes, "other")

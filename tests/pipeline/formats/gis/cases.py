@@ -10,9 +10,9 @@ from shapely.geometry import Polygon
 
 from pipeline.findings.result import RunResult
 from pipeline.geo.projection import Projection
-from pipeline.model import Credit, Evaluation, Land
+from pipeline.model import Credit, Land
 from pipeline.texts import clean
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import with_water
 
 SCRIPT = "<script>alert(1)</script>'; DROP TABLE routes; -- \"&\\ [% 1 + 1 %]"
 _RIVER = "\u0646\u0647\u0631\U0001f30a"  # Arabic, right to left, and a wave
@@ -33,14 +33,10 @@ def renamed(result: RunResult, names: Mapping[str, str]) -> RunResult:
             result.fetched,
             currents=tuple(replace(g, season=names[g.season]) for g in result.fetched.currents),
         ),
-        scene=replace(
-            result.scene, currents={names[s]: c for s, c in result.scene.currents.items()}
-        ),
-        plans=tuple(replace(entry, season=names[entry.name]) for entry in result.results),
-        evaluation=Evaluation(
-            tuple(replace(row, season=names[row.season]) for row in rows_of(result)),
-            {(names[s], rank): c for (s, rank), c in result.evaluation.contingency.items()},
-        ),
+        planned={
+            names[name]: replace(case, name=names[name]) for name, case in result.planned.items()
+        },
+        results=tuple(replace(one, name=names[one.name]) for one in result.results),
     )
 
 
@@ -65,18 +61,15 @@ def moved_east(result: RunResult, degrees: float) -> RunResult:
         return tuple(shapely.affinity.translate(polygon, degrees) for polygon in polygons)
 
     land: Land = result.fetched.land
+    projection = Projection.for_region(
+        shapely.affinity.translate(region, degrees), result.scenario.scale
+    )
     return replace(
-        result,
+        with_water(result, projection=projection),
         fetched=replace(
             result.fetched,
             land=replace(land, polygons=shifted(land.polygons)),
             currents=tuple(replace(g, lon=g.lon + degrees) for g in result.fetched.currents),
         ),
         simplified=replace(result.simplified, polygons=shifted(result.simplified.polygons)),
-        scene=replace(
-            result.scene,
-            projection=Projection.for_region(
-                shapely.affinity.translate(region, degrees), result.scenario.scale
-            ),
-        ),
     )

@@ -12,11 +12,12 @@ import geopandas
 import pyproj
 
 from pipeline.findings.result import RunResult
-from pipeline.model import Evaluation, SeasonPlan
+from pipeline.model import CaseResult
 
 GEOD = pyproj.Geod(ellps="WGS84")
 
 
+# Layers with features in the small run, with their types of geometry.
 LAYERS = {
     "routes": "LineString",
     "passage": "Point",
@@ -26,27 +27,19 @@ LAYERS = {
     "islands": "Point",
     "coast": "MultiPolygon",
     "region": "LineString",
-    "hazards": "MultiPolygon",
-    "chart_areas": "MultiPolygon",
-    "depth_areas": "MultiPolygon",
-    "tidal_water": "MultiPolygon",
     "no_go": "MultiPolygon",
     "soft_no_go": "MultiPolygon",
     "currents": "Point",
     "contingency": "Point",
-    "shore_crossings": "Point",
-    "havens": "Point",
-    "diversions": "LineString",
-    "coverage": "LineString",
 }
 
 
+# Figures of a route on a chart without depths, tide and members.
 ROUTE_COLUMNS = {
     *("season", "rank", "homotopy", "way", "fuel", "fuel_per_distance", "length_m"),
     *("clearance_m", "duration_s", "optimality_gap"),
     *("trials", "collisions"),
-    *("filled_share", "uncharted_share", "least_water_m", "least_water_at"),
-    *("members_share", "members_mean_fuel"),
+    "filled_share",
 }
 
 
@@ -61,5 +54,5 @@ def layer(path: Path, name: str) -> geopandas.GeoDataFrame:
 
 
 def without_routes(result: RunResult) -> RunResult:
-    plans = tuple(SeasonPlan(entry.name, None, "no way", 0.0) for entry in result.results)
-    return replace(result, plans=plans, evaluation=Evaluation((), {}))
+    results = tuple(CaseResult(one.name, None, "no way", 0.0) for one in result.results)
+    return replace(result, results=results)

@@ -13,7 +13,7 @@ from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import write_geopackage
 from pipeline.formats.records import manifest
-from pipeline.model import Evaluation
+from pipeline.model import RouteMetrics
 from tests.pipeline.formats import runs, small_run
 from tests.pipeline.formats.gis.cases import BAD_CREDIT, ODD, SCRIPT, badly_named
 from tests.pipeline.formats.gis.tables import (
@@ -22,7 +22,7 @@ from tests.pipeline.formats.gis.tables import (
     query,
     without_routes,
 )
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import with_rows
 from tests.validators import geopackage_faults
 
 
@@ -106,13 +106,11 @@ def test_names_with_a_meaning_in_sql_are_stored_as_text(result: RunResult, tmp_p
 
 
 def test_figures_that_do_not_exist_are_null(result: RunResult, tmp_path: Path) -> None:
-    rows = tuple(
-        replace(row, optimality_gap=float("nan"), clearance_m=float("inf"))
-        for row in rows_of(result)
-    )
+    def unknown(_: str, row: RouteMetrics) -> RouteMetrics:
+        return replace(row, optimality_gap=float("nan"), clearance_m=float("inf"))
+
     path = tmp_path / "routes.gpkg"
-    evaluation = Evaluation(rows, result.evaluation.contingency)
-    write_geopackage(replace(result, evaluation=evaluation), path)
+    write_geopackage(with_rows(result, unknown), path)
     found = query(path, "SELECT DISTINCT optimality_gap, clearance_m FROM routes")
     assert found == [(None, None)]
 

@@ -14,6 +14,7 @@ from pipeline.formats.gis.qgis import map_crs, view
 from pipeline.formats.gis.styles import style
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats.gis.cases import moved_east
+from tests.pipeline.results import with_water
 
 
 def in_waters(result: RunResult, *box: float) -> RunResult:
@@ -21,7 +22,7 @@ def in_waters(result: RunResult, *box: float) -> RunResult:
     region = shapely.box(*box)
     projection = Projection.for_region(region)
     chart = renew.Chart(projection.geometry_to_plane(region, densify_m=10_000), [])
-    return replace(result, scene=replace(result.scene, projection=projection, chart=chart))
+    return with_water(result, projection=projection, chart=chart)
 
 
 @pytest.mark.parametrize(
@@ -79,8 +80,8 @@ def test_arrows_are_turned_by_the_maps_convergence(
 def test_on_a_map_around_the_pole_arrows_turn_with_the_longitude(result: RunResult) -> None:
     projection = Projection.for_region(shapely.box(-180, 84, 180, 90))
     ring = shapely.Point(0, 0).buffer(600_000)
-    scene = replace(result.scene, projection=projection, chart=renew.Chart(ring, []))
-    formula = map_crs(replace(result, scene=scene)).convergence
+    polar = with_water(result, projection=projection, chart=renew.Chart(ring, []))
+    formula = map_crs(polar).convergence
     python = formula.replace("x($geometry)", "lon").replace("y($geometry)", "lat")
     for lon in (-170.0, -90.0, 0.0, 45.0, 179.0):
         place = {"lon": lon, "lat": 87.0, "sin": np.sin, "radians": np.radians}

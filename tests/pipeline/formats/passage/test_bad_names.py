@@ -14,8 +14,7 @@ from lxml import etree
 from pipeline.findings.names import safe_name
 from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import write_geojson
-from pipeline.formats.passage.routes import write_gpx, write_kml
-from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.passage.routes import write_gpx, write_kml, write_rtz
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.texts import clean
 from tests.pipeline.formats import runs
@@ -61,7 +60,9 @@ def named(request: pytest.FixtureRequest) -> tuple[str, RunResult]:
 def test_rtz(named: tuple[str, RunResult], tmp_path: Path, version: str) -> None:
     name, result = named
     path = tmp_path / f"{safe_name(name)}.rtz"
-    write_rtz(result.case(runs.SEASON), path, version=version)
+    outputs = result.scenario.outputs.model_copy(update={"rtz_version": version})
+    scenario = result.scenario.model_copy(update={"outputs": outputs})
+    write_rtz(replace(result, scenario=scenario).case(runs.SEASON), path)
     root = etree.parse(path).getroot()
     assert not any(rtz_faults(root, version))
     assert root[0].get("routeName") == path.stem

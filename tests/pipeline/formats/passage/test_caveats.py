@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from pipeline.formats.passage.missions import write_plan
-from pipeline.formats.passage.routes import write_gpx, write_kml
-from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.passage.routes import write_gpx, write_kml, write_rtz
 from pipeline.formats.tables import write_metrics
 from tests.pipeline.formats import small_run
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import with_measures
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,15 +30,12 @@ WRITERS: dict[str, Callable[..., None]] = {
 
 def with_hits(result: RunResult) -> RunResult:
     """The run, with two turns of winter's best route that met land."""
-    turns = result.evaluation.contingency["winter", 1]
+    turns, *others = result.case("winter").measures.turns
     collided = np.zeros(len(turns.points), dtype=bool)
     collided[[5, 9]] = True
-    rows = tuple(
-        replace(row, collisions=2) if (row.season, row.rank) == ("winter", 1) else row
-        for row in rows_of(result)
-    )
-    flown = {**result.evaluation.contingency, ("winter", 1): replace(turns, collided=collided)}
-    return replace(result, evaluation=replace(result.evaluation, routes=rows, contingency=flown))
+    best, *rows = result.case("winter").measures.routes
+    flown = (replace(turns, collided=collided), *others)
+    return with_measures(result, "winter", routes=(replace(best, collisions=2), *rows), turns=flown)
 
 
 @pytest.mark.parametrize("end", WRITERS)
@@ -47,9 +43,9 @@ def test_a_route_that_is_not_safe_says_so_in_every_file(end: str, tmp_path: Path
     result = small_run.parts()
     told = {}
     for name, run in (("safe", result), ("unsafe", with_hits(result))):
-        WRITERS[end](run, "winter", tmp_path / f"{name}.{end}")
+        WRITERS[end](run.case("winter"), tmp_path / f"{name}.{end}")
         told[name] = (tmp_path / f"{name}.{end}").read_text(encoding="utf-8").lower()
-    (row,) = (one for one in rows_of(result) if (one.season, one.rank) == ("winter", 1))
+    row = result.case("winter").measures.routes[0]
     assert f"not safe everywhere: 2 of {row.trials:,} hard-over turns" in told["unsafe"]
     assert "not safe" not in told["safe"]
     assert "everywhere" not in told["safe"]
@@ -63,7 +59,7 @@ def test_every_file_names_the_current_that_was_used(end: str, tmp_path: Path) ->
     """Summer is planned on a stand-in, winter on what was asked for."""
     result = small_run.parts()
     for season in ("summer", "winter"):
-        WRITERS[end](result, season, tmp_path / f"{season}.{end}")
+        WRITERS[end](result.case(season), tmp_path / f"{season}.{end}")
         grid = result.case(season).grid
         assert grid is not None
         told = (tmp_path / f"{season}.{end}").read_text(encoding="utf-8").lower()

@@ -10,9 +10,14 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.findings.route_profile import metres_along
 from pipeline.formats.passage import thinning as module
-from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor, safe_corridor
+from pipeline.formats.passage.safe_corridor import (
+    Drawing,
+    Obstacles,
+    SafeCorridor,
+    curve_for,
+    safe_corridor,
+)
 from pipeline.formats.passage.thinning import Candidates, cheapest_chain, with_candidates
-from pipeline.formats.passage.tracks import Drawing, curve_for
 from tests.pipeline.formats import runs
 
 
@@ -21,7 +26,8 @@ def corridors() -> list[tuple[SafeCorridor, Drawing]]:
     found = []
     for seed in range(3):
         result = runs.random_run(seed)
-        obstacles, scene = Obstacles(result.scene), result.scene
+        scene = result.planned[runs.SEASON]
+        obstacles = Obstacles(scene)
         for ranked in result.routes[:3]:
             curve = curve_for(scene.projection.to_lonlat(ranked.route.path))
             for share in (4e-2, 1e-2, 2e-3):

@@ -10,12 +10,12 @@ import renew
 from pipeline.formats.passage.safe_corridor import (
     Obstacles,
     SafeCorridor,
+    Tracks,
     cross_track_limits,
     turning_radii,
 )
-from pipeline.formats.passage.tracks import Tracks
 from pipeline.geo.projection import Projection
-from pipeline.model import Scene
+from pipeline.model import Case, Water
 from tests.strategies import PAPER_VESSEL
 
 CAP = 50.0
@@ -24,17 +24,10 @@ NOTHING = shapely.MultiPolygon()
 
 def obstacles(*no_go: shapely.Polygon) -> Obstacles:
     """A chart from -200 to 300 m both ways."""
-    return Obstacles(
-        Scene(
-            chart=renew.Chart(shapely.box(-200, -200, 300, 300), no_go),
-            land=no_go,
-            currents={},
-            start=np.zeros(2),
-            goal=np.ones(2),
-            projection=Projection.at(0.0, 0.0),
-            vessel=PAPER_VESSEL,
-        )
-    )
+    chart = renew.Chart(shapely.box(-200, -200, 300, 300), no_go)
+    water = Water(chart, no_go, Projection.at(0.0, 0.0))
+    still = renew.UniformCurrent(0.0, 0.0)
+    return Obstacles(Case("still", water, PAPER_VESSEL, np.zeros(2), np.ones(2), still))
 
 
 def legs(*points: tuple[float, float]) -> Tracks:

@@ -15,8 +15,7 @@ import shapely
 
 import renew
 from pipeline.findings.result import RunResult
-from pipeline.formats.passage.fence import KEPT_SHARE, autopilot
-from pipeline.formats.passage.missions import write_plan
+from pipeline.formats.passage.missions import KEPT_SHARE, autopilot, write_plan
 from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.formats.passage_plan import write_passage_plan
 from tests.pipeline.formats import runs, small_run
@@ -91,7 +90,7 @@ def test_few_vertices_and_the_legs_inside_by_their_limits(
     assert all(len(ring) >= 3 for _, ring in found)
     room = HEADER + sum(POLYGON + VERTEX * len(ring) for _, ring in found) + END
     assert room <= FENCE_BYTES
-    scene, points = fenced.scene, case_waypoints(fenced.case(season_of(fenced)))[0]
+    scene, points = fenced.water, case_waypoints(fenced.case(season_of(fenced)))[0]
     rings = [
         shapely.LinearRing(scene.projection.to_plane(shapely.get_coordinates(dense)))
         for _, ring in found
@@ -115,7 +114,7 @@ def test_a_fence_is_made_smaller_or_left_out_where_there_is_less_room(
     room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The polygons share the room: the same run's fence takes 331 bytes where there are 672."""
-    monkeypatch.setattr("pipeline.formats.passage.fence.STORAGE_BYTES", room)
+    monkeypatch.setattr("pipeline.formats.passage.missions.STORAGE_BYTES", room)
     found = polygons(replace(small_run.parts()), tmp_path)
     assert HEADER + sum(POLYGON + VERTEX * len(ring) for _, ring in found) + END <= room
     assert bool(found) == (room >= 250)

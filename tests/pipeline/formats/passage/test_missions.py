@@ -108,4 +108,4 @@ def test_both_missions_are_the_same(any_run: RunResult, tmp_path: Path) -> None:
 @pytest.mark.parametrize("writer", [write_plan, write_mission])
 def test_what_cannot_be_written_is_an_os_error(tmp_path: Path, writer: Callable[..., None]) -> None:
     with pytest.raises(OSError, match="nowhere"):
-        writer(runs.across_180(), runs.SEASON, tmp_path / "nowhere" / "a")
+        writer(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a")

@@ -12,10 +12,10 @@ import pytest
 from lxml import etree
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.passage.routes import write_rtz
 from pipeline.formats.passage.waypoints import case_waypoints
 from tests.pipeline.formats import runs
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import with_rows
 from tests.validators import rtz_faults
 
 # lxml has no types.
@@ -34,7 +34,9 @@ def written(
     version: str = "1.1",
     departure: datetime | None = None,
 ) -> Element:
-    write_rtz(result.case(season), path, version=version, departure=departure)
+    outputs = result.scenario.outputs.model_copy(update={"rtz_version": version})
+    scenario = result.scenario.model_copy(update={"outputs": outputs})
+    write_rtz(replace(result, scenario=scenario).case(season), path, departure=departure)
     return etree.parse(path).getroot()
 
 
@@ -192,12 +194,6 @@ def test_a_departure_without_a_zone_is_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_an_unknown_version_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"'2\.0' is not one of 1\.0, 1\.1, 1\.2"):
-        write_rtz(runs.across_180().case(runs.SEASON), tmp_path / "a.rtz", version="2.0")
-    assert not list(tmp_path.iterdir())
-
-
 def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.results[0].name
     for version in VERSIONS:
@@ -210,8 +206,7 @@ def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None
 
 def test_what_is_not_known_is_in_the_file(tmp_path: Path) -> None:
     result = runs.across_180()
-    rows = tuple(replace(row, filled_share=0.125) for row in rows_of(result))
-    result = replace(result, evaluation=replace(result.evaluation, routes=rows))
+    result = with_rows(result, lambda _, row: replace(row, filled_share=0.125))
     for version in VERSIONS:
         root = written(result, tmp_path / "a.rtz", version=version)
         assert not any(rtz_faults(root, version))

@@ -18,9 +18,8 @@ from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import legs, route_profile
 from pipeline.formats.gis.geopackage import write_geojson, write_geopackage
 from pipeline.formats.passage.missions import write_mission, write_plan
-from pipeline.formats.passage.routes import write_gpx
-from pipeline.formats.passage.rtz import write_rtz
-from pipeline.formats.passage.tracks import Drawing
+from pipeline.formats.passage.routes import write_gpx, write_rtz
+from pipeline.formats.passage.safe_corridor import Drawing
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     Waypoints,
@@ -62,12 +61,10 @@ def test_a_leg_has_about_one_speed(points: Waypoints, result: RunResult) -> None
     assert np.ptp(points.through_water_m_s[:-1]) > 0.3
 
 
-def test_the_legs_at_their_own_speeds_take_the_planned_time_and_fuel(
-    points: Waypoints, result: RunResult
-) -> None:
-    scene, route = result.scene, points.ranked.route
+def test_the_legs_at_their_own_speeds_take_the_planned_time_and_fuel(points: Waypoints) -> None:
+    scene, route = points.ranked.case.case, points.ranked.route
     line = scene.projection.to_plane(points.lonlat)
-    current, vessel = scene.currents["chosen"], scene.vessel_in("chosen")
+    current, vessel = scene.current, scene.vessel
     own = points.through_water_m_s[:-1]
     fuel = renew.fuel(line, current, vessel, drift="crab", speeds=own)
     assert fuel == pytest.approx(route.fuel, rel=5e-3)

@@ -99,14 +99,14 @@ def test_nothing_lies_between_the_legs_and_the_planned_line(any_run: RunResult) 
 def test_the_thinned_route_needs_at_most_the_allowed_extra_fuel(any_run: RunResult) -> None:
     for points in every(any_run):
         line = np.vstack([leg[:-1] for leg in oracles.drawn(points, 500.0)] + [points.lonlat[-1:]])
-        scene, route = any_run.scene, points.ranked.route
-        planar = scene.projection.to_plane(line)
+        case, route = points.ranked.case.case, points.ranked.route
+        planar = case.projection.to_plane(line)
         middles = shapely.points((planar[:-1] + planar[1:]) / 2)
         own = shapely.linestrings(np.stack([route.path[:-1], route.path[1:]], axis=1))
         needed = renew.fuel(
             planar,
-            scene.currents[points.ranked.season],
-            scene.vessel,
+            case.current,
+            case.vessel,
             drift=any_run.scenario.planner.drift,
             speeds=route.speeds[shapely.distance(middles[:, None], own).argmin(axis=1)],
         )
@@ -117,19 +117,19 @@ def test_finer_tolerances_are_tried_until_the_fuel_is_near_enough(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result = runs.random_run(1)
-    (usual, *_), obstacles = case_waypoints(result.case(runs.SEASON)), Obstacles(result.scene)
+    case = result.planned[runs.SEASON]
+    (usual, *_), obstacles = case_waypoints(result.case(runs.SEASON)), Obstacles(case)
     monkeypatch.setattr("pipeline.formats.passage.waypoints.MAX_EXTRA_FUEL", 3e-5)
-    finer = waypoints(usual.ranked, result, obstacles)
+    finer = waypoints(usual.ranked, obstacles)
     assert len(finer.lonlat) > len(usual.lonlat)
     line = np.vstack([leg[:-1] for leg in oracles.drawn(finer, 500.0)] + [finer.lonlat[-1:]])
-    scene = result.scene
-    needed = renew.fuel(scene.projection.to_plane(line), scene.currents[runs.SEASON], scene.vessel)
+    needed = renew.fuel(case.projection.to_plane(line), case.current, case.vessel)
     assert needed <= (1 + 3.5e-5) * usual.ranked.route.fuel
 
 
 def test_corridors_end_at_the_edge_of_the_chart() -> None:
     result = runs.along_the_edge()
-    obstacles = Obstacles(result.scene)
+    obstacles = Obstacles(result.planned[runs.SEASON])
     for ranked in result.routes:
         corridor = safe_corridor(ranked.route, obstacles, 1e-3 * ranked.route.length)
         assert shapely.covers(result.water.chart.extent, corridor.free)
@@ -150,9 +150,9 @@ def test_without_weight_of_clearance_no_chain_of_own_vertices_has_fewer_legs(
 ) -> None:
     monkeypatch.setattr("pipeline.formats.passage.thinning._CLEARANCE_WEIGHT", 0.0)
     result = runs.random_run(2)
-    obstacles = Obstacles(result.scene)
+    obstacles = Obstacles(result.planned[runs.SEASON])
     for ranked in result.routes:
-        points, route = waypoints(ranked, result, obstacles), ranked.route
+        points, route = waypoints(ranked, obstacles), ranked.route
         corridor = safe_corridor(route, obstacles, 1e-3 * route.length)
         lonlat = result.water.projection.to_lonlat(route.path)
         own = nx.path_graph(len(route.path))

@@ -10,10 +10,11 @@ import shapely
 from playwright.sync_api import Browser
 
 import renew
-from pipeline.findings.result import RunResult
+from pipeline.findings.result import RunCase, RunResult
 from pipeline.formats.report.page import gather, render
-from pipeline.model import Evaluation, RouteKey, RouteMetrics, SeasonPlan
+from pipeline.model import CaseResult
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import with_case, with_water
 
 ISLANDS, CORNERS = 250, 200
 ROUTES_PER_SEASON = 8
@@ -34,22 +35,15 @@ class Measured:
 def big_result() -> RunResult:
     """The small run with a long coast, more routes and a finer current."""
     result = small_run.parts()
-    scene = result.scene
-    land = _coast(scene.chart.bounds)
-    currents = {name: _finer(result, name) for name in scene.currents}
-    lonlat = tuple(scene.projection.geometry_to_lonlat(np.array(land, dtype=object)))
-    many = [_more_routes(result, entry) for entry in result.results]
-    contingency: dict[RouteKey, renew.Contingency] = {}
-    for entry in result.results:
-        found = result.evaluation.contingency[entry.name, 1]
-        for rank in range(1, ROUTES_PER_SEASON + 1):
-            contingency[entry.name, rank] = found
+    land = _coast(result.water.chart.bounds)
+    lonlat = tuple(result.water.projection.geometry_to_lonlat(np.array(land, dtype=object)))
+    result = with_water(result, land=land)
+    for case in result.cases:
+        result = with_case(result, case.name, current=_finer(result, case.name))
     return replace(
         result,
         fetched=replace(result.fetched, land=replace(result.fetched.land, polygons=lonlat)),
-        scene=replace(scene, land=land, currents=currents),
-        plans=tuple(plan for plan, _ in many),
-        evaluation=Evaluation(tuple(row for _, rows in many for row in rows), contingency),
+        results=tuple(map(_more_routes, result.cases)),
     )
 
 
@@ -94,17 +88,16 @@ def _finer(result: RunResult, season: str) -> renew.GyreCurrent:
     return renew.GyreCurrent(strength, xmax - xmin, ymax - ymin, columns=3, rows=3)
 
 
-def _more_routes(
-    result: RunResult, entry: SeasonPlan
-) -> tuple[SeasonPlan, tuple[RouteMetrics, ...]]:
-    """Repeat a season's routes, each with a little more fuel."""
-    assert entry.plan is not None
+def _more_routes(case: RunCase) -> CaseResult:
+    """Repeat a case's routes, each with a little more fuel."""
+    assert case.plan is not None
     routes, rows = [], []
-    ranked = result.case(entry.name).routes
     for number in range(ROUTES_PER_SEASON):
-        like = ranked[number % len(ranked)]
+        like = case.routes[number % len(case.routes)]
         name, fuel = f"{like.route.homotopy}.x{number}", like.route.fuel * (1 + 0.01 * number)
         routes.append(replace(like.route, homotopy=name, fuel=fuel))
         rows.append(replace(like.metrics, rank=number + 1, homotopy=name, fuel=fuel))
-    plan = replace(entry.plan, routes=tuple(routes))
-    return replace(entry, plan=plan), tuple(rows)
+    turns = case.measures.turns[:1] * ROUTES_PER_SEASON
+    measures = replace(case.measures, routes=tuple(rows), turns=turns)
+    plan = replace(case.plan, routes=tuple(routes))
+    return replace(case.result, plan=plan, measures=measures)

@@ -14,12 +14,12 @@ from playwright.sync_api import Browser, Page
 from pipeline.findings import text as texts
 from pipeline.findings.result import RunResult
 from pipeline.formats.report import page as report_page
-from pipeline.model import Credit, Passage
+from pipeline.model import CaseResult, Credit, Passage
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import drawn, now, season, slide, written
 from tests.pipeline.formats.report.big_page import measure, write_big_page
 from tests.pipeline.formats.report.conftest import Reader
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import rows_of, with_rows
 from tests.validators import axe_faults
 
 WIDTHS = (360, 768, 1280)
@@ -37,17 +37,16 @@ def hostile(result: RunResult) -> RunResult:
     )
     credit = Credit(HOSTILE, "land", HOSTILE, HOSTILE, "javascript:alert(3)")
     passages = (Passage("north", (HOSTILE,)),)
-    rows = tuple(replace(row, passages=passages) for row in rows_of(result))
     islands = tuple(replace(island, name=HOSTILE) for island in result.islands)
     return replace(
-        result,
+        with_rows(result, lambda _, row: replace(row, passages=passages)),
         scenario=scenario,
         fetched=replace(
             result.fetched,
             land=replace(result.fetched.land, credits=(credit,)),
             notes=(small_run.note(HOSTILE),),
         ),
-        evaluation=replace(result.evaluation, routes=rows, islands=islands),
+        islands=islands,
     )
 
 
@@ -66,9 +65,9 @@ def test_the_map_replaces_the_static_pictures(reader: Reader, file: Path) -> Non
 
 def test_the_numbers_are_the_runs(reader: Reader, file: Path, result: RunResult) -> None:
     page = reader.open(file)
-    for number, entry in enumerate(result.results):
+    for number, case in enumerate(result.cases):
         season(page, number)
-        rows = [m for m in rows_of(result) if m.season == entry.name]
+        rows = case.measures.routes
         buttons = page.locator(f"[data-routes='{number}'] [data-select]")
         assert buttons.count() == len(rows)
         for index, m in enumerate(rows):
@@ -346,9 +345,9 @@ def test_seasons_without_a_route_can_not_be_selected(
     page = reader.open(written(failed, tmp_path))
     assert page.locator("[name=season]").nth(1).is_disabled()
     none = replace(
-        failed, plans=tuple(replace(entry, plan=None, failure="no") for entry in failed.plans)
+        failed, results=tuple(CaseResult(one.name, None, "no", 0.0) for one in failed.results)
     )
-    page = reader.open(written(replace(none), tmp_path))
+    page = reader.open(written(none, tmp_path))
     assert page.locator("#map").is_visible()
     assert not page.locator(".player").is_visible()
 

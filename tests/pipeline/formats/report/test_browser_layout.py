@@ -38,7 +38,7 @@ def test_on_a_phone_a_reason_has_room(reader: Reader, result: RunResult, tmp_pat
     reason = "blocked at 117.1221 E 8.1063 N: the gap is 4.15 m wide, and the padding takes 3.84 m"
     gone = renew.Rejected("p2.p4.p1", reason, entry.plan.routes[0].channel)
     plan = replace(entry.plan, rejected=(gone,))
-    changed = replace(result, plans=(replace(entry, plan=plan), *others))
+    changed = replace(result, results=(replace(entry, plan=plan), *others))
     page = reader.open(written(changed, tmp_path), width=390)
     box = page.locator("table.reasons tbody tr").bounding_box()
     assert box is not None

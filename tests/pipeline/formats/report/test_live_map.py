@@ -87,7 +87,7 @@ def test_the_pointer_reads_position_current_and_distances(
     reader: Reader, file: Path, result: RunResult
 ) -> None:
     page = reader.open(file, width=1280, height=900)
-    scene = result.scene
+    scene = result.water
     land = shapely.union_all(np.array(scene.land, dtype=object))
     seen = 0
     for number, entry in enumerate(result.results):
@@ -112,7 +112,7 @@ def test_the_pointer_reads_position_current_and_distances(
                 metres = float(size) * {"km": 1000, "m": 1}[unit]
                 # Positions are read to a tenth of a minute; the zone is drawn simplified.
                 assert metres == pytest.approx(geodesic_m(ends), abs=400), (name, place)
-            expected = scene.currents[entry.name](np.array([here.x, here.y]))
+            expected = result.planned[entry.name].current(np.array([here.x, here.y]))
             east, north = scene.projection.rotate_to_lonlat(np.array(place), expected)
             speed, _, _, course = read["current"].split()
             assert float(speed) == pytest.approx(np.hypot(east, north), abs=0.02)

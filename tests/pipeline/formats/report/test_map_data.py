@@ -10,9 +10,9 @@ from shapely.geometry.base import BaseGeometry
 
 from pipeline.findings.result import RunResult
 from pipeline.formats.report.map_data import Lattice, map_data
-from pipeline.model import Evaluation, ShoreCrossing
+from pipeline.model import CaseResult, ShoreCrossing
 from tests.pipeline.formats import small_run
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import with_measures
 
 LIMITS = (0.2, 0.4)
 
@@ -109,12 +109,11 @@ def test_arrows_are_on_water_and_show_the_planners_current(
 
 
 def test_every_turn_that_met_land_is_shown(result: RunResult) -> None:
-    key = ("summer", 1)
-    found = result.evaluation.contingency[key]
+    found, *others = result.case("summer").measures.turns
     collided = np.zeros(len(found.points), dtype=bool)
     collided[::7] = True
-    contingency = {**result.evaluation.contingency, key: replace(found, collided=collided)}
-    changed = replace(result, evaluation=Evaluation(rows_of(result), contingency))
+    turns = (replace(found, collided=collided), *others)
+    changed = with_measures(result, "summer", turns=turns)
     seasons: Any = map_data(changed, LIMITS)["seasons"]
     route = seasons[0]["routes"][0]
     assert plane(result, route["hits"]) == pytest.approx(found.points[collided], abs=1e-3)
@@ -125,8 +124,8 @@ def test_land_of_another_shoreline_is_marked_on_the_route_that_crosses_it(
     result: RunResult,
 ) -> None:
     crossings = (ShoreCrossing(1, 119.6, 9.4, 2461.0),)
-    evaluation = replace(result.evaluation, shore_crossings=crossings)
-    encoded: Any = map_data(replace(result, evaluation=evaluation), LIMITS)
+    crossed = with_measures(result, "summer", shore_crossings=crossings)
+    encoded: Any = map_data(crossed, LIMITS)
     best, second = encoded["seasons"][0]["routes"][:2]
     (place,) = plane(result, best["shores"])
     assert place == pytest.approx(result.water.projection.to_plane([119.6, 9.4]), abs=1.0)
@@ -136,9 +135,8 @@ def test_land_of_another_shoreline_is_marked_on_the_route_that_crosses_it(
 def test_a_season_without_routes_or_current_is_empty(result: RunResult) -> None:
     gone = replace(
         result,
-        plans=tuple(replace(entry, plan=None, failure="no") for entry in result.results),
-        evaluation=Evaluation((), {}),
-        scene=replace(result.scene, currents={}),
+        results=tuple(CaseResult(one.name, None, "no", 0.0) for one in result.results),
+        planned={},
     )
     seasons: Any = map_data(gone, LIMITS)["seasons"]
     assert [(season["current"], season["routes"]) for season in seasons] == [(None, [])] * 2

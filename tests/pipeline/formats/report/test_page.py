@@ -22,7 +22,7 @@ HOSTILE = (
 )
 
 
-def rows_of(page: Page, caption: str) -> list[list[str]]:
+def table_rows(page: Page, caption: str) -> list[list[str]]:
     """Cells of the table in the region that is labelled by a heading's id."""
     region = next(
         e
@@ -69,9 +69,9 @@ def test_the_page_loads_nothing(page: Page) -> None:
 
 
 def test_every_class_is_in_its_seasons_table(page: Page, result: RunResult) -> None:
-    for number, entry in enumerate(result.results, start=1):
-        header, *rows = rows_of(page, f"season-{number}-title")
-        metrics = [m for m in rows_of(result) if m.season == entry.name]
+    for number, case in enumerate(result.cases, start=1):
+        header, *rows = table_rows(page, f"season-{number}-title")
+        metrics = case.measures.routes
         assert len(rows) == len(metrics)
         for cells, m in zip(rows, metrics, strict=True):
             row = dict(zip(header, cells, strict=True))
@@ -100,8 +100,8 @@ def test_the_answer_comes_first(page: Page, result: RunResult) -> None:
     """A season with a stand-in current does not have the title of the requested one."""
     cards = page.with_class("card")
     assert [c.all("h2")[0].flat_text for c in cards] == ["Summer", "Winter (December)"]
-    for card, entry in zip(cards, result.results, strict=True):
-        best = next(m for m in rows_of(result) if m.season == entry.name)
+    for card, case in zip(cards, result.cases, strict=True):
+        best = case.measures.routes[0]
         assert f"Go {best.way}" in card.flat_text
         assert texts.share(best.fuel / best.length) in card.flat_text
         assert texts.clearance(best.clearance_m) in card.flat_text
@@ -130,7 +130,7 @@ def test_the_best_routes_profile_and_padding_are_plotted(page: Page, result: Run
 
 
 def test_published_figures_are_compared_with_ours(page: Page, result: RunResult) -> None:
-    header, *rows = rows_of(page, "published-title")
+    header, *rows = table_rows(page, "published-title")
     table = [dict(zip(header, row, strict=True)) for row in rows]
     assert [row["Planned by"] for row in table] == ["This run", "This run", "Theirs"]
     theirs = table[-1]
@@ -138,7 +138,7 @@ def test_published_figures_are_compared_with_ours(page: Page, result: RunResult)
     assert float(theirs["F/D"]) == pytest.approx(20 / 22.5, abs=1e-3)
     assert theirs["Length, true"] == "112.5 km"
     assert theirs["Clearance, true"] == "–"
-    best = next(m for m in rows_of(result) if m.season == "winter")
+    best = result.case("winter").measures.routes[0]
     assert table[1]["Fuel"] == texts.number(best.fuel)
     assert "Some paper, at 1:5000" in page.root.text
 
@@ -175,7 +175,7 @@ def test_rejected_classes_have_reasons(result: RunResult) -> None:
         )
     )
     plan = replace(entry.plan, rejected=gone)
-    changed = replace(result, plans=(replace(entry, plan=plan), *others))
+    changed = replace(result, results=(replace(entry, plan=plan), *others))
     page = Page(render(gather(changed)))
     [_, details] = page.all("details")
     assert details.all("summary")[0].flat_text == "3 rejected classes, with reasons"
@@ -189,8 +189,8 @@ def test_rejected_classes_have_reasons(result: RunResult) -> None:
 
 
 def test_cards_state_the_lead_of_the_best_route(page: Page, result: RunResult) -> None:
-    for card, entry in zip(page.with_class("card"), result.results, strict=True):
-        best, *others = [m for m in rows_of(result) if m.season == entry.name]
+    for card, case in zip(page.with_class("card"), result.cases, strict=True):
+        best, *others = case.measures.routes
         rival = next((m for m in others if m.main_passage != best.main_passage), None)
         name = f"The best way {rival.main_passage}" if rival else "The next best route"
         more = 100 * ((rival or others[0]).fuel / best.fuel - 1)

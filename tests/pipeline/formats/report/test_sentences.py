@@ -10,7 +10,6 @@ from pipeline.formats.report.sentences import CaseFacts, clock_text
 from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics, SideBound
 
 BEST = RouteMetrics(
-    season="summer",
     rank=1,
     homotopy="e",
     fuel=900.0,

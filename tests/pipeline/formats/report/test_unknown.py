@@ -10,7 +10,7 @@ from pipeline.model import ShoreCrossing, ShutStrait
 from pipeline.model.inputs import Note
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.page import Page
-from tests.pipeline.results import rows_of
+from tests.pipeline.results import with_measures, with_rows
 
 
 def test_land_of_another_shoreline_stands_above_the_answer_and_an_unknown_current_below(
@@ -19,18 +19,13 @@ def test_land_of_another_shoreline_stands_above_the_answer_and_an_unknown_curren
     known = small_run.without_stand_ins(result)
     summer, winter = known.fetched.currents
     summer = replace(summer, notes=(Note.of("still-water"),))
-    rows = tuple(
-        replace(row, filled_share=1.0) if row.season == "winter" else row for row in rows_of(known)
-    )
-    crossings = (
-        ShoreCrossing(1, 119.4, 9.4, 2000.0),
-        ShoreCrossing(1, 119.6, 9.5, 461.0),
-        ShoreCrossing(2, 119.5, 9.4, 33_000.0),
-    )
+    known = with_rows(known, lambda name, row: replace(row, filled_share=float(name == "winter")))
+    crossings = (ShoreCrossing(1, 119.4, 9.4, 2000.0), ShoreCrossing(1, 119.6, 9.5, 461.0))
+    known = with_measures(known, "summer", shore_crossings=crossings)
+    other = (ShoreCrossing(2, 119.5, 9.4, 33_000.0),)
     changed = replace(
-        known,
+        with_measures(known, "winter", shore_crossings=other),
         fetched=replace(known.fetched, currents=(summer, winter)),
-        evaluation=replace(known.evaluation, routes=rows, shore_crossings=crossings),
     )
     page = Page(render(gather(changed)))
     notice, doubt = page.with_class("notice")
@@ -70,18 +65,15 @@ def test_other_notes_are_no_warning(result: RunResult) -> None:
 
 
 def test_what_is_not_known_has_a_part_of_its_own(result: RunResult) -> None:
-    rows = tuple(
-        replace(row, filled_share=0.25 if row.rank == 2 else 0.0) for row in rows_of(result)
-    )
     straits = tuple(
         ShutStrait(119.6, 9.5, 900.0 - i, 1000.0, "padding", ("winter",) if i == 0 else ())
         for i in range(12)
     )
-    changed = replace(
+    filled = with_rows(
         small_run.without_stand_ins(result),
-        evaluation=replace(result.evaluation, routes=rows),
-        straits=straits,
+        lambda _, row: replace(row, filled_share=0.25 if row.rank == 2 else 0.0),
     )
+    changed = replace(filled, straits=straits)
     changed = replace(
         changed,
         fetched=replace(changed.fetched, notes=(small_run.note("a note"), *changed.unknowns)),

@@ -123,7 +123,7 @@ BAD: dict[str, tuple[Callable[[Path], Path], list[str]]] = {
     "components of pairs": (with_compound, ["uo holds another type, not numbers"]),
     "groups alone": (
         lambda p: build(p, group="surface"),
-        ["no variables at all", "groups (surface) are not read", "ncks -G : -g surface"],
+        ["among no variables; needed", "groups (surface) are not read", "ncks -G : -g surface"],
     ),
     "times that are none": (
         lambda p: build(p, times([0.0], "days after lunch")),

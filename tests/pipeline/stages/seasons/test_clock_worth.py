@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from hypothesis import given, strategies as st
 import renew
 from pipeline.findings.text import percent
 from pipeline.formats.report.sentences import clock_text
-from pipeline.model import ClockWorth, SeasonPlan
-from pipeline.stages.seasons.task import clock_worth, hat_weights, mean_weights
+from pipeline.model import CaseResult, ClockWorth
+from pipeline.stages.worth import clock_worth, hat_weights, mean_weights
 from tests.pipeline.tidal_run import planned
 
 
@@ -35,10 +36,9 @@ def test_the_mean_is_the_integral_of_what_is_linear_between_slices(
 def test_other_plans_are_sailed_in_the_changing_current() -> None:
     """The plan at departure is made again here, from the field asked at that time."""
     result = planned()
-    scene = result.scene
-    worth = result.evaluation.clock_worth_of("tide")
+    case, worth = result.planned["tide"], result.case("tide").measures.clock_worth
     assert worth is not None
-    current, best = scene.currents["tide"], result.routes[0].route
+    current, best = case.current, result.routes[0].route
     assert worth.best == best.fuel
     assert worth.bound <= worth.best * (1 + 1e-9)
     assert worth.bound == pytest.approx(best.fuel_bound.value)
@@ -47,12 +47,12 @@ def test_other_plans_are_sailed_in_the_changing_current() -> None:
         return current.velocity(points, 0.0)
 
     frozen = renew.plan(
-        scene.chart, at_departure, scene.vessel, scene.start, scene.goal,
+        case.chart, at_departure, case.vessel, case.start, case.goal,
         classes=4, clearance=100.0, drift="crab", distinct_by="auto",
     )  # fmt: skip
-    sailed = renew.fuel(frozen.best.path, current, scene.vessel, drift="crab")
+    sailed = renew.fuel(frozen.best.path, current, case.vessel, drift="crab")
     assert worth.frozen == pytest.approx(sailed, rel=2e-3)
-    shortest = renew.fuel(np.array([scene.start, scene.goal]), current, scene.vessel, drift="crab")
+    shortest = renew.fuel(np.array([case.start, case.goal]), current, case.vessel, drift="crab")
     assert worth.shortest > 0.99 * shortest, "straight through the island is no way"
     # No plan that knows less is better, within the accuracy of the search grid.
     assert min(worth.frozen, worth.mean, worth.shortest) > 0.999 * worth.best
@@ -69,7 +69,8 @@ def test_the_sentence_compares_the_plans() -> None:
 
 
 def test_a_steady_current_has_no_clock() -> None:
-    scene, options = planned().scene, planned().scenario.planner
-    unplanned = SeasonPlan("tide", None, "no way", 0.0)
-    assert clock_worth(scene, unplanned, options) is None
-    assert planned().evaluation.clock_worth_of("winter") is None
+    case, options = planned().planned["tide"], planned().scenario.planner
+    unplanned = CaseResult("tide", None, "no way", 0.0)
+    assert clock_worth(case, unplanned, options) is None
+    steady = replace(case, current=renew.UniformCurrent(0.1, 0.0))
+    assert clock_worth(steady, planned().results[0], options) is None

@@ -14,19 +14,16 @@ import shapely
 import renew
 from pipeline.geo.lonlat import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
-from pipeline.model import Evaluation, Scene, SeasonPlan
+from pipeline.model import Case, CaseResult, Water
 from pipeline.run import Outcome
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.seasons import one_season
-from pipeline.stages.seasons.one_season import (
-    combine_seasons,
-    evaluate_season,
-    land_within_reach,
-)
+from pipeline.stages import measure
+from pipeline.stages.measure import land_within_reach, measured
 from renew.inputs import arguments
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.fuel import passage
 from tests.pipeline.formats import small_run
+from tests.pipeline.results import with_measures
 from tests.true_scale import clearance_m
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -35,39 +32,32 @@ REGION = shapely.box(115.5, 7, 122, 13.5)
 SCALE = 1000.0
 
 
-def lonlat_scene() -> tuple[Scene, shapely.Polygon]:
-    """Return a scene at 1:1000 whose chart has a wider island, and the island in lon/lat."""
+def lonlat_scene() -> tuple[Case, shapely.Polygon]:
+    """Return a case at 1:1000 whose chart has a wider island, and the island in lon/lat."""
     projection = Projection.for_region(REGION, SCALE)
     island = shapely.Polygon([(118, 9), (119, 9.5), (119.5, 11), (118.8, 10.5)])
     planar = projection.geometry_to_plane(island)
     chart = renew.Chart(projection.geometry_to_plane(REGION), [planar.buffer(10)])
-    scene = Scene(
-        chart=chart,
-        land=(planar,),
-        currents={"still": renew.UniformCurrent(0.0, 0.1)},
-        start=projection.to_plane((120.3, 12.8)),
-        goal=projection.to_plane((116.8, 7.7)),
-        projection=projection,
-        vessel=VESSEL,
-    )
-    return scene, island
+    ends = projection.to_plane([(120.3, 12.8), (116.8, 7.7)])
+    current = renew.UniformCurrent(0.0, 0.1)
+    return Case(
+        "still", Water(chart, (planar,), projection), VESSEL, ends[0], ends[1], current
+    ), island
 
 
 @pytest.fixture(scope="module")
-def planned() -> tuple[Scene, shapely.Polygon, SeasonPlan]:
+def planned() -> tuple[Case, shapely.Polygon, CaseResult]:
     """Plan both ways round the island."""
     scene, island = lonlat_scene()
-    plan = renew.plan(
-        scene.chart, scene.currents["still"], VESSEL, scene.start, scene.goal, classes=2
-    )
-    return scene, island, SeasonPlan("still", plan, "", 1.0)
+    plan = renew.plan(scene.chart, scene.current, VESSEL, scene.start, scene.goal, classes=2)
+    return scene, island, CaseResult("still", plan, "", 1.0)
 
 
 def test_lengths_clearances_and_times_are_true_ones(
-    planned: tuple[Scene, shapely.Polygon, SeasonPlan],
+    planned: tuple[Case, shapely.Polygon, CaseResult],
 ) -> None:
     scene, island, plan = planned
-    evaluation = combine_seasons([evaluate_season(scene, plan, PlannerOptions())])
+    evaluation = measured(scene, plan, PlannerOptions())
     assert plan.plan is not None
     assert len(evaluation.routes) == len(plan.plan.routes) == 2
     coast = shapely.get_coordinates(shapely.segmentize(island.exterior, 0.005))
@@ -81,13 +71,13 @@ def test_lengths_clearances_and_times_are_true_ones(
         assert row.clearance_m == pytest.approx(apart, rel=0.01)
         # Times in the plane, stretched step by step as the plane's metres are.
         planar = shapely.get_coordinates(path)
-        times = passage(planar, scene.currents["still"], VESSEL).durations
+        times = passage(planar, scene.current, VESSEL).durations
         steps = GEOD.line_lengths(*lonlat.T) / np.linalg.norm(np.diff(planar, axis=0), axis=1)
         assert row.duration_s == pytest.approx((times * steps).sum(), rel=1e-4)
         assert row.duration_s == pytest.approx(route.duration * SCALE, rel=2e-3)
         assert row.land_m == 0
         assert row.collisions == 0
-        assert row.trials == evaluation.contingency["still", row.rank].trials > 100
+        assert row.trials == evaluation.turns[row.rank - 1].trials > 100
     assert [row.rank for row in evaluation.routes] == [1, 2]
 
 
@@ -109,31 +99,24 @@ def test_the_nearest_land_is_the_nearest_on_earth() -> None:
     planar = projection.geometry_to_plane(np.array(islands, dtype=object))
     there = shapely.distance(planar, shapely.LineString(endpoints))
     assert there[1] < there[0], "in the plane the other island is nearer"
-    scene = Scene(
-        chart=renew.Chart(projection.geometry_to_plane(region)),
-        land=tuple(planar),
-        currents={"still": renew.UniformCurrent(0.0, 0.0)},
-        start=endpoints[0],
-        goal=endpoints[1],
-        projection=projection,
-        vessel=VESSEL,
-    )
-    plan = renew.plan(scene.chart, scene.currents["still"], VESSEL, *endpoints, classes=1)
+    water = Water(renew.Chart(projection.geometry_to_plane(region)), tuple(planar), projection)
+    scene = Case("still", water, VESSEL, endpoints[0], endpoints[1], renew.UniformCurrent(0.0, 0.0))
+    plan = renew.plan(scene.chart, scene.current, VESSEL, *endpoints, classes=1)
     length = float(np.linalg.norm(endpoints[1] - endpoints[0]))
     share = np.linspace(0, 1, 2_000)[:, None]
     track = np.hstack(
         [share * length, endpoints[0] + share * (endpoints[1] - endpoints[0]), 0 * share]
     )
     straight = replace(plan.best, path=endpoints, trajectory=track, length=length, duration=length)
-    season = SeasonPlan("still", replace(plan, routes=(straight,)), "", 1.0)
-    (row,) = evaluate_season(scene, season, PlannerOptions()).routes
+    season = CaseResult("still", replace(plan, routes=(straight,)), "", 1.0)
+    (row,) = measured(scene, season, PlannerOptions()).routes
     assert row.clearance_m == pytest.approx(clearance_m(line, islands), abs=1.0)
     assert row.length_m == pytest.approx(GEOD.line_length(*line.T), rel=1e-5)
     assert row.duration_s == pytest.approx(row.length_m, rel=1e-3), "1 m/s in still water"
 
 
 def test_a_route_over_land_is_detected(
-    planned: tuple[Scene, shapely.Polygon, SeasonPlan],
+    planned: tuple[Case, shapely.Polygon, CaseResult],
 ) -> None:
     scene, island, plan = planned
     assert plan.plan is not None
@@ -144,8 +127,8 @@ def test_a_route_over_land_is_detected(
         speeds=np.full(2, scene.vessel.speed),
         times=np.array([0.0, 1.0, 2.0]),
     )
-    over = SeasonPlan("still", replace(plan.plan, routes=(route,)), "", 1.0)
-    row = evaluate_season(scene, over, PlannerOptions()).routes[0]
+    over = CaseResult("still", replace(plan.plan, routes=(route,)), "", 1.0)
+    row = measured(scene, over, PlannerOptions()).routes[0]
     # The crossing in lon/lat, where the legs are almost straight too.
     legs = shapely.LineString([(120.3, 12.8), (118.9, 10.0), (116.8, 7.7)])
     inside = shapely.get_coordinates(shapely.intersection(shapely.segmentize(legs, 0.01), island))
@@ -154,7 +137,7 @@ def test_a_route_over_land_is_detected(
     assert island.buffer(1e-3).contains(shapely.Point(row.land_lon, row.land_lat))
     assert legs.distance(shapely.Point(row.land_lon, row.land_lat)) < 0.02
     result = small_run.parts()
-    over_land = replace(result, plans=(), evaluation=Evaluation((row,), {}))
+    over_land = with_measures(result, "summer", routes=(row,))
     (fault,) = Outcome(over_land, Path(), fresh=True, seconds=1.0).failures
     assert f"m of the original land, the most at {row.land_lon:.4f} E {row.land_lat:.4f} N" in fault
     assert row.clearance_m == 0
@@ -162,24 +145,24 @@ def test_a_route_over_land_is_detected(
 
 
 def test_on_the_longest_ways_turns_begin_as_near_as_there_may_be_points(
-    planned: tuple[Scene, shapely.Polygon, SeasonPlan], monkeypatch: pytest.MonkeyPatch
+    planned: tuple[Case, shapely.Polygon, CaseResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, _, plan = planned
-    for module in (one_season, arguments):
+    for module in (measure, arguments):
         monkeypatch.setattr(module, "MAX_STATIONS", 50)
-    rows = evaluate_season(scene, plan, PlannerOptions()).routes
+    rows = measured(scene, plan, PlannerOptions()).routes
     assert len(rows) == 2
 
 
 def test_a_season_without_a_plan_has_no_rows() -> None:
     scene, _ = lonlat_scene()
-    evaluation = evaluate_season(scene, SeasonPlan("still", None, "no", 0.0), PlannerOptions())
+    evaluation = measured(scene, CaseResult("still", None, "no", 0.0), PlannerOptions())
     assert evaluation.routes == ()
 
 
 @pytest.mark.parametrize(("reaches", "is_included"), [(0.97, True), (1.5, False)])
 def test_all_land_that_a_turn_can_reach_is_included_and_no_more(
-    planned: tuple[Scene, shapely.Polygon, SeasonPlan], reaches: float, *, is_included: bool
+    planned: tuple[Case, shapely.Polygon, CaseResult], reaches: float, *, is_included: bool
 ) -> None:
     """The bound on a turn's reach is the planner's own, not a copy of it."""
     scene, _, plan = planned
@@ -189,23 +172,23 @@ def test_all_land_that_a_turn_can_reach_is_included_and_no_more(
     begin, end = west.path[:2]
     along = (end - begin) / np.linalg.norm(end - begin)
     rock = shapely.Point(begin - (reaches * reach + 1.0) * along).buffer(1.0)
-    chart = land_within_reach(replace(scene, land=(rock,)), [current], scene.vessel, (west,))
+    chart = land_within_reach(replace(scene.water, land=(rock,)), [current], scene.vessel, (west,))
     assert bool(chart.no_go) == is_included
 
 
 def test_shares_without_figures_are_those_of_the_grids(
-    planned: tuple[Scene, shapely.Polygon, SeasonPlan],
+    planned: tuple[Case, shapely.Polygon, CaseResult],
 ) -> None:
     """Of both routes, the part north of 10 N has no figure of the current, none west of 118 E."""
     scene, _, plan = planned
     lon, lat = np.arange(110.5, 130), np.arange(0.5, 20)
     north = KnownCells(lon, lat, np.repeat((lat < 10)[:, None], lon.size, axis=1))
     west = DepthCover((shapely.box(110, 0, 118, 20),))
-    known = replace(scene, current_cells={"still": north}, depths=west)
-    for row in evaluate_season(scene, plan, PlannerOptions()).routes:
+    known = replace(scene, water=replace(scene.water, depths=west), current_cells=north)
+    for row in measured(scene, plan, PlannerOptions()).routes:
         assert row.filled_share == 0
         assert math.isnan(row.uncharted_share)
-    rows = evaluate_season(known, plan, PlannerOptions()).routes
+    rows = measured(known, plan, PlannerOptions()).routes
     for row, route in zip(rows, plan.routes, strict=True):
         line = shapely.segmentize(shapely.LineString(route.path), 0.2)
         points = scene.projection.to_lonlat(shapely.get_coordinates(line))

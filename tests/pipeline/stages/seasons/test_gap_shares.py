@@ -11,27 +11,26 @@ import shapely
 
 import renew
 from pipeline.geo.projection import Projection
-from pipeline.model import Scene, SeasonPlan
+from pipeline.model import Case, CaseResult, Water
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.seasons.one_season import plan_season
-from pipeline.stages.seasons.task import gap_shares
+from pipeline.stages.plan_case import planned
+from pipeline.stages.worth import gap_shares
 
 EXTENT = shapely.box(-200, -100, 200, 100)
 LAND = shapely.box(-20, -60, 20, 60)
 MARGIN = 10.0
 
 
-def scene(margin: float) -> Scene:
+def voyage(margin: float) -> Case:
     """An island on the way, in a steady current, with a margin on the planner's chart."""
     no_go = LAND.buffer(margin, quad_segs=4) if margin else LAND
-    return Scene(
-        chart=renew.Chart(EXTENT, [no_go], land=[LAND]),
-        land=(LAND,),
-        currents={"steady": renew.UniformCurrent(0.2, 0.1)},
+    return Case(
+        "steady",
+        Water(renew.Chart(EXTENT, [no_go], land=[LAND]), (LAND,), Projection.at(0.0, 0.0)),
+        renew.Vessel(speed=1.0, turn_rate=math.radians(10)),
         start=np.array([-150.0, 0.0]),
         goal=np.array([150.0, 10.0]),
-        projection=Projection.at(0.0, 0.0),
-        vessel=renew.Vessel(speed=1.0, turn_rate=math.radians(10)),
+        current=renew.UniformCurrent(0.2, 0.1),
     )
 
 
@@ -42,8 +41,8 @@ def scene(margin: float) -> Scene:
 def test_parts_add_up_and_have_their_causes(margin: float, padding: str, clearance: float) -> None:
     risk_at = "point" if padding == "adaptive" else "route"
     options = PlannerOptions(padding=padding, clearance=clearance, classes=2, risk_at=risk_at)
-    asked = scene(margin)
-    season = plan_season(asked, "steady", options)
+    asked = voyage(margin)
+    season = planned(asked, options)
     assert season.plan is not None
     shares = gap_shares(asked, season, options)
     assert shares is not None
@@ -58,8 +57,8 @@ def test_parts_add_up_and_have_their_causes(margin: float, padding: str, clearan
 def test_the_charts_part_is_what_its_margin_costs() -> None:
     """In still water fuel is length: the shortest ways round the two outlines."""
     options = PlannerOptions(padding="none", clearance=0.0, classes=2)
-    asked = replace(scene(MARGIN), currents={"steady": renew.UniformCurrent(0.0, 0.0)})
-    season = plan_season(asked, "steady", options)
+    asked = replace(voyage(MARGIN), current=renew.UniformCurrent(0.0, 0.0))
+    season = planned(asked, options)
     assert season.plan is not None
     shares = gap_shares(asked, season, options)
     assert shares is not None
@@ -85,11 +84,11 @@ def test_the_tides_part_is_what_the_way_round_a_bar_costs() -> None:
     later = renew.Tide(dict(tide.constants), 2.0, tide.epoch + np.timedelta64(int(shut), "s"))
     depth = replace(depth, tide=later)
     asked = replace(
-        scene(0.0),
-        currents={"steady": renew.UniformCurrent(0.0, 0.0)},
-        tidal_depths={"steady": depth},
+        voyage(0.0),
+        current=renew.UniformCurrent(0.0, 0.0),
+        tidal_depth=depth,
     )
-    season = plan_season(asked, "steady", options)
+    season = planned(asked, options)
     assert season.plan is not None
     shares = gap_shares(asked, season, options)
     assert shares is not None
@@ -105,5 +104,5 @@ def test_the_tides_part_is_what_the_way_round_a_bar_costs() -> None:
 
 
 def test_a_season_without_a_plan_has_no_gap() -> None:
-    failed = SeasonPlan("steady", None, "no way", 0.0)
-    assert gap_shares(scene(0.0), failed, PlannerOptions()) is None
+    failed = CaseResult("steady", None, "no way", 0.0)
+    assert gap_shares(voyage(0.0), failed, PlannerOptions()) is None
