@@ -399,7 +399,3 @@ def missing_bytes(path: Path) -> int:
 def _padded(size: int) -> int:
     """Return the size of an item with its padding."""
     return -(-size // 4) * 4
-
-
-if __name__ == "__main__":
-    main()
