@@ -127,6 +127,12 @@ class HavensSpec(StrictModel):
         return self
 
     @property
+    def text(self) -> str:
+        """The limits for readers: "within 6h and with fuel for 2d at departure"."""
+        fuel = self.endurance and f"with fuel for {self.endurance} at departure"
+        return " and ".join(filter(None, (self.within and f"within {self.within}", fuel)))
+
+    @property
     def within_s(self) -> float | None:
         """Longest time to a haven, s."""
         return None if self.within is None else interval(self.within).total_seconds()

@@ -19,6 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
+from pipeline.findings.columns import COLUMNS, figure_columns
 from pipeline.machine.files import UNFINISHED, file_lock, needed, write_whole
 from pipeline.machine.store import read_checked, write_checked
 from pipeline.nightly.cycle.folders import writing
@@ -33,12 +34,9 @@ def _fields(kind: pa.DataType, names: str) -> list[tuple[str, pa.DataType]]:
 
 # Columns of both kinds of rows, cases and routes.
 _SHARED = [("index", _COUNT), *_fields(_TEXT, "case scenario season pair departure vessel member")]
+_TYPES = {"text": _TEXT, "number": _NUMBER, "whole": _COUNT}
 _ROUTE = [
-    *_fields(_TEXT, "side island class"),
-    *_fields(_NUMBER, "fuel fuel_per_distance length_m duration_s clearance_m optimality_gap"),
-    *_fields(_COUNT, "trials collisions"),
-    *_fields(_NUMBER, "members_share members_mean_fuel members_p90_fuel members_cvar90_fuel"),
-    ("members_regret", _NUMBER),
+    *((name, _TYPES[COLUMNS[name].type]) for name in figure_columns("night")),
     ("arrival", _TIME),
     ("geometry", pa.binary()),
 ]

@@ -19,6 +19,7 @@ import shapely
 
 import renew
 from pipeline.errors import one_line
+from pipeline.findings.columns import figures
 from pipeline.findings.ensembles import ensemble_figures, flips_text, sides_text
 from pipeline.findings.way_names import way_names
 from pipeline.machine.files import needed
@@ -41,11 +42,6 @@ _SAME_END = 1e-6
 # If yesterday's route is cheaper by more than this percentage, that is reported; the planner's
 # tolerance is smaller.
 _CHEAPER_PERCENT = 0.1
-# Figures of a route that may not be there.
-_MAY_LACK = (
-    *("clearance_m", "optimality_gap", "members_share", "members_mean_fuel", "members_p90_fuel"),
-    *("members_cvar90_fuel", "members_regret"),
-)
 # Largest spacing of points from which two lines' distance is measured, as a share of a leg.
 _DENSIFY = 0.01
 
@@ -233,24 +229,15 @@ def _route_row(case: CaseTask, voyage: Case, route: Route, figure: RouteMetrics)
     """Return a route's row."""
     lonlat = voyage.projection.to_lonlat(np.asarray(route.path))
     return _row_of(case, figure.rank) | {
-        "side": figure.main_passage,
-        "island": figure.main_island,
-        "class": figure.homotopy,
-        "fuel": figure.fuel,
-        "fuel_per_distance": figure.fuel_per_distance,
-        "length_m": figure.length_m,
-        "duration_s": figure.duration_s,
-        "trials": figure.trials,
-        "collisions": figure.collisions,
-        **{name: _known(getattr(figure, name)) for name in _MAY_LACK},
+        **{name: _known(value) for name, value in figures(figure, "night").items()},
         "arrival": _arrival(case.leaves, figure.duration_s),
         "geometry": shapely.to_wkb(shapely.LineString(lonlat)),
     }
 
 
-def _known(figure: float) -> float | None:
-    """Return a figure, or None if it is not finite."""
-    return figure if math.isfinite(figure) else None
+def _known(figure: object) -> object:
+    """Return a figure, or None if it is a number that is not finite."""
+    return None if isinstance(figure, float) and not math.isfinite(figure) else figure
 
 
 def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
