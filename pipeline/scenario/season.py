@@ -467,23 +467,6 @@ class Season(StrictModel):
                 yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
 
     @property
-    def timeless_fault(self) -> str:
-        """Return the fault of keys that make sense only in changing water, or ""."""
-        given = [
-            repr(name)
-            for name in ("departures", "to_within", "arrive_by")
-            if getattr(self, name) is not None and (name != "arrive_by" or self.speed is None)
-        ]
-        if self.is_changing or not given:
-            return ""
-        return (
-            f"(season {self.name!r}) has {' and '.join(given)}, which "
-            f"need{'s' * (len(given) == 1)} currents that change, a [tide], or hours in [[avoid]]; "
-            "add time_method = 'changing', or leave them out"
-            + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
-        )
-
-    @property
     def is_changing(self) -> bool:
         """Whether the current changes on the way."""
         return self.time_method == "changing"
