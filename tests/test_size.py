@@ -43,11 +43,7 @@ ROOMS = {
 }
 MOST_FILES = 294
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-<<<<<<< HEAD
 WORDS = {"endurance": (9, 28), "optimality_gap": (8, 14), "seasons?": (81, 962)}
-=======
-WORDS = {"endurance": (9, 28), "optimality_gap": (8, 14), "seasons?": (81, 962)}
->>>>>>> 61f2c808aeab6210fb914eb05bc222796e53a355
 
 
 def modules(room: str) -> dict[Path, str]:
