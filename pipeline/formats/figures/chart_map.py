@@ -40,7 +40,10 @@ from pipeline.geo.projection import Projection
 from pipeline.texts import clean
 
 POINTS_PER_INCH = 72.0
-SMALL_PT, PLAIN_PT = 8.2, 9.5
+# Size of labels on maps.
+SMALL_PT = 8.2
+# Size of a map's lower title.
+PLAIN_PT = 9.5
 # Length of a scale bar, points, below which it has room for one label only, beside it.
 _SHORT_BAR_PT = 45.0
 # Width of a small letter or figure, points.
@@ -281,12 +284,26 @@ def _rename_ids(text: str, identity: str) -> str:
 
 # Width of a map: a phone's in CSS pixels, so that labels are readable there; a desktop enlarges it.
 WIDTH_PT = 374.0
-LEFT_PT, RIGHT_PT, BOTTOM_PT, TOP_PT = 36.0, 18.0, 40.0, 10.0
-# Minimum and maximum ratio of a map's height to its width; other charts get margins.
-_MIN_RATIO, _MAX_RATIO = 0.45, 1.7
+# Least room left of a map, for the labels of its parallels.
+LEFT_PT = 36.0
+# Least room right of a map, for half a meridian's label.
+RIGHT_PT = 18.0
+# Room below a map, for the labels of its meridians and its scale bar.
+BOTTOM_PT = 40.0
+# Room above a map.
+TOP_PT = 10.0
+# Least ratio of a map's height to its width; flatter charts get margins.
+_MIN_RATIO = 0.45
+# Greatest ratio of a map's height to its width; taller charts get margins.
+_MAX_RATIO = 1.7
 # Distance from a marker to its label.
 _LABEL_GAP_PT = 8.0
-_TITLE_PT, _LEGEND_PT, _LEGEND_ROW_PT = 30.0, 8.0, 12.0
+# Height of a map's two titles.
+_TITLE_PT = 30.0
+# Space between the maps and the legend.
+_LEGEND_PT = 8.0
+# Height of a line of the legend.
+_LEGEND_ROW_PT = 12.0
 _LEGEND_TEXT_PT = 7.5
 # Largest size of a map's upper and lower title, and whether it is bold.
 _TITLES = ((11.0, True), (PLAIN_PT, False))
@@ -294,8 +311,10 @@ _TITLES = ((11.0, True), (PLAIN_PT, False))
 _LABEL_SPACE_PT = 4.0
 # Room of an entry of a legend beside its text, in sizes of the text: handle, gaps, spacing.
 _LEGEND_EXTRA = 4.2
-# Least width of a map in a figure of a given width, and room between a text and the figure's edge.
-_MIN_WIDTH_PT, _EDGE_PT = 160.0, 3.0
+# Least width of a map in a figure of a given width.
+_MIN_WIDTH_PT = 160.0
+# Room between a text and the figure's edge.
+_EDGE_PT = 3.0
 # Room of a parallel's label beside its text.
 _LABEL_ROOM_PT = 9.0
 

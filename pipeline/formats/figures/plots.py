@@ -34,9 +34,22 @@ from pipeline.formats.figures.chart_map import POINTS_PER_INCH, text_width
 from pipeline.formats.palette import COLOURS
 
 _WIDTH_PT = 374.0
-_LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0
-_PANEL_PT, _GAP_PT = 66.0, 30.0
-_TITLE_PT, TEXT_PT = 10.0, 9.0
+# Room left of the panels, for the labels of the vertical axes.
+_LEFT_PT = 38.0
+# Room right of the panels.
+_RIGHT_PT = 12.0
+# Room above the upper panel, for its title.
+_TOP_PT = 22.0
+# Room below the lowest panel, for the labels of the horizontal axis.
+_BOTTOM_PT = 36.0
+# Height of a panel of the profile.
+_PANEL_PT = 66.0
+# Room between panels of the profile, for the lower one's title.
+_GAP_PT = 30.0
+# Size of a panel's title.
+_TITLE_PT = 10.0
+# Size of all other text in a plot.
+TEXT_PT = 9.0
 # Ratio of the greatest to the least distance to land above which the axis is logarithmic.
 _LOG_AXIS_RATIO = 6.0
 # Minimum padding that is drawn, as a share of the least clearance.
@@ -268,7 +281,6 @@ def plot_text(
     *,
     on_left: bool,
     offset_pt: tuple[float, float] = (4.0, 0.0),
-    boxed: bool = True,
     coordinates: Transform | None = None,
 ) -> None:
     """Write text left or right of a place in a plot, and above it if the offset goes up.
@@ -286,7 +298,7 @@ def plot_text(
         va="bottom" if up else "center",
         fontsize=TEXT_PT,
         color=COLOURS["ink"],
-        bbox=box if boxed else None,
+        bbox=box,
         zorder=4,
         xycoords=coordinates or "data",
     )
@@ -318,7 +330,10 @@ def _round_ticks(axes: Axes) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
 
 
-_HISTOGRAM_PT, _MARK_ROW_PT = 170.0, 14.0
+# Height of the histogram of turns' reaches.
+_HISTOGRAM_PT = 170.0
+# Height of the row in which a marked distance has its text.
+_MARK_ROW_PT = 14.0
 _BINS = 30
 # Greatest distance to the coast that is drawn, as a multiple of the greatest reach; greater
 # distances are only written.

@@ -289,13 +289,24 @@ def _distances(one: FloatArray, sites: FloatArray) -> FloatArray:
     return np.asarray(_GEOD.inv(lon, lat, to[..., 0], to[..., 1])[2])
 
 
-# MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, which sets the speed over ground and leaves the
-# throttle as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).
-_WAYPOINT, _CHANGE_SPEED = 16, 178
-_OVER_GROUND, _SAME_THROTTLE = 1.0, -1.0
-_ABSOLUTE, _NO_POSITION, _RELATIVE = 0, 2, 3
-# MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_TYPE_SURFACE_BOAT.
-_ARDUPILOT, _SURFACE_BOAT = 3, 11
+# MAV_CMD_NAV_WAYPOINT.
+_WAYPOINT = 16
+# MAV_CMD_DO_CHANGE_SPEED.
+_CHANGE_SPEED = 178
+# Its first parameter, for a speed over ground (SPEED_TYPE_GROUNDSPEED).
+_OVER_GROUND = 1.0
+# Its third parameter, which leaves the throttle as it is.
+_SAME_THROTTLE = -1.0
+# MAV_FRAME_GLOBAL: altitudes over the sea, as home has.
+_ABSOLUTE = 0
+# MAV_FRAME_MISSION: a command without a position.
+_NO_POSITION = 2
+# MAV_FRAME_GLOBAL_RELATIVE_ALT: altitudes above home.
+_RELATIVE = 3
+# MAV_AUTOPILOT_ARDUPILOTMEGA.
+_ARDUPILOT = 3
+# MAV_TYPE_SURFACE_BOAT.
+_SURFACE_BOAT = 11
 # QGroundControl's mode of altitudes that are relative to home.
 _RELATIVE_ALTITUDE = 1
 # Decimals of a speed, m/s.
