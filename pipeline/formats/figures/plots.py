@@ -7,7 +7,6 @@ AAAI 2026).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -23,7 +22,6 @@ from pipeline.findings.result import RankedRoute
 from pipeline.findings.route_profile import RouteProfile, metres_along, route_profile
 from pipeline.findings.text import (
     at_most_percent,
-    clearance,
     clearance as kept,
     fuel_unit,
     number,
@@ -358,10 +356,11 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     reach_m = np.asarray(tightest.reaches, dtype=float) * scale
     padding_m, gap_m = tightest.turns * scale, tightest.gap * scale
     beyond = at_most_percent(float((reach_m > padding_m).mean()))
+    # Each has its distance, its colour's role, and its text.
     marks = [
-        _Mark(float(np.median(reach_m)), "median", "ink"),
-        _Mark(padding_m, "padding for turns", "other", f", exceeded by {beyond}"),
-        _Mark(gap_m, "route to no-go zone", "best"),
+        (float(np.median(reach_m)), "ink", "median {}"),
+        (padding_m, "other", f"padding for turns {{}}, exceeded by {beyond}"),
+        (gap_m, "best", "route to no-go zone {}"),
     ]
     furthest_m = max(float(reach_m.max()), padding_m)
     shown_gap_m = gap_m if gap_m <= _MAX_GAP_REACHES * furthest_m else 0.0
@@ -379,34 +378,20 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     axes.set_xlim(0, end_m / unit_m)
     axes.set_ylim(0, _AXIS_FACTOR * shares.max() / (1 - rows))
     # The nearest mark is the lowest, so that text left of a line crosses no other line.
-    for row, mark in enumerate(sorted(marks, key=lambda mark: -mark.value_m)):
-        _draw_mark(axes, mark, unit_m, 1 - (row + 0.5) * _MARK_ROW_PT / _HISTOGRAM_PT)
+    for row, (metres, role, text) in enumerate(sorted(marks, key=lambda mark: -mark[0])):
+        height = 1 - (row + 0.5) * _MARK_ROW_PT / _HISTOGRAM_PT
+        written = text.format(kept(metres))
+        if metres <= end_m:
+            axes.axvline(metres / unit_m, 0, height, color=COLOURS[role], linewidth=1.8, zorder=3)
+        else:
+            written += " \N{RIGHTWARDS ARROW}"
+        plot_text(
+            axes,
+            written,
+            (min(metres, end_m) / unit_m, height),
+            on_left=metres > _TEXT_LEFT_FROM * end_m,
+            coordinates=axes.get_xaxis_transform(),
+        )
     plot_title(axes, "How far hard-over turns reach", "% of turns")
     plot_x_label(axes, f"reach from the tightest place, {unit}")
     return figure
-
-
-class _Mark(NamedTuple):
-    """A distance (true metres) marked in a histogram: name, colour's role, and a remark."""
-
-    value_m: float
-    name: str
-    role: str
-    remark: str = ""
-
-
-def _draw_mark(axes: Axes, mark: _Mark, unit_m: float, height: float) -> None:
-    """Draw a mark as a line up to its text, at a share of the panel's height."""
-    x, (_, end) = mark.value_m / unit_m, axes.get_xlim()
-    text = f"{mark.name} {clearance(mark.value_m)}{mark.remark}"
-    if x <= end:
-        axes.axvline(x, 0, height, color=COLOURS[mark.role], linewidth=1.8, zorder=3)
-    else:
-        text += " \N{RIGHTWARDS ARROW}"
-    plot_text(
-        axes,
-        text,
-        (min(x, end), height),
-        on_left=x > _TEXT_LEFT_FROM * end,
-        coordinates=axes.get_xaxis_transform(),
-    )

@@ -204,27 +204,13 @@ def _sql(text: str) -> str:
     return f"CAST(X'{text.encode('utf-8', 'replace').hex()}' AS TEXT)"
 
 
-@dataclass(frozen=True)
-class Page:
-    """A page of a print layout.
+def _page(name: str, width: float, height: float, crs: MapCrs) -> dict[str, object]:
+    """Lay out a page of a print layout, of a width and height in millimetres.
 
-    Attributes
-    ----------
-    scale : ratio of its width to an A4 page's; fonts grow by it, too.
-    boxes : item -> its left, top, width and height, mm.
-    bounds : bounds of its map.
-    bar_miles : length of each half of the scale bar, nautical miles.
+    `scale` is the ratio of its width to an A4 page's, by which fonts grow, too. `boxes` have left,
+    top, width and height of each item, mm; `bounds` are those of its map; `bar_miles` is the length
+    of each half of the scale bar, nautical miles.
     """
-
-    name: str
-    scale: float
-    boxes: dict[str, tuple[float, float, float, float]]
-    bounds: Bounds
-    bar_miles: float
-
-
-def _page(name: str, width: float, height: float, crs: MapCrs) -> Page:
-    """Lay out a page of a width and height in millimetres."""
     scale = width / _PAGES_MM["A4"][0]
     title_mm, credits_mm, legend_mm = (s * scale for s in (_TITLE_MM, _CREDITS_MM, _LEGEND_MM))
     inner = width - 2 * _MARGIN_MM
@@ -241,7 +227,7 @@ def _page(name: str, width: float, height: float, crs: MapCrs) -> Page:
         "map scale": (_MARGIN_MM + 3, low - 16, 60.0, 13.0),
     }
     miles = nice_step((bounds[2] - bounds[0]) * unit_m * _BAR_SHARE / NAUTICAL_MILE_M)
-    return Page(name, scale, boxes, bounds, miles)
+    return {"name": name, "scale": scale, "boxes": boxes, "bounds": bounds, "bar_miles": miles}
 
 
 def _with_ratio(bounds: Bounds, ratio: float) -> Bounds:
