@@ -7,6 +7,7 @@ not asked here: `pipeline.stages.choosing.coverage` checks whether their data co
 import glob
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
@@ -19,8 +20,9 @@ from pipeline.errors import Fault, Faults, RequestError
 from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE, ScenarioFile
-from pipeline.scenario.model import Scenario
-from pipeline.scenario.region import Plane, Region
+from pipeline.scenario.model import Scenario, wait_at
+from pipeline.scenario.pairs import refusals
+from pipeline.scenario.region import MAX_PLANE_M, Plane, Region
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import looks_like_path, near_miss, validated
 
@@ -84,6 +86,12 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
     """
     scenario = validated(Scenario, data, folder=folder or working_directory())
     faults = [
+        *refusals(scenario),
+        *_repeated_seasons(scenario),
+        *_plane_faults(scenario),
+        *_time_faults(scenario),
+        *_waiting_faults(scenario),
+        *_under_way_faults(scenario),
         *_unknown_sources(scenario),
         *_missing_paths(scenario),
         *_misplaced_stops(scenario),
@@ -98,6 +106,116 @@ def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
     chart = data.get("chart", {})
     source = {"path": str(resolved(charts, "--charts"))}
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
+
+
+def _repeated_seasons(scenario: Scenario) -> Iterator[str]:
+    """Find names that several seasons have."""
+    for name, count in Counter(season.name for season in scenario.seasons).items():
+        if count > 1:
+            yield f"has {count} seasons called {name!r}; rename all but one"
+
+
+def _plane_faults(scenario: Scenario) -> Iterator[str]:
+    """Find a plane that is too large, or that begins elsewhere than its gyres."""
+    if scenario.plane is None:
+        return
+    width_km = scenario.plane.width_m * scenario.scale / 1000
+    if width_km > MAX_PLANE_M / 1000:
+        yield (
+            f"has a plane of {width_km:,.0f} true km at scale = {scenario.scale:g}; "
+            f"{MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
+        )
+    corner = scenario.plane.extent[:2]
+    for season in scenario.seasons:
+        if season.gyre and corner != (0, 0):
+            yield (
+                f"season {season.name!r} is a gyre, but the plane's extent begins at "
+                f"{list(corner)}; begin it at [0, 0]"
+            )
+
+
+def _time_faults(scenario: Scenario) -> Iterator[str]:
+    """Find hours without a clock, choices of times where nothing changes, and too short limits."""
+    hours = _keys_with_hours(scenario)
+    for season in scenario.seasons:
+        if not hours:
+            yield from _timeless_faults(season)
+        elif season.first_departure is None:
+            for key, remedy in hours.items():
+                yield (
+                    f"season {season.name!r} has no 'departure', from which the hours of {key} "
+                    f"count; add it, or leave {remedy} out"
+                )
+    havens, turn_s = scenario.havens, 360 / scenario.vessel.turn_rate_deg_s
+    if havens is not None and havens.within_s is not None and havens.within_s < turn_s:
+        yield (
+            f"has havens.within = {havens.within!r}, and one full turn takes the vessel "
+            f"{turn_s:.0f} s; give more"
+        )
+
+
+def _keys_with_hours(scenario: Scenario) -> dict[str, str]:
+    """Return the keys that depend on the date, and what to leave out to be rid of it."""
+    keys = {}
+    if any(area.has_hours for area in scenario.avoid):
+        keys["[[avoid]]"] = "'from' and 'until'"
+    if scenario.tide is not None:
+        keys["[tide]"] = "it"
+    return keys
+
+
+def _timeless_faults(season: Season) -> Iterator[str]:
+    """Find keys that make sense only in changing water, in a season whose water does not change."""
+    given = [
+        repr(name)
+        for name in ("departures", "to_within", "arrive_by")
+        if getattr(season, name) is not None and (name != "arrive_by" or season.speed is None)
+    ]
+    if given and not season.is_changing:
+        yield (
+            f"(season {season.name!r}) has {' and '.join(given)}, which "
+            f"need{'s' * (len(given) == 1)} currents that change, a [tide], or hours in [[avoid]]; "
+            "add time_method = 'changing', or leave them out"
+            + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
+        )
+
+
+def _waiting_faults(scenario: Scenario) -> Iterator[str]:
+    """Find several waits at anchorages, and a wait where there is nothing to wait for."""
+    waiting = [f"via[{at}].wait" for at, via in enumerate(scenario.via) if wait_at(via)]
+    if len(waiting) > 1:
+        yield (
+            f"has {' and '.join(waiting)}; a plan waits at one anchorage: leave out the other "
+            "waits, or plan the way on from there by itself"
+        )
+    has_hours = bool(_keys_with_hours(scenario))
+    for season in scenario.seasons if waiting else ():
+        if season.first_departure is None or not (season.is_changing or has_hours):
+            yield (
+                f"season {season.name!r} has nothing to wait for at {waiting[0]}: give it a "
+                "'departure', with a [tide], hours in [[avoid]] or time_method = 'changing', or "
+                "leave the wait out"
+            )
+
+
+def _under_way_faults(scenario: Scenario) -> Iterator[str]:
+    """Find what a voyage under way lacks: the region and the season that is sailed."""
+    if scenario.under_way is None or scenario.plane is not None:
+        return
+    if scenario.region is None:
+        yield "has [under_way], which needs the [region] of the plan's results; add it"
+    if len(scenario.seasons) != 1:
+        yield f"has [under_way] and {len(scenario.seasons)} seasons; give the one that is sailed"
+        return
+    (season,) = scenario.seasons
+    departure, departed = season.first_departure, scenario.under_way.departed
+    if departure is None:
+        yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
+    elif departure < departed:
+        yield (
+            f"season {season.name!r} has departure = {departure.isoformat()}, before "
+            f"under_way.departed = {departed.isoformat()}; give a later time"
+        )
 
 
 def _missing_paths(scenario: Scenario) -> Iterator[str]:
@@ -136,9 +254,9 @@ def _unknown_sources(scenario: Scenario) -> Iterator[str]:
     """Find names that are not in the catalogue, or that name other data than the key needs."""
     charts = scenario.chart.source
     named = [
-        (f"chart.source[{i}]" if len(charts) > 1 else "chart.source", one.name, True)
-        for i, one in enumerate(charts)
-        if one.name
+        (f"chart.source[{i}]" if len(charts) > 1 else "chart.source", chart.name, True)
+        for i, chart in enumerate(charts)
+        if chart.name
     ]
     named += [
         (f"seasons[{i}].currents[{j}]", name, False)
@@ -161,11 +279,11 @@ def _unknown_sources(scenario: Scenario) -> Iterator[str]:
 def _misplaced_stops(scenario: Scenario) -> Iterator[str]:
     """Find stops off the earth, outside the region or plane, or equal to the stop before."""
     stops = scenario.stops
-    for (one, place), (other, after) in pairwise(stops.items()):
+    for (stop, place), (next_stop, after) in pairwise(stops.items()):
         if place == after:
             yield (
-                f"{one} and {other} are the same place, {list(place)}; give two places to sail "
-                "between"
+                f"{stop} and {next_stop} are the same place, {list(place)}; give two places to "
+                "sail between"
             )
     for name, (x, y) in stops.items():
         if scenario.plane is not None:
@@ -298,7 +416,7 @@ def with_currents(
 
 def _is_in_no_table(season: object, currents: Sequence[str | list[str]]) -> bool:
     """Whether a valid season has only embedded tables as sources, and is in none of them."""
-    tables = [catalogue.source(one) for one in currents if isinstance(one, str)]
+    tables = [catalogue.source(name) for name in currents if isinstance(name, str)]
     try:
         valid = Season.model_validate(season)
     except ValidationError:
@@ -312,10 +430,10 @@ def _is_in_no_table(season: object, currents: Sequence[str | list[str]]) -> bool
 def inline(value: object) -> str:
     """Spell a value as in TOML, on one line; empty entries of tables are left out."""
     if isinstance(value, dict):
-        given = {key: one for key, one in value.items() if one not in (None, "")}
-        return f"{{ {', '.join(f'{key} = {inline(one)}' for key, one in given.items())} }}"
+        given = {key: entry for key, entry in value.items() if entry not in (None, "")}
+        return f"{{ {', '.join(f'{key} = {inline(entry)}' for key, entry in given.items())} }}"
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(inline(one) for one in value)}]"
+        return f"[{', '.join(map(inline, value))}]"
     # As in JSON, except for the one control character that JSON does not escape.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
@@ -340,12 +458,14 @@ def _lines(table: dict[str, Any], path: str) -> Iterator[str]:
             yield f"{key} = {inline(value)}"
     for key, value in inner.items():
         name = f"{path}.{key}".strip(".")
-        for one in value if _is_list(value) else (value,):
+        for inner_table in value if _is_list(value) else (value,):
             yield ""
             yield f"[[{name}]]" if _is_list(value) else f"[{name}]"
-            yield from _lines(one, name)
+            yield from _lines(inner_table, name)
 
 
 def _is_list(value: object) -> bool:
     """Whether a value is a list of tables."""
-    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
+    return (
+        isinstance(value, list) and bool(value) and all(isinstance(entry, dict) for entry in value)
+    )

@@ -76,14 +76,14 @@ def interval(text: str) -> timedelta:
     ValueError
         The text is no interval, or 0.
     """
-    found = _INTERVAL.fullmatch(text)
-    if not found:
+    parts = _INTERVAL.fullmatch(text)
+    if not parts:
         raise strict.RemediedError(
             f"= {text!r} is not an interval; give it as '30min', '6h' or '1d'"
         )
-    if not int(found[1]):
+    if not int(parts[1]):
         raise strict.RemediedError(f"= {text!r} is no time at all; give one above 0, such as '6h'")
-    return int(found[1]) * _UNITS[found[2]]
+    return int(parts[1]) * _UNITS[parts[2]]
 
 
 def _checked(text: str) -> str:
@@ -334,7 +334,7 @@ def source_name(named: Currents) -> str:
     if isinstance(named, str):
         return named
     paths = (named.constants,) if isinstance(named, StreamConstants) else named
-    return ", ".join(Path(one).name for one in paths)
+    return ", ".join(Path(path).name for path in paths)
 
 
 class Season(StrictModel):
@@ -465,23 +465,6 @@ class Season(StrictModel):
                 )
             elif self.arrive_by - first > longest:
                 yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
-
-    @property
-    def timeless_fault(self) -> str:
-        """Return the fault of keys that make sense only in changing water, or ""."""
-        given = [
-            repr(name)
-            for name in ("departures", "to_within", "arrive_by")
-            if getattr(self, name) is not None and (name != "arrive_by" or self.speed is None)
-        ]
-        if self.is_changing or not given:
-            return ""
-        return (
-            f"(season {self.name!r}) has {' and '.join(given)}, which "
-            f"need{'s' * (len(given) == 1)} currents that change, a [tide], or hours in [[avoid]]; "
-            "add time_method = 'changing', or leave them out"
-            + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
-        )
 
     @property
     def is_changing(self) -> bool:

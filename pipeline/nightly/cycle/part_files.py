@@ -62,7 +62,7 @@ PART_SCHEMA = pa.schema([*_SHARED, ("rank", _COUNT), *_CASE, *_ROUTE, ("seconds"
 _PART_NAME = re.compile(r"(\d{8})-(\d{8})\.part", re.ASCII)
 
 Row = dict[str, Any]
-_REQUEST, _PARTS, _MARKS, _LOCK = "request.json", "parts", "marks", "setup.lock"
+_REQUEST, _PARTS, _LOCK = "request.json", "parts", "setup.lock"
 # Time to wait while another job of the night prepares the folder, s.
 _SETUP_S = 60.0
 
@@ -183,12 +183,9 @@ class Partial:
                     now = datetime.now(UTC).isoformat(timespec="seconds")
                     found = {"request": request, "started": now}
                     write_whole(folder / _REQUEST, json.dumps(found) + "\n")
-                for name in (_PARTS, _MARKS):
-                    (folder / name).mkdir(exist_ok=True)
+                (folder / _PARTS).mkdir(exist_ok=True)
                 if is_alone:
                     remove_unfinished(folder / _PARTS)
-                    for path in (folder / _MARKS).iterdir():
-                        path.unlink(missing_ok=True)
         return cls(folder, datetime.fromisoformat(found["started"]))
 
     @property
@@ -200,11 +197,6 @@ class Partial:
     def parts_folder(self) -> Path:
         """Folder of the part files."""
         return self.folder / _PARTS
-
-    @property
-    def marks_folder(self) -> Path:
-        """Folder of the marker files of batches that are being planned."""
-        return self.folder / _MARKS
 
     def parts(self) -> list[PartFile]:
         """Return the undamaged parts, sorted by first case."""
@@ -218,8 +210,7 @@ class Partial:
     def clear(self) -> None:
         """Remove everything except the results."""
         with writing(self.folder):
-            for name in (_PARTS, _MARKS):
-                shutil.rmtree(self.folder / name, ignore_errors=True)
+            shutil.rmtree(self.folder / _PARTS, ignore_errors=True)
             for name in (_REQUEST, _LOCK):
                 (self.folder / name).unlink(missing_ok=True)
 
