@@ -25,12 +25,11 @@ from pipeline.findings.result import RunResult
 from pipeline.formats.figures.chart_map import side_room_pt
 from pipeline.formats.figures.kinds import Kind, Width, figure
 from pipeline.formats.figures.map_marks import (
-    SpeedScale,
     arrows,
     graticule,
     nice_step,
     scale_bar_m,
-    speed_scale,
+    speed_limits,
 )
 from pipeline.formats.figures.season_map import case_svg, overview_figure
 from pipeline.formats.palette import COLOURS, DARK, season_colour
@@ -120,18 +119,16 @@ def test_arrows_are_on_water_and_show_the_planners_current(result: RunResult) ->
     assert len(found.positions) > 150
     assert not shapely.intersects_xy(land, found.positions).any()
     assert found.velocity == pytest.approx(result.case("summer").case.current(found.positions))
-    scale = speed_scale(result)
-    assert found.speed.max() <= scale.limits[-1]
-    for outline, low, high in zip(
-        found.outlines(scale), (0.0, *scale.limits), scale.limits, strict=False
-    ):
+    limits = speed_limits(result)
+    assert found.speed.max() <= limits[-1]
+    for outline, low, high in zip(found.outlines(limits), (0.0, *limits), limits, strict=False):
         inside = (found.speed > low) & (found.speed <= high)
         assert len(shapely.get_parts(outline)) == inside.sum()
 
 
 def test_an_arrow_points_along_the_current(result: RunResult) -> None:
     found = arrows(result.case("winter"))
-    whole = found.outlines(SpeedScale((10.0,)))[0]
+    whole = found.outlines((10.0,))[0]
     for arrow, position, velocity in zip(
         shapely.get_parts(whole), found.positions, found.velocity, strict=True
     ):
