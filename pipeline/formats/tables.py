@@ -12,7 +12,7 @@ import numpy as np
 
 import renew
 from pipeline._types import FloatArray, IntArray
-from pipeline.findings.departures_and_speeds import TradeOff, trade_offs
+from pipeline.findings.choices import TradeOff, trade_offs
 from pipeline.findings.ensembles import (
     ENSEMBLE_COLUMNS,
     ENSEMBLE_FIGURES,

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from pipeline.findings.departures_and_speeds import AS_GOOD, TradeOff
+from pipeline.findings.choices import AS_GOOD, TradeOff
 from pipeline.findings.text import fuel, hours, moment_text
 from pipeline.formats.figures.plots import (
     DASHES,

@@ -21,9 +21,8 @@ from pipeline.machine.interpreters import end_with_parent, run_python
 from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import Case, CaseResult, Measures
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.measure import measured
+from pipeline.stages.measure import clock_worth, gap_shares, measured
 from pipeline.stages.plan_case import OnStep, ignore_step, planned
-from pipeline.stages.worth import clock_worth, gap_shares
 
 _PLAN = "from pipeline.stages.seasons.task import plan_from_stdin; plan_from_stdin()"
 # Largest length of a process's last output in a message, in characters.
