@@ -17,9 +17,10 @@ AS_GOOD = 0.01
 
 # Share of the time under way that is added or taken off to say what time is worth.
 _MORE_OR_LESS = 0.1
-# Smallest difference between two arrivals that counts, as a share of the time under way; smallest
-# difference in fuel that is mentioned, as a share of the fuel.
-_IN_TIME, _NO_LESS_FUEL = 5e-3, 5e-4
+# Smallest difference between two arrivals that counts, as a share of the time under way.
+_IN_TIME = 5e-3
+# Smallest difference in fuel that is mentioned, as a share of the fuel.
+_NO_LESS_FUEL = 5e-4
 
 
 def departure_text(choice: DepartureChoice) -> tuple[str, ...]:
@@ -231,8 +232,12 @@ def still_fuel_per_metre(ranked: RankedRoute) -> float:
     return float(vessel.fuel_coefficient * still_speed_m_s(ranked) ** (vessel.fuel_exponent - 1))
 
 
-# Smallest fuel that is mentioned, as a share of the fuel planned; smallest time and distance, s, m.
-_LEAST, _LEAST_S, _LEAST_M = 5e-5, 30.0, 1.0
+# Smallest fuel that is mentioned, as a share of the fuel planned.
+_LEAST = 5e-5
+# Smallest time that is mentioned, s.
+_LEAST_S = 30.0
+# Smallest distance that is mentioned, m.
+_LEAST_M = 1.0
 
 
 def replanned_notes(result: RunResult) -> Iterator[Note]:
