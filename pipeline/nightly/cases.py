@@ -33,7 +33,7 @@ from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import Name, Point, looks_like_path, near_miss
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.registry import charted_land
-from pipeline.stages.choosing.coverage import endpoints_on_land, require_covered
+from pipeline.stages.region import endpoints_on_land, require_covered
 
 _LONLAT = ("start_lon", "start_lat", "goal_lon", "goal_lat")
 _PLANE = ("start_x", "start_y", "goal_x", "goal_y")

@@ -28,14 +28,17 @@ from pipeline.formats.figures.chart_map import (
     point,
     stroke,
 )
-from pipeline.formats.figures.map_marks import arrows, speed_scale
+from pipeline.formats.figures.map_marks import arrows, speed_labels, speed_limits
 from pipeline.formats.palette import COLOURS, STATES, season_colour
 
 # Size, points, below which details of the coast are dropped: they can't be seen, and would make up
 # most of a file.
 DETAIL_PT = 0.25
 SOFT_ALPHA = 0.38
-ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
+# Opacity of a restricted area or traffic scheme, which must not hide what lies below.
+ZONE_ALPHA = 0.06
+# Dashes of its edge.
+ZONE_DASHES = (0, (4, 2))
 
 
 def chart_layers(axes: Axes, result: RunResult) -> list[Artist]:
@@ -226,7 +229,7 @@ def draw_case(axes: Axes, sea: PathPatch, case: RunCase) -> None:
 
 def _area_layers(axes: Axes, case: RunCase) -> list[Artist]:
     """Return currents, over them the best route's soft no-go zone, and land on top."""
-    result, outlines = case.run, arrows(case).outlines(speed_scale(case.run))
+    result, outlines = case.run, arrows(case).outlines(speed_limits(case.run))
     return [
         *(
             patch(outline, facecolor=COLOURS[f"speed{i}"], edgecolor="none", zorder=2)
@@ -259,7 +262,7 @@ def _handles(cases: Sequence[RunCase]) -> list[Artist]:
         soft_handle("soft no-go"),
         *zone_handles(result),
     ]
-    labels = speed_scale(result).labels
+    labels = speed_labels(speed_limits(result))
     handles += [
         Line2D(
             [],

@@ -18,7 +18,7 @@ from pipeline.formats.report.page import gather, render
 from pipeline.run import run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.season import MembersSpec
-from pipeline.stages.members import stirred
+from pipeline.stages.project import stirred
 from tests.pipeline.formats.page import Page
 from tests.pipeline.small_plane import small_plane
 
@@ -130,11 +130,6 @@ def test_the_report_says_how_sure_the_side_is(result: RunResult) -> None:
         ({"spread": 0.1, "along": "files"}, {}, "has both 'along' and 'spread'"),
         ({"spread": 0.1, "weights": [1.0, 2.0]}, {}, "has 'weights' for random members"),
         ({"along": "member"}, {}, "has members.along = 'member', which needs files with that"),
-        (
-            {"spread": 0.1},
-            {"arrive_by": "2026-07-01T06:00:00Z"},
-            "has 'members' and 'arrive_by'; each member has times of its own",
-        ),
         ({"spread": 0.1, "choose": "worst"}, {}, "Give"),
     ],
 )

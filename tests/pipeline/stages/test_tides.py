@@ -26,7 +26,7 @@ from pipeline.model import Land, Simplified
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.sources.tides.station import find_station
-from pipeline.stages.tides import tidal_depth
+from pipeline.stages.places import tidal_depth
 from pipeline.voyage.one_line import voyage_scenario
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.vessel_options import VesselFigures
@@ -180,7 +180,6 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
         ),
         ({"vessel": {"draught_m": 15.0, "squat_m": 1.5}}, "no water connects them"),
         ({"seasons": {"departures": None}}, "has no 'departure', from which the hours of [tide]"),
-        ({"scale": 10.0}, "has hours in [tide] at scale = 10"),
     ],
 )
 def test_what_does_not_fit_the_tide_is_refused(
