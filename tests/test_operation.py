@@ -183,7 +183,7 @@ def programs(tmp_path: Path) -> dict[str, str]:
     folder.mkdir()
     for name, body in (
         ("renew", f'echo "$@"; exit "$(cat {tmp_path}/code)"'),
-        ("srun", "sleep 60"),
+        ("srun", "exec sleep 60"),
         ("dask", 'echo \'{"address": "tcp://10.0.0.1:8786"}\' > "$6"; exec sleep 60'),
     ):
         (folder / name).write_text(f"#!/bin/sh\n{body}\n")
