@@ -24,9 +24,6 @@ from renew.inputs.tidal_depth import LeastWater, TidalDepth
 from renew.inputs.tide import Constant, HighAndLow, Tide
 from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
-from renew.planner.ensemble.plan_ensemble import plan_ensemble
-from renew.planner.ensemble.results import EnsemblePlan, ShutInMember
-from renew.planner.plan import plan, plan_departures
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
@@ -34,6 +31,9 @@ from renew.underway.cover import cover
 from renew.underway.coverage import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn, Stretch
 from renew.underway.replan import Replanned, replan
 from renew.underway.turn_offs import TurnOff
+from renew.vary.ensemble_plan_ensemble import plan_ensemble
+from renew.vary.ensemble_results import EnsemblePlan, ShutInMember
+from renew.vary.plan import plan, plan_departures
 from renew.voyage.fuel import fuel
 
 __version__ = "0.1.0"

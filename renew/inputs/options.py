@@ -1,4 +1,4 @@
-"""The request for a plan: options, times, speeds and points, with their ranges."""
+"""How a voyage is planned: the options, with their ranges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
@@ -8,7 +8,6 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import ParameterError, is_finite, is_number, shown
-from renew.inputs.vessel import MAX_SPEED
 
 Padding: TypeAlias = Literal["adaptive", "none"] | float
 DistinctBy: TypeAlias = Literal["auto"] | float
@@ -209,97 +208,6 @@ def is_one_of(value: object, words: tuple[str, ...]) -> bool:
 def is_length(value: object) -> TypeGuard[float]:
     """Whether a value is a finite number of metres, at least 0."""
     return is_finite(value) and value >= 0
-
-
-Speeds: TypeAlias = tuple[float, float]
-"""Lowest and highest speed through water, m/s."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Request(PlanOptions):
-    """Options, times (s) and speeds (m/s) of one plan, so that the faults of all are named at once.
-
-    With `is_sweep` several departures are asked for; `departure` is the first.
-    """
-
-    departure: float = 0.0
-    arrive_by: float | None = None
-    to_within: float | None = None
-    speed: Speeds | None = None
-    has_via: bool = False
-    is_sweep: bool = False
-
-    def _faults(self) -> list[str]:
-        """Faults of the options, and of the times and speeds beside them."""
-        found = super()._faults()
-        found += _time_faults(self.departure, self.arrive_by, self.to_within)
-        found += [
-            f"{name} needs method = 'optimal', not 'sampled'"
-            for name in ("arrive_by", "speed")
-            if getattr(self, name) is not None and is_one_of(self.method, ("sampled",))
-        ]
-        found += _speed_faults(self.speed)
-        if self.is_sweep:
-            found += self._sweep_faults()
-        return found + [
-            f"via points need {name} = {needed!r}, not {shown(value)}"
-            for name, value, needed in (
-                ("method", self.method, "optimal"),
-                ("order", self.order, "fuel"),
-            )
-            if self.has_via and not is_one_of(value, (needed,))
-        ]
-
-    def _sweep_faults(self) -> list[str]:
-        """Faults of a sweep of departures."""
-        found = []
-        if not is_one_of(self.method, ("optimal",)):
-            found.append(
-                f"departures are planned with method = 'optimal', not {shown(self.method)}"
-            )
-        if self.speed is None and self.arrive_by is not None:
-            found.append(
-                "with departures, arrive_by is a deadline for which speeds are chosen: give "
-                "speed=(lowest, highest) (m/s), too, or leave arrive_by out"
-            )
-        if self.speed is not None and self.to_within is not None:
-            found.append(
-                "to_within can't be proven where speeds are chosen; leave it out, or give "
-                "departures that stand closer"
-            )
-        return found
-
-
-def _time_faults(departure: object, arrive_by: object, to_within: object) -> list[str]:
-    """Faults of the times (s) of a plan."""
-    faults = []
-    if not is_finite(departure):
-        faults.append(f"departure = {shown(departure)} s must be finite")
-    elif arrive_by is not None and not (is_finite(arrive_by) and arrive_by > departure):
-        faults.append(
-            f"arrive_by = {shown(arrive_by)} s must be finite and after departure = {departure!r} s"
-        )
-    if to_within is not None and not (is_finite(to_within) and to_within > 0):
-        faults.append(f"to_within = {shown(to_within)} s must be finite and above 0")
-    return faults
-
-
-def _speed_faults(speed: object) -> list[str]:
-    """Faults of the speeds (m/s) from which a vessel may choose."""
-    if speed is None:
-        return []
-    if not is_row(speed) or len(speed) != len(("least", "most")):
-        return [f"speed = {shown(speed)} must be two speeds (m/s), the lowest and the highest"]
-    faults = [
-        f"speed.{name} = {shown(value)} m/s must be a number above 0 and at most {MAX_SPEED:g}"
-        for name, value in zip(("least", "most"), speed, strict=True)
-        if not (is_number(value) and 0 < value <= MAX_SPEED)
-    ]
-    if not faults and speed[0] > speed[1]:
-        faults.append(
-            f"speed.least = {speed[0]!r} m/s is above speed.most = {speed[1]!r} m/s; exchange them"
-        )
-    return faults
 
 
 def is_row(value: object) -> TypeGuard[Sequence[Any] | FloatArray]:

@@ -5,9 +5,9 @@ relies on the least predicted height within a `lag` of its time, less a `surge`.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import shapely
@@ -15,6 +15,7 @@ from shapely import MultiPolygon, Polygon
 
 from renew._types import BoolArray, FloatArray
 from renew.errors import GeometryError, Moment, ParameterError, Text, from_until, is_number, shown
+from renew.inputs.chart import Chart
 from renew.inputs.tide import Tide
 
 # Time (s) ahead in which a message names the next hours of enough water: from one spring tide to
@@ -30,7 +31,25 @@ _AROUND = 86_400.0
 
 
 @dataclass(frozen=True, eq=False)
-class ShutArea:
+class Opening(ABC):
+    """A `polygon` (m) that is open at some hours and shut at others.
+
+    All that a plan knows of areas, tides and weather is when their water is shut.
+    """
+
+    polygon: Polygon | MultiPolygon
+
+    @abstractmethod
+    def is_shut(self, begin: FloatArray, end: FloatArray) -> BoolArray:
+        """Whether it is shut at some time between each `begin` and `end` (n,), s."""
+
+    @abstractmethod
+    def text(self, departure: float) -> Text:
+        """Name it with its hours, for a message on a voyage from `departure` (s)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShutArea(Opening):
     """An area that is shut from `begin` until `end` (s), on the clock of the current, or always.
 
     Parameters
@@ -50,7 +69,6 @@ class ShutArea:
         An end that does not come after the beginning.
     """
 
-    polygon: Polygon | MultiPolygon
     begin: float = -math.inf
     end: float = math.inf
     name: str = ""
@@ -156,10 +174,9 @@ def _joined(hours: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class TidalArea:
+class TidalArea(Opening):
     """An area that is shut while the tide relied on is below its need (m over chart datum)."""
 
-    polygon: Polygon | MultiPolygon
     need: float
     tide: ReliedOnTide
     name: str = ""
@@ -200,10 +217,6 @@ class TidalArea:
         return None
 
 
-Area: TypeAlias = ShutArea | TidalArea
-"""An area that is shut for some hours."""
-
-
 def check_area(name: str, polygon: object) -> None:
     """Refuse anything but a valid polygon (m); the error names the area."""
     if not isinstance(polygon, Polygon | MultiPolygon) or polygon.is_empty:
@@ -216,7 +229,7 @@ def check_area(name: str, polygon: object) -> None:
         )
 
 
-def polygons_of(areas: Sequence[Area]) -> list[Polygon]:
+def polygons_of(areas: Sequence[Opening]) -> list[Polygon]:
     """The polygons of some areas."""
     return [
         part
@@ -224,3 +237,9 @@ def polygons_of(areas: Sequence[Area]) -> list[Polygon]:
         for part in shapely.get_parts(area.polygon)
         if isinstance(part, Polygon)
     ]
+
+
+def with_always_shut(chart: Chart, areas: Sequence[ShutArea]) -> Chart:
+    """Return the chart without the water of areas that are always shut."""
+    always = [area for area in areas if area.is_always_shut]
+    return chart.without(polygons_of(always), is_land=True) if always else chart

@@ -104,7 +104,7 @@ class _RelaxationSearch:
         """Return the route of the widest way that has one with changed options, or None."""
         options = replace(self._options, **changes)
         # Making room to turn takes long, and less padding leaves more room.
-        planner = ClassPlanner(self._problem, options, thorough=False)
+        planner = ClassPlanner(self._problem.with_options(options), thorough=False)
         for way in self._ways:
             with contextlib.suppress(InfeasibleError):
                 return planner.route(planner.find(way))

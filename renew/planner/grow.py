@@ -85,7 +85,11 @@ class PaddingGrowth:
 
     problem: Problem
     model: PaddingModel
-    options: PlanOptions
+
+    @property
+    def options(self) -> PlanOptions:
+        """How its problem is planned."""
+        return self.problem.options
 
     def shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
         """Return a path's shortfall of padding in triangles that it crosses; if none, for turns."""

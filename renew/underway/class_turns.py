@@ -7,6 +7,7 @@ later, in the same class. So the last place is found by bisection.
 from collections.abc import Sequence
 
 from renew.errors import ParameterError, PlanningError, check_kind, is_finite, shown
+from renew.planner.plan import planner_of
 from renew.results import Route
 from renew.underway.coverage import ClassTurn
 from renew.underway.diversions import Diverter
@@ -27,7 +28,7 @@ def class_turns(
     diverter: Diverter, others: Sequence[Route], dearer_by: float
 ) -> tuple[ClassTurn, ...]:
     """Return the last places to change to other routes' classes, dearer by a share at most."""
-    word = diverter.task.planner().problem.word
+    word = planner_of(diverter.request).problem.word
     own = word(diverter.route.path)
     found = (
         _last_turn(diverter, other, (1 + dearer_by) * other.fuel)
@@ -57,4 +58,4 @@ def _turn(diverter: Diverter, other: Route, share: float) -> ClassTurn | None:
         way = diverter.onto(other, diverter.begin + spent)
     except PlanningError:
         return None
-    return ClassTurn(other, way, diverter.task.vessel.fuel_rate * spent + way.fuel)
+    return ClassTurn(other, way, diverter.request.vessel.fuel_rate * spent + way.fuel)

@@ -3,15 +3,12 @@
 from collections.abc import Sequence
 from typing import Unpack
 
-import numpy as np
-
-from renew._types import FloatArray
 from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentLike, as_field
+from renew.inputs.current import CurrentLike
 from renew.inputs.haven import Haven
-from renew.inputs.options import Changes, PlanOptions, Request
+from renew.inputs.options import Changes, PlanOptions
 from renew.inputs.vessel import Vessel
-from renew.planner.task import Task
+from renew.request import Request
 from renew.results import Route
 from renew.underway.class_turns import check_others, class_turns
 from renew.underway.coverage import Coverage
@@ -79,13 +76,17 @@ def cover(
         route, chart, vessel, havens, within=within, within_fuel=within_fuel, endurance=endurance
     )
     check_others(others, dearer_by)
-    options = PlanOptions() if options is None else options
-    begin = float(route.trajectory[0, 0])
-    request = Request(**{**vars(options), **changes}, departure=begin)
-    ends: FloatArray = np.vstack([route.path[0], route.path[-1]])
-    task = Task(chart, as_field(current), vessel, ends, (), request)
-    usable_ones, left_out = usable(havens, task, route)
-    survey = Survey(Diverter(task, route), tuple(usable_ones), limits)
+    request = Request.of(
+        chart,
+        current,
+        vessel,
+        (route.path[0], route.path[-1]),
+        options=options,
+        changes=changes,
+        departure=float(route.trajectory[0, 0]),
+    )
+    usable_ones, left_out = usable(havens, request, route)
+    survey = Survey(Diverter(request, route), tuple(usable_ones), limits)
     stretches = survey.stretches()
     aborts, equals = abort_points(survey), equal_points(survey)
     no_way_back = no_return(survey)

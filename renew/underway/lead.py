@@ -11,8 +11,7 @@ from renew._types import FloatArray
 from renew.classes.h_signature import name
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import wrapped
-from renew.planner.departures import as_drawn
-from renew.planner.one_class import ClassPath, ClassPlanner
+from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn
 from renew.results import Route
 from renew.steering.trajectory import steer
 from renew.underway.first_arc import Arc, first_arcs

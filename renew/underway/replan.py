@@ -23,8 +23,8 @@ from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.haven import Haven
 from renew.kernels.current_table import are_same
-from renew.planner.shut_areas import with_least_water
-from renew.planner.task import Task
+from renew.planner.plan import planner_of, with_least_water
+from renew.request import Request
 from renew.results import Plan, Rejected, Route
 from renew.underway.choice import Answer, Choice, choose
 from renew.underway.turn_offs import TurnOff, turn_offs
@@ -155,7 +155,7 @@ def replan(
         The position is on land or outside the chart; the message names the nearest water.
     """
     asked = _asked_of(previous)
-    if asked.request.speed is not None:
+    if asked.speed is not None:
         raise ParameterError(
             "previous chose speeds, and can't be planned again under way: plan from here with "
             "renew.plan(..., departure=, speed=)"
@@ -166,27 +166,27 @@ def replan(
     at, moved = _in_water(as_point("at", at), asked.chart, asked.vessel.turning_radius)
     route = previous.best
     place = _abeam(route, at, asked)
-    task = _task_ahead(asked, route, place, at, float(time), current)
+    request = _task_ahead(asked, route, place, at, float(time), current)
     begun, rate = float(route.times[0]), asked.vessel.fuel_rate
     known = rate * (time - begun) if burnt is None else float(burnt)
-    voyage = task.planner().problem.voyage
+    voyage = planner_of(request).problem.voyage
     ahead = way_ahead(route.path, place, voyage)
     old, new = _fuels_of(ahead, voyage, asked)
-    is_proven = task.current is asked.current and place.is_proven(voyage, float(time), begun)
+    is_proven = request.current is asked.current and place.is_proven(voyage, float(time), begun)
     is_in_time = voyage.current.is_steady or abs(time - place.due) <= ON_TIME
     track = None
     if is_proven and is_in_time:
         track = track_ahead(route.trajectory, at, float(time))
-    choice, cause, goes_to = Choice("no way"), None, task
+    choice, cause, goes_to = Choice("no way"), None, request
     ways, left_out = tuple[TurnOff, ...](), tuple[tuple[Haven, PlanningError], ...]()
     try:
-        choice = choose(task, ahead, heading, switch_above, is_proven=is_proven, track=track)
+        choice = choose(request, ahead, heading, switch_above, is_proven=is_proven, track=track)
     except PlanningError as error:
         cause = error
-        ways, left_out = turn_offs(havens, task, heading)
+        ways, left_out = turn_offs(havens, request, heading)
         if ways:
             choice = Choice("turn off", ways[0].plan)
-            goes_to = cast("Task", ways[0].plan.voyage)
+            goes_to = cast("Request", ways[0].plan.voyage)
     plan = None if choice.plan is None else with_least_water(choice.plan, goes_to)
     return Replanned(
         answer=choice.answer,
@@ -206,11 +206,11 @@ def replan(
     )
 
 
-def _asked_of(previous: Plan) -> Task:
+def _asked_of(previous: Plan) -> Request:
     """Return what a plan was asked; refuse one read from a pickle."""
     check_kind("previous", previous, Plan)
     asked = previous.voyage
-    if not isinstance(asked, Task):
+    if asked is None:
         raise ParameterError(
             f"previous.voyage = {shown(asked)}: a plan that was pickled has lost its current; take "
             "the voyage of a new plan, dataclasses.replace(previous, voyage=new.voyage)"
@@ -268,44 +268,44 @@ def _in_water(at: FloatArray, chart: Chart, radius: float) -> tuple[FloatArray, 
     )
 
 
-def _abeam(route: Route, at: FloatArray, asked: Task) -> Abeam:
+def _abeam(route: Route, at: FloatArray, asked: Request) -> Abeam:
     """Return the place on a route nearest to the vessel, with the time when it was due there."""
     place = abeam(route.path, route.times, at)
     last = max(int(np.searchsorted(shares(route.path), place.along, side="right")) - 1, 0)
     leg = np.vstack([route.path[last], place.point])
     begun = float(route.times[last])
-    voyage = replace(asked.planner().problem.voyage, start=leg[0], via=leg[:0], departure=begun)
+    voyage = replace(planner_of(asked).problem.voyage, start=leg[0], via=leg[:0], departure=begun)
     if math.dist(*leg) <= asked.chart.precision:
         return place
     return place._replace(due=float(voyage.arrivals(leg)[-1]))
 
 
 def _task_ahead(
-    asked: Task,
+    asked: Request,
     route: Route,
     place: Abeam,
     at: FloatArray,
     time: float,
     current: CurrentLike | None,
-) -> Task:
-    """Return the task of the voyage ahead: through the via points that lie ahead of the vessel."""
+) -> Request:
+    """Return the request for the way ahead, through the via points that lie ahead of the vessel."""
     line, via = shapely.LineString(route.path), asked.stops[1:-1]
     ahead = [line.project(shapely.Point(one), normalized=True) > place.along for one in via]
-    task = Task(
-        asked.chart,
-        asked.current if current is None else as_field(current),
-        asked.vessel,
-        np.vstack([at, via[np.array(ahead, dtype=bool)], asked.stops[-1]]),
-        asked.areas,
-        replace(asked.request, departure=time, arrive_by=None, to_within=None, is_sweep=False),
-        asked.depth,
+    request = replace(
+        asked,
+        current=asked.current if current is None else as_field(current),
+        stops=np.vstack([at, via[np.array(ahead, dtype=bool)], asked.stops[-1]]),
+        departure=time,
+        arrive_by=None,
+        members=(),
+        like=None,
     )
-    if current is None or are_same(task.waters.table, asked.waters.table):
-        return replace(task, current=asked.current, like=asked.like or asked)
-    return task
+    if current is None or are_same(request.waters.table, asked.waters.table):
+        return replace(request, current=asked.current, like=asked.like or asked)
+    return request
 
 
-def _fuels_of(ahead: FloatArray | None, voyage: Voyage, asked: Task) -> tuple[float, float]:
+def _fuels_of(ahead: FloatArray | None, voyage: Voyage, asked: Request) -> tuple[float, float]:
     """Return the fuel of a way ahead (n, 2) in the current planned in, and in the new one."""
     if ahead is None:
         return math.inf, math.inf

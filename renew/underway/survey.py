@@ -19,6 +19,7 @@ from renew.bounds.fuel_lower_bound import least_time
 from renew.bounds.haven_bound import HavenBound
 from renew.errors import PlanningError
 from renew.inputs.haven import Haven
+from renew.planner.plan import planner_of
 from renew.underway.coverage import Diversion, State, Stretch
 from renew.underway.diversions import Diverter, Limits
 
@@ -64,7 +65,7 @@ class Survey:
             last = end + self.diverter.off(end)
             self.bounds = bounds_to(self.havens, self.diverter, float(self.limit.max()), last)
         self.least = np.array([one.at(places) for one in self.bounds])
-        if not self.diverter.task.current.is_steady:
+        if not self.diverter.request.current.is_steady:
             self._raise_with_clock()
 
     def _raise_with_clock(self) -> None:
@@ -86,7 +87,7 @@ class Survey:
 
     def _least_from(self, sample: int, enough: float) -> float:
         """Return a bound on the time (s) to any haven from a sample, close up to `enough` (s)."""
-        voyage, least = self.diverter.task.planner().problem.voyage, math.inf
+        voyage, least = planner_of(self.diverter.request).problem.voyage, math.inf
         time = float(self.times[sample])
         for haven, known in zip(self.havens, self.least[:, sample].tolist(), strict=True):
             bound = known
@@ -234,7 +235,7 @@ def bounds_to(
 
     They hold for whoever is under way between the route's departure and `last` (s).
     """
-    voyage, most = diverter.task.planner().problem.voyage, _ABOVE * limit
+    voyage, most = planner_of(diverter.request).problem.voyage, _ABOVE * limit
     return tuple(
         HavenBound.of(replace(voyage, goal=one.place), most, last + most) for one in havens
     )

@@ -8,7 +8,9 @@ import numpy as np
 
 from renew.errors import InfeasibleError, PlanningError
 from renew.inputs.haven import Haven
-from renew.planner.task import Task, check_endpoints
+from renew.planner.plan import planner_of
+from renew.planner.problem import check_endpoints
+from renew.request import Request
 from renew.results import Plan
 from renew.underway.choice import choose
 from renew.underway.diversions import entered
@@ -33,26 +35,26 @@ class TurnOff:
 
 
 def turn_offs(
-    havens: Sequence[Haven], task: Task, heading: float | None
+    havens: Sequence[Haven], request: Request, heading: float | None
 ) -> tuple[tuple[TurnOff, ...], tuple[tuple[Haven, PlanningError], ...]]:
-    """Return ways from a task's start to havens, least fuel first, and havens without a way.
+    """Return ways from a request's start to havens, least fuel first, and havens without a way.
 
     The vessel has a `heading` (rad) if one is given.
     """
     found, left_out = list[TurnOff](), list[tuple[Haven, PlanningError]]()
     for haven in havens:
         try:
-            found.append(_turn_off(haven, task, heading))
+            found.append(_turn_off(haven, request, heading))
         except PlanningError as error:
             left_out.append((haven, error))
     return tuple(sorted(found, key=lambda one: one.fuel)), tuple(left_out)
 
 
-def _turn_off(haven: Haven, task: Task, heading: float | None) -> TurnOff:
+def _turn_off(haven: Haven, request: Request, heading: float | None) -> TurnOff:
     """Plan the way to a haven; raise PlanningError if there is none."""
-    stops = np.vstack([task.stops[0], haven.place])
-    there = replace(task, stops=stops, like=task, _planners={})
-    check_endpoints(there.planner().problem.voyage)
+    stops = np.vstack([request.stops[0], haven.place])
+    there = replace(request, stops=stops, like=request)
+    check_endpoints(planner_of(there).problem.voyage)
     choice = choose(there, None, heading, 1.0, is_proven=False, track=None)
     plan = cast("Plan", choice.plan)  # without a way, an error was raised
     if plan.best.ends_in_soft_no_go:
@@ -63,5 +65,5 @@ def _turn_off(haven: Haven, task: Task, heading: float | None) -> TurnOff:
         )
     reached = float(plan.best.times[-1])
     arrival = entered(haven, reached)
-    fuel = plan.best.fuel + task.vessel.fuel_rate * (arrival - reached)
+    fuel = plan.best.fuel + request.vessel.fuel_rate * (arrival - reached)
     return TurnOff(haven, replace(plan, voyage=there), arrival, fuel)

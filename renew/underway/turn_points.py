@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from renew.planner.plan import planner_of
 from renew.underway.coverage import Diversion, EqualPoint, LastTurn
 from renew.underway.diversions import Limits
 from renew.underway.survey import SAMPLES, Survey
@@ -78,7 +79,7 @@ def no_return(survey: Survey) -> LastTurn | None:
     limits = Limits(endurance=survey.limits.endurance)
     if math.isinf(limits.endurance):
         return None
-    voyage = survey.diverter.task.planner().problem.voyage
+    voyage = planner_of(survey.diverter.request).problem.voyage
     places = np.array([survey.diverter.row(time)[:2] for time in survey.times.tolist()])
     quickest = voyage.vessel.speed + voyage.table.strongest
     back = np.linalg.norm(places - voyage.start, axis=1) / quickest

@@ -21,7 +21,8 @@ from renew.inputs.arguments import check_objects
 from renew.inputs.chart import Chart
 from renew.inputs.haven import Haven
 from renew.inputs.vessel import Vessel
-from renew.planner.task import Task
+from renew.planner.plan import planner_of
+from renew.request import Request
 from renew.results import Route
 from renew.underway.diversions import Limits
 
@@ -76,14 +77,14 @@ def check_cover(
 
 
 def usable(
-    havens: Sequence[Haven], task: Task, route: Route
+    havens: Sequence[Haven], request: Request, route: Route
 ) -> tuple[list[Haven], list[tuple[Haven, PlanningError]]]:
     """Return the havens that can be used, and the others with reasons.
 
     Raises ParameterError for a route of another current or vessel, GoalInNoGoError if no haven is
     left.
     """
-    took = task.planner().problem.voyage.fuel(route.path) / task.vessel.fuel_rate
+    took = planner_of(request).problem.voyage.fuel(route.path) / request.vessel.fuel_rate
     if not abs(took - route.duration) <= _SAME * route.duration:
         raise ParameterError(
             f"along the route's path this vessel takes {took:.4g} s in this current, and the route "
@@ -91,7 +92,7 @@ def usable(
         )
     good, left_out = list[Haven](), list[tuple[Haven, PlanningError]]()
     for haven in havens:
-        error = _fault(haven, task)
+        error = _fault(haven, request)
         if error is None:
             good.append(haven)
         else:
@@ -101,9 +102,9 @@ def usable(
     return good, left_out
 
 
-def _fault(haven: Haven, task: Task) -> PlanningError | None:
+def _fault(haven: Haven, request: Request) -> PlanningError | None:
     """Return why a haven can't be used, or None."""
-    chart, here = task.chart, shapely.Point(haven.place)
+    chart, here = request.chart, shapely.Point(haven.place)
     if not shapely.dwithin(chart.water, here, 4 * chart.precision):
         nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1].round(3)
         where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
@@ -113,8 +114,8 @@ def _fault(haven: Haven, task: Task) -> PlanningError | None:
             Length(math.dist(haven.place, nearest)),
             nearest,
         )
-    _, last = task.current.span
-    first = float(task.request.departure)
+    _, last = request.current.span
+    first = float(request.departure)
     if haven.closes < first or haven.opens > last:
         return ParameterError(
             f"haven {haven.name} is open from {{0}} until {{1}}; the route departs at {{2}}, and "

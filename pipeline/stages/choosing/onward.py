@@ -25,7 +25,7 @@ from pipeline.model.case import MIN_LATENESS_S, true_duration_s
 from pipeline.scenario.season import DepartureTimes
 from pipeline.stages.choosing.chosen import Chosen, in_thread
 from pipeline.stages.plan_case import planned
-from renew.inputs.shut_areas import Area
+from renew.inputs.shut_areas import Opening
 
 # Least time between two departures from the anchorage, min.
 _STEP_MIN = 10
@@ -82,7 +82,7 @@ def _split(given: Chosen, first: Case, onward: Case, wait: timedelta) -> Chosen:
 def _afloat(case: Case, arrival: float, times: FloatArray) -> int:
     """Return how many of the departures (n,), s, come before the anchorage is shut; at least 1."""
     depth = case.tidal_depth
-    areas: list[Area] = [*case.areas, *(depth.tidal_areas if depth else ())]
+    areas: list[Opening] = [*case.areas, *(depth.tidal_areas if depth else ())]
     here, ends = shapely.Point(case.goal), times + MIN_LATENESS_S
     begins, shut = np.full(len(ends), arrival), np.zeros(len(ends), dtype=bool)
     for area in areas:

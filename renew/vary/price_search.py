@@ -20,12 +20,12 @@ from renew.errors import InfeasibleError, Moment
 from renew.paths.corridor import Corridor
 from renew.paths.speed_profile import SpeedProfile, speed_profile, trade_off
 from renew.planner.classes import ClassSearch
-from renew.planner.departure_window import too_late_error
-from renew.planner.departures import best_sailing
 from renew.planner.diagnosis import no_class_error
 from renew.planner.grow import Shortfalls, grown_until_clear
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.results import Plan, Route, TradeOff
+from renew.vary.departure_window import too_late_error
+from renew.vary.sailings import best_sailing
 
 # Largest number of rounds to find the price, and relative change below which it is accepted; the
 # relative error of fuel is the square of that change.

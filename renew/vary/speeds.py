@@ -26,7 +26,7 @@ import numpy as np
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError, ParameterError, PlanningError
-from renew.inputs.shut_areas import Area
+from renew.inputs.shut_areas import Opening
 from renew.inputs.vessel import Vessel
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_by_clock
@@ -36,14 +36,15 @@ from renew.paths.speeds_by_clock import (
     trade_off_by_clock,
 )
 from renew.planner.classes import ClassSearch, plan_classes
-from renew.planner.departure_window import Progress
 from renew.planner.grow import Shortfalls, grown_until_clear, steered_with_room
 from renew.planner.one_class import ClassPath, ClassPlanner
-from renew.planner.price_search import PriceSearch, chosen_fuel, profile_of
-from renew.planner.shut_areas import plan_around
-from renew.planner.task import Task, check_current_at_endpoints
+from renew.planner.plan import plan_around, planner_of
+from renew.planner.problem import check_current_at_endpoints
+from renew.request import Request
 from renew.results import Departed, Departures, Plan, TradeOff
 from renew.steering.steer_in_corridor import steer_as_drawn
+from renew.vary.departure_window import Progress
+from renew.vary.price_search import PriceSearch, chosen_fuel, profile_of
 from renew.voyage.voyage import Voyage
 
 # If no leg is faster than this share of the highest speed, narrower padding is tried.
@@ -56,7 +57,7 @@ _PlannerUpTo: TypeAlias = Callable[[float | None], ClassPlanner]
 """Gives the planner for speeds up to a limit (m/s); None means the highest speed allowed."""
 
 
-def plan_with_speeds(task: Task, departure: float) -> Plan:
+def plan_with_speeds(request: Request, departure: float) -> Plan:
     """Plan at a departure (s) with a choice of speeds, around areas that are shut for some hours.
 
     ArrivalError where no route arrives in time even at the highest speed. Speeds are not changed to
@@ -64,24 +65,24 @@ def plan_with_speeds(task: Task, departure: float) -> Plan:
     the area while it is shut. Around such areas a plan has no trade-off between arrival and fuel,
     since with another arrival the vessel passes them at other times.
     """
-    _check_exponent(task.vessel)
+    _check_exponent(request.vessel)
 
-    def plan(closed: Sequence[Area]) -> tuple[Plan, ClassPlanner]:
+    def plan(closed: Sequence[Opening]) -> tuple[Plan, ClassPlanner]:
         @functools.cache
         def planner_up_to(most: float | None) -> ClassPlanner:
-            planner = task.planner(closed, most)
+            planner = planner_of(request, closed, most)
             if planner.problem.voyage.departure == departure:
                 return planner
             return planner.for_problem(planner.problem.leaving(departure))
 
         return _plan_up_to(planner_up_to), planner_up_to(None)
 
-    found = plan_around(task.areas, plan)
-    return replace(found, trade_off=None) if task.areas else found
+    found = plan_around(request.areas, plan)
+    return replace(found, trade_off=None) if request.areas else found
 
 
 def departures_with_speeds(
-    task: Task, departures: Sequence[float], progress: Progress | None
+    request: Request, departures: Sequence[float], progress: Progress | None
 ) -> Departures:
     """Plan each of the departures (s), which ascend; an error if none of them has a route.
 
@@ -89,11 +90,11 @@ def departures_with_speeds(
     deadline depend on the departure. Nothing is known of departures between those given: the bound
     on arrivals at one speed (:mod:`renew.planner.departure_window`) is no bound on fuel.
     """
-    _check_exponent(task.vessel)
+    _check_exponent(request.vessel)
     plans: list[Plan | PlanningError] = []
     for departure in departures:
         try:
-            plans.append(plan_with_speeds(task, departure))
+            plans.append(plan_with_speeds(request, departure))
         except PlanningError as error:
             plans.append(error)
         if progress is not None:

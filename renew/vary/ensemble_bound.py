@@ -21,7 +21,7 @@ from renew._types import FloatArray
 from renew.bounds.fuel_bound import FuelBound
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.inputs.members import Members
-from renew.planner.ensemble.statistics import TAIL, Statistic, statistic, worst_weights
+from renew.vary.statistics import TAIL, Statistic, statistic, worst_weights
 from renew.voyage.voyage import Voyage, Waters
 
 # Rounds in which weights are moved towards the worst members.

@@ -9,7 +9,7 @@ if a paired bootstrap says that it is better.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias, Unpack
+from typing import Unpack
 
 import numpy as np
 
@@ -22,9 +22,12 @@ from renew.inputs.members import Members, as_members
 from renew.inputs.options import Changes, PlanOptions
 from renew.inputs.shut_areas import ShutArea
 from renew.inputs.vessel import Vessel
-from renew.planner.ensemble.bound import EnsembleBound
-from renew.planner.ensemble.results import EnsemblePlan, ShutInMember
-from renew.planner.ensemble.statistics import (
+from renew.planner.plan import finished, plan_request, planner_of
+from renew.request import Place, Request
+from renew.results import Route
+from renew.vary.ensemble_bound import EnsembleBound
+from renew.vary.ensemble_results import EnsemblePlan, ShutInMember
+from renew.vary.statistics import (
     FEWEST,
     QUANTILES,
     STATISTICS,
@@ -32,21 +35,16 @@ from renew.planner.ensemble.statistics import (
     statistic,
     surely_dearer,
 )
-from renew.planner.plan import finished, given_options, planned, task_of
-from renew.results import Route
 from renew.voyage.fuel import Pieces
 from renew.voyage.voyage import Voyage
-
-_Place: TypeAlias = FloatArray | tuple[float, float]
-"""A point (2,), m."""
 
 
 def plan_ensemble(
     chart: Chart,
     currents: Sequence[CurrentLike],
     vessel: Vessel,
-    start: _Place,
-    goal: _Place,
+    start: Place,
+    goal: Place,
     *,
     weights: FloatArray | Sequence[float] | None = None,
     names: Sequence[str] | None = None,
@@ -98,16 +96,24 @@ def plan_ensemble(
     members = as_members(currents, weights, names)
     check_objects(chart, vessel, avoid)
     _check(members, choose, sure, avoid)
-    given = {**given_options(options, changes), "departure": departure}
-    mean, distinct = members.mean(members.weights), members.distinct
-    task = task_of(chart, mean, vessel, (start, goal), via, avoid, None, given)
-    if len(distinct) > 1:
-        task = replace(task, members=distinct)
-    plan = finished(planned(task), task)
-    voyage = task.planner().problem.voyage
+    request = Request.of(
+        chart,
+        members.mean(members.weights),
+        vessel,
+        (start, goal),
+        options=options,
+        changes=changes,
+        departure=departure,
+        via=via,
+        avoid=avoid,
+    )
+    if len(members.distinct) > 1:
+        request = replace(request, members=members.distinct)
+    plan = finished(plan_request(request), request)
+    voyage = planner_of(request).problem.voyage
     bound = EnsembleBound(voyage, members, [one.path for one in plan.routes], plan.best.fuel_bound)
     fuels, shut = _flown(plan.routes, bound, members)
-    chosen, dearer = _chosen(choose, fuels, members.weights, sure, task.request.seed)
+    chosen, dearer = _chosen(choose, fuels, members.weights, sure, request.options.seed)
     return EnsemblePlan(
         plan=replace(plan, chosen=chosen),
         members=members,

@@ -36,8 +36,8 @@ from typing import NamedTuple
 
 from renew._types import FloatArray
 from renew.errors import ArrivalError, Moment, Text
-from renew.planner.departures import Sailing, Sailings
 from renew.results import Departures, Plan
+from renew.vary.sailings import Sailing, Sailings
 from renew.voyage.voyage import Voyage
 
 Progress = Callable[[int, float], None]

@@ -7,26 +7,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from renew._types import FloatArray
-from renew.classes.dual_graph import Channel
 from renew.classes.h_signature import name
 from renew.errors import (
     CurrentTooStrongError,
-    InfeasibleError,
     PlanningError,
     TooLateError,
     UnreachableError,
 )
-from renew.inputs.shut_areas import Area
-from renew.paths.least_fuel_path import refined_path
+from renew.inputs.shut_areas import Opening
 from renew.planner.classes import ClassSearch
 from renew.planner.diagnosis import no_class_error
-from renew.planner.grow import near_rough
-from renew.planner.one_class import ClassPath, ClassPlanner
-from renew.planner.shut_areas import meetings, unavoidable, without_meeting
-from renew.planner.task import Task, check_current_at_endpoints
+from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn, fuel_estimate
+from renew.planner.plan import meetings, planner_of, unavoidable, without_meeting
+from renew.planner.problem import check_current_at_endpoints
+from renew.request import Request
 from renew.results import Departed, Plan, Rejected
-from renew.steering.steer_in_corridor import steer_as_drawn
 
 # A later departure's path is also sailed from the departure before if this arrives earlier by more
 # than this share of the duration, which excludes rounding.
@@ -95,23 +90,23 @@ class Sailings:
     land.
     """
 
-    def __init__(self, task: Task) -> None:
-        self._task = task
-        self._closed_at: dict[float, frozenset[Area]] = {}
+    def __init__(self, request: Request) -> None:
+        self._request = request
+        self._closed_at: dict[float, frozenset[Opening]] = {}
 
     @property
     def has_areas(self) -> bool:
         """Whether some areas are shut for some hours."""
-        return bool(self._task.areas)
+        return bool(self._request.areas)
 
     def last_departure(self, arrive_by: float) -> float:
         """Time (s) after which no voyage departs that arrives by a time (s)."""
-        least_duration = self._task.planner().problem.voyage.least_duration
-        return min(arrive_by - least_duration, self._task.current.span[1])
+        least_duration = planner_of(self._request).problem.voyage.least_duration
+        return min(arrive_by - least_duration, self._request.current.span[1])
 
     def sailing(self, departure: float) -> Sailing:
         """Return the best route at a departure (s)."""
-        closed: frozenset[Area] = frozenset()
+        closed: frozenset[Opening] = frozenset()
         first: Sailing | None = None
         while True:
             try:
@@ -120,7 +115,7 @@ class Sailings:
             except PlanningError as error:
                 if first is None:
                     raise
-                areas = [area for area in self._task.areas if area in closed]
+                areas = [area for area in self._request.areas if area in closed]
                 return replace(
                     first, found=None, cause=unavoidable(areas, departure, error), rejected=()
                 )
@@ -133,11 +128,11 @@ class Sailings:
     def plan(self, sailing: Sailing) -> tuple[Plan, Sailing]:
         """Plan all classes at a sailing's departure; return the plan and its best sailing."""
         closed, planner = self._closed_at[sailing.departure], sailing.planner
-        word, classes = planner.problem.word, self._task.request.classes
+        word, classes = planner.problem.word, self._request.options.classes
         known = {} if sailing.found is None else {word(sailing.found.path): sailing.found}
         search = ClassSearch(planner, known)
         search.find_first(classes)
-        areas = self._task.areas
+        areas = self._request.areas
         plan, met = without_meeting(
             search.plan(classes), [area for area in areas if area not in closed], planner
         )
@@ -149,17 +144,17 @@ class Sailings:
 
         With shut areas nothing changes, because the path of another departure may meet an area.
         """
-        return list(sailings) if self._task.areas else in_order_of_arrival(sailings)
+        return list(sailings) if self._request.areas else in_order_of_arrival(sailings)
 
-    def _sailing(self, departure: float, closed: frozenset[Area]) -> Sailing:
+    def _sailing(self, departure: float, closed: frozenset[Opening]) -> Sailing:
         """Return the best route at a departure (s), with some areas closed like land."""
-        first = self._task.planner(closed)
+        first = planner_of(self._request, closed)
         problem = first.problem.leaving(departure)
         return best_sailing(first.for_problem(problem), first.unpadded.for_problem(problem))
 
-    def _met(self, sailing: Sailing, closed: frozenset[Area]) -> frozenset[Area]:
+    def _met(self, sailing: Sailing, closed: frozenset[Opening]) -> frozenset[Opening]:
         """Return the areas that a sailing meets while they are shut."""
-        others = [area for area in self._task.areas if area not in closed]
+        others = [area for area in self._request.areas if area not in closed]
         if sailing.found is None or not others:
             return frozenset()
         route = sailing.planner.route(sailing.found)
@@ -198,31 +193,3 @@ def in_order_of_arrival(sailings: Sequence[Sailing]) -> list[Sailing]:
             if found is not None and found.fuel < here.fuel:
                 result[k] = replace(here, found=found)
     return result
-
-
-def as_drawn(planner: ClassPlanner, path: FloatArray, channel: Channel) -> ClassPath | None:
-    """Return a path (n, 2) of a channel sailed at the planner's departure; None if it is unsafe."""
-    corridor = planner.growth.fitted(planner.corridor(channel), path)
-    try:
-        trajectory = steer_as_drawn(path, corridor)
-        planner.check_current(trajectory)
-    except InfeasibleError:
-        return None
-    if planner.growth.shortfall(corridor, path) is not None:
-        return None
-    fuel = planner.problem.voyage.fuel(path)
-    return ClassPath(corridor, path, trajectory, fuel, fuel)
-
-
-def fuel_estimate(unpadded: ClassPlanner, channel: Channel) -> float:
-    """Return the fuel of a channel's path with minimal padding, before it is steered.
-
-    It is hardly ever above the fuel of the channel's route. Without a path it is minus infinity.
-    """
-    corridor = unpadded.corridor(channel)
-    try:
-        path = refined_path(corridor, near_rough(corridor))
-    except InfeasibleError:
-        return -math.inf
-    voyage = unpadded.problem.voyage
-    return voyage.vessel.fuel_rate * float(voyage.reading_times(path)[-1] - voyage.departure)

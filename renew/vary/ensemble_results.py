@@ -9,9 +9,9 @@ import numpy as np
 from renew._types import FloatArray
 from renew.errors import InfeasibleError
 from renew.inputs.members import Members
-from renew.planner.ensemble.bound import EnsembleBound
-from renew.planner.ensemble.statistics import STATISTICS, Statistic, statistic
 from renew.results import Plan, Route
+from renew.vary.ensemble_bound import EnsembleBound
+from renew.vary.statistics import STATISTICS, Statistic, statistic
 
 
 class ShutInMember(NamedTuple):
