@@ -9,12 +9,18 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import ParameterError, check_kind, is_finite, is_number, shown
-from renew.inputs.arguments import ViaPoints, as_point, as_via, check_objects
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField, CurrentLike, as_field
-from renew.inputs.options import PlanOptions, is_one_of, is_row
-from renew.inputs.shut_areas import Opening, ShutArea, with_always_shut
-from renew.inputs.tidal_depth import TidalDepth
+from renew.inputs.openings import Opening, ShutArea, TidalDepth, with_always_shut
+from renew.inputs.options import (
+    PlanOptions,
+    ViaPoints,
+    as_point,
+    as_via,
+    check_objects,
+    is_one_of,
+    is_row,
+)
 from renew.inputs.vessel import MAX_SPEED, Vessel
 from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 

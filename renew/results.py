@@ -23,8 +23,7 @@ from renew.errors import (
     from_until,
     in_seconds,
 )
-from renew.inputs.shut_areas import Opening
-from renew.inputs.tidal_depth import LeastWater
+from renew.inputs.openings import LeastWater, Opening
 from renew.request import Request
 
 # Width of the map, CSS pixels; its height follows, up to twice as much.

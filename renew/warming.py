@@ -15,8 +15,14 @@ from shapely import Polygon, box
 
 from renew.errors import UnreachableError
 from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentLike, GriddedCurrent, GyreCurrent, UniformCurrent
-from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
+from renew.inputs.current import (
+    CurrentLike,
+    GriddedCurrent,
+    GyreCurrent,
+    SwingingGyre,
+    UniformCurrent,
+    VaryingCurrent,
+)
 from renew.inputs.vessel import Vessel
 from renew.planner.plan import planner_of
 from renew.request import Request
@@ -33,7 +39,8 @@ _ISLANDS = (
     Polygon([(51, 67.5), (55, 67), (55, 72), (52, 72)]),
     Polygon([(39, 43), (43.5, 47.5), (64, 50), (64.5, 24), (61, 25)]),
 )
-_START, _GOAL = (10.0, 10.0), (90.0, 90.0)
+_START = (10.0, 10.0)
+_GOAL = (90.0, 90.0)
 _VESSEL = Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
 _GYRE = GyreCurrent(0.8, _SIDE, _SIDE)
 

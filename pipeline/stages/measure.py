@@ -32,7 +32,7 @@ from pipeline.model import (
 from pipeline.model.case import MIN_LATENESS_S, true_duration_s
 from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
-from renew.inputs.arguments import MAX_STATIONS
+from renew.inputs.options import MAX_STATIONS
 from renew.turns.turn_reach import TurnReach
 from renew.vary.statistics import STATISTICS
 

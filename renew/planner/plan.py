@@ -22,10 +22,9 @@ import shapely
 
 from renew._types import FloatArray
 from renew.errors import InfeasibleError, PlanningError, Text, UnreachableError, from_until
-from renew.inputs.shut_areas import Opening, polygons_of
+from renew.inputs.openings import Opening, polygons_of
 from renew.inputs.vessel import Vessel
-from renew.planner.classes import plan_classes
-from renew.planner.diagnosis import no_class_error
+from renew.planner.classes import no_class_error, plan_classes
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import (
     Problem,

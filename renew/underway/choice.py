@@ -6,15 +6,13 @@ from typing import Literal, TypeAlias
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError
-from renew.planner.classes import ClassSearch
-from renew.planner.diagnosis import no_class_error
+from renew.planner.classes import ClassSearch, no_class_error
 from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn, fuel_estimate
 from renew.planner.plan import meetings, plan_request, planner_of
 from renew.planner.problem import check_current_at_endpoints
 from renew.request import Request
 from renew.results import Plan, Rejected, Route
-from renew.underway.lead import led_in
-from renew.underway.way_ahead import channel_along
+from renew.underway.lead import channel_along, led_in
 
 Answer: TypeAlias = Literal["kept", "switched", "turn off", "no way"]
 

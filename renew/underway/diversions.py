@@ -8,7 +8,7 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import InfeasibleError, Moment, PlanningError
-from renew.inputs.haven import Haven
+from renew.inputs.openings import Haven
 from renew.planner.plan import planner_of
 from renew.request import Request
 from renew.results import Plan, Route
@@ -16,12 +16,19 @@ from renew.underway.choice import choose
 from renew.underway.coverage import Diversion
 from renew.voyage.voyage import Voyage
 
-# Number of classes that are planned; departures between early and late that are timed: at least
-# this many, and one for each such share of the way's time, up to a largest number.
-_CLASSES, _TIMED, _APART, _MOST_TIMED = 2, 9, 0.01, 129
+# Number of classes that are planned for a way to a haven.
+_CLASSES = 2
+# Least number of departures between early and late at which a way is timed.
+_TIMED = 9
+# Time between two such departures, as a share of the way's time.
+_APART = 0.01
+# Largest number of such departures.
+_MOST_TIMED = 129
 # Factor by which the hours at the begin of a stretch are widened until they hold every vessel that
-# is in time on it, and largest number of times.
-_WIDER, _TRIES = 1.25, 12
+# is in time on it.
+_WIDER = 1.25
+# Largest number of times that they are widened.
+_TRIES = 12
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Plan a voyage again under way, and say whether to stay in the class that was planned."""
+"""Plan a voyage again under way: stay in the class that was planned, or turn off to a haven."""
 
 import math
 from collections.abc import Sequence
@@ -10,6 +10,7 @@ import shapely
 
 from renew._types import FloatArray
 from renew.errors import (
+    InfeasibleError,
     Length,
     ParameterError,
     PlanningError,
@@ -18,18 +19,73 @@ from renew.errors import (
     is_finite,
     shown,
 )
-from renew.inputs.arguments import as_point
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
-from renew.inputs.haven import Haven
+from renew.inputs.openings import Haven
+from renew.inputs.options import as_point
 from renew.kernels.current_table import are_same
 from renew.planner.plan import planner_of, with_least_water
+from renew.planner.problem import check_endpoints
 from renew.request import Request
 from renew.results import Plan, Rejected, Route
 from renew.underway.choice import Answer, Choice, choose
-from renew.underway.turn_offs import TurnOff, turn_offs
-from renew.underway.way_ahead import ON_TIME, Abeam, abeam, track_ahead, way_ahead
+from renew.underway.diversions import entered
+from renew.underway.lead import ON_TIME, Abeam, abeam, track_ahead, way_ahead
 from renew.voyage.voyage import Voyage, shares
+
+
+@dataclass(frozen=True, eq=False)
+class TurnOff:
+    """A way from where the vessel is to a haven.
+
+    Attributes
+    ----------
+    haven : where it leads.
+    plan : the plan of it, to be given to the next :func:`renew.replan`.
+    arrival : when the vessel enters the haven, s, after the wait until it opens.
+    fuel : fuel for the way and the wait (fuel units).
+    """
+
+    haven: Haven
+    plan: Plan
+    arrival: float
+    fuel: float
+
+
+def turn_offs(
+    havens: Sequence[Haven], request: Request, heading: float | None
+) -> tuple[tuple[TurnOff, ...], tuple[tuple[Haven, PlanningError], ...]]:
+    """Return ways from a request's start to havens, least fuel first, and havens without a way.
+
+    The vessel has a `heading` (rad) if one is given.
+    """
+    found, left_out = list[TurnOff](), list[tuple[Haven, PlanningError]]()
+    for haven in havens:
+        try:
+            found.append(_turn_off(haven, request, heading))
+        except PlanningError as error:
+            left_out.append((haven, error))
+    return tuple(sorted(found, key=lambda one: one.fuel)), tuple(left_out)
+
+
+def _turn_off(haven: Haven, request: Request, heading: float | None) -> TurnOff:
+    """Plan the way to a haven; raise PlanningError if there is none."""
+    stops = np.vstack([request.stops[0], haven.place])
+    there = replace(request, stops=stops, like=request)
+    check_endpoints(planner_of(there).problem.voyage)
+    choice = choose(there, None, heading, 1.0, is_proven=False, track=None)
+    plan = cast("Plan", choice.plan)  # without a way, an error was raised
+    if plan.best.ends_in_soft_no_go:
+        raise InfeasibleError(
+            f"haven {haven.name} {{0}} lies in the soft no-go zone, where no turn is verified; "
+            "move it off",
+            haven.place,
+        )
+    reached = float(plan.best.times[-1])
+    arrival = entered(haven, reached)
+    fuel = plan.best.fuel + request.vessel.fuel_rate * (arrival - reached)
+    return TurnOff(haven, replace(plan, voyage=there), arrival, fuel)
+
 
 # Largest heading, rad: beyond a full circle it is hardly in radians.
 _MOST = 2 * math.pi

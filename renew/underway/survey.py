@@ -18,19 +18,25 @@ from renew._types import BoolArray, FloatArray
 from renew.bounds.fuel_lower_bound import least_time
 from renew.bounds.haven_bound import HavenBound
 from renew.errors import PlanningError
-from renew.inputs.haven import Haven
+from renew.inputs.openings import Haven
 from renew.planner.plan import planner_of
 from renew.underway.coverage import Diversion, State, Stretch
 from renew.underway.diversions import Diverter, Limits
 
 SAMPLES = 360
 """Number of samples in the time of a limit."""
-# Numbers of samples: in all, at most; between two stations at first; up to which no place is tried
-# between two ends without a way.
-_MOST_SAMPLES, _STATIONS, _CLOSE = 6_000, 120, 4
-# Multiple of a limit up to which bounds with a clock are close; least time between the places from
-# which they are taken, as a share of it; number of cells of their finest grid.
-_ENOUGH, _PART, _PROOF_CELLS = 1.5, 1 / 24, 128_000
+# Largest number of samples in all.
+_MOST_SAMPLES = 6_000
+# Number of samples between two stations at first.
+_STATIONS = 120
+# Number of samples between two stations without a way up to which no place between them is tried.
+_CLOSE = 4
+# Multiple of a limit up to which bounds with a clock are close.
+_ENOUGH = 1.5
+# Least time between the places from which bounds with a clock are taken, as a share of the limit.
+_PART = 1 / 24
+# Number of cells of the finest grid of bounds with a clock.
+_PROOF_CELLS = 128_000
 # Factor on the limits up to which bounds are close.
 _ABOVE = 1.02
 

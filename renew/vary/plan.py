@@ -9,19 +9,23 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import ParameterError, is_finite, shown
-from renew.inputs.arguments import ViaPoints, as_departures, check_objects
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike
-from renew.inputs.options import Changes, PlanOptions, is_one_of
-from renew.inputs.shut_areas import ShutArea
-from renew.inputs.tidal_depth import TidalDepth
+from renew.inputs.openings import ShutArea, TidalDepth
+from renew.inputs.options import (
+    Changes,
+    PlanOptions,
+    ViaPoints,
+    as_departures,
+    check_objects,
+    is_one_of,
+)
 from renew.inputs.vessel import Vessel
 from renew.planner.plan import finished, plan_request, planner_of
 from renew.planner.problem import check_departures
 from renew.request import Place, Request, Speeds, options_by_name
 from renew.results import Departures, Plan
-from renew.vary.departure_window import DepartureWindow, Progress, latest_departure
-from renew.vary.sailings import Sailings
+from renew.vary.departures import DepartureWindow, Progress, Sailings, latest_departure
 from renew.vary.speeds import departures_with_speeds, plan_with_speeds
 
 
@@ -67,7 +71,7 @@ def plan(
     avoid : sequence of ShutArea
         Areas that are shut, always or for some hours. The vessel, whether early, on time or late,
         and any hard-over turn it starts, stays out of each area while it is shut; see
-        :mod:`renew.planner.shut_areas`.
+        :mod:`renew.planner.plan`.
     depth : TidalDepth, optional
         Areas that are shut while the tide is too low for the vessel.
     speed : (float, float), optional
@@ -76,7 +80,7 @@ def plan(
         time as it wants, while the current is known. Land is padded, and turns are steered, for the
         highest speed. The plan then has a `trade_off` of fuel against arrival, unless areas are
         shut for some hours. With `via` only in steady currents. In a changing current the lower
-        bound is loose. See :mod:`renew.planner.speeds`.
+        bound is loose. See :mod:`renew.vary.speeds`.
     **changes
         Options by name in place of those of `options`, such as ``risk=0.1``.
 
@@ -154,7 +158,7 @@ def plan_departures(
 
     All departures share triangulation, classes, the table of the current, and known paddings. At
     each departure a class is planned completely only if it may have the best route. For the bound
-    on departures between them see :mod:`renew.planner.departure_window`.
+    on departures between them see :mod:`renew.vary.departures`.
 
     Parameters
     ----------

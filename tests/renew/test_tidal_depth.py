@@ -12,7 +12,7 @@ from hypothesis import given, strategies as st
 from shapely import Polygon, box
 
 import renew
-from renew.inputs.shut_areas import ReliedOnTide
+from renew.inputs.openings import ReliedOnTide
 from tests.strategies import PAPER_VESSEL
 from tests.tidal_waters import tidal_scene
 

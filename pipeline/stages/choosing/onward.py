@@ -25,7 +25,7 @@ from pipeline.model.case import MIN_LATENESS_S, true_duration_s
 from pipeline.scenario.season import DepartureTimes
 from pipeline.stages.choosing.chosen import Chosen, in_thread
 from pipeline.stages.plan_case import planned
-from renew.inputs.shut_areas import Opening
+from renew.inputs.openings import Opening
 
 # Least time between two departures from the anchorage, min.
 _STEP_MIN = 10

@@ -24,7 +24,7 @@ from pipeline.stages.choose import choose_departures
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.plan_case import planned as planned_case
-from renew.vary.sailings import Sailing, Sailings
+from renew.vary.departures import Sailing, Sailings
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 
 COUNT = 5

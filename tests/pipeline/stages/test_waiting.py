@@ -26,7 +26,7 @@ from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.onward import with_onward_legs
 from pipeline.stages.fetch import FetchedData
 from renew._types import BoolArray, FloatArray
-from renew.inputs.shut_areas import ReliedOnTide
+from renew.inputs.openings import ReliedOnTide
 from tests.clock_oracle import earliest_arrival
 from tests.pipeline.stages.test_tides import EBB, GOAL, START, scenario_data
 from tests.pipeline.tidal_run import run as tidal_run, tide
