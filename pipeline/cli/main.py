@@ -43,8 +43,8 @@ from pipeline.machine.interpreters import ignoring_working_directory, seldom_col
 from pipeline.texts import seen
 
 if TYPE_CHECKING:
+    from pipeline.scenario.catalogue import ScenarioFile
     from pipeline.scenario.model import Scenario
-    from pipeline.session import Origin
 
 app = typer.Typer(
     name="renew",
@@ -234,20 +234,16 @@ def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its na
     with reported_errors(), still_at_work():
         from pipeline.scenario.loading import load_scenario
 
-        found = load_scenario(file)
+        scenario = load_scenario(file)
         # After loading, so that faults in the file are reported at once.
         from pipeline.stages.choosing.coverage import require_sailable, require_whole_files
 
-        require_sailable(found)
-        require_whole_files(found)
-        seasons = ", ".join(season.name for season in found.seasons)
-        typer.echo(f"{found.name}: valid ({seasons}; {_vessel(found)}; 1:{found.scale:g})")
-
-
-def _vessel(scenario: "Scenario") -> str:
-    """Name a scenario's vessel: "vessel usv-7m", or by its length if it has no name."""
-    vessel = scenario.vessel
-    return f"vessel {vessel.name}" if vessel.label else f"vessel of {vessel.length_m:g} m"
+        require_sailable(scenario)
+        require_whole_files(scenario)
+        seasons = ", ".join(season.name for season in scenario.seasons)
+        vessel = scenario.vessel
+        named = f"vessel {vessel.name}" if vessel.label else f"vessel of {vessel.length_m:g} m"
+        typer.echo(f"{scenario.name}: valid ({seasons}; {named}; 1:{scenario.scale:g})")
 
 
 @app.command(cls=Command)
@@ -315,7 +311,7 @@ def _loaded(
     currents: Sequence[str] | None,
     *,
     seasons: Sequence[str] = (),
-) -> "Iterator[tuple[Scenario, Origin, list[str]]]":
+) -> "Iterator[tuple[Scenario, ScenarioFile, list[str]]]":
     """Read and check a scenario before slow imports, so that all faults are reported at once.
 
     Yield it with its file, and notes on how it was loaded. A RequestError in the block gets a note
@@ -339,9 +335,7 @@ def _loaded(
             faults.collect(partial(require_seasons, scenario, seasons))
         if scenario is None or faults.lines:
             raise RequestError(faults.lines)
-        from pipeline.session import Origin
-
-        yield scenario, Origin(file.path.resolve(), file.sha256), notes
+        yield scenario, file, notes
 
 
 if __name__ == "__main__":

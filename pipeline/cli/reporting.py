@@ -24,6 +24,7 @@ from pipeline.cli.terminal import (
     terminal_width,
 )
 from pipeline.findings import text
+from pipeline.findings.columns import figures
 from pipeline.findings.note_words import caveats_json, note_json, note_texts
 from pipeline.findings.rejections import rejections
 from pipeline.findings.result import RankedRoute
@@ -219,7 +220,7 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
     For each season it has the best route on each side of the main island. Ways are wrapped where
     the table is wider than `width`, in characters.
     """
-    lengths = [one.metrics.length_m for one in outcome.result.routes]
+    lengths = [ranked.metrics.length_m for ranked in outcome.result.routes]
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
     head = tuple(_HEAD.format(unit=unit).split(","))
     rows: list[tuple[str, ...]] = [head]
@@ -336,9 +337,9 @@ def outcome_json(outcome: Outcome) -> str:
         "files": files,
         "routes": [_route(ranked, files) for ranked in outcome.result.routes],
         "rejected": [
-            {"season": case.name, **one}
+            {"season": case.name, **rejection}
             for case in outcome.result.cases
-            for one in rejections(case)
+            for rejection in rejections(case)
         ],
         "clock_worth": [
             {
@@ -353,9 +354,9 @@ def outcome_json(outcome: Outcome) -> str:
             if (worth := case.measures.clock_worth) is not None
         ],
         "replanned": [
-            {"season": one.name, **asdict(one.replanned)}
-            for one in outcome.result.results
-            if one.replanned is not None
+            {"season": result.name, **asdict(result.replanned)}
+            for result in outcome.result.results
+            if result.replanned is not None
         ],
         **caveats_json(outcome.result),
         "notes": note_texts(outcome.fetched.notes),
@@ -373,21 +374,9 @@ def _route(ranked: RankedRoute, files: list[str]) -> dict[str, object]:
     of_best = (".rtz", ".gpx", *of_all, ".kml", ".plan", ".waypoints")
     return {
         "season": case.name,
-        "rank": row.rank,
-        "way": row.way,
-        "class": row.homotopy,
-        "fuel": row.fuel,
-        "length_m": row.length_m,
-        "clearance_m": row.clearance_m,
-        "duration_s": row.duration_s,
-        "speed_through_water_m_s": row.speed_m_s,
-        "departure": passage[0].isoformat() if passage else None,
-        "arrival": passage[1].isoformat() if passage else None,
-        "optimality_gap": row.optimality_gap,
-        "filled_share": row.filled_share,
-        "uncharted_share": row.uncharted_share,
-        "least_water_m": row.least_water_m,
-        "least_water_at": row.least_water_at.isoformat() if row.least_water_at else None,
+        **figures(row, "json"),
+        "departure": passage and passage[0],
+        "arrival": passage and passage[1],
         "files": [
             name
             for name in (f"{stem}{end}" for end in (of_best if row.rank == 1 else of_all))

@@ -1,18 +1,12 @@
-"""A process that plans: it loads everything first, then takes one voyage after the other.
+"""What a server's worker process does: it loads everything first, then plans voyage after voyage.
 
-Requests come on standard input, a line of JSON each; events go to standard output in the same form.
 It opens the files that the page was given, so it has a limit of memory, and the server kills it
-when a plan takes too long or is cancelled. It ends with the server, whose end closes its input.
+when a plan takes too long or is cancelled.
 """
 
 import contextlib
 import gc
 import json
-import os
-import queue
-import resource
-import sys
-import threading
 from collections.abc import Callable, Mapping
 from hashlib import sha256
 from pathlib import Path
@@ -22,6 +16,7 @@ from pipeline.errors import PipelineError, one_line
 from pipeline.findings.result import RunResult
 from pipeline.findings.text import json_value
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
+from pipeline.machine.workers import is_call_waiting, tell
 from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
 from pipeline.serve.request import with_paths
@@ -47,38 +42,27 @@ _STEPS = {
 _DIGITS = 6
 
 
-def main() -> None:
-    """Plan the voyages of standard input, within as many bytes of memory as the argument says."""
-    limit = int(sys.argv[1])
-    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
-    answers, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answers
-    writing = threading.Lock()
-
-    def tell(fields: Mapping[str, Any]) -> None:
-        with writing:
-            answers.write(json.dumps(json_value(dict(fields)), allow_nan=False) + "\n")
-            answers.flush()
-
-    asked: queue.SimpleQueue[str] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(asked,), daemon=True).start()
+def get_ready() -> None:
+    """Load everything, tell so, and load the machine code while no voyage waits."""
     with seldom_collecting():
         load_libraries()
-        tell({"event": "ready"})
-        if asked.empty() and not is_cold():
+        _tell({"event": "ready"})
+        if not is_call_waiting() and not is_cold():
             for half in range(2):  # so that the first plan need not load the machine code
                 rehearse_half(half)
-        while True:
-            request = json.loads(asked.get())
-            (_prepare if request["prepares"] else _plan)(request, tell)
-            gc.collect()
-            give_back_memory()
 
 
-def _listen(asked: "queue.SimpleQueue[str]") -> None:
-    """Take requests; end this process, whatever it does, when there are no more to come."""
-    for line in sys.stdin:
-        asked.put(line)
-    os._exit(0)
+def answer_request(asked: Mapping[str, Any]) -> None:
+    """Plan or prepare the voyage of a request, and tell how it goes."""
+    with seldom_collecting():
+        (_prepare if asked["prepares"] else _plan)(asked, _tell)
+    gc.collect()
+    give_back_memory()
+
+
+def _tell(fields: Mapping[str, Any]) -> None:
+    """Tell an event, in the values of JSON."""
+    tell(json_value(dict(fields)))
 
 
 def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
@@ -147,7 +131,3 @@ def _step(step: Step) -> Mapping[str, Any]:
     """Return a step of a plan as the page takes it."""
     line = None if step.path is None else drawn(step.path)
     return {"event": "step", "detail": _STEPS[step.kind], "line": line}
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,8 @@
-"""The profile of a route for a page, and the panels of the page's other plots.
+"""Plots of a route for a page: its profile, and how far turns reach at its tightest place.
 
-They are as wide as a phone; the page sets their colours by role (see `page_svg`).
+Their panels serve the page's other plots, too. They are as wide as a phone; the page sets their
+colours by role (see `page_svg`). The padding of an edge is a quantile of the turns' reaches (RENEW,
+AAAI 2026).
 """
 
 from collections.abc import Callable, Sequence
@@ -13,24 +15,39 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 from matplotlib.transforms import Transform
 
+import renew
 from pipeline._types import FloatArray
 from pipeline.findings.departures_and_speeds import still_fuel_per_metre
 from pipeline.findings.result import RankedRoute
 from pipeline.findings.route_profile import RouteProfile, metres_along, route_profile
 from pipeline.findings.text import (
+    at_most_percent,
     clearance as kept,
     fuel_unit,
     number,
     plain,
     speed_range,
 )
-from pipeline.formats.figures.artists import POINTS_PER_INCH, text_width
+from pipeline.formats.figures.chart_map import POINTS_PER_INCH, text_width
 from pipeline.formats.palette import COLOURS
 
 _WIDTH_PT = 374.0
-_LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0
-_PANEL_PT, _GAP_PT = 66.0, 30.0
-_TITLE_PT, TEXT_PT = 10.0, 9.0
+# Room left of the panels, for the labels of the vertical axes.
+_LEFT_PT = 38.0
+# Room right of the panels.
+_RIGHT_PT = 12.0
+# Room above the upper panel, for its title.
+_TOP_PT = 22.0
+# Room below the lowest panel, for the labels of the horizontal axis.
+_BOTTOM_PT = 36.0
+# Height of a panel of the profile.
+_PANEL_PT = 66.0
+# Room between panels of the profile, for the lower one's title.
+_GAP_PT = 30.0
+# Size of a panel's title.
+_TITLE_PT = 10.0
+# Size of all other text in a plot.
+TEXT_PT = 9.0
 # Ratio of the greatest to the least distance to land above which the axis is logarithmic.
 _LOG_AXIS_RATIO = 6.0
 # Minimum padding that is drawn, as a share of the least clearance.
@@ -262,7 +279,6 @@ def plot_text(
     *,
     on_left: bool,
     offset_pt: tuple[float, float] = (4.0, 0.0),
-    boxed: bool = True,
     coordinates: Transform | None = None,
 ) -> None:
     """Write text left or right of a place in a plot, and above it if the offset goes up.
@@ -280,7 +296,7 @@ def plot_text(
         va="bottom" if up else "center",
         fontsize=TEXT_PT,
         color=COLOURS["ink"],
-        bbox=box if boxed else None,
+        bbox=box,
         zorder=4,
         xycoords=coordinates or "data",
     )
@@ -310,3 +326,72 @@ def _round_ticks(axes: Axes) -> None:
     axes.yaxis.set_major_locator(FixedLocator(ticks.tolist()))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: plain(value)))
     axes.yaxis.set_minor_locator(NullLocator())
+
+
+# Height of the histogram of turns' reaches.
+_HISTOGRAM_PT = 170.0
+# Height of the row in which a marked distance has its text.
+_MARK_ROW_PT = 14.0
+_BINS = 30
+# Greatest distance to the coast that is drawn, as a multiple of the greatest reach; greater
+# distances are only written.
+_MAX_GAP_REACHES = 2.0
+# A mark further right than this share of the axis has its text on the left.
+_TEXT_LEFT_FROM = 0.4
+# Length of an axis, as a factor on the greatest value.
+_AXIS_FACTOR = 1.06
+
+
+def tightest_place(ranked: RankedRoute) -> renew.Tightest | None:
+    """Return the place where turns have the least room; None without padding."""
+    case, seed = ranked.case.case, ranked.case.scenario.planner.seed
+    return renew.tightest(ranked.route, case.current, case.vessel, seed=seed)
+
+
+def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
+    """Return a histogram of turns' reaches, with the padding and the distance to the coast.
+
+    `scale` is true metres to a planar metre.
+    """
+    reach_m = np.asarray(tightest.reaches, dtype=float) * scale
+    padding_m, gap_m = tightest.turns * scale, tightest.gap * scale
+    beyond = at_most_percent(float((reach_m > padding_m).mean()))
+    # Each has its distance, its colour's role, and its text.
+    marks = [
+        (float(np.median(reach_m)), "ink", "median {}"),
+        (padding_m, "other", f"padding for turns {{}}, exceeded by {beyond}"),
+        (gap_m, "best", "route to no-go zone {}"),
+    ]
+    furthest_m = max(float(reach_m.max()), padding_m)
+    shown_gap_m = gap_m if gap_m <= _MAX_GAP_REACHES * furthest_m else 0.0
+    end_m = _AXIS_FACTOR * max(furthest_m, shown_gap_m)
+    unit, unit_m = distance_unit(end_m)
+
+    figure, (axes,) = plot_panels(1, _HISTOGRAM_PT, 0.0)
+    counts, edges = np.histogram(reach_m / unit_m, bins=_BINS)
+    shares = 100 * counts / reach_m.size
+    axes.stairs(shares, edges, fill=True, color=COLOURS["speed1"], zorder=2)
+    over = np.maximum(edges, padding_m / unit_m)
+    axes.stairs(shares, over, fill=True, color=COLOURS["other"], zorder=2.5)
+    # Above the bars, each mark has a row for its text.
+    rows = len(marks) * _MARK_ROW_PT / _HISTOGRAM_PT
+    axes.set_xlim(0, end_m / unit_m)
+    axes.set_ylim(0, _AXIS_FACTOR * shares.max() / (1 - rows))
+    # The nearest mark is the lowest, so that text left of a line crosses no other line.
+    for row, (metres, role, text) in enumerate(sorted(marks, key=lambda mark: -mark[0])):
+        height = 1 - (row + 0.5) * _MARK_ROW_PT / _HISTOGRAM_PT
+        written = text.format(kept(metres))
+        if metres <= end_m:
+            axes.axvline(metres / unit_m, 0, height, color=COLOURS[role], linewidth=1.8, zorder=3)
+        else:
+            written += " \N{RIGHTWARDS ARROW}"
+        plot_text(
+            axes,
+            written,
+            (min(metres, end_m) / unit_m, height),
+            on_left=metres > _TEXT_LEFT_FROM * end_m,
+            coordinates=axes.get_xaxis_transform(),
+        )
+    plot_title(axes, "How far hard-over turns reach", "% of turns")
+    plot_x_label(axes, f"reach from the tightest place, {unit}")
+    return figure

@@ -18,15 +18,16 @@ from pipeline._types import ArrayLike, Geometries
 from pipeline.findings.haven_rows import haven_rows, stretch_line
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.text import distance, fuel
-from pipeline.formats.figures.artists import (
+from pipeline.formats.figures.chart_map import (
     draw_island_labels,
+    draw_map,
     in_season_colour,
+    map_figure,
     page_svg,
     patch,
     point,
     stroke,
 )
-from pipeline.formats.figures.chart_map import draw_map, map_figure
 from pipeline.formats.figures.map_marks import arrows, speed_scale
 from pipeline.formats.palette import COLOURS, STATES, season_colour
 
@@ -34,7 +35,10 @@ from pipeline.formats.palette import COLOURS, STATES, season_colour
 # most of a file.
 DETAIL_PT = 0.25
 SOFT_ALPHA = 0.38
-ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
+# Opacity of a restricted area or traffic scheme, which must not hide what lies below.
+ZONE_ALPHA = 0.06
+# Dashes of its edge.
+ZONE_DASHES = (0, (4, 2))
 
 
 def chart_layers(axes: Axes, result: RunResult) -> list[Artist]:

@@ -20,23 +20,21 @@ from pipeline.findings.route_profile import (
 )
 from pipeline.findings.text import capitalised, duration
 from pipeline.formats.passage.safe_corridor import (
-    Obstacles,
-    SafeCorridor,
-    cross_track_limits,
-    kept_out,
-    safe_corridor,
-    turning_radii,
-)
-from pipeline.formats.passage.thinning import thin
-from pipeline.formats.passage.tracks import (
     DECIMALS,
     Curve,
     Drawing,
+    Obstacles,
+    SafeCorridor,
     Tracks,
+    cross_track_limits,
     curve_for,
     initial_course_deg,
+    kept_out,
+    safe_corridor,
     tracks,
+    turning_radii,
 )
+from pipeline.formats.passage.thinning import thin
 from pipeline.model import RouteMetrics
 from pipeline.scenario.model import Scenario
 from renew.results import unite_soft_no_go
@@ -65,9 +63,10 @@ _CACHE = "_exchange_waypoints"
 # Largest ratio of the highest to the lowest speed of a leg: a vessel that sails the leg at its mean
 # speed needs a few thousandths more fuel, by the propeller law.
 _SAME_SPEED = 1.1
-# Number of places along a leg at which its speed is looked up, and the least number of them in its
-# first and its last part.
-_PLACES, _MIN_PART = 200, 10
+# Number of places along a leg at which its speed is looked up.
+_PLACES = 200
+# Least number of these places in a leg's first and in its last part.
+_MIN_PART = 10
 
 
 @dataclass(frozen=True)

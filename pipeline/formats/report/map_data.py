@@ -8,19 +8,20 @@ Coordinates are in the planner's own plane at true scale: angles are true, and n
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import shapely
 
 import renew
 from pipeline._types import FloatArray, Geometries, IntArray
+from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, stretch_line
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.route_profile import route_profile
 from pipeline.findings.text import zone_text
 from pipeline.formats.figures.map_marks import graticule, on_water
-from pipeline.formats.report.haven_lines import haven_lines
 from pipeline.model import RouteKey, Water
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
@@ -163,15 +164,22 @@ _MAX_ARROWS = 7_000
 _MAX_ARROWS_PER_CELL = 2.0
 # Maximum number of harmless turns shown per route.
 _MAX_TURNS = 80
-# Tolerance of simplified soft no-go zones, as a share of the chart's longer side, and maximum
-# number of vertices of all routes' zones together.
-_SOFT_TOLERANCE, _MAX_SOFT_VERTICES = 1 / 3000, 40_000
-# Tolerance of a hard no-go zone with more vertices than these, as a share of the longer side.
-_NO_GO_TOLERANCE, _MAX_NO_GO_VERTICES = 1 / 20_000, 25_000
-# Land shown around the chart: width as a share of its longer side, maximum number of vertices.
-_SHEET_SHARE, _MAX_BEYOND_VERTICES = 0.6, 15_000
-# Number of points along the best route, and along others.
-_POINTS_BEST, _POINTS = 200, 100
+# Tolerance of simplified soft no-go zones, as a share of the chart's longer side.
+_SOFT_TOLERANCE = 1 / 3000
+# Maximum number of vertices of all routes' soft no-go zones together.
+_MAX_SOFT_VERTICES = 40_000
+# Number of vertices above which the hard no-go zone is simplified.
+_MAX_NO_GO_VERTICES = 25_000
+# Tolerance of the simplified hard no-go zone, as a share of the chart's longer side.
+_NO_GO_TOLERANCE = 1 / 20_000
+# Width of the land that is shown around the chart, as a share of its longer side.
+_SHEET_SHARE = 0.6
+# Maximum number of vertices of that land.
+_MAX_BEYOND_VERTICES = 15_000
+# Number of points along the best route.
+_POINTS_BEST = 200
+# Number of points along another route.
+_POINTS = 100
 
 
 def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, object]:
@@ -391,3 +399,24 @@ def _min_spacing(field: object) -> float:
         return 0.0
     steps = [np.diff(axis) for axis in (field.x, field.y) if len(axis) > 1]
     return min((float(step.min()) for step in steps), default=0.0) / _MAX_ARROWS_PER_CELL
+
+
+def haven_lines(case: RunCase, line: Callable[[FloatArray], list[int]]) -> dict[str, Any] | None:
+    """Return what the map shows of a case's havens, encoded by `line`; None without havens."""
+    coverage = case.coverage
+    if coverage is None:
+        return None
+    return {
+        "places": [
+            {"name": haven.name, "place": line(haven.place[None, :])} for haven in coverage.havens
+        ],
+        "ways": [line(np.asarray(one.route.path)) for one in coverage.diversions],
+        "stretches": [
+            {
+                "state": row.kind,
+                "places": line(np.asarray(stretch_line(case, row).coords)),
+            }
+            for row in haven_rows(case)
+            if row.kind not in LAST_TURNS
+        ],
+    }

@@ -21,8 +21,8 @@ from pymavlink import mavwp
 from pipeline.errors import RequestError
 from pipeline.findings.haven_rows import LAST_TURNS
 from pipeline.findings.note_words import note_texts
-from pipeline.formats.haven_table import COLUMNS, printed_rows
 from pipeline.formats.report.page import gather
+from pipeline.formats.tables import HAVEN_COLUMNS, printed_rows
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.scenario.model import Scenario
@@ -80,7 +80,7 @@ def test_the_stretches_of_the_table_are_the_whole_route(
         row for row in rows(covered[0]) if row["kind"] in {"covered", "uncovered", "not settled"}
     ]
     track = covered[0].result.case("calm").routes[0].route.trajectory
-    assert [*found[0]] == [*COLUMNS]
+    assert [*found[0]] == [*HAVEN_COLUMNS]
     assert float(found[0]["begin_s"]) == 0.0
     assert float(found[-1]["end_s"]) == pytest.approx(track[-1, 0], rel=1e-3)
     for one, other in itertools.pairwise(found):
@@ -253,7 +253,6 @@ def test_if_no_haven_lies_in_the_water_nothing_is_planned(tmp_path: Path) -> Non
         ({"within": "6 hours"}, {}, "is not an interval"),
         ({"path": "nowhere.csv"}, {}, "does not exist; give a GeoJSON file"),
         ({}, {"avoid": [SHUT_UNTIL_NOON]}, r"has \[havens\] together with hours in \[\[avoid\]\]"),
-        ({}, {"scale": 10}, r"a scale other than 1 together with .* \[havens\]"),
     ],
 )
 def test_what_can_not_be_covered_is_refused(
