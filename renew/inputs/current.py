@@ -137,7 +137,7 @@ def _on_copies(method: Callable[..., Any]) -> Callable[..., Any]:
     return copied
 
 
-CurrentLike: TypeAlias = CurrentField | Callable[["FloatArray"], "FloatArray"]
+CurrentLike: TypeAlias = CurrentField | Callable[[FloatArray], FloatArray]
 
 
 def sample_statistics(velocity: FloatArray) -> CurrentStatistics:
