@@ -18,8 +18,8 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import Name
 from pipeline.sources.registry import current_source
-from pipeline.stages.choosing.coverage import are_water_swapped, least_region, require_sailable
 from pipeline.stages.plan_case import OnStep, ignore_step
+from pipeline.stages.region import are_water_swapped, least_region, require_sailable
 from pipeline.voyage.named_files import tables_of
 from pipeline.voyage.positions import Position, read_positions, read_via, spelled, voyage_name
 from pipeline.voyage.request import VoyageRequest

@@ -26,7 +26,7 @@ from pipeline.model import Land, Simplified
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.sources.tides.station import find_station
-from pipeline.stages.tides import tidal_depth
+from pipeline.stages.places import tidal_depth
 from pipeline.voyage.one_line import voyage_scenario
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.vessel_options import VesselFigures
