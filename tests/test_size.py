@@ -24,7 +24,7 @@ ROOMS = {
     "pipeline/machine": (1_639, 12),
     "pipeline/model": (1_407, 36),
     "pipeline/nightly": (4_449, 46),
-    "pipeline/scenario": (2_514, 37),
+    "pipeline/scenario": (2_506, 37),
     "pipeline/serve": (1_694, 14),
     "pipeline/sources": (8_444, 47),
     "pipeline/stages": (4_696, 22),
