@@ -236,8 +236,8 @@ def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
     return found
 
 
-def require_currents(asked: Sequence[str | Path]) -> None:
-    """Raise RequestError if --currents names a file that can't be read, or an unknown source.
+def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> None:
+    """Raise RequestError if `key` names a file that can't be read, or an unknown source.
 
     Patterns of files are looked up later.
     """
@@ -246,14 +246,14 @@ def require_currents(asked: Sequence[str | Path]) -> None:
     for one in map(str, asked):
         if one in known or glob.has_magic(one):
             continue
-        reason = unreadable_reason(resolved(one, "--currents"))
+        reason = unreadable_reason(resolved(one, key))
         if reason == NOT_THERE:
             hint = "give a NetCDF, GRIB or Zarr file"
             if not looks_like_path(one):
                 hint = f"it is no source of the catalogue either: {near_miss(one, known)}"
             reason = f"{reason}; {hint}"
         if reason:
-            faults.append(f"--currents = '{shown(one)}' {reason}")
+            faults.append(f"{key} = '{shown(one)}' {reason}".lstrip())
     if faults:
         raise RequestError(faults)
 
