@@ -8,11 +8,15 @@ from typing import Self, TypeVar
 
 from pipeline.texts import clean
 
-# Largest number of faults in a message, of characters in a fault, and of characters in a word.
-_MAX_FAULTS, _MAX_FAULT, _MAX_WORD = 40, 800, 200
-# From this number of faults that are equal except for their place, only the first is reported, with
-# at most the second number of other places.
-_MIN_ALIKE, _MAX_PLACES = 4, 3
+# Largest number of faults in a message: a person mends some dozens, and then asks again.
+_MAX_FAULTS = 40
+# Largest number of characters in a fault, and in one of its words, such as a path.
+_MAX_FAULT = 800
+_MAX_WORD = 200
+# From this number of faults that are equal except for their place, only the first is reported.
+_MIN_ALIKE = 4
+# Largest number of other places that are named with it.
+_MAX_PLACES = 3
 _LONG_WORD = re.compile(rf"\S{{{_MAX_WORD + 1},}}")
 _Value = TypeVar("_Value")
 _Other = TypeVar("_Other")

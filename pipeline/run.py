@@ -14,12 +14,13 @@ from pipeline.findings.note_words import note_text, note_texts
 from pipeline.findings.result import RunResult, addressed
 from pipeline.findings.text import clearance, environment, season_name, season_text
 from pipeline.geo.lonlat import position_text
-from pipeline.machine.first_compilation import first_compilation
 from pipeline.machine.interpreters import give_back_memory
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
+from pipeline.machine.workers import first_compilation
 from pipeline.model import CaseResult, Fetched, Note, Say, SideBound
+from pipeline.scenario.catalogue import ScenarioFile
 from pipeline.scenario.model import Scenario, UnderWay
-from pipeline.session import Origin, session
+from pipeline.session import session
 from pipeline.stages.choose import choose
 from pipeline.stages.choosing.chosen import Chosen
 from pipeline.stages.choosing.coverage import require_covered
@@ -130,7 +131,7 @@ def run(
     strict: bool = False,
     scheduler: str | None = None,
     limit_s: float | None = None,
-    origin: Origin | None = None,
+    origin: ScenarioFile | None = None,
     on_event: EventHandler | None = None,
     on_step: OnStep = ignore_step,
     on_result: Callable[[RunResult], None] | None = None,
@@ -205,7 +206,7 @@ def planned_scenario(
     output: Path,
     *,
     offline: bool = False,
-    origin: Origin | None = None,
+    origin: ScenarioFile | None = None,
     on_event: EventHandler | None = None,
 ) -> Iterator[RunResult]:
     """Yield a scenario's result, from an earlier run or planned now, without writing its files.

@@ -25,6 +25,7 @@ from pipeline.machine.store import (
     prune,
     remove_unfinished,
 )
+from pipeline.scenario.catalogue import ScenarioFile
 from pipeline.sources.copernicus.download import remove_abandoned
 
 # Folder of the store, inside the output folder.
@@ -35,36 +36,23 @@ _PRUNING_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Origin:
-    """The file that a scenario was loaded from, and the SHA-256 of its content."""
-
-    path: Path
-    sha256: str
-
-    @classmethod
-    def of(cls, path: Path) -> "Origin":
-        """Return the absolute path and the hash of a scenario's file."""
-        return cls(path.resolve(), hashlib.sha256(path.read_bytes()).hexdigest())
-
-
-@dataclass(frozen=True, slots=True)
 class Session:
     """A scenario's result folder, to which no other run writes, with the store and the origin."""
 
     directory: Path
     store: Store
-    origin: Origin | None
+    origin: ScenarioFile | None
 
     def record_origin(self) -> None:
         """Record the scenario's file from which the results were made."""
         if self.origin is not None and not _is_own(self.directory, self.origin):
-            note = {"path": str(self.origin.path), "sha256": self.origin.sha256}
+            note = {"path": str(self.origin.real_path), "sha256": self.origin.sha256}
             with contextlib.suppress(OSError):
                 write_whole(_origin_note(self.store), json.dumps(note) + "\n")
 
 
 @contextlib.contextmanager
-def session(name: str, output: Path, origin: Origin | None = None) -> Iterator[Session]:
+def session(name: str, output: Path, origin: ScenarioFile | None = None) -> Iterator[Session]:
     """Hold the locks of the scenario `name` in an output folder during the `with` block.
 
     Before, unfinished files of killed runs of the scenario are removed. Afterwards the store is
@@ -153,9 +141,9 @@ def _remove_leftovers(directory: Path, store: Store) -> None:
         remove_leftovers(directory)
 
 
-def _is_own(directory: Path, origin: Origin) -> bool:
+def _is_own(directory: Path, origin: ScenarioFile) -> bool:
     """Whether a scenario's file lies in its result folder, where an earlier run wrote it."""
-    return origin.path.parent == directory.resolve()
+    return origin.real_path.parent == directory.resolve()
 
 
 def _origin_note(store: Store) -> Path:
@@ -163,19 +151,19 @@ def _origin_note(store: Store) -> Path:
     return store.root / f"{store.owner}.origin.json"
 
 
-def _refuse_other_origin(directory: Path, store: Store, origin: Origin | None) -> None:
+def _refuse_other_origin(directory: Path, store: Store, origin: ScenarioFile | None) -> None:
     """Raise RequestError if the results were made from another scenario file with this name."""
     if origin is None or not directory.exists() or _is_own(directory, origin):
         return
     try:
         note = json.loads(_origin_note(store).read_text(encoding="utf-8"))
-        earlier = Origin(Path(note["path"]), str(note["sha256"]))
-        there = Origin.of(earlier.path)
+        earlier, there = str(note["sha256"]), Path(note["path"]).resolve()
+        hashes = {earlier, hashlib.sha256(there.read_bytes()).hexdigest()}
     except (OSError, ValueError, KeyError, TypeError):
         return  # the origin is unknown or gone: the results may be replaced
-    if there.path != origin.path and origin.sha256 not in {earlier.sha256, there.sha256}:
+    if there != origin.real_path and origin.sha256 not in hashes:
         fault = (
-            f"{origin.path} and {there.path} are both called {store.owner!r}, and {directory} has "
+            f"{origin.real_path} and {there} are both called {store.owner!r}, and {directory} has "
             "the results of the latter: rename one of them, or choose another folder with --output"
         )
         raise RequestError(fault)

@@ -117,9 +117,9 @@ def formats_of(result: RunResult) -> dict[str, Format]:
     from pipeline.findings.ensembles import has_ensembles
     from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage
-    from pipeline.formats.haven_table import write_havens
     from pipeline.formats.passage_plan import write_passage_plan
     from pipeline.formats.report.page import write_report
+    from pipeline.formats.tables import write_havens
 
     tables_of = {
         "departures.csv": (tables.write_departures_csv, bool(result.departures)),
@@ -149,8 +149,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
 
 def _current_formats(case: RunCase) -> dict[str, Format]:
     """Return the files of a case's current; for a plotter only where its time is known."""
-    from pipeline.formats.grib import fields_from, write_grib
-    from pipeline.formats.records import write_currents
+    from pipeline.formats.records import fields_from, write_currents, write_grib
 
     stem = f"{case.stem}-currents"
     found = {f"{stem}.nc": _of(write_currents, case)}
@@ -162,7 +161,7 @@ def _current_formats(case: RunCase) -> dict[str, Format]:
 def _case_formats(case: RunCase) -> dict[str, Format]:
     """Return the files of one case for navigation devices, with the function that writes each."""
     from pipeline.formats.gis.geopackage import write_geojson
-    from pipeline.formats.passage import missions, routes, rtz
+    from pipeline.formats.passage import missions, routes
 
     timed, stem = {"departure": case.spec.departure}, case.stem
     sides = [one.metrics.main_passage for one in case.routes]
@@ -170,7 +169,7 @@ def _case_formats(case: RunCase) -> dict[str, Format]:
     if len(sides) > min(2, len(set(sides))):  # else the other file has every route
         others = {f"{stem}-all.gpx": _of(routes.write_gpx, case, every=True, **timed)}
     return others | {
-        f"{stem}.rtz": _of(rtz.write_rtz, case, **timed),
+        f"{stem}.rtz": _of(routes.write_rtz, case, **timed),
         f"{stem}.gpx": _of(routes.write_gpx, case, **timed),
         f"{stem}.geojson": _of(write_geojson, case),
         f"{stem}.kml": _of(routes.write_kml, case, **timed),
@@ -182,7 +181,7 @@ def _case_formats(case: RunCase) -> dict[str, Format]:
 def _haven_formats(case: RunCase) -> dict[str, Format]:
     """Return the files of a case's ways to havens; none without havens, or without a way."""
     from pipeline.findings.haven_rows import main_ways
-    from pipeline.formats.passage import haven_routes
+    from pipeline.formats.passage import missions
 
     if case.coverage is None or not case.coverage.diversions:
         return {}
@@ -190,12 +189,10 @@ def _haven_formats(case: RunCase) -> dict[str, Format]:
     digits = len(str(count))
     names = [f"{stem}-{number:0{digits}d}" for number in range(1, count + 1)]
     return {
-        f"{stem}s.gpx": _of(haven_routes.write_haven_gpx, case),
-        f"{stem}s-missions.zip": _of(haven_routes.write_haven_missions, case, names=names),
+        f"{stem}s.gpx": _of(missions.write_haven_gpx, case),
+        f"{stem}s-missions.zip": _of(missions.write_haven_missions, case, names=names),
         **{
-            f"{names[way.number - 1]}.rtz": _of(
-                haven_routes.write_haven_rtz, case, number=way.number
-            )
+            f"{names[way.number - 1]}.rtz": _of(missions.write_haven_rtz, case, number=way.number)
             for way in main_ways(case)
         },
     }

@@ -75,8 +75,13 @@ def _default(option: TyperOption) -> str:
 
 def with_commands(page: str, new: str) -> str:
     """Return the page with a new reference between its marks."""
-    before, rest = page.split(BEGIN)
-    return f"{before}{BEGIN}{new}{END}{rest.split(END, 1)[1]}"
+    return between(page, BEGIN, new, END)
+
+
+def between(page: str, begin: str, new: str, end: str) -> str:
+    """Return the page with new text between its marks `begin` and `end`."""
+    before, rest = page.split(begin)
+    return f"{before}{begin}{new}{end}{rest.split(end, 1)[1]}"
 
 
 if __name__ == "__main__":

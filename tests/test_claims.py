@@ -21,7 +21,7 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.tides.fit import CONSTITUENTS
 from pipeline.sources.tides.station import OwnConstant, OwnStation
 from renew.inputs.options import Changes
-from tests import claims, command_reference, scenario_reference
+from tests import claims, column_reference, command_reference, scenario_reference
 from tests.bench.__main__ import SUITES
 from tests.bench.record import COLUMNS
 from tests.conftest import ROOT
@@ -173,6 +173,11 @@ def test_commands_and_their_options_are_on_their_page() -> None:
     page = command_reference.PAGE.read_text("utf-8")
     new = command_reference.with_commands(page, command_reference.text())
     assert page == new, "run `make reference`"
+
+
+def test_the_figures_of_a_route_are_on_the_page_of_files() -> None:
+    page = column_reference.PAGE.read_text("utf-8")
+    assert page == column_reference.with_columns(page), "run `make reference`"
 
 
 @pytest.mark.parametrize("document", PAGES)

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from pipeline.findings.text import distance, fuel
-from pipeline.formats.figures import artists, chart_map, season_map
+from pipeline.formats.figures import chart_map, season_map
 from pipeline.formats.palette import COLOURS
 from renew.classes.triangulation import Triangulation, triangulate
 from renew.turns.contingency import fly_turns
@@ -56,8 +56,8 @@ def mesh(result: RunResult, season: str) -> Figure:
     figure, [(axes, sea)] = chart_map.map_figure(result, handles)
     layers = [
         *season_map.chart_layers(axes, result),
-        artists.lines(passing, COLOURS["other"], 0.5, 5),
-        artists.lines(constrained, COLOURS["ink"], 1.1, 6),
+        chart_map.lines(passing, COLOURS["other"], 0.5, 5),
+        chart_map.lines(constrained, COLOURS["ink"], 1.1, 6),
     ]
     chart_map.draw_map(axes, sea, result, layers)
     return figure
@@ -80,18 +80,18 @@ def channels(result: RunResult, season: str) -> Figure:
         edges = np.stack([channel, np.roll(channel, -1, axis=1)], axis=2)
         layers = [
             *season_map.chart_layers(axes, result),
-            artists.lines(passing, COLOURS["grid"], 0.5, 2),
-            artists.patch(
+            chart_map.lines(passing, COLOURS["grid"], 0.5, 2),
+            chart_map.patch(
                 shapely.polygons(channel),
                 facecolor=colour,
                 edgecolor="none",
                 alpha=_CHANNEL_ALPHA,
                 zorder=3,
             ),
-            artists.lines(edges.reshape(-1, 2, 2), colour, 0.7, 3.2),
+            chart_map.lines(edges.reshape(-1, 2, 2), colour, 0.7, 3.2),
             *season_map.haloed(ranked.route.path, colour),
         ]
-        artists.draw_island_labels(axes, result)
+        chart_map.draw_island_labels(axes, result)
         chart_map.draw_map(axes, sea, result, layers, [ranked.route.path])
     return figure
 
@@ -149,17 +149,17 @@ def padding(result: RunResult, season: str) -> Figure:
         *season_map.haloed(best.route.path, COLOURS["best"]),
     ]
     chart_map.draw_map(axes, sea, result, layers, [best.route.path])
-    map_bottom = axes.get_window_extent().y0 * artists.POINTS_PER_INCH / figure.dpi
+    map_bottom = axes.get_window_extent().y0 * chart_map.POINTS_PER_INCH / figure.dpi
     for number, place in enumerate(places, start=1):
         left = first + (number - 1) * (side + _GAP_PT)
-        window = artists.axes_at(
+        window = chart_map.axes_at(
             figure, (left, map_bottom - chart_map.BOTTOM_PT - side, side, side)
         )
         _draw_window(window, result, best, place)
         _draw_number(axes, _point_at(best.route, place.along), number)
         corner = np.array([window.get_xlim()[0], window.get_ylim()[1]])
         _draw_number(
-            window, corner + _CORNER_PT * artists.point(window) * np.array([1, -1]), number
+            window, corner + _CORNER_PT * chart_map.point(window) * np.array([1, -1]), number
         )
     return figure
 
@@ -214,7 +214,7 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     box = shapely.box(*low, *high)
-    sea = artists.patch(box, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
+    sea = chart_map.patch(box, facecolor=COLOURS["water"], edgecolor="none", zorder=0)
     axes.add_artist(sea)
     # Turns are one reach apart, so that they don't overlap much.
     count = min(_MAX_BESIDE, int(half / reach))
@@ -224,15 +224,15 @@ def _draw_window(axes: Axes, result: RunResult, ranked: RankedRoute, place: _Tig
         *season_map.chart_layers(axes, result),
         season_map.soft_layer(axes, route.soft_no_go),
         *season_map.haloed(route.path, COLOURS["best"]),
-        artists.lines(turns.reshape(-1, *turns.shape[2:]), COLOURS["ink"], 0.8, 7),
+        chart_map.lines(turns.reshape(-1, *turns.shape[2:]), COLOURS["ink"], 0.8, 7),
     ]
     chart_map.add_layers(axes, layers, sea)
-    frame = artists.patch(
+    frame = chart_map.patch(
         box, facecolor="none", edgecolor=COLOURS["frame"], linewidth=0.9, zorder=9
     )
     axes.add_artist(frame)
     frame.set_clip_on(False)
-    artists.draw_scale_bar(axes, result.water.projection, drop_pt=8)
+    chart_map.draw_scale_bar(axes, result.water.projection, drop_pt=8)
 
 
 def _point_at(route: renew.Route, along: float) -> FloatArray:

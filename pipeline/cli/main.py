@@ -42,8 +42,8 @@ from pipeline.machine.interpreters import ignoring_working_directory, seldom_col
 from pipeline.texts import seen
 
 if TYPE_CHECKING:
+    from pipeline.scenario.catalogue import ScenarioFile
     from pipeline.scenario.model import Scenario
-    from pipeline.session import Origin
 
 app = typer.Typer(
     name="renew",
@@ -314,7 +314,7 @@ def _loaded(
     currents: Sequence[str] | None,
     *,
     seasons: Sequence[str] = (),
-) -> "Iterator[tuple[Scenario, Origin, list[str]]]":
+) -> "Iterator[tuple[Scenario, ScenarioFile, list[str]]]":
     """Read and check a scenario before slow imports, so that all faults are reported at once.
 
     Yield it with its file, and notes on how it was loaded. A RequestError in the block gets a note
@@ -338,9 +338,7 @@ def _loaded(
             faults.collect(partial(require_seasons, scenario, seasons))
         if scenario is None or faults.lines:
             raise RequestError(faults.lines)
-        from pipeline.session import Origin
-
-        yield scenario, Origin(file.path.resolve(), file.sha256), notes
+        yield scenario, file, notes
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from pipeline.cli.terminal import (
     terminal_width,
 )
 from pipeline.findings import text
+from pipeline.findings.columns import figures
 from pipeline.findings.note_words import caveats_json, note_json, note_texts
 from pipeline.findings.rejections import rejections
 from pipeline.findings.result import RankedRoute
@@ -373,21 +374,9 @@ def _route(ranked: RankedRoute, files: list[str]) -> dict[str, object]:
     of_best = (".rtz", ".gpx", *of_all, ".kml", ".plan", ".waypoints")
     return {
         "season": case.name,
-        "rank": row.rank,
-        "way": row.way,
-        "class": row.homotopy,
-        "fuel": row.fuel,
-        "length_m": row.length_m,
-        "clearance_m": row.clearance_m,
-        "duration_s": row.duration_s,
-        "speed_through_water_m_s": row.speed_m_s,
-        "departure": passage[0].isoformat() if passage else None,
-        "arrival": passage[1].isoformat() if passage else None,
-        "optimality_gap": row.optimality_gap,
-        "filled_share": row.filled_share,
-        "uncharted_share": row.uncharted_share,
-        "least_water_m": row.least_water_m,
-        "least_water_at": row.least_water_at.isoformat() if row.least_water_at else None,
+        **figures(row, "json"),
+        "departure": passage and passage[0],
+        "arrival": passage and passage[1],
         "files": [
             name
             for name in (f"{stem}{end}" for end in (of_best if row.rank == 1 else of_all))

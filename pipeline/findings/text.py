@@ -303,10 +303,13 @@ def write_json(path: Path, content: object, indent: int | None = 2) -> None:
 def json_value(value: Any) -> Any:  # noqa: ANN401 - any value in, one that JSON knows out
     """Convert a value, and everything nested in it, for JSON.
 
-    NumPy's types become Python's, numbers that are not finite become None.
+    NumPy's types become Python's, numbers that are not finite become None, and times are written
+    by ISO 8601.
     """
     if isinstance(value, np.generic):
         value = value.item()
+    if isinstance(value, datetime):
+        return value.isoformat()
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):

@@ -23,11 +23,10 @@ from pipeline.findings.text import (
     turns_text,
 )
 from pipeline.findings.unknowns import has_all_depths
-from pipeline.formats.figures.artists import axes_at, drawable, patch, stroke
+from pipeline.formats.figures.chart_map import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.season_map import DETAIL_PT, visible
-from pipeline.formats.haven_table import PRINTED_HEADINGS, haven_facts, printed_rows
 from pipeline.formats.palette import COLOURS, season_colour
-from pipeline.formats.passage.fence import MAX_VERTICES, autopilot
+from pipeline.formats.passage.missions import MAX_VERTICES, autopilot
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
@@ -40,7 +39,16 @@ from pipeline.formats.passage.waypoints import (
     time_after,
     vessel_name,
 )
-from pipeline.formats.tables import distance_text, has_speeds, headings, rows, tightest_text
+from pipeline.formats.tables import (
+    PRINTED,
+    distance_text,
+    has_speeds,
+    haven_facts,
+    headings,
+    printed_rows,
+    rows,
+    tightest_text,
+)
 
 _RowT = TypeVar("_RowT", bound=Sequence[str])
 
@@ -121,7 +129,7 @@ def _haven_pages(case: RunCase) -> Iterator[Figure]:
         if number == 1:
             _paragraphs(page, facts, top)
         level = below if number == 1 else top
-        _put_table(page, PRINTED_HEADINGS, _HAVEN_COLUMNS, part, level)
+        _put_table(page, [*PRINTED.values()], _HAVEN_COLUMNS, part, level)
         yield page
 
 

@@ -1,4 +1,4 @@
-"""Tables of a run: metrics, departures, trade-offs, scenario; and the legs of a passage plan."""
+"""Tables of a run: metrics, departures, trade-offs, havens, scenario; legs of a passage plan."""
 
 import csv
 import itertools
@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 import renew
 from pipeline._types import FloatArray, IntArray
+from pipeline.findings.columns import figure_columns, figures, used
 from pipeline.findings.departures_and_speeds import TradeOff, trade_offs
 from pipeline.findings.ensembles import (
     ENSEMBLE_COLUMNS,
@@ -19,10 +20,12 @@ from pipeline.findings.ensembles import (
     ensemble_figures,
     ensemble_rows,
 )
+from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, coverage_of, haven_rows
 from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.route_profile import coast_index, cumulative, steps_along_legs
-from pipeline.findings.text import duration as duration_text, to_minute
-from pipeline.formats.passage.tracks import tracks
+from pipeline.findings.text import duration as duration_text, fuel as fuel_text, percent, to_minute
+from pipeline.formats.figures.chart_map import drawable
+from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     NAUTICAL_MILE_M,
@@ -30,24 +33,10 @@ from pipeline.formats.passage.waypoints import (
     time_after,
     wrapped_longitude,
 )
-from pipeline.model import Case, DepartureChoice, RouteMetrics, Water
+from pipeline.model import Case, DepartureChoice, Water
 from pipeline.scenario.loading import scenario_text
 from pipeline.texts import cell
-
-# Fields of RouteMetrics in their order, and their columns. Fuel and length_planner_m are in the
-# planner's scaled units, every other `_m` in true metres.
-_FIELDS = (
-    *("rank", "way", "homotopy", "fuel", "fuel_per_distance", "length", "length_m"),
-    *("clearance_m", "duration_s", "speed_m_s", "optimality_gap"),
-    *("trials", "collisions"),
-    *("land_m", "land_lon", "land_lat", "filled_share", "uncharted_share"),
-    *("least_water_m", "least_water_at", "least_water_early_m", "least_water_late_m"),
-    *("members_share", "members_mean_fuel", "members_p90_fuel", "members_cvar90_fuel"),
-    "members_regret",
-)
-_RENAMED = {"length": "length_planner_m", "speed_m_s": "speed_through_water_m_s"}
-METRICS_COLUMNS = {_RENAMED.get(field, field): field for field in _FIELDS}
-"""Column in the file -> field of RouteMetrics."""
+from renew.underway.coverage import State
 
 _PASSAGE = ("departure", "arrival")
 
@@ -70,11 +59,15 @@ _HEAD = """\
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write rows to a new CSV file (UTF-8, a header, RFC 4180 line ends)."""
+    """Write rows to a new CSV file (UTF-8, a header, RFC 4180 line ends).
+
+    Optional columns that are empty in all rows are left out.
+    """
+    written = [{name: _spelled(value) for name, value in row.items()} for row in rows]
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, columns)
+        writer = csv.DictWriter(file, used(columns, written), extrasaction="ignore")
         writer.writeheader()
-        writer.writerows({key: cell(one) for key, one in row.items()} for row in rows)
+        writer.writerows(written)
 
 
 def utc_text(moment: datetime) -> str:
@@ -89,24 +82,23 @@ def write_metrics(result: RunResult, path: Path) -> None:
         metrics, case = ranked.metrics, ranked.case
         passage = result.scenario.passage(case.name, round(metrics.duration_s)) or ()
         cells: dict[str, Any] = {"season": case.name, "current": case.current_text}
-        cells |= {column: _cell(metrics, field) for column, field in METRICS_COLUMNS.items()}
-        cells |= dict(zip(_PASSAGE, map(utc_text, passage), strict=False))
+        cells |= figures(metrics, "csv")
+        cells |= dict(zip(_PASSAGE, passage, strict=False))
         found = case.result.ensemble
         if found is not None and ranked.rank == 1:
             cells |= ensemble_figures(found, [one.metrics for one in case.routes])
         rows.append(cells)
-    columns = ["season", *METRICS_COLUMNS, *ENSEMBLE_FIGURES, *_PASSAGE, "current"]
+    columns = ["season", *figure_columns("csv"), *ENSEMBLE_FIGURES, *_PASSAGE, "current"]
     write_csv(path, columns, rows)
 
 
-def _cell(metrics: RouteMetrics, field: str) -> str:
-    """Format a figure so that it reads back exactly; empty if it is not finite."""
-    value = getattr(metrics, field)
+def _spelled(value: object) -> object:
+    """Return what stands in a cell, so that figures read back exactly; "" if not finite."""
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else ""
     if isinstance(value, datetime):
         return utc_text(value)
-    return "" if value is None else str(value)
+    return "" if value is None else cell(value)
 
 
 def write_departures_csv(result: RunResult, path: Path) -> None:
@@ -353,3 +345,141 @@ def tightest_text(points: Waypoints) -> str:
         f"{position(float(longitude), 'EW', 3)}: {padding}, of which turns need {turns}, and the "
         f"planned path keeps {gap} from the hard no-go zone there."
     )
+
+
+STATES: tuple[State, ...] = get_args(State)
+# Maximum length of a haven's name in the printed table, in characters.
+_MAX_NAME = 20
+HAVEN_COLUMNS = (
+    *("season", "kind", "begin", "end", "begin_s", "end_s", "haven", "way", "turn_off"),
+    *("turn_off_s", "lon", "lat", "haven_lon", "haven_lat", "bearing_deg", "length_m", "hours"),
+    *("fuel", "longest_hours", "least_hours", "reason"),
+)
+"""Times are UTC, empty without a departure; `_s` are seconds since departure. `way` is the number
+of the way among the season's; lengths are true metres, fuel is in the planner's units."""
+
+
+def write_havens(result: RunResult, path: Path) -> None:
+    """Write the coverage of all cases as CSV: stretches first, then the last places to turn."""
+    rows = (
+        _cells(case.name, row, case.spec.departure)
+        for case in result.cases
+        if case.coverage is not None
+        for row in haven_rows(case)
+    )
+    write_csv(path, HAVEN_COLUMNS, rows)
+
+
+def _cells(case: str, row: HavenRow, departure: datetime | None) -> dict[str, Any]:
+    """Return a row's cells by column."""
+
+    def moment(seconds: float) -> str:
+        return "" if departure is None else utc_text(time_after(departure, seconds))
+
+    cells: dict[str, Any] = {
+        "season": case,
+        "kind": row.kind,
+        "begin": moment(row.begin_s),
+        "end": moment(row.end_s),
+        "begin_s": row.begin_s,
+        "end_s": row.end_s,
+        "longest_hours": row.longest_s / 3600,
+        "least_hours": row.least_s / 3600,
+        "reason": row.reason,
+    }
+    if (way := row.way) is not None:
+        cells |= {
+            "haven": way.haven,
+            "way": way.number,
+            "turn_off": moment(way.turn_off_s),
+            "turn_off_s": way.turn_off_s,
+            **_place("", way.place.tolist()),
+            **_place("haven_", way.haven_place.tolist()),
+            "bearing_deg": round(way.bearing_deg, 3),
+            "length_m": way.length_m,
+            "hours": way.duration_s / 3600,
+            "fuel": way.fuel,
+        }
+    return cells
+
+
+PRINTED = {
+    "kind": "State",
+    "begin": "From",
+    "end": "Until, or\ntoo late after",
+    "haven": "Haven",
+    "turn_off": "Turn off",
+    "latitude": "Latitude",
+    "longitude": "Longitude",
+    "bearing": "Bearing\n° true",
+    "length": "Length\nNM",
+    "takes": "Time to\nhaven",
+    "longest": "At most,\nin all",
+    "fuel": "Fuel",
+}
+"""Columns of the printed table, with their headings; the fuel is in the planner's units."""
+
+
+def printed_rows(case: RunCase) -> list[tuple[str, ...]]:
+    """Return the rows of a case for the passage plan, in the columns of `PRINTED`."""
+    rows = [haven_texts(row, case.spec.departure) for row in haven_rows(case)]
+    for row in rows:
+        row["haven"] = drawable(row.get("haven", ""), _MAX_NAME)
+    return [tuple(row.get(column, "") for column in PRINTED) for row in rows]
+
+
+def _moment_cell(seconds: float, departure: datetime | None) -> str:
+    """Write a time as UTC, to the minute, or since departure if none is given."""
+    if departure is None:
+        return f"+ {duration_text(seconds)}"
+    return f"{to_minute(time_after(departure, seconds)):%Y-%m-%d %H:%M}"
+
+
+def haven_texts(row: HavenRow, departure: datetime | None) -> dict[str, str]:
+    """Return a row as text, by the columns of `PRINTED`; the last place to turn has no begin."""
+    cells = {
+        "kind": row.kind,
+        "begin": "" if row.kind in LAST_TURNS else _moment_cell(row.begin_s, departure),
+        "end": "" if row.kind in MOMENTS else _moment_cell(row.end_s, departure),
+    }
+    if (way := row.way) is not None:
+        lon, lat = way.place.tolist()
+        cells |= {
+            "haven": way.haven,
+            "turn_off": _moment_cell(way.turn_off_s, departure),
+            "latitude": position(lat, "NS", 2),
+            "longitude": position(lon, "EW", 3),
+            "bearing": f"{round(way.bearing_deg) % 360:03d}",
+            "length": f"{way.length_m / NAUTICAL_MILE_M:.1f}",
+            "takes": duration_text(way.duration_s),
+            "longest": duration_text(row.longest_s),
+            "fuel": fuel_text(way.fuel),
+        }
+    return cells
+
+
+def haven_facts(case: RunCase) -> list[str]:
+    """Return what a reader needs to know beside the table: limits, shares, how to use it."""
+    coverage, limits = coverage_of(case), case.scenario.havens
+    shares = ", ".join(f"{percent(coverage.share(state))} {state}" for state in STATES)
+    left_out = ", ".join(haven.name for haven, _ in coverage.left_out)
+    return [
+        f"Ways to havens {limits.text if limits else ''}, by time under way: {shares}.",
+        (
+            "Covered: early, on time or late, carry on to the place named, turn off there, and be "
+            "at the haven in time. Uncovered: by a bound, nobody on time gets to a haven of the "
+            "list in time. Not settled: neither is shown."
+        ),
+        (
+            "Last change: up to there the vessel can change to the other route, for a voyage that "
+            "needs at most 2 % more fuel than that route from the start."
+            if coverage.class_turns
+            else ""
+        ),
+        f"No way was found to {left_out}." if left_out else "",
+    ]
+
+
+def _place(prefix: str, place: list[float]) -> dict[str, float]:
+    """Return the columns of a place (lon, lat), degrees."""
+    return {f"{prefix}lon": wrapped_longitude(place[0]), f"{prefix}lat": round(place[1], 8)}

@@ -85,10 +85,10 @@ class RouteMetrics:
     clearance_m: float
     duration_s: float
     speed_m_s: float
-    optimality_gap: float
-    trials: int
-    collisions: int
-    land_m: float
+    optimality_gap: float = math.nan
+    trials: int = 0
+    collisions: int = 0
+    land_m: float = 0.0
     passages: tuple[Passage, ...] = ()
     land_lon: float = math.nan
     land_lat: float = math.nan

@@ -204,9 +204,9 @@ class _Night:
 
     def _planning(self, *, is_alone: bool) -> "Planning":
         """Open the cycle's folder, and return the planning of its cases."""
+        from pipeline.machine.cluster import own_identity
         from pipeline.nightly.planning.planning import Planning
         from pipeline.nightly.planning.worker import Rules
-        from pipeline.stages.seasons.cluster import own_identity
 
         latest = self.cycles.latest
         if base_of(latest) == self.newest.cycle:

@@ -86,16 +86,14 @@ class SourceBase(StrictModel):
     title: str
 
 
-class OsmLandSpec(SourceBase):
-    """Land polygons of OpenStreetMap from the package `roaring-landmask`."""
+class LandSpec(SourceBase):
+    """Land that states its own producer.
 
-    adapter: Literal["osm-land"]
+    That is OpenStreetMap's from the package `roaring-landmask`, or S-57 cells in a folder that the
+    user names.
+    """
 
-
-class S57Spec(SourceBase):
-    """S-57 cells in a folder that the user names; they state their own producer."""
-
-    adapter: Literal["s57"]
+    adapter: Literal["osm-land", "s57"]
 
 
 class VectorSpec(SourceBase, Licence):
@@ -177,7 +175,7 @@ class CopernicusSpec(SourceBase, Licence):
     pause_s: strict.NonNegative = 20.0
 
 
-ChartEntry = OsmLandSpec | S57Spec | VectorSpec
+ChartEntry = LandSpec | VectorSpec
 CurrentEntry = EmbeddedTableSpec | CopernicusSpec | StillSpec
 SourceSpec = Annotated[ChartEntry | CurrentEntry, Field(discriminator="adapter")]
 _SOURCE: TypeAdapter[ChartEntry | CurrentEntry] = TypeAdapter(SourceSpec)
@@ -293,12 +291,21 @@ class ScenarioFile(NamedTuple):
     sha256: str
     table: dict[str, Any]
 
+    @classmethod
+    def read(cls, path: Path) -> "ScenarioFile":
+        """Read a file; RequestError if it is no TOML."""
+        content = _content(path)
+        return cls(path, hashlib.sha256(content).hexdigest(), _toml(content, path))
+
+    @property
+    def real_path(self) -> Path:
+        """The absolute path, without links."""
+        return self.path.resolve()
+
 
 def read_scenario(asked: str) -> ScenarioFile:
     """Locate a scenario's file by its name in the catalogue or its path, and read it."""
-    path = scenario_path(asked)
-    content = _content(path)
-    return ScenarioFile(path, hashlib.sha256(content).hexdigest(), _toml(content, path))
+    return ScenarioFile.read(scenario_path(asked))
 
 
 def read_toml(path: Path) -> dict[str, Any]:

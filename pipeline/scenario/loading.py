@@ -7,6 +7,7 @@ not asked here: `pipeline.stages.choosing.coverage` checks whether their data co
 import glob
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
@@ -19,8 +20,9 @@ from pipeline.errors import Fault, Faults, RequestError
 from pipeline.machine.paths import NOT_THERE, resolved, shown, unreadable_reason, working_directory
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EXAMPLE, ScenarioFile
-from pipeline.scenario.model import Scenario
-from pipeline.scenario.region import Plane, Region
+from pipeline.scenario.model import Scenario, wait_at
+from pipeline.scenario.pairs import refusals
+from pipeline.scenario.region import MAX_PLANE_M, Plane, Region
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import looks_like_path, near_miss, validated
 
@@ -84,9 +86,14 @@ def parse_scenario(data: dict[str, Any], folder: Path | None = None) -> Scenario
     """
     scenario = validated(Scenario, data, folder=folder or working_directory())
     faults = [
+        *refusals(scenario),
+        *_repeated_seasons(scenario),
+        *_plane_faults(scenario),
+        *_time_faults(scenario),
+        *_waiting_faults(scenario),
+        *_under_way_faults(scenario),
         *_unknown_sources(scenario),
         *_missing_paths(scenario),
-        *_missing_draught(scenario),
         *_misplaced_stops(scenario),
     ]
     if faults:
@@ -101,20 +108,136 @@ def _with_chart(data: dict[str, Any], charts: Path) -> dict[str, Any]:
     return {**data, "chart": {**chart, "source": source}} if isinstance(chart, dict) else data
 
 
+def _repeated_seasons(scenario: Scenario) -> Iterator[str]:
+    """Find names that several seasons have."""
+    for name, count in Counter(season.name for season in scenario.seasons).items():
+        if count > 1:
+            yield f"has {count} seasons called {name!r}; rename all but one"
+
+
+def _plane_faults(scenario: Scenario) -> Iterator[str]:
+    """Find a plane that is too large, or that begins elsewhere than its gyres."""
+    if scenario.plane is None:
+        return
+    width_km = scenario.plane.width_m * scenario.scale / 1000
+    if width_km > MAX_PLANE_M / 1000:
+        yield (
+            f"has a plane of {width_km:,.0f} true km at scale = {scenario.scale:g}; "
+            f"{MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
+        )
+    corner = scenario.plane.extent[:2]
+    for season in scenario.seasons:
+        if season.gyre and corner != (0, 0):
+            yield (
+                f"season {season.name!r} is a gyre, but the plane's extent begins at "
+                f"{list(corner)}; begin it at [0, 0]"
+            )
+
+
+def _time_faults(scenario: Scenario) -> Iterator[str]:
+    """Find hours without a clock, choices of times where nothing changes, and too short limits."""
+    hours = _keys_with_hours(scenario)
+    for season in scenario.seasons:
+        if not hours:
+            yield from _timeless_faults(season)
+        elif season.first_departure is None:
+            for key, remedy in hours.items():
+                yield (
+                    f"season {season.name!r} has no 'departure', from which the hours of {key} "
+                    f"count; add it, or leave {remedy} out"
+                )
+    havens, turn_s = scenario.havens, 360 / scenario.vessel.turn_rate_deg_s
+    if havens is not None and havens.within_s is not None and havens.within_s < turn_s:
+        yield (
+            f"has havens.within = {havens.within!r}, and one full turn takes the vessel "
+            f"{turn_s:.0f} s; give more"
+        )
+
+
+def _keys_with_hours(scenario: Scenario) -> dict[str, str]:
+    """Return the keys that depend on the date, and what to leave out to be rid of it."""
+    keys = {}
+    if any(area.has_hours for area in scenario.avoid):
+        keys["[[avoid]]"] = "'from' and 'until'"
+    if scenario.tide is not None:
+        keys["[tide]"] = "it"
+    return keys
+
+
+def _timeless_faults(season: Season) -> Iterator[str]:
+    """Find keys that make sense only in changing water, in a season whose water does not change."""
+    given = [
+        repr(name)
+        for name in ("departures", "to_within", "arrive_by")
+        if getattr(season, name) is not None and (name != "arrive_by" or season.speed is None)
+    ]
+    if given and not season.is_changing:
+        yield (
+            f"(season {season.name!r}) has {' and '.join(given)}, which "
+            f"need{'s' * (len(given) == 1)} currents that change, a [tide], or hours in [[avoid]]; "
+            "add time_method = 'changing', or leave them out"
+            + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
+        )
+
+
+def _waiting_faults(scenario: Scenario) -> Iterator[str]:
+    """Find several waits at anchorages, and a wait where there is nothing to wait for."""
+    waiting = [f"via[{at}].wait" for at, via in enumerate(scenario.via) if wait_at(via)]
+    if len(waiting) > 1:
+        yield (
+            f"has {' and '.join(waiting)}; a plan waits at one anchorage: leave out the other "
+            "waits, or plan the way on from there by itself"
+        )
+    has_hours = bool(_keys_with_hours(scenario))
+    for season in scenario.seasons if waiting else ():
+        if season.first_departure is None or not (season.is_changing or has_hours):
+            yield (
+                f"season {season.name!r} has nothing to wait for at {waiting[0]}: give it a "
+                "'departure', with a [tide], hours in [[avoid]] or time_method = 'changing', or "
+                "leave the wait out"
+            )
+
+
+def _under_way_faults(scenario: Scenario) -> Iterator[str]:
+    """Find what a voyage under way lacks: the region and the season that is sailed."""
+    if scenario.under_way is None or scenario.plane is not None:
+        return
+    if scenario.region is None:
+        yield "has [under_way], which needs the [region] of the plan's results; add it"
+    if len(scenario.seasons) != 1:
+        yield f"has [under_way] and {len(scenario.seasons)} seasons; give the one that is sailed"
+        return
+    (season,) = scenario.seasons
+    departure, departed = season.first_departure, scenario.under_way.departed
+    if departure is None:
+        yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
+    elif departure < departed:
+        yield (
+            f"season {season.name!r} has departure = {departure.isoformat()}, before "
+            f"under_way.departed = {departed.isoformat()}; give a later time"
+        )
+
+
 def _missing_paths(scenario: Scenario) -> Iterator[str]:
     """Find charts and lists of havens that do not exist or can't be read."""
     chart, havens = scenario.chart, scenario.havens
-    for one in chart.source:
-        if one.path and (reason := unreadable_reason(one.path)):
-            remedy = "; give a vector file, or a folder of S-57 cells"
-            remedy = remedy if reason == NOT_THERE else ""
-            yield f"chart.source = '{shown(one.path)}' {reason}{remedy}"
-    if chart.depths and (reason := unreadable_reason(chart.depths)):
-        remedy = "; give a GEBCO or EMODnet grid in NetCDF" if reason == NOT_THERE else ""
-        yield f"chart.depths = '{shown(chart.depths)}' {reason}{remedy}"
-    if havens is not None and (reason := unreadable_reason(havens.path)):
-        remedy = "; give a GeoJSON file with points" if reason == NOT_THERE else ""
-        yield f"havens.path = '{shown(havens.path)}' {reason}{remedy}"
+    named = [
+        ("chart.source", source.path, "a vector file, or a folder of S-57 cells")
+        for source in chart.source
+    ]
+    named.append(("chart.depths", chart.depths, "a GEBCO or EMODnet grid in NetCDF"))
+    named.append(
+        ("havens.path", "" if havens is None else havens.path, "a GeoJSON file with points")
+    )
+    for key, path, what in named:
+        if path and (reason := unreadable_reason(path)):
+            remedy = f"; give {what}" if reason == NOT_THERE else ""
+            yield f"{key} = '{shown(path)}' {reason}{remedy}"
+    if chart.depths and scenario.vessel.draught_m is None:
+        yield (
+            "vessel.draught_m is missing, and chart.depths needs it: give the vessel's draught in "
+            "metres (--draught)"
+        )
 
 
 def _kept_members(scenario: Scenario) -> Iterator[str]:
@@ -151,15 +274,6 @@ def _unknown_sources(scenario: Scenario) -> Iterator[str]:
                 if needs_land
                 else f"{key} = {name!r} gives land, not currents; name a source of currents"
             )
-
-
-def _missing_draught(scenario: Scenario) -> Iterator[str]:
-    """Find a chart with depths whose vessel has no draught."""
-    if scenario.chart.depths and scenario.vessel.draught_m is None:
-        yield (
-            "vessel.draught_m is missing, and chart.depths needs it: give the vessel's draught in "
-            "metres (--draught)"
-        )
 
 
 def _misplaced_stops(scenario: Scenario) -> Iterator[str]:
@@ -224,16 +338,16 @@ def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
     Names of the catalogue stay as they are; files are one source, in the place of the first.
     """
     known = catalogue.names("sources")
-    found: list[str | list[str]] = []
+    sources: list[str | list[str]] = []
     files: list[str] = []
-    for one in map(str, asked):
-        if one in known:
-            found.append(one)
+    for name in map(str, asked):
+        if name in known:
+            sources.append(name)
             continue
         if not files:
-            found.append(files)
-        files.append(str(resolved(one, "--currents")))
-    return found
+            sources.append(files)
+        files.append(str(resolved(name, "--currents")))
+    return sources
 
 
 def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> None:
@@ -243,17 +357,17 @@ def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> No
     """
     known = catalogue.names("sources")
     faults = []
-    for one in map(str, asked):
-        if one in known or glob.has_magic(one):
+    for name in map(str, asked):
+        if name in known or glob.has_magic(name):
             continue
-        reason = unreadable_reason(resolved(one, key))
+        reason = unreadable_reason(resolved(name, key))
         if reason == NOT_THERE:
             hint = "give a NetCDF, GRIB or Zarr file"
-            if not looks_like_path(one):
-                hint = f"it is no source of the catalogue either: {near_miss(one, known)}"
+            if not looks_like_path(name):
+                hint = f"it is no source of the catalogue either: {near_miss(name, known)}"
             reason = f"{reason}; {hint}"
         if reason:
-            faults.append(f"{key} = '{shown(one)}' {reason}".lstrip())
+            faults.append(f"{key} = '{shown(name)}' {reason}".lstrip())
     if faults:
         raise RequestError(faults)
 

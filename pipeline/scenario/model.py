@@ -6,8 +6,6 @@ metres and m/s. Any other is a *chart* scenario: it takes land and currents from
 """
 
 import os
-from collections import Counter
-from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
@@ -24,8 +22,7 @@ from pydantic import (
 
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.scenario.pairs import refusals
-from pipeline.scenario.region import MAX_PLANE_M, AvoidedArea, ChartSpec, Plane, Region
+from pipeline.scenario.region import AvoidedArea, ChartSpec, Plane, Region
 from pipeline.scenario.season import Interval, Season, Span, interval, span
 from pipeline.scenario.strict import StrictModel
 
@@ -130,6 +127,12 @@ class HavensSpec(StrictModel):
         return self
 
     @property
+    def text(self) -> str:
+        """The limits for readers: "within 6h and with fuel for 2d at departure"."""
+        fuel = self.endurance and f"with fuel for {self.endurance} at departure"
+        return " and ".join(filter(None, (self.within and f"within {self.within}", fuel)))
+
+    @property
     def within_s(self) -> float | None:
         """Longest time to a haven, s."""
         return None if self.within is None else interval(self.within).total_seconds()
@@ -168,22 +171,6 @@ class UnderWay(StrictModel):
     switch_above: strict.Number = Field(default=0.02, ge=0, le=1)
     """Share of the fuel ahead that a way on another side has to save before the vessel changes to
     it. Give a share from 0 to 1, such as 0.02."""
-
-    def faults(self, seasons: Sequence[Season], region: Region | None) -> Iterator[str]:
-        """Find what a voyage under way lacks: the region and the season that is sailed."""
-        if region is None:
-            yield "has [under_way], which needs the [region] of the plan's results; add it"
-        if len(seasons) != 1:
-            yield f"has [under_way] and {len(seasons)} seasons; give the one that is sailed"
-            return
-        (season,) = seasons
-        if season.departure is None:
-            yield f"season {season.name!r} has no 'departure', the time at 'start'; add it"
-        elif season.departure < self.departed:
-            yield (
-                f"season {season.name!r} has departure = {season.departure.isoformat()}, before "
-                f"under_way.departed = {self.departed.isoformat()}; give a later time"
-            )
 
 
 class PublishedRow(StrictModel):
@@ -379,84 +366,6 @@ class Scenario(StrictModel):
         """Return the scenario with the option set that explains optimality gaps."""
         outputs = self.outputs.model_copy(update={"explain_gap": True})
         return self.model_copy(update={"outputs": outputs})
-
-    @model_validator(mode="after")
-    def _has_what_it_needs(self) -> Self:
-        faults = [*refusals(self)]
-        names = Counter(season.name for season in self.seasons)
-        faults += [
-            f"has {count} seasons called {name!r}; rename all but one"
-            for name, count in names.items()
-            if count > 1
-        ]
-        faults += (*self._plane_faults(), *self._time_faults(), *self._waiting_faults())
-        if self.havens is not None and self.havens.within_s is not None:
-            turn_s = 360 / self.vessel.turn_rate_deg_s
-            if self.havens.within_s < turn_s:
-                faults.append(
-                    f"has havens.within = {self.havens.within!r}, and one full turn takes the "
-                    f"vessel {turn_s:.0f} s; give more"
-                )
-        if self.under_way is not None and self.plane is None:
-            faults += self.under_way.faults(self.seasons, self.region)
-        if faults:
-            raise strict.RemediedError(*faults)
-        return self
-
-    def _plane_faults(self) -> Iterator[str]:
-        """Find a plane that is too large, or that begins elsewhere than its gyres."""
-        if self.plane is None:
-            return
-        width_km = self.plane.width_m * self.scale / 1000
-        if width_km > MAX_PLANE_M / 1000:
-            yield (
-                f"has a plane of {width_km:,.0f} true km at scale = {self.scale:g}; "
-                f"{MAX_PLANE_M / 1000:,.0f} km is the most: lower scale or extent"
-            )
-        corner = self.plane.extent[:2]
-        for season in self.seasons:
-            if season.gyre and corner != (0, 0):
-                yield (
-                    f"season {season.name!r} is a gyre, but the plane's extent begins at "
-                    f"{list(corner)}; begin it at [0, 0]"
-                )
-
-    def _time_faults(self) -> Iterator[str]:
-        """Find hours without a clock, and choices of times where nothing changes with time."""
-        with_hours = list(self._keys_with_hours())
-        if not with_hours:
-            yield from filter(None, (season.timeless_fault for season in self.seasons))
-        for key, remedy in with_hours:
-            for season in self.seasons:
-                if season.first_departure is None:
-                    yield (
-                        f"season {season.name!r} has no 'departure', from which the hours of {key} "
-                        f"count; add it, or leave {remedy} out"
-                    )
-
-    def _waiting_faults(self) -> Iterator[str]:
-        """Find several waits at anchorages, and a wait where there is nothing to wait for."""
-        waiting = [f"via[{at}].wait" for at, one in enumerate(self.via) if wait_at(one)]
-        if len(waiting) > 1:
-            yield (
-                f"has {' and '.join(waiting)}; a plan waits at one anchorage: leave out the other "
-                "waits, or plan the way on from there by itself"
-            )
-        has_hours = any(self._keys_with_hours())
-        for season in self.seasons if waiting else ():
-            if season.first_departure is None or not (season.is_changing or has_hours):
-                yield (
-                    f"season {season.name!r} has nothing to wait for at {waiting[0]}: give it a "
-                    "'departure', with a [tide], hours in [[avoid]] or time_method = 'changing', "
-                    "or leave the wait out"
-                )
-
-    def _keys_with_hours(self) -> Iterator[tuple[str, str]]:
-        """Yield the keys that depend on the date, and what to leave out to be rid of it."""
-        if any(area.has_hours for area in self.avoid):
-            yield "[[avoid]]", "'from' and 'until'"
-        if self.tide is not None:
-            yield "[tide]", "it"
 
     def vessel_in(self, season: Season) -> VesselSpec:
         """Return the vessel with the highest speed that it has in a season."""

@@ -2,18 +2,16 @@
 
 Every other pair is planned. The scenario's checks and the reference are made from this table, and a
 property test draws random scenarios against it. What one feature needs (a departure, a draught) is
-no pair: it is checked where that feature is defined.
+no pair: `loading` checks it.
 """
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from pipeline.scenario.model import Scenario
-    from pipeline.scenario.season import Season
+from pipeline.scenario.model import Scenario
+from pipeline.scenario.season import Season
 
-
-OF_THE_SCENARIO: "dict[str, Callable[[Scenario], bool]]" = {
+OF_THE_SCENARIO: dict[str, Callable[[Scenario], bool]] = {
     "a [plane]": lambda asked: asked.plane is not None,
     "no [plane]": lambda asked: asked.plane is None,
     "[region]": lambda asked: asked.region is not None,
@@ -30,7 +28,7 @@ OF_THE_SCENARIO: "dict[str, Callable[[Scenario], bool]]" = {
 }
 """Features of a whole scenario, as a message names them."""
 
-OF_A_SEASON: "dict[str, Callable[[Season], bool]]" = {
+OF_A_SEASON: dict[str, Callable[[Season], bool]] = {
     "sources in 'currents'": lambda season: bool(season.currents),
     "a current as numbers": lambda season: not season.currents,
     "time_method = 'changing'": lambda season: season.is_changing,
@@ -155,14 +153,14 @@ PAIRS = (
 """The pairs that are refused; at most 15, and each for one reason."""
 
 
-def refusals(scenario: "Scenario") -> Iterator[str]:
+def refusals(scenario: Scenario) -> Iterator[str]:
     """Yield a line for each pair of the table that a scenario has."""
     for pair in PAIRS:
         lines = dict.fromkeys(_line(pair, scenario, season) for season in scenario.seasons)
         yield from filter(None, lines)
 
 
-def _line(pair: Pair, scenario: "Scenario", season: "Season") -> str:
+def _line(pair: Pair, scenario: Scenario, season: Season) -> str:
     """Return the line on a pair in a season; "" where the season lacks one of the two."""
     first, second = (
         [name for name in group if _has(name, scenario, season)]
@@ -176,7 +174,7 @@ def _line(pair: Pair, scenario: "Scenario", season: "Season") -> str:
     return f"{about}{have}: {pair.reason}; {pair.remedy}"
 
 
-def _has(feature: str, scenario: "Scenario", season: "Season") -> bool:
+def _has(feature: str, scenario: Scenario, season: Season) -> bool:
     """Whether a scenario, or a season of it, has a feature."""
     if feature in OF_THE_SCENARIO:
         return OF_THE_SCENARIO[feature](scenario)

@@ -179,8 +179,10 @@ def named_departure(season: str) -> datetime | None:
         return None
 
 
-FILES, CYCLES = "files", "cycles"
-"""Words for members that are files of their own, or the forecasts in folders of their own."""
+FILES = "files"
+"""The word for members that are files of their own."""
+CYCLES = "cycles"
+"""The word for members that are the forecasts in folders of their own."""
 
 
 class MembersSpec(StrictModel):
@@ -400,78 +402,20 @@ class Season(StrictModel):
                 f"(season {self.name!r}) has {sum(given)} kinds of current; give one of "
                 "'currents', 'gyre' and 'uniform'"
             )
-        faults = [*(self._changing_faults() if self.is_changing else self._steady_faults())]
-        if faults := [*faults, *self.member_faults()]:
+        faults = [*self._time_faults(), *self._current_faults(), *self.member_faults()]
+        if faults:
             how = "has time_method = 'changing' and " if self.is_changing else ""
             raise strict.RemediedError(f"(season {self.name!r}) {how}{'; it '.join(faults)}")
         return self
 
-    def _changing_faults(self) -> Iterator[str]:
-        """Find keys that changing currents lack, or can't have."""
-        if self.departure is None and self.departures is None:
-            yield "lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z"
-        if self.valid:
-            yield "has 'valid', which its departure says already; leave it out"
-        yield from (*self._window_faults(), *self._speed_faults(), *self._arrival_faults())
-
-    def member_faults(self) -> Iterator[str]:
-        """Find members of currents that are no files."""
-        if self.members is None:
-            return
-        along = self.members.along
-        others = [source_name(one) for one in self.currents if not isinstance(one, tuple)]
-        if self.members.spread is None and (others or not self.currents):
-            is_named = along in {"", FILES, CYCLES}
-            kind = "files" if is_named else "files with that dimension"
-            given = f"members.along = {along!r}" if along else "'members' of earlier forecasts"
-            without = f", not {', '.join(others)}" if others else ""
-            yield f"has {given}, which needs {kind} in 'currents'{without}"
-
-    def _window_faults(self) -> Iterator[str]:
-        """Find faults of the departures to choose from."""
-        if self.departures is not None:
-            if self.departure is not None:
-                yield "has both 'departure' and 'departures'; leave one out"
-            if self.departures.window > timedelta(hours=MAX_HOURS):
-                hours = self.departures.window.total_seconds() / 3600
-                yield (
-                    f"has departures over {hours:,.0f} hours; {MAX_HOURS:,.0f} are the most: lower "
-                    "their count, or 'every'"
-                )
-        elif self.to_within is not None:
-            yield "has 'to_within', but no 'departures' to choose from; add them"
-
-    def _speed_faults(self) -> Iterator[str]:
-        """Find faults of the choice of speeds, and keys that it lacks."""
-        if self.speed is None:
-            return
-        if self.speed.least > self.speed.most:
-            yield (
-                f"has speed.least = {self.speed.least:g} m/s above speed.most = "
-                f"{self.speed.most:g} m/s; exchange them"
-            )
-        if self.first_departure is None and not self.is_changing:
-            yield "has 'speed', but no 'departure', from which its time counts; add it"
-        if self.arrive_by is None:
-            yield "has 'speed', but no 'arrive_by', for which its speed is chosen; add it"
-
-    def _arrival_faults(self) -> Iterator[str]:
-        """Find faults of the time between departure and arrival."""
-        first = self.first_departure
-        if self.arrive_by is not None and first is not None:
-            if self.arrive_by <= first:
-                yield (
-                    f"is to arrive_by {self.arrive_by.isoformat()}, not after its departure, "
-                    f"{first.isoformat()}; give a later time"
-                )
-            elif self.arrive_by - first > timedelta(hours=MAX_HOURS):
-                yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
-
-    def _steady_faults(self) -> Iterator[str]:
-        """Find keys that a steady current lacks, or can't have."""
-        yield from self._speed_faults()
-        yield from (*self._window_faults(), *self._arrival_faults())
-        if any(isinstance(named, StreamConstants) for named in self.currents):
+    def _current_faults(self) -> Iterator[str]:
+        """Find what the current needs to be read: a departure if it changes, else a period."""
+        if self.is_changing:
+            if self.first_departure is None:
+                yield "lacks 'departure'; add it with its zone, as 2026-07-01T06:00:00Z"
+            if self.valid:
+                yield "has 'valid', which its departure says already; leave it out"
+        elif any(isinstance(named, StreamConstants) for named in self.currents):
             yield (
                 "has harmonic constants, which need a clock; add time_method = 'changing', and a "
                 "'departure'"
@@ -479,22 +423,48 @@ class Season(StrictModel):
         elif not self.valid and any(named != STILL for named in self.currents):
             yield "lacks 'valid'; add the month as 'YYYY-MM'"
 
-    @property
-    def timeless_fault(self) -> str:
-        """Return the fault of keys that make sense only in changing water, or ""."""
-        given = [
-            repr(name)
-            for name in ("departures", "to_within", "arrive_by")
-            if getattr(self, name) is not None and (name != "arrive_by" or self.speed is None)
-        ]
-        if self.is_changing or not given:
-            return ""
-        return (
-            f"(season {self.name!r}) has {' and '.join(given)}, which "
-            f"need{'s' * (len(given) == 1)} currents that change, a [tide], or hours in [[avoid]]; "
-            "add time_method = 'changing', or leave them out"
-            + (", or give speeds to choose from" if given == ["'arrive_by'"] else "")
-        )
+    def member_faults(self) -> Iterator[str]:
+        """Find members of currents that are no files."""
+        if self.members is None or self.members.spread is not None:
+            return
+        along = self.members.along
+        others = [source_name(named) for named in self.currents if not isinstance(named, tuple)]
+        if others or not self.currents:
+            kind = "files" if along in {"", FILES, CYCLES} else "files with that dimension"
+            given = f"members.along = {along!r}" if along else "'members' of earlier forecasts"
+            without = f", not {', '.join(others)}" if others else ""
+            yield f"has {given}, which needs {kind} in 'currents'{without}"
+
+    def _time_faults(self) -> Iterator[str]:
+        """Find times and speeds that contradict each other, and what a choice of them lacks."""
+        window, speed, first = self.departures, self.speed, self.first_departure
+        longest = timedelta(hours=MAX_HOURS)
+        if window is not None and self.departure is not None:
+            yield "has both 'departure' and 'departures'; leave one out"
+        if window is not None and window.window > longest:
+            yield (
+                f"has departures over {window.window.total_seconds() / 3600:,.0f} hours; "
+                f"{MAX_HOURS:,.0f} are the most: lower their count, or 'every'"
+            )
+        if window is None and self.to_within is not None:
+            yield "has 'to_within', but no 'departures' to choose from; add them"
+        if speed is not None and speed.least > speed.most:
+            yield (
+                f"has speed.least = {speed.least:g} m/s above speed.most = {speed.most:g} m/s; "
+                "exchange them"
+            )
+        if speed is not None and first is None and not self.is_changing:
+            yield "has 'speed', but no 'departure', from which its time counts; add it"
+        if speed is not None and self.arrive_by is None:
+            yield "has 'speed', but no 'arrive_by', for which its speed is chosen; add it"
+        if self.arrive_by is not None and first is not None:
+            if self.arrive_by <= first:
+                yield (
+                    f"is to arrive_by {self.arrive_by.isoformat()}, not after its departure, "
+                    f"{first.isoformat()}; give a later time"
+                )
+            elif self.arrive_by - first > longest:
+                yield f"may be under way for more than {MAX_HOURS:,.0f} hours; depart later"
 
     @property
     def is_changing(self) -> bool:

@@ -116,7 +116,7 @@ def _add_names(app: FastAPI) -> None:
                 for name in catalogue.names("sources")
                 if not isinstance(
                     found := catalogue.source(name),
-                    catalogue.OsmLandSpec | catalogue.S57Spec | catalogue.VectorSpec,
+                    catalogue.ChartEntry,
                 )
             },
             "tides": list(catalogue.stations()),

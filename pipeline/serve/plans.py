@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pipeline.errors import PipelineError, StageError
 from pipeline.serve.request import PlanRequest, command_line
-from pipeline.serve.workers import Worker
+from pipeline.serve.workers import ServingWorker
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
@@ -111,7 +111,9 @@ class Plans:
         self, output: Path, *, offline: bool, workers: int, limit_s: float, memory_bytes: int
     ) -> None:
         self.output, self._offline, self._limit_s = output, offline, limit_s
-        self._pairs = [(Worker(memory_bytes), Worker(memory_bytes)) for _ in range(workers)]
+        self._pairs = [
+            (ServingWorker(memory_bytes), ServingWorker(memory_bytes)) for _ in range(workers)
+        ]
         self._plans: dict[str, Plan] = {}
         # None asks for the voyage in `_ahead` to be prepared.
         self._waiting: asyncio.Queue[Plan | None] = asyncio.Queue()
@@ -128,7 +130,8 @@ class Plans:
         finally:
             for task in (*self._loops, *self._work.values()):
                 task.cancel()
-            await asyncio.gather(*(worker.kill() for pair in self._pairs for worker in pair))
+            for worker in (worker for pair in self._pairs for worker in pair):
+                worker.kill()
 
     def add(self, request: PlanRequest, options: Mapping[str, Any]) -> Plan:
         """Return a new plan, or that of the same options unless it failed.
@@ -150,7 +153,8 @@ class Plans:
                 f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one"
             )
         plan = Plan(request, options)
-        if self._ahead is not None and self._ahead["positions"] != options["positions"]:
+        ends = ("start", "goal")
+        if self._ahead is not None and any(self._ahead[one] != options[one] for one in ends):
             self._stop_preparing()
         self._plans[plan.id] = plan
         self._waiting.put_nowait(plan)
@@ -196,7 +200,7 @@ class Plans:
         for identity in ended[: max(0, len(self._plans) - _MAX_KEPT)]:
             del self._plans[identity]
 
-    async def _serve(self, worker: Worker, spare: Worker) -> None:
+    async def _serve(self, worker: ServingWorker, spare: ServingWorker) -> None:
         """Plan with a worker, one plan after the other; the spare one takes over if it was killed.
 
         So the plan after a cancelled one begins at once, and only one of the two holds a chart.
@@ -213,18 +217,18 @@ class Plans:
             await asyncio.wait([work])
             self._work.pop(name, None)
             if worker.memory_bytes > _MAX_IDLE_BYTES:
-                await worker.kill()
+                worker.kill()
             if not worker.is_running:
                 worker, spare = spare, worker
                 await starting
                 starting = asyncio.create_task(self._started(spare))
 
-    async def _started(self, worker: Worker) -> None:
+    async def _started(self, worker: ServingWorker) -> None:
         """Start a worker; if that fails, the plan that needs it tries again, and tells why."""
         with contextlib.suppress(PipelineError):
             await worker.start()
 
-    async def _plan(self, worker: Worker, plan: Plan) -> None:
+    async def _plan(self, worker: ServingWorker, plan: Plan) -> None:
         """Plan with a worker; whatever happens, the plan ends."""
         plan.state, plan.begun = "running", time.monotonic()
         plan.version += 1
@@ -234,13 +238,13 @@ class Plans:
         except PipelineError as error:
             plan.fail(str(error).splitlines())
         except asyncio.CancelledError:
-            await worker.kill()
+            worker.kill()
             raise
         finally:
             if plan.state in _LIVE:
                 plan.fail(["the plan ended unexpectedly; ask for it again"])
 
-    async def _prepare(self, worker: Worker) -> None:
+    async def _prepare(self, worker: ServingWorker) -> None:
         """Prepare a voyage with a worker."""
         assert self._ahead is not None  # noqa: S101 - asked for
         try:
@@ -249,7 +253,7 @@ class Plans:
         except PipelineError:
             pass  # the plan tells it
         except asyncio.CancelledError:
-            await worker.kill()
+            worker.kill()
             raise
         self._ahead = None
 

@@ -1,35 +1,28 @@
-"""A process that plans: it loads everything first, then takes one voyage after the other.
+"""What a server's worker process does: it loads everything first, then plans voyage after voyage.
 
-Requests come on standard input, a line of JSON each; events go to standard output in the same form.
 It opens the files that the page was given, so it has a limit of memory, and the server kills it
-when a plan takes too long or is cancelled. It ends with the server, whose end closes its input.
+when a plan takes too long or is cancelled.
 """
 
 import contextlib
 import gc
 import json
-import os
-import queue
-import resource
-import sys
-import threading
 from collections.abc import Callable, Mapping
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
 from pipeline.errors import PipelineError, one_line
 from pipeline.findings.result import RunResult
 from pipeline.findings.text import json_value
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
+from pipeline.machine.workers import is_call_waiting, tell
 from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
-from pipeline.serve.request import with_paths
 from pipeline.serve.sides import drawn, sides
 from pipeline.sources.copernicus.client import without_secrets
 from pipeline.stages.choosing.coverage import require_sailable
 from pipeline.voyage.one_line import run_voyage, voyage_scenario
-from pipeline.voyage.request import VoyageRequest
+from pipeline.voyage.request import VoyageRequest, read_voyage
 from pipeline.write import load_libraries
 from renew._compiled import is_cold
 from renew.warming import rehearse_half
@@ -47,44 +40,33 @@ _STEPS = {
 _DIGITS = 6
 
 
-def main() -> None:
-    """Plan the voyages of standard input, within as many bytes of memory as the argument says."""
-    limit = int(sys.argv[1])
-    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
-    answers, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answers
-    writing = threading.Lock()
-
-    def tell(fields: Mapping[str, Any]) -> None:
-        with writing:
-            answers.write(json.dumps(json_value(dict(fields)), allow_nan=False) + "\n")
-            answers.flush()
-
-    asked: queue.SimpleQueue[str] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(asked,), daemon=True).start()
+def get_ready() -> None:
+    """Load everything, tell so, and load the machine code while no voyage waits."""
     with seldom_collecting():
         load_libraries()
-        tell({"event": "ready"})
-        if asked.empty() and not is_cold():
+        _tell({"event": "ready"})
+        if not is_call_waiting() and not is_cold():
             for half in range(2):  # so that the first plan need not load the machine code
                 rehearse_half(half)
-        while True:
-            request = json.loads(asked.get())
-            (_prepare if request["prepares"] else _plan)(request, tell)
-            gc.collect()
-            give_back_memory()
 
 
-def _listen(asked: "queue.SimpleQueue[str]") -> None:
-    """Take requests; end this process, whatever it does, when there are no more to come."""
-    for line in sys.stdin:
-        asked.put(line)
-    os._exit(0)
+def answer_request(asked: Mapping[str, Any]) -> None:
+    """Plan or prepare the voyage of a request, and tell how it goes."""
+    with seldom_collecting():
+        (_prepare if asked["prepares"] else _plan)(asked, _tell)
+    gc.collect()
+    give_back_memory()
+
+
+def _tell(fields: Mapping[str, Any]) -> None:
+    """Tell an event, in the values of JSON."""
+    tell(json_value(dict(fields)))
 
 
 def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
     """Plan a voyage as `renew go` does, and tell how it goes."""
     try:
-        scenario, notes = _scenario(asked["options"])
+        request, scenario, notes = _scenario(asked)
         tell({"event": "scenario", "name": scenario.name, "title": scenario.title})
         for note in notes:
             tell({"event": "note", "detail": note})
@@ -93,14 +75,12 @@ def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
             tell({"event": "sides", **sides(result)})
 
         outcome = run_voyage(
+            request,
             scenario,
-            Path(asked["output"]),
-            offline=asked["offline"],
-            strict=False,
+            said=notes,
             on_event=lambda event: tell(_event(event)),
             on_step=lambda _, step: tell(_step(step)),
             on_result=on_result,
-            said=notes,
         )
     except PipelineError as error:
         tell({"event": "failed", "faults": without_secrets(str(error)).splitlines()})
@@ -115,21 +95,26 @@ def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
 def _prepare(asked: Mapping[str, Any], tell: Tell) -> None:
     """Make ready what a voyage needs before it is planned; what fails is told by its plan."""
     with contextlib.suppress(Exception):
-        scenario, _ = _scenario(asked["options"])
+        request, scenario, _ = _scenario(asked)
         require_sailable(scenario)
-        prepare(scenario, Path(asked["output"]), offline=asked["offline"])
+        prepare(scenario, request.output, offline=request.offline)
     tell({"event": "prepared"})
 
 
-def _scenario(options: Mapping[str, Any]) -> tuple[Scenario, tuple[str, ...]]:
-    """Return the scenario of a request, and notes.
+def _scenario(
+    asked: Mapping[str, Any],
+) -> tuple[VoyageRequest, Scenario, tuple[str, ...]]:
+    """Return a voyage that was asked for, its scenario, and notes.
 
     A hash is added to its name, so that the results of one request never replace those of another.
     """
-    scenario, notes = voyage_scenario(VoyageRequest.of_options(with_paths(options)))
-    digest = sha256(json.dumps(options, sort_keys=True).encode()).hexdigest()[:_DIGITS]
-    scenario = scenario.model_copy(update={"name": f"{scenario.name[: 63 - _DIGITS]}-{digest}"})
-    return (scenario.explaining_gap() if options.get("explain_gap") else scenario), notes
+    given = asked["options"]
+    where = {"output": asked["output"], "offline": asked["offline"]}
+    request = read_voyage({**given, **where}, "page")
+    scenario, notes = voyage_scenario(request)
+    digest = sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:_DIGITS]
+    name = f"{scenario.name[: 63 - _DIGITS]}-{digest}"
+    return request, scenario.model_copy(update={"name": name}), notes
 
 
 def _event(event: Event) -> Mapping[str, Any]:
@@ -147,7 +132,3 @@ def _step(step: Step) -> Mapping[str, Any]:
     """Return a step of a plan as the page takes it."""
     line = None if step.path is None else drawn(step.path)
     return {"event": "step", "detail": _STEPS[step.kind], "line": line}
-
-
-if __name__ == "__main__":
-    main()

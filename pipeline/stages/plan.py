@@ -52,7 +52,7 @@ def plan_cases(
     PipelineError
         No case has a plan; NoWayError if a wider region might have a way.
     """
-    tasks = list(_tasks(chosen, land, store, limit_s))
+    tasks = list(_tasks(chosen, land, store))
     cases = {case.name: case for case in chosen.cases.value}
     done = {task.season: result for task in tasks if (result := task.result()) is not None}
     waiting = [task for task in tasks if task.season not in done]
@@ -69,7 +69,7 @@ def plan_cases(
 
     if waiting:
         meanwhile()
-    run_tasks(waiting, scheduler, report, work)
+    run_tasks(waiting, scheduler, report, work, limit_s)
     for task in waiting:
         if task.season in crashed or task.season in done:
             continue
@@ -101,9 +101,7 @@ def _no_plan(results: Sequence[CaseResult], chosen: Chosen, *, is_crash: bool) -
     return (NoWayError if any(one.is_shut for one in results) else RequestError)(reasons)
 
 
-def _tasks(
-    chosen: Chosen, land: Artefact[SimplifiedLand], store: Store, limit_s: float | None
-) -> Iterator[CaseTask]:
+def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iterator[CaseTask]:
     """Yield a task for each case."""
     scenario, parts = chosen.scenario, chosen.data
     options, explains_gap = scenario.planner, scenario.outputs.explain_gap
@@ -133,7 +131,6 @@ def _tasks(
             measures_path=store.path("evaluate", measures_key),
             options=options,
             owner=store.owner,
-            limit_s=limit_s,
             explains_gap=explains_gap,
             havens=havens,
         )

@@ -77,7 +77,7 @@ class VoyageRequest:
         _vessel(
             read=read_vessel,
             section="vessels",
-            example="usv-7m",
+            example="Its own figures",
             help="A vessel of the catalogue, or the path of a TOML file.",
         ),
     ] = None
@@ -133,7 +133,7 @@ class VoyageRequest:
     depart: Annotated[
         datetime | None,
         _time(
-            label="or departure, with its zone",
+            label="Departure, with its zone",
             example="2026-11-22T06:00Z",
             help="Departure with its time zone, as 2026-11-22T06:00Z, in place of {months}. The "
             "currents then change during the voyage, with the time steps of {currents} or with "
@@ -143,7 +143,7 @@ class VoyageRequest:
     until: Annotated[
         datetime | None,
         _time(
-            label="at the latest",
+            label="Latest departure",
             example="2026-11-24T06:00Z",
             help="Latest departure: the best one from {depart} until then is chosen.",
         ),
@@ -267,6 +267,7 @@ class VoyageRequest:
             metavar="STATION",
             section="stations",
             label="Station of the tide",
+            example="None",
             help="Tide station of the catalogue, or a file of harmonic constants; may be "
             "repeated. Needs {draught}, {depart} and a chart with depths.",
         ),

@@ -36,7 +36,8 @@ class Option:
     help
         What it does; "{depart}" stands for another option as the asker writes it.
     label, example
-        Its name in a form, by default made of `name`, and an example.
+        Its name in a form, by default made of `name`; and an example, or what is chosen if nothing
+        is.
     read
         Makes the typed value from a text; a value that is typed already stays. Raises ValueError:
         each of its arguments is a fault, to which the option's name is added.

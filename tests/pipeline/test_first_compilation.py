@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import time
 from pathlib import Path
 
 import pytest
 
-from pipeline.machine import first_compilation as beside
+from pipeline.machine import workers as beside
 from tests.conftest import ROOT
 from tests.renew.test_warming import in_fresh_process
 
@@ -18,7 +19,7 @@ from tests.renew.test_warming import in_fresh_process
 PLAN = """
 import resource
 from numba.core import event
-from pipeline.machine.first_compilation import first_compilation
+from pipeline.machine.workers import first_compilation
 with first_compilation() as wait:
     wait()
 with event.install_recorder("numba:compile") as recorder:
@@ -35,10 +36,15 @@ print(len(recorder.buffer), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utim
 """
 
 
+def _compile_slowly(half: int) -> None:
+    """Stand in for what compiles."""
+    time.sleep(600 + half)
+
+
 @pytest.fixture
 def _cold(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pretend that nothing is compiled, that there are two cores, and that processes are slow."""
-    monkeypatch.setattr(beside, "_COMPILE", "import time; time.sleep(600)")
+    monkeypatch.setattr(beside, "compile_half", _compile_slowly)
     monkeypatch.setattr("renew._compiled.is_cold", lambda: True)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
 

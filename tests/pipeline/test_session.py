@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import sys
 import time
@@ -13,7 +14,8 @@ import pytest
 
 from pipeline.errors import RequestError, StageError
 from pipeline.machine.store import Store
-from pipeline.session import Origin, clean, session
+from pipeline.scenario.catalogue import ScenarioFile
+from pipeline.session import clean, session
 from tests.pipeline.processes import started
 
 # Holds a session until its input ends, after its script.
@@ -155,13 +157,13 @@ def test_a_run_prunes_a_large_store_but_never_what_it_used(
     assert [path.exists() for path in (*paths, large)] == [False, False, False, True]
 
 
-def origin(path: Path, text: str) -> Origin:
+def origin(path: Path, text: str) -> ScenarioFile:
     """Write a scenario's file, and describe it."""
     path.write_text(text)
-    return Origin.of(path)
+    return ScenarioFile(path, hashlib.sha256(path.read_bytes()).hexdigest(), {})
 
 
-def finish(output: Path, made_by: Origin) -> None:
+def finish(output: Path, made_by: ScenarioFile) -> None:
     """Run a scenario called `one` to its end."""
     with session("one", output, made_by) as held:
         held.directory.mkdir(exist_ok=True)

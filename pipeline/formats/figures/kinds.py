@@ -40,7 +40,7 @@ class Form(StrEnum):
 
 def figure(case: "RunCase", kind: Kind, width: Width = Width.SCREEN) -> "Figure":
     """Draw a figure of a case that has a route."""
-    from pipeline.formats.figures.artists import in_season_colour
+    from pipeline.formats.figures.chart_map import in_season_colour
     from pipeline.formats.figures.plots import profile_figure
     from pipeline.formats.figures.season_map import overview_figure
     from pipeline.formats.palette import season_colour

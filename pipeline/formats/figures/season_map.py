@@ -18,15 +18,16 @@ from pipeline._types import ArrayLike, Geometries
 from pipeline.findings.haven_rows import haven_rows, stretch_line
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.text import distance, fuel
-from pipeline.formats.figures.artists import (
+from pipeline.formats.figures.chart_map import (
     draw_island_labels,
+    draw_map,
     in_season_colour,
+    map_figure,
     page_svg,
     patch,
     point,
     stroke,
 )
-from pipeline.formats.figures.chart_map import draw_map, map_figure
 from pipeline.formats.figures.map_marks import arrows, speed_scale
 from pipeline.formats.palette import COLOURS, STATES, season_colour
 

@@ -2,7 +2,7 @@
 
 import sqlite3
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from datetime import datetime
@@ -15,19 +15,11 @@ import numpy.typing as npt
 import shapely
 
 from pipeline._types import ArrayLike, Geometries
+from pipeline.findings.columns import COLUMNS
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.text import os_error
 
-_TEXTS: dict[str, dict[str, dict[str, str]]] = tomllib.loads(
-    files("pipeline.formats.gis").joinpath("layers.toml").read_text(encoding="utf-8")
-)
-LAYER_TEXTS = _TEXTS["layers"]
-"""Layer -> its title, description and type of geometry."""
-
-FIELDS = _TEXTS["columns"]
-"""Column -> its name for readers, its meaning, and its type if that is not a float."""
-
-_TYPES = {"text": object, "whole": int, "flag": bool}
+_TYPES = {"text": object, "time": object, "whole": int, "flag": bool, "number": float}
 
 
 GeoDataFrame: TypeAlias = Any  # of geopandas, which has no types and takes long to import
@@ -45,13 +37,21 @@ ZONE_STEP_M = 10_000.0
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer of the file: name, title and description for readers, and its content."""
+    """A layer of a file: name, title and description for readers, and its type of geometry."""
 
     name: str
     title: str
     description: str
     geometry_type: str
-    frame: Callable[[RunResult], GeoDataFrame]
+
+
+LAYERS = {
+    name: Layer(name, **texts)
+    for name, texts in tomllib.loads(
+        files("pipeline.formats.gis").joinpath("layers.toml").read_text(encoding="utf-8")
+    ).items()
+}
+"""The layers of `routes.gpkg`, by name, in their order in the file."""
 
 
 def frame(
@@ -67,7 +67,7 @@ def frame(
 
     counts = [np.size(part) for part in geometry]
     joined = {
-        name: _joined(values, counts, _TYPES.get(FIELDS.get(name, {}).get("type", ""), float))
+        name: _joined(values, counts, _TYPES[COLUMNS[name].type if name in COLUMNS else "number"])
         for name, values in columns.items()
     }
     return geopandas.GeoDataFrame(
@@ -121,16 +121,7 @@ def _joined(
     return np.where(np.isfinite(column), column, np.nan) if dtype is float else column
 
 
-def write_layer(
-    path: Path,
-    frame: GeoDataFrame,
-    layer: str,
-    geometry_type: str,
-    title: str,
-    description: str,
-    *,
-    append: bool = False,
-) -> None:
+def write_layer(path: Path, frame: GeoDataFrame, layer: Layer, *, append: bool = False) -> None:
     """Write a frame as a new layer, or append it to one.
 
     SQLite does not wait for the disk here: all files are flushed together, when they are complete.
@@ -140,16 +131,16 @@ def write_layer(
     set_gdal_config_options({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
     frame.to_file(
         path,
-        layer=layer,
+        layer=layer.name,
         driver="GPKG",
         engine="pyogrio",
         index=False,
         mode="a" if append else "w",
-        geometry_type=geometry_type,
+        geometry_type=layer.geometry_type,
         dataset_options={"VERSION": "1.3"},
         layer_options={
-            "IDENTIFIER": title,
-            "DESCRIPTION": description,
+            "IDENTIFIER": layer.title,
+            "DESCRIPTION": layer.description,
             "GEOMETRY_NAME": "geom",
             "FID": "fid",
         },

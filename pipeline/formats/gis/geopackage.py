@@ -14,7 +14,7 @@ import json
 import sqlite3
 import textwrap
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib.resources import files
@@ -25,13 +25,13 @@ import numpy as np
 import shapely
 
 from pipeline._types import FloatArray
+from pipeline.findings.columns import COLUMNS
 from pipeline.findings.note_words import caveats_json
 from pipeline.findings.result import RunCase, RunResult
 from pipeline.findings.text import write_json
 from pipeline.formats.figures.map_marks import nice_step
-from pipeline.formats.gis import haven_layers
 from pipeline.formats.gis.frames import (
-    FIELDS,
+    LAYERS,
     GeoDataFrame,
     Layer,
     check_count,
@@ -40,7 +40,7 @@ from pipeline.formats.gis.frames import (
     system_errors,
     write_layer,
 )
-from pipeline.formats.gis.layers import LAYERS, waypoint_frame
+from pipeline.formats.gis.layers import FRAMES, waypoint_frame
 from pipeline.formats.gis.qgis import (
     Bounds,
     MapCrs,
@@ -83,7 +83,6 @@ _SEASON_LAYERS = {
 }
 # Geometry type of a layer -> QGIS's name for it.
 _GEOMETRIES = {"LineString": "Line", "Point": "Point", "MultiPolygon": "Polygon"}
-_LAYERS = {layer.name: layer for layer in LAYERS}
 # Maximum number of characters of a line of credits on the map.
 _WRAP = 100
 
@@ -130,7 +129,7 @@ class _ProjectLayer:
     @property
     def routes_identity(self) -> str:
         """Identifier of its season's routes."""
-        return replace(self, layer=_LAYERS["routes"]).identity
+        return replace(self, layer=LAYERS["routes"]).identity
 
     def source(self, file_name: str) -> str:
         """Return data source of its features, relative to the project."""
@@ -151,11 +150,11 @@ def qgz(
         title=one_line(result.scenario.title or result.scenario.name),
         crs=crs,
         lonlat=lonlat_system(),
-        layers=_project_layers(result, replace(view, convergence=crs.convergence)),
+        layers=_project_layers(columns, replace(view, convergence=crs.convergence)),
         seasons=view.seasons,
         season_layers=_SEASON_LAYERS,
         columns=columns,
-        fields=FIELDS,
+        fields=COLUMNS,
         file_name=file_name,
         pages=[_page(name, *size_mm, crs) for name, size_mm in _PAGES_MM.items()],
         water=bytes.fromhex(COLOURS["water"].removeprefix("#")),
@@ -172,20 +171,20 @@ def qgz(
     return packed.getvalue()
 
 
-def _project_layers(result: RunResult, view: View) -> list[_ProjectLayer]:
-    """Return all layers of the project in their drawing order, the top one first.
+def _project_layers(names: Collection[str], view: View) -> list[_ProjectLayer]:
+    """Return the layers of the project in their drawing order, the top one first.
 
     The leading season is below the others, since its best route is wider.
     """
     layers = []
     for name in _DRAWING_ORDER:
-        if name in haven_layers.FRAMES and not result.coverages:
+        if name not in names:
             continue
         if name not in _SEASON_LAYERS:
-            layers.append(_ProjectLayer(_LAYERS[name], view, None))
+            layers.append(_ProjectLayer(LAYERS[name], view, None))
             continue
         layers += [
-            _ProjectLayer(_LAYERS[name], replace(view, seasons=(season,)), season)
+            _ProjectLayer(LAYERS[name], replace(view, seasons=(season,)), season)
             for season in sorted(view.seasons, key=lambda season: season.leads)
             if season.planned or name == "currents"
         ]
@@ -255,15 +254,16 @@ _METADATA_STANDARD = "https://www.rfc-editor.org/rfc/rfc8259"
 
 
 def write_geopackage(result: RunResult, path: Path) -> None:
-    """Write all layers of a run to a new file at `path`."""
+    """Write the layers of a run that have features to a new file at `path`; routes always."""
     counts, columns = {}, {}
     with system_errors(path), dated(result.created):
-        for layer in LAYERS:
-            frame = layer.frame(result)
+        for layer in LAYERS.values():
+            frame = FRAMES[layer.name](result)
+            if frame.empty and layer.name != "routes":
+                continue
             counts[layer.name] = len(frame)
             columns[layer.name] = ["fid", *frame.columns.drop("geometry")]
-            about = layer.title, layer.description
-            write_layer(path, frame, layer.name, layer.geometry_type, *about)
+            write_layer(path, frame, layer)
         with opened(path) as database:
             _add_records(database, result, columns, path.name)
             for name, count in counts.items():
@@ -285,8 +285,8 @@ def _add_records(
     _put_meanings(database, columns)
     map_view = view(result)
     styles = [
-        (layer.name, qml(layer.name, map_view, columns[layer.name]), layer.title)
-        for layer in LAYERS
+        (name, qml(name, map_view, of_layer), LAYERS[name].title)
+        for name, of_layer in columns.items()
     ]
     _put_styles(database, styles)
     # Dated by the run, so that equal runs give equal files.
@@ -318,7 +318,7 @@ def _put_meanings(database: sqlite3.Connection, columns: Mapping[str, Sequence[s
         "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description)"
         " VALUES (?, ?, ?, ?, ?)",
         [
-            (layer, name, FIELDS[name]["alias"], FIELDS[name]["alias"], FIELDS[name]["meaning"])
+            (layer, name, COLUMNS[name].alias, COLUMNS[name].alias, COLUMNS[name].meaning)
             for layer, names in columns.items()
             for name in names
         ],
@@ -359,7 +359,7 @@ def write_geojson(case: RunCase, path: Path) -> None:
     in degrees, lie within a metre of the planned line. Lines are cut at 180 degrees. The property
     `feature` of each feature is "route" or "waypoint".
     """
-    routes = next(layer for layer in LAYERS if layer.name == "routes").frame(case.run)
+    routes = FRAMES["routes"](case.run)
     routes = routes[routes.season == case.name]
     # A line across 180 degrees is drawn in parts.
     parts = (split_at_antimeridian(shapely.get_coordinates(line)) for line in routes.geometry)

@@ -10,19 +10,22 @@ import shapely
 
 import renew
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
+from pipeline.findings.columns import figure_columns, figures, used
+from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, haven_ways, stretch_line
 from pipeline.findings.result import RunCase, RunResult, continued
 from pipeline.findings.route_profile import Legs, legs as planned_legs
 from pipeline.findings.text import moment_text
-from pipeline.formats.gis import frames, haven_layers
 from pipeline.formats.gis.frames import (
+    ROUTE_STEP_M,
     ZONE_STEP_M,
     GeoDataFrame,
     columns_of,
     frame,
     multipolygons,
+    route_key,
     to_lonlat,
 )
-from pipeline.formats.passage.tracks import tracks
+from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints, limits_text
 from pipeline.model import Zone
 
@@ -135,47 +138,41 @@ _ERROR_M = 1.0
 # Maximum number of harmless turns shown per route: at true scale turns are simulated every few
 # metres, and all of them would make a file of a gigabyte.
 _MAX_TURNS = 2_000
-# Figures in a route's row, by the names of its metrics.
-_MEASURED = (
-    *("homotopy", "way", "fuel", "fuel_per_distance", "length_m", "clearance_m", "duration_s"),
-    *("speed_m_s", "optimality_gap", "trials", "collisions", "filled_share"),
-    *("uncharted_share", "least_water_m", "members_share", "members_mean_fuel"),
-)
 
 
-def passage(result: RunResult) -> frames.GeoDataFrame:
+def passage(result: RunResult) -> GeoDataFrame:
     """Return waypoints of the routes, each with the leg that leaves it; the goal has none."""
     return waypoint_frame(_waypoints(result)).drop(columns=["port_m", "starboard_m"])
 
 
-def legs(result: RunResult) -> frames.GeoDataFrame:
+def legs(result: RunResult) -> GeoDataFrame:
     """Return the water within each leg's cross-track limits."""
     found = _waypoints(result)
     frame = waypoint_frame(found).drop(columns=["name", "time_s", "turn_radius_m"])
     frame = frame[frame.course_deg.notna()].reset_index(drop=True)
     areas = [area for points in found for area in _areas(points, result)]
-    return frame.set_geometry(frames.multipolygons(areas), crs=frame.crs)
+    return frame.set_geometry(multipolygons(areas), crs=frame.crs)
 
 
-def waypoint_frame(found: Sequence[Waypoints]) -> frames.GeoDataFrame:
+def waypoint_frame(found: Sequence[Waypoints]) -> GeoDataFrame:
     """Return waypoints of some routes, each with the leg that leaves it and its limits."""
     counts = [len(points.lonlat) for points in found]
     return frame(
         [shapely.points(points.lonlat) for points in found],
         {
-            **frames.route_key([points.ranked for points in found]),
+            **route_key([points.ranked for points in found]),
             "sequence": [np.arange(count) + 1 for count in counts],
             "name": [points.names for points in found],
             **_leg_columns(found),
             "turn_radius_m": [points.radius_m for points in found],
-            **frames.columns_of(found, "port_m", "starboard_m"),
+            **columns_of(found, "port_m", "starboard_m"),
         },
     )
 
 
 def _leg_columns(tables: Sequence[Waypoints] | Sequence[Legs]) -> dict[str, list[FloatArray]]:
     """Return columns of the legs that leave a route's points."""
-    return frames.columns_of(
+    return columns_of(
         tables,
         "course_deg",
         leg_length_m="length_m",
@@ -213,39 +210,37 @@ def _areas(points: Waypoints, result: RunResult) -> Geometries:
     return np.asarray(shapely.make_valid(areas))
 
 
-def _routes(result: RunResult) -> frames.GeoDataFrame:
-    """Return routes, one line each."""
+def _routes(result: RunResult) -> GeoDataFrame:
+    """Return routes, one line each, with the figures that have values in this run."""
     ranked = result.routes
-    measured = frames.columns_of([r.metrics for r in ranked], *_MEASURED)
-    lines = to_lonlat(
-        result, [shapely.LineString(r.route.path) for r in ranked], frames.ROUTE_STEP_M
-    )
-    moments = [r.metrics.least_water_at for r in ranked]
-    at = np.array([one and moment_text(one) for one in moments], dtype=object)
+    rows = [figures(r.metrics, "layer") for r in ranked]
+    for row in rows:
+        row["least_water_at"] = row["least_water_at"] and moment_text(row["least_water_at"])
+    lines = to_lonlat(result, [shapely.LineString(r.route.path) for r in ranked], ROUTE_STEP_M)
+    columns = {name: [row[name] for row in rows] for name in figure_columns("layer")}
     texts = {
-        "least_water_at": list(at),
         "current": [r.case.current_text for r in ranked],
         "caveats": [limits_text(r) for r in ranked],
     }
-    routes = frame(lines, {**frames.route_key(ranked), **measured, **texts})
-    return routes.rename(columns={"speed_m_s": "speed_through_water_m_s"})
+    routes = frame(lines, {**route_key(ranked), **columns, **texts})
+    return routes[used(routes.columns, routes.replace(np.nan, None).to_dict("records"))]
 
 
-def _path_points(result: RunResult) -> frames.GeoDataFrame:
+def _path_points(result: RunResult) -> GeoDataFrame:
     """Return vertices of the routes, each with the leg that leaves it; the goal has none."""
     ranked = result.routes
     tables = [planned_legs(r) for r in ranked]
     return frame(
         [shapely.points(t.lonlat) for t in tables],
         {
-            **frames.route_key(ranked),
+            **route_key(ranked),
             "sequence": [np.arange(len(t.lonlat)) + 1 for t in tables],
             **_leg_columns(tables),
         },
     )
 
 
-def _channels(result: RunResult) -> frames.GeoDataFrame:
+def _channels(result: RunResult) -> GeoDataFrame:
     """Return channels of triangles, of planned and of rejected classes."""
     rows: list[tuple[str, int, str, str, FloatArray]] = []
     for case in result.cases:
@@ -259,7 +254,7 @@ def _channels(result: RunResult) -> frames.GeoDataFrame:
         ]
     outlines = [shapely.union_all(shapely.polygons(triangles)) for *_, triangles in rows]
     return frame(
-        to_lonlat(result, outlines, frames.ZONE_STEP_M),
+        to_lonlat(result, outlines, ZONE_STEP_M),
         {
             "season": [row[0] for row in rows],
             "rank": [row[1] for row in rows],
@@ -270,15 +265,15 @@ def _channels(result: RunResult) -> frames.GeoDataFrame:
     )
 
 
-def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
+def _soft_no_go(result: RunResult) -> GeoDataFrame:
     """Return each route's soft no-go zone, if any, with its least and greatest padding."""
     ranked = [r for r in result.routes if not r.route.soft_no_go.is_empty]
     scale = result.water.projection.scale
     paddings = [np.asarray(r.route.padding_used)[:, 4] * scale for r in ranked]
     return frame(
-        to_lonlat(result, [r.route.soft_no_go for r in ranked], frames.ZONE_STEP_M),
+        to_lonlat(result, [r.route.soft_no_go for r in ranked], ZONE_STEP_M),
         {
-            **frames.route_key(ranked),
+            **route_key(ranked),
             "homotopy": [r.metrics.homotopy for r in ranked],
             "padding_min_m": [p.min(initial=np.inf) for p in paddings],
             "padding_max_m": [p.max(initial=-np.inf) for p in paddings],
@@ -287,7 +282,7 @@ def _soft_no_go(result: RunResult) -> frames.GeoDataFrame:
     )
 
 
-def _currents(result: RunResult) -> frames.GeoDataFrame:
+def _currents(result: RunResult) -> GeoDataFrame:
     """Return the current at the points of the source, towards east and north."""
     samples = [case.current_samples() for case in result.cases]
     currents = frame(
@@ -303,7 +298,7 @@ def _currents(result: RunResult) -> frames.GeoDataFrame:
     return currents
 
 
-def _contingency(result: RunResult) -> frames.GeoDataFrame:
+def _contingency(result: RunResult) -> GeoDataFrame:
     """Return points from which turns were simulated, and whether a turn from there met land."""
     ranked, to_lonlat = result.routes, result.water.projection.to_lonlat
     turns = [r.case.measures.turns[r.rank - 1] for r in ranked]
@@ -312,13 +307,13 @@ def _contingency(result: RunResult) -> frames.GeoDataFrame:
     return frame(
         [shapely.points(to_lonlat(np.asarray(t.points)[index])) for t, index in chosen],
         {
-            **frames.route_key(ranked),
+            **route_key(ranked),
             "collided": [np.asarray(t.collided)[index] for t, index in chosen],
         },
     )
 
 
-def _shore_crossings(result: RunResult) -> frames.GeoDataFrame:
+def _shore_crossings(result: RunResult) -> GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
     found = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
     return frame(
@@ -338,7 +333,72 @@ def _shown(collided: BoolArray) -> IndexArray:
     return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))
 
 
-_FRAMES: dict[str, Callable[[RunResult], frames.GeoDataFrame]] = {
+def _covered(result: RunResult) -> list[RunCase]:
+    """Return the cases with a coverage by havens."""
+    return [case for case in result.cases if case.coverage is not None]
+
+
+def _havens(result: RunResult) -> GeoDataFrame:
+    """Return the havens of each case, with the reason why one is not used."""
+    found = [
+        (name, haven, reason)
+        for name, coverage in result.coverages.items()
+        for haven, reason in (
+            *((haven, "") for haven in coverage.havens),
+            *((haven, "no way was found to it") for haven, _ in coverage.left_out),
+        )
+    ]
+    places = np.array([haven.place for _, haven, _ in found]).reshape(-1, 2)
+    return frame(
+        shapely.points(result.water.projection.to_lonlat(places)),
+        {
+            "season": [name for name, _, _ in found],
+            "name": [haven.name for _, haven, _ in found],
+            "reason": [reason for _, _, reason in found],
+        },
+    )
+
+
+def _diversions(result: RunResult) -> GeoDataFrame:
+    """Return the ways to havens, one line each."""
+    found = [(case.name, way) for case in _covered(result) for way in haven_ways(case).values()]
+    ways = [way for _, way in found]
+    names = ("haven", "length_m", "duration_s", "longest_s", "fuel", "bearing_deg")
+    return frame(
+        to_lonlat(result, [shapely.LineString(way.route.path) for way in ways], ROUTE_STEP_M),
+        {
+            "season": [name for name, _ in found],
+            "diversion": [way.number for way in ways],
+            "time_s": [way.turn_off_s for way in ways],
+            **columns_of(ways, *names),
+        },
+    )
+
+
+def _coverage(result: RunResult) -> GeoDataFrame:
+    """Return the stretches of the best routes, each in one state."""
+    found = [
+        (case, row)
+        for case in _covered(result)
+        for row in haven_rows(case)
+        if row.kind not in LAST_TURNS
+    ]
+    ways = [row.way for _, row in found]
+    lines = [stretch_line(case, row) for case, row in found]
+    return frame(
+        to_lonlat(result, lines, ROUTE_STEP_M),
+        {
+            "season": [case.name for case, _ in found],
+            **columns_of([row for _, row in found], "begin_s", "end_s", "longest_s", "least_s"),
+            "state": [row.kind for _, row in found],
+            "haven": [way.haven if way else "" for way in ways],
+            "diversion": [way.number if way else 0 for way in ways],
+            "reason": [row.reason for _, row in found],
+        },
+    )
+
+
+FRAMES: dict[str, Callable[[RunResult], GeoDataFrame]] = {
     "routes": _routes,
     "passage": passage,
     "legs": legs,
@@ -356,8 +416,8 @@ _FRAMES: dict[str, Callable[[RunResult], frames.GeoDataFrame]] = {
     "currents": _currents,
     "contingency": _contingency,
     "shore_crossings": _shore_crossings,
-    **haven_layers.FRAMES,
+    "havens": _havens,
+    "diversions": _diversions,
+    "coverage": _coverage,
 }
-LAYERS = tuple(
-    frames.Layer(name, **texts, frame=_FRAMES[name]) for name, texts in frames.LAYER_TEXTS.items()
-)
+"""Layer -> its content; a layer without features is not written, but for `routes`."""

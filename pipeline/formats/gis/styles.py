@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
-from pipeline.formats.gis.frames import FIELDS
+from pipeline.findings.columns import COLUMNS
 from pipeline.formats.gis.qgis import (
     Label,
     Rule,
@@ -90,7 +90,7 @@ def style(layer: str, view: View) -> Style:
 
 def qml(layer: str, view: View, columns: Iterable[str]) -> str:
     """Write a layer's style as a QML document."""
-    return rendered("layer.qml.jinja", style=style(layer, view), columns=columns, fields=FIELDS)
+    return rendered("layer.qml.jinja", style=style(layer, view), columns=columns, fields=COLUMNS)
 
 
 def _routes(view: View) -> Style:

@@ -7,8 +7,7 @@ import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.findings.route_profile import metres_along
-from pipeline.formats.passage.safe_corridor import SafeCorridor, cross
-from pipeline.formats.passage.tracks import Drawing
+from pipeline.formats.passage.safe_corridor import Drawing, SafeCorridor, cross
 
 # Minimum bend, rad, for which the intersection of the legs around it becomes a candidate.
 _MIN_BEND_RAD = 0.1

@@ -20,23 +20,21 @@ from pipeline.findings.route_profile import (
 )
 from pipeline.findings.text import capitalised, duration
 from pipeline.formats.passage.safe_corridor import (
-    Obstacles,
-    SafeCorridor,
-    cross_track_limits,
-    kept_out,
-    safe_corridor,
-    turning_radii,
-)
-from pipeline.formats.passage.thinning import thin
-from pipeline.formats.passage.tracks import (
     DECIMALS,
     Curve,
     Drawing,
+    Obstacles,
+    SafeCorridor,
     Tracks,
+    cross_track_limits,
     curve_for,
     initial_course_deg,
+    kept_out,
+    safe_corridor,
     tracks,
+    turning_radii,
 )
+from pipeline.formats.passage.thinning import thin
 from pipeline.model import RouteMetrics
 from pipeline.scenario.model import Scenario
 from renew.results import unite_soft_no_go

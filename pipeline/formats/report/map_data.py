@@ -8,19 +8,20 @@ Coordinates are in the planner's own plane at true scale: angles are true, and n
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import shapely
 
 import renew
 from pipeline._types import FloatArray, Geometries, IntArray
+from pipeline.findings.haven_rows import LAST_TURNS, haven_rows, stretch_line
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.route_profile import route_profile
 from pipeline.findings.text import zone_text
 from pipeline.formats.figures.map_marks import graticule, on_water
-from pipeline.formats.report.haven_lines import haven_lines
 from pipeline.model import RouteKey, Water
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
@@ -391,3 +392,24 @@ def _min_spacing(field: object) -> float:
         return 0.0
     steps = [np.diff(axis) for axis in (field.x, field.y) if len(axis) > 1]
     return min((float(step.min()) for step in steps), default=0.0) / _MAX_ARROWS_PER_CELL
+
+
+def haven_lines(case: RunCase, line: Callable[[FloatArray], list[int]]) -> dict[str, Any] | None:
+    """Return what the map shows of a case's havens, encoded by `line`; None without havens."""
+    coverage = case.coverage
+    if coverage is None:
+        return None
+    return {
+        "places": [
+            {"name": haven.name, "place": line(haven.place[None, :])} for haven in coverage.havens
+        ],
+        "ways": [line(np.asarray(one.route.path)) for one in coverage.diversions],
+        "stretches": [
+            {
+                "state": row.kind,
+                "places": line(np.asarray(stretch_line(case, row).coords)),
+            }
+            for row in haven_rows(case)
+            if row.kind not in LAST_TURNS
+        ],
+    }

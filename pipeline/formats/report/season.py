@@ -9,18 +9,22 @@ from markupsafe import Markup
 
 from pipeline._types import FloatArray
 from pipeline.findings import departures_and_speeds, ensembles, text
+from pipeline.findings.haven_rows import HavenRow, haven_rows
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.under_way import replanned_text
-from pipeline.formats.figures.artists import page_svg
-from pipeline.formats.figures.choice_plots import departure_figure, trade_off_figure
-from pipeline.formats.figures.ensemble_plots import fan_figure, share_map
+from pipeline.formats.figures.chart_map import page_svg
+from pipeline.formats.figures.choice_plots import (
+    departure_figure,
+    fan_figure,
+    share_map,
+    trade_off_figure,
+)
 from pipeline.formats.figures.map_marks import arrows
-from pipeline.formats.figures.plots import profile_figure
+from pipeline.formats.figures.plots import padding_figure, profile_figure, tightest_place
 from pipeline.formats.figures.season_map import case_svg
-from pipeline.formats.figures.turning import padding_figure, tightest_place
-from pipeline.formats.report.haven_section import haven_section
 from pipeline.formats.report.map_data import coarser, place_on_map, within
 from pipeline.formats.report.sentences import CaseFacts
+from pipeline.formats.tables import haven_facts, haven_texts
 from pipeline.geo.lonlat import position_text
 from pipeline.model import RouteMetrics
 from renew import Rejected
@@ -296,3 +300,24 @@ def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, floa
 def _line(points: FloatArray) -> str:
     """Return points (n, 2) as the data of a path."""
     return "M" + "L".join(f"{x:g} {y:g}" for x, y in points)
+
+
+def haven_section(case: RunCase) -> dict[str, Any] | None:
+    """Return the sentences and rows of a case's havens; None without havens."""
+    if case.coverage is None:
+        return None
+    return {
+        "sentences": [one for one in haven_facts(case) if one],
+        "rows": [_haven_row(case, row) for row in haven_rows(case)],
+    }
+
+
+def _haven_row(case: RunCase, row: HavenRow) -> dict[str, Any]:
+    """Return a row of the table as text; `place` is where the vessel turns off, for a button."""
+    way, water = row.way, case.run.water
+    place = None if way is None else water.projection.to_plane(way.place)
+    return {
+        **haven_texts(row, case.spec.departure),
+        "way": way,
+        "place": "" if place is None else place_on_map(water, place),
+    }

@@ -19,6 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.errors import StageError
+from pipeline.findings.columns import COLUMNS, figure_columns
 from pipeline.machine.files import UNFINISHED, file_lock, needed, write_whole
 from pipeline.machine.store import read_checked, write_checked
 from pipeline.nightly.cycle.folders import writing
@@ -33,12 +34,9 @@ def _fields(kind: pa.DataType, names: str) -> list[tuple[str, pa.DataType]]:
 
 # Columns of both kinds of rows, cases and routes.
 _SHARED = [("index", _COUNT), *_fields(_TEXT, "case scenario season pair departure vessel member")]
+_TYPES = {"text": _TEXT, "number": _NUMBER, "whole": _COUNT}
 _ROUTE = [
-    *_fields(_TEXT, "side island class"),
-    *_fields(_NUMBER, "fuel fuel_per_distance length_m duration_s clearance_m optimality_gap"),
-    *_fields(_COUNT, "trials collisions"),
-    *_fields(_NUMBER, "members_share members_mean_fuel members_p90_fuel members_cvar90_fuel"),
-    ("members_regret", _NUMBER),
+    *((name, _TYPES[COLUMNS[name].type]) for name in figure_columns("night")),
     ("arrival", _TIME),
     ("geometry", pa.binary()),
 ]
@@ -64,7 +62,7 @@ PART_SCHEMA = pa.schema([*_SHARED, ("rank", _COUNT), *_CASE, *_ROUTE, ("seconds"
 _PART_NAME = re.compile(r"(\d{8})-(\d{8})\.part", re.ASCII)
 
 Row = dict[str, Any]
-_REQUEST, _PARTS, _MARKS, _LOCK = "request.json", "parts", "marks", "setup.lock"
+_REQUEST, _PARTS, _LOCK = "request.json", "parts", "setup.lock"
 # Time to wait while another job of the night prepares the folder, s.
 _SETUP_S = 60.0
 
@@ -185,12 +183,9 @@ class Partial:
                     now = datetime.now(UTC).isoformat(timespec="seconds")
                     found = {"request": request, "started": now}
                     write_whole(folder / _REQUEST, json.dumps(found) + "\n")
-                for name in (_PARTS, _MARKS):
-                    (folder / name).mkdir(exist_ok=True)
+                (folder / _PARTS).mkdir(exist_ok=True)
                 if is_alone:
                     remove_unfinished(folder / _PARTS)
-                    for path in (folder / _MARKS).iterdir():
-                        path.unlink(missing_ok=True)
         return cls(folder, datetime.fromisoformat(found["started"]))
 
     @property
@@ -202,11 +197,6 @@ class Partial:
     def parts_folder(self) -> Path:
         """Folder of the part files."""
         return self.folder / _PARTS
-
-    @property
-    def marks_folder(self) -> Path:
-        """Folder of the marker files of batches that are being planned."""
-        return self.folder / _MARKS
 
     def parts(self) -> list[PartFile]:
         """Return the undamaged parts, sorted by first case."""
@@ -220,8 +210,7 @@ class Partial:
     def clear(self) -> None:
         """Remove everything except the results."""
         with writing(self.folder):
-            for name in (_PARTS, _MARKS):
-                shutil.rmtree(self.folder / name, ignore_errors=True)
+            shutil.rmtree(self.folder / _PARTS, ignore_errors=True)
             for name in (_REQUEST, _LOCK):
                 (self.folder / name).unlink(missing_ok=True)
 

@@ -1,6 +1,5 @@
 """Prepare the charts and currents of a night, and then plan its cases in batches."""
 
-import secrets
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -10,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import MachineError, PipelineError, StageError
+from pipeline.machine.cluster import Fleet
 from pipeline.machine.store import Store, artefact_key, read_checked
+from pipeline.machine.workers import LocalWorkers
 from pipeline.nightly.cycle.forecasts import Forecasts
 from pipeline.nightly.cycle.part_files import Partial, gaps, part_path, write_part
 from pipeline.nightly.cycle.results import EarlierRoutes
@@ -24,7 +25,6 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import CYCLES, Currents, Season
 from pipeline.scenario.strict import Point
 from pipeline.stages.fetch import with_max_hours
-from pipeline.stages.seasons.cluster import Fleet
 from pipeline.texts import clean
 
 # Largest number of cases in a slice; neighbours stay together, because they share a current.
@@ -66,6 +66,7 @@ class Preparation:
     def __post_init__(self) -> None:
         """Queue all tasks."""
         self._waiting = deque(self.tasks)
+        self._tried = set[Path]()
 
     def next_task(self, workers: int) -> ChartTask | CurrentTask | None:
         """Return the next task, or None."""
@@ -77,8 +78,13 @@ class Preparation:
         del task, result
         self.on_done()
 
-    def died(self, task: ChartTask | CurrentTask) -> None:
-        """Record the failure of a task that killed its worker."""
+    def died(self, task: ChartTask | CurrentTask, reason: str) -> None:
+        """Try a task again whose worker died; record the failure of one that killed two."""
+        del reason  # the row says what it may have been
+        if task.path not in self._tried:
+            self._tried.add(task.path)
+            self._waiting.append(task)
+            return
         kind = "chart" if isinstance(task, ChartTask) else "current"
         self.failures[task.path] = f"{_BROKEN}preparing its {kind} failed: {_DIED}"
         self.on_done()
@@ -111,7 +117,7 @@ class Planning:
     _chart_paths: dict[tuple[int, str], Path] = field(default_factory=dict)
     _current_paths: dict[tuple[Path, object], Path] = field(default_factory=dict)
 
-    def prepare(self, workers: Fleet) -> None:
+    def prepare(self, workers: Fleet | LocalWorkers) -> None:
         """Make all charts and currents that are not stored yet.
 
         Raises
@@ -163,7 +169,7 @@ class Planning:
                 raise StageError(f"no current could be prepared: {reasons}")
             raise ComeAgainError(f"no currents are there yet: {reasons}")
 
-    def plan(self, workers: Fleet, share: Share) -> None:
+    def plan(self, workers: Fleet | LocalWorkers, share: Share) -> None:
         """Plan the cases of a share that no part file contains yet."""
         parts = self.partial.parts()
         charts = [
@@ -248,7 +254,6 @@ class Planning:
             tuple(map(self._case_task, cases)),
             self.chart_path(cases[0]),
             part_path(self.partial.parts_folder, first, end),
-            self.partial.marks_folder / f"{first}-{end}-{secrets.token_hex(4)}",
             self.rules,
             self.earlier,
         )

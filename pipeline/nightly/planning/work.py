@@ -10,8 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pipeline.machine.cluster import Fleet, fleet
+from pipeline.machine.interpreters import cores
+from pipeline.machine.workers import LocalWorkers
 from pipeline.nightly.planning.worker import BatchReport, PlanBatch
-from pipeline.stages.seasons.cluster import Fleet, fleet, local_cluster
 
 # Target and minimum duration of a batch, s, and its largest share of one worker's part of the
 # remaining work. Batches are short because a killed job loses the unfinished ones, and because at
@@ -21,8 +23,8 @@ _TARGET_S, _LEAST_S, _SHARE = 40.0, 2.0, 1 / 8
 _FIRST_CASES = 1
 # Number of workers that a single case may kill before it is recorded as broken.
 _DEATHS = 2
-# Number of times that local workers are checked, because a worker may die while it starts.
-_ATTEMPTS = 3
+# Each local worker has one core.
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 
 
 @dataclass
@@ -85,8 +87,9 @@ class BatchWork:
                     waiting.seconds = result.seconds / count
         self.on_done(result)
 
-    def died(self, task: PlanBatch) -> None:
+    def died(self, task: PlanBatch, reason: str) -> None:
         """Halve a batch; a single case is tried once more, and then recorded as broken."""
+        del reason  # the row says what it may have been
         if task.end - task.first > 1:
             middle = (task.first + task.end) // 2
             self._suspects.extend([(task.first, middle), (middle, task.end)])
@@ -119,13 +122,13 @@ def _cut(waiting: _Waiting, workers: int) -> tuple[int, int]:
 @contextlib.contextmanager
 def night_workers(
     scheduler: str | None, *, workers: int | None, memory_gb: float, shared: Path
-) -> Iterator[Fleet]:
-    """Yield the workers of a scheduler or of a local cluster.
+) -> Iterator[Fleet | LocalWorkers]:
+    """Yield the workers of a scheduler or of this machine.
 
     Parameters
     ----------
     scheduler
-        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS, or else a cluster on this
+        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS, or else processes of this
         machine.
     workers
         Number of local workers; default: one per core.
@@ -142,9 +145,12 @@ def night_workers(
     import dask
 
     address = scheduler or dask.config.get("scheduler-address", None)
-    with contextlib.ExitStack() as held:
-        if address is not None:
-            yield held.enter_context(fleet(address, shared))
-        else:
-            address = held.enter_context(local_cluster(workers, memory_gb))
-            yield held.enter_context(fleet(address, shared, attempts=_ATTEMPTS))
+    if address is not None:
+        with fleet(address, shared) as dask_workers:
+            yield dask_workers
+    else:
+        memory = int(memory_gb * 1e9)
+        with LocalWorkers(
+            workers or cores(), resident_bytes=memory, variables=_ONE_THREAD
+        ) as local_workers:
+            yield local_workers

@@ -1,14 +1,10 @@
 """A batch of cases on one chart, which a worker plans and writes to one part file.
 
-Chart and currents are loaded from their paths and cached. A batch writes a marker file before it
-begins and removes it at the end. A batch that finds its own marker has killed a worker before; it
-is not planned again in this form. Yesterday's route, sailed in tonight's current, is compared with
-tonight's best route.
+Chart and currents are loaded from their paths and cached. Yesterday's route, sailed in tonight's
+current, is compared with tonight's best route.
 """
 
-import contextlib
 import math
-import os
 import time
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -19,9 +15,9 @@ import shapely
 
 import renew
 from pipeline.errors import one_line
+from pipeline.findings.columns import figures
 from pipeline.findings.ensembles import ensemble_figures, flips_text, sides_text
 from pipeline.findings.way_names import way_names
-from pipeline.machine.files import needed
 from pipeline.machine.store import read_checked
 from pipeline.model import Case, CaseResult, RouteMetrics
 from pipeline.nightly.cycle.part_files import Row, write_part
@@ -31,7 +27,6 @@ from pipeline.nightly.planning.chart import NightCurrent, case_of, loaded_chart,
 from pipeline.scenario.strict import Point
 from pipeline.stages.choose import with_offing
 from pipeline.stages.plan_case import plan_case
-from pipeline.stages.seasons.cluster import DiedBeforeError
 from renew import Route
 from renew.inputs.options import Drift
 
@@ -41,11 +36,6 @@ _SAME_END = 1e-6
 # If yesterday's route is cheaper by more than this percentage, that is reported; the planner's
 # tolerance is smaller.
 _CHEAPER_PERCENT = 0.1
-# Figures of a route that may not be there.
-_MAY_LACK = (
-    *("clearance_m", "optimality_gap", "members_share", "members_mean_fuel", "members_p90_fuel"),
-    *("members_cvar90_fuel", "members_regret"),
-)
 # Largest spacing of points from which two lines' distance is measured, as a share of a leg.
 _DENSIFY = 0.01
 
@@ -82,12 +72,11 @@ class BatchReport:
 
 @dataclass(frozen=True, slots=True)
 class PlanBatch:
-    """Neighbouring cases on one chart, with the paths of the part file and of the marker file."""
+    """Neighbouring cases on one chart, with the path of the part file."""
 
     cases: tuple[CaseTask, ...]
     chart_path: Path
     part_path: Path
-    mark_path: Path
     rules: "Rules"
     earlier: EarlierRoutes | None
 
@@ -106,8 +95,6 @@ class PlanBatch:
 
         Raises
         ------
-        DiedBeforeError
-            This batch has killed a worker before.
         StageError
             The part can't be written, or the chart can't be read.
         """
@@ -115,33 +102,18 @@ class PlanBatch:
         if read_checked(self.part_path) is not None:
             # Planned before, but the worker died before it could report.
             return BatchReport(self.first, self.end, 0.0, 0.0)
-        _mark(self.mark_path)
-        try:
-            places = [case.earlier_row for case in self.cases]
-            earlier = self.earlier.read(places) if self.earlier is not None else {}
-            rows: list[Row] = []
-            planning_s = 0.0
-            for case in self.cases:
-                case_begun = time.perf_counter()
-                rows += rows_of(case, self.chart_path, self.rules, earlier.get(case.earlier_row))
-                seconds = time.perf_counter() - case_begun
-                rows[-1]["seconds"] = seconds
-                planning_s += seconds
-            write_part(self.part_path, rows)
-        finally:
-            with contextlib.suppress(OSError):
-                self.mark_path.unlink(missing_ok=True)
+        places = [case.earlier_row for case in self.cases]
+        earlier = self.earlier.read(places) if self.earlier is not None else {}
+        rows: list[Row] = []
+        planning_s = 0.0
+        for case in self.cases:
+            case_begun = time.perf_counter()
+            rows += rows_of(case, self.chart_path, self.rules, earlier.get(case.earlier_row))
+            seconds = time.perf_counter() - case_begun
+            rows[-1]["seconds"] = seconds
+            planning_s += seconds
+        write_part(self.part_path, rows)
         return BatchReport(self.first, self.end, planning_s, time.perf_counter() - begun)
-
-
-def _mark(path: Path) -> None:
-    """Write a batch's marker file; raise DiedBeforeError if it exists, as the batch never ended."""
-    with needed(f"can't write in {path.parent}", "free some space and run again"):
-        try:
-            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY))
-        except FileExistsError:
-            path.unlink(missing_ok=True)
-            raise DiedBeforeError(path.name) from None
 
 
 def rows_of(
@@ -233,24 +205,15 @@ def _route_row(case: CaseTask, voyage: Case, route: Route, figure: RouteMetrics)
     """Return a route's row."""
     lonlat = voyage.projection.to_lonlat(np.asarray(route.path))
     return _row_of(case, figure.rank) | {
-        "side": figure.main_passage,
-        "island": figure.main_island,
-        "class": figure.homotopy,
-        "fuel": figure.fuel,
-        "fuel_per_distance": figure.fuel_per_distance,
-        "length_m": figure.length_m,
-        "duration_s": figure.duration_s,
-        "trials": figure.trials,
-        "collisions": figure.collisions,
-        **{name: _known(getattr(figure, name)) for name in _MAY_LACK},
+        **{name: _known(value) for name, value in figures(figure, "night").items()},
         "arrival": _arrival(case.leaves, figure.duration_s),
         "geometry": shapely.to_wkb(shapely.LineString(lonlat)),
     }
 
 
-def _known(figure: float) -> float | None:
-    """Return a figure, or None if it is not finite."""
-    return figure if math.isfinite(figure) else None
+def _known(figure: object) -> object:
+    """Return a figure, or None if it is a number that is not finite."""
+    return None if isinstance(figure, float) and not math.isfinite(figure) else figure
 
 
 def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:

@@ -204,7 +204,7 @@ class Publishing:
             with closing(sqlite3.connect(uri, uri=True)) as database:
                 if database.execute("PRAGMA quick_check").fetchone()[0] != "ok":
                     faults.append(f"{tables.GEOPACKAGE_FILE} is damaged")
-                database.execute(f'SELECT count(*) FROM "{tables.LAYER}"').fetchone()  # noqa: S608 - our own name
+                database.execute(f'SELECT count(*) FROM "{tables.LAYER.name}"').fetchone()  # noqa: S608 - our own name
             json.loads((self.folder / ITEM_FILE).read_text(encoding="utf-8"))
             if "</html>" not in (self.folder / PAGE_FILE).read_text(encoding="utf-8")[-20:]:
                 faults.append(f"{PAGE_FILE} has no end")

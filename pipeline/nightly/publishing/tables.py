@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from pipeline.findings import columns
 from pipeline.formats.gis import frames
 from pipeline.nightly.cycle.part_files import (
     CASE_SCHEMA,
@@ -58,11 +59,19 @@ COLUMNS = (
 # fmt: on
 """Columns; `earlier_` is yesterday's route, `keep_` yesterday's route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
-LAYER = "routes"
+LAYER = frames.Layer(
+    "routes",
+    title="Routes of the night",
+    description="The best route of each case (rank 1), and its best route on each other side; "
+    "routes.parquet has all routes",
+    geometry_type="LineString",
+)
 _TEXT = ("case", "scenario", "season", "pair", "departure", "vessel", "member", "side", "class")
-_FIGURES = (
-    *("fuel", "fuel_per_distance", "length_m", "duration_s", "clearance_m", "optimality_gap"),
-    *("members_share", "members_mean_fuel"),
+# Figures of a route in the layer: those of the layer of a run.
+_FIGURES = tuple(
+    name
+    for name in columns.figure_columns("layer")
+    if name in columns.figure_columns("night") and columns.COLUMNS[name].type == "number"
 )
 _CHUNK = 4096
 # Date of the layer if the currents have none.
@@ -150,11 +159,11 @@ def write_changes(cases_path: Path, path: Path) -> None:
                 writer.writerow([_spelled(row[column]) for column in COLUMNS])
 
 
-def rows_of(path: Path, columns: tuple[str, ...]) -> Iterator[Row]:
+def rows_of(path: Path, names: tuple[str, ...]) -> Iterator[Row]:
     """Yield the rows of a table; only one row group is in memory at a time."""
     file = pq.ParquetFile(path)
     for group in range(file.num_row_groups):
-        yield from file.read_row_group(group, list(columns)).to_pylist()
+        yield from file.read_row_group(group, list(names)).to_pylist()
 
 
 def _spelled(value: object) -> object:
@@ -178,29 +187,20 @@ def write_geopackage(routes_path: Path, path: Path, reference: datetime | None) 
     count = 0
     with frames.system_errors(path):
         for chunk in _chunks(routes_path):
-            frames.write_layer(
-                path,
-                _frame(chunk),
-                LAYER,
-                "LineString",
-                title="Routes of the night",
-                description="The best route of each case (rank 1), and its best route on each "
-                "other side; routes.parquet has all routes",
-                append=count > 0,
-            )
+            frames.write_layer(path, _frame(chunk), LAYER, append=count > 0)
             count += len(chunk)
         with frames.opened(path) as database:
             stamp = reference.strftime("%Y-%m-%dT%H:%M:%S.000Z") if reference else _NO_DATE
             database.execute("UPDATE gpkg_contents SET last_change = ?", (stamp,))
-            frames.check_count(database, LAYER, count)
+            frames.check_count(database, LAYER.name, count)
 
 
 def _chunks(routes_path: Path) -> Iterator[list[Row]]:
     """Yield the routes of the layer in chunks: the best route of each case on each side."""
     chunk: list[Row] = []
     shown, case = set[str](), -1
-    columns = ("index", *_TEXT, "rank", *_FIGURES, "arrival", "geometry")
-    for row in rows_of(routes_path, columns):
+    names = ("index", *_TEXT, "rank", *_FIGURES, "arrival", "geometry")
+    for row in rows_of(routes_path, names):
         if row["index"] != case:
             shown, case = set(), row["index"]
         if row["side"] not in shown:

@@ -4,11 +4,9 @@ The libraries below raise errors of many kinds about damaged files, and read any
 declares. So they are called only here or inside `reading`, and sizes are checked before.
 
 On a damaged NetCDF 4 file HDF5 may hang, or crash. So such a file is first opened in a process of
-its own, for which this file is run as a module. That process opens the files that its standard
-input names, one a line, and first reports each one on standard error. If it crashes or exceeds its
-deadline, the file reported last is damaged. A GRIB file is read whole there, since ecCodes writes
-its complaints to standard error itself: what fails is reported on standard output. So is a NetCDF 4
-file of which a part lies in another file, which the library would read.
+its own: if that crashes or exceeds its limit, the file is damaged. A GRIB file is read whole there,
+since ecCodes writes its complaints to standard error itself. A NetCDF 4 file of which a part lies
+in another file, which the library would read, is refused there, too.
 
 Of a truncated NetCDF file of a classic format the library reads zeros beyond the end. So its header
 is read here, which states where each variable begins; see "File Format Specifications" in the
@@ -19,7 +17,6 @@ to 4 bytes. No library does this: SciPy, which maps the whole file, does not kno
 import contextlib
 import math
 import struct
-import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from inspect import signature
@@ -30,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline._types import FloatArray
-from pipeline.machine.interpreters import run_python
+from pipeline.machine.workers import Worker, WorkerEndedError
 from pipeline.sources.cf import grib
 from pipeline.texts import acts, clean
 
@@ -201,14 +198,10 @@ def _check_axis_size(name: str, size: int) -> None:
         )
 
 
-# Time for the process to start, s.
-_START_S = 60.0
-# Time for each file, s. Opening takes some ms; on slow disks, longer.
-_FILE_S = 2.0
-# CPU time for the process to start, s, where the system can limit it.
-_START_CPU_S = 5.0
-# CPU time for each file, s.
-_FILE_CPU_S = 0.2
+# Time for the process to start, and for each file, s: some ms usually, more on slow disks.
+_FILE_S = 60.0
+# CPU time for each file, s, where the system can limit it: it ends a library that hangs sooner.
+_FILE_CPU_S = 4.0
 # Bytes of a GRIB file that are read in a second of CPU time: a tenth of what is usual.
 _BYTES_S = 5e6
 # A variable with at most this number of values is read whole, as an axis is.
@@ -236,61 +229,69 @@ def fatal_files(files: Sequence[Path]) -> dict[Path, str]:
     return {file: _found[version] for file, version in versions.items() if _found[version]}
 
 
-def _fatal(files: tuple[Path, ...]) -> tuple[tuple[Path, str], ...]:
-    """Find the fatal files among some."""
-    faults = []
-    while files:
-        values_s = sum(file.stat().st_size for file in files if is_grib(file)) / _BYTES_S
-        cpu_s = _START_CPU_S + _FILE_CPU_S * len(files) + values_s
-        result = run_python(
-            ["-m", __name__],
-            "\n".join([str(math.ceil(cpu_s)), *map(str, files)]),
-            _START_S + _FILE_S * len(files) + 4 * values_s,
-        )
-        begun = [int(line) for line in result.stderr.splitlines() if line.isdecimal()]
-        for line in result.stdout.splitlines():
-            number, _, fault = line.partition(" ")
-            faults.append((files[int(number)], fault))
-        # Where the process itself can't start, the files are read without this probe.
-        if not begun or (result.exit_code is not None and result.exit_code >= 0):
-            break
-        end = "hangs"
-        if result.exit_code is not None and Signals(-result.exit_code).name != "SIGXCPU":
-            end = f"ends by {Signals(-result.exit_code).name}"
-        last = files[begun[-1]]
-        library = "ecCodes" if is_grib(last) else "the HDF5 library"
-        faults.append((last, f"it is damaged: {library} {end} on it; fetch it again"))
-        files = files[begun[-1] + 1 :]
-    return tuple(faults)
+def _fatal(files: tuple[Path, ...]) -> Iterator[tuple[Path, str]]:
+    """Yield the fatal files among some, each with its failure."""
+    with Worker() as worker:
+        for file in files:
+            try:
+                if not worker.is_running:
+                    worker.call(_load_libraries)
+                    worker.result(_FILE_S)
+            except Exception:  # noqa: BLE001 - whatever keeps the process from starting
+                return  # the files are read without this probe
+            values_s = file.stat().st_size / _BYTES_S if is_grib(file) else 0.0
+            try:
+                worker.call(probe, file, _FILE_CPU_S + values_s)
+                fault = worker.result(_FILE_S + 4 * values_s)
+            except WorkerEndedError as ended:
+                fault = _fatal_end(file, ended.exit_code)
+            if fault:
+                yield file, fault
 
 
-def main() -> None:
-    """Open the files that the input names."""
-    cpu_s, *files = sys.stdin.read().splitlines()
+def _load_libraries() -> None:
+    """Import in a process what opens files there."""
+    import h5py
+    import netCDF4
+
+    del h5py, netCDF4
+
+
+def _fatal_end(file: Path, exit_code: int | None) -> str:
+    """Return how the library ended the process that opened a file."""
+    end = "hangs"
+    if exit_code is not None and Signals(-exit_code).name != "SIGXCPU":
+        end = f"ends by {Signals(-exit_code).name}"
+    library = "ecCodes" if is_grib(file) else "the HDF5 library"
+    return f"it is damaged: {library} {end} on it; fetch it again"
+
+
+def probe(file: Path, cpu_s: float) -> str:
+    """Open a file in a process of its own; return why it can't be used, or ""."""
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 
-        resource.setrlimit(resource.RLIMIT_CPU, (int(cpu_s), int(cpu_s) + 1))
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        limit = math.ceil(used.ru_utime + used.ru_stime + cpu_s)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.getrlimit(resource.RLIMIT_CPU)[1]))
     import netCDF4
 
-    for index, file in enumerate(map(Path, files)):
-        print(index, file=sys.stderr, flush=True)  # noqa: T201 - this is how it answers
-        try:
-            if is_grib(file):
-                grib.require_library()
-                with reading():
-                    grib.check_values(file)
-                continue
-            _refuse_parts_elsewhere(file)
-        except ValueError as error:
-            print(index, error, flush=True)  # noqa: T201 - as above
-            continue
-        # An error is raised again where the file is read.
-        with contextlib.suppress(Exception), netCDF4.Dataset(file) as dataset:
-            dataset.set_auto_maskandscale(False)
-            for variable in dataset.variables.values():
-                with contextlib.suppress(Exception):
-                    _touch(variable)
+    try:
+        if is_grib(file):
+            grib.require_library()
+            with reading():
+                grib.check_values(file)
+            return ""
+        _refuse_parts_elsewhere(file)
+    except ValueError as error:
+        return str(error)
+    # An error is raised again where the file is read.
+    with contextlib.suppress(Exception), netCDF4.Dataset(file) as dataset:
+        dataset.set_auto_maskandscale(False)
+        for variable in dataset.variables.values():
+            with contextlib.suppress(Exception):
+                _touch(variable)
+    return ""
 
 
 def _refuse_parts_elsewhere(file: Path) -> None:
@@ -398,7 +399,3 @@ def missing_bytes(path: Path) -> int:
 def _padded(size: int) -> int:
     """Return the size of an item with its padding."""
     return -(-size // 4) * 4
-
-
-if __name__ == "__main__":
-    main()

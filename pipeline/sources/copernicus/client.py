@@ -1,19 +1,10 @@
-"""The Copernicus Marine client in processes of its own: the check of the login, and a download.
+"""The Copernicus Marine client in a process of its own: the check of the login, and a download.
 
-The client takes seconds to import, waits for answers without a limit of time, and may never end. So
-this file is run as a module: with `login` it says by its exit code whether the service takes the
-account. With `download` it reads a request as JSON from standard input: the dataset, the labels of
-the time steps, whether the last of them `may_lack`, and the other arguments of
-`copernicusmarine.subset`. It looks up the dataset's own time axis, downloads exactly those steps,
-and writes as JSON to standard output what it got, or its `error`. Without `subset` it only looks up
-the time steps. Exit code NO_ANSWER: the client returned nothing and raised nothing, as it does
-without credentials.
+The client takes seconds to import, waits for answers without a limit of time, and may never end.
 """
 
 import base64
 import binascii
-import contextlib
-import json
 import logging
 import os
 import re
@@ -24,7 +15,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, quote_plus, urlsplit
 
-from pipeline.machine.interpreters import end_with_parent, run_python
+from pipeline.errors import one_line
+from pipeline.machine.workers import WorkerEndedError, call_in_process
 from pipeline.texts import clean
 
 USERNAME = "COPERNICUSMARINE_SERVICE_USERNAME"
@@ -76,10 +68,6 @@ def _secrets() -> set[str]:
     return secrets - {"", "credentials"}
 
 
-# Exit codes of the check of the login.
-_VALID = 0
-_REFUSED = 3
-_UNREACHABLE = 4
 # Maximum length of the client's message in a fault, characters.
 _MAX_MESSAGE_LENGTH = 200
 _REACH = "check the connection to auth.marine.copernicus.eu, and the proxy"
@@ -87,34 +75,33 @@ _REACH = "check the connection to auth.marine.copernicus.eu, and the proxy"
 
 def login_fault(deadline_s: float) -> tuple[str, str]:
     """Return why the account can't be used now, and the remedy; two empty texts if it can."""
-    result = run_python(["-m", __name__, "login"], "", deadline_s)
-    if result.exit_code is None:
-        return f"no answer within {deadline_s:g} s", _REACH
-    last = without_secrets(result.stderr.strip().rpartition("\n")[2])[:_MAX_MESSAGE_LENGTH]
-    return {
-        _VALID: ("", ""),
-        _REFUSED: (
-            "the service refuses the user name or the password",
-            f"check {LOGIN}",
-        ),
-        _UNREACHABLE: ("the service can't be reached", _REACH),
-    }.get(result.exit_code, (f"the client failed: {last}", "install copernicusmarine again"))
+    try:
+        is_valid = call_in_process(check_login, limit_s=deadline_s)
+    except WorkerEndedError as ended:
+        if ended.exit_code is None:
+            return f"no answer within {deadline_s:g} s", _REACH
+        failure: Exception = ended
+    except Exception as error:  # noqa: BLE001 - of the client or of its libraries
+        failure = error
+    else:
+        if is_valid is None:
+            return "the service can't be reached", _REACH
+        refused = ("the service refuses the user name or the password", f"check {LOGIN}")
+        return ("", "") if is_valid else refused
+    last = without_secrets(one_line(failure))[:_MAX_MESSAGE_LENGTH]
+    return f"the client failed: {last}", "install copernicusmarine again"
 
 
-def check_login() -> int:
-    """Ask the service; return the exit code."""
+def check_login() -> bool | None:
+    """Ask whether the service takes the account; None if it can't be reached."""
     import copernicusmarine
 
     try:
-        with contextlib.redirect_stdout(sys.stderr):
-            is_valid = copernicusmarine.login(check_credentials_valid=True)
+        return bool(copernicusmarine.login(check_credentials_valid=True))
     except copernicusmarine.CouldNotConnectToAuthenticationSystem:
-        return _UNREACHABLE
-    return _VALID if is_valid else _REFUSED
+        return None
 
 
-NO_ANSWER = 3
-"""Exit code of a download by which the client returned nothing."""
 # urllib3's log line of an answer: ... "GET /path HTTP/1.1" 403 243
 _ANSWER = re.compile(r'"GET (?P<address>\S+) HTTP/[\d.]+" (?P<status>\d{3})')
 _CHUNK = re.compile(r"(?P<store>.*\.zarr)/(?P<variable>\w+)/(?P<index>\d+(\.\d+)*)")
@@ -152,26 +139,25 @@ class AnswerLog(logging.Handler):
             sys.stderr.flush()
 
 
-def answer_request() -> int:
-    """Download what standard input asks for; return the exit code."""
-    request = json.load(sys.stdin)
-    end_with_parent(request["parent_pid"])
+def answer_request(request: dict[str, Any]) -> dict[str, object] | None:
+    """Download what a request asks for.
+
+    The request has the dataset, the labels of the time steps, whether the last of them `may_lack`,
+    and the other arguments of `copernicusmarine.subset`. The dataset's own time axis is looked up,
+    and exactly those steps are downloaded. Without `subset` the time steps are only looked up.
+
+    Returns what was got, or the client's `error`; None if the client returned nothing and raised
+    nothing, as it does without credentials.
+    """
     log = AnswerLog()
     logger = logging.getLogger("urllib3.connectionpool")
     logger.setLevel(logging.DEBUG)
     logger.addHandler(log)
-    answer: dict[str, object] | None
     try:
-        # The client prints to standard output, which is for the answer.
-        with contextlib.redirect_stdout(sys.stderr):
-            answer = _download(request, log)
-    except Exception as error:  # noqa: BLE001 - any error is reported; the parent decides
+        return _download(request, log)
+    except Exception as error:  # noqa: BLE001 - any error is reported; the caller decides
         lacking = "".join(f"; the service lacks its {axis}" for axis in sorted(log.missing_axes))
-        answer = {"error": type(error).__name__, "said": f"{clean(str(error))}{lacking}"}
-    if answer is None:
-        return NO_ANSWER
-    json.dump(answer, sys.stdout)
-    return 0
+        return {"error": type(error).__name__, "said": f"{clean(str(error))}{lacking}"}
 
 
 def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | None:
@@ -279,11 +265,3 @@ def around_missing(steps: Sequence[str], missing: str) -> str:
     before = [step for step in steps if step < missing]
     after = [step for step in steps if step > missing]
     return f", between {before[-1]} and {after[0]}" if before and after else ""
-
-
-if __name__ == "__main__":
-    code = check_login() if sys.argv[1] == "login" else answer_request()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # Not `sys.exit`, which waits for the client's threads; some of them retry for minutes.
-    os._exit(code)

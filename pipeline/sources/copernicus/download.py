@@ -28,16 +28,16 @@ from typing import Any, Literal, TypeVar
 
 from shapely.geometry import Polygon
 
-from pipeline.errors import StageError
+from pipeline.errors import StageError, one_line
 from pipeline.geo.lonlat import MARGIN_CELLS, widened
 from pipeline.machine.files import write_whole
-from pipeline.machine.interpreters import run_python
 from pipeline.machine.store import file_hash
+from pipeline.machine.workers import WorkerEndedError, call_in_process
 from pipeline.scenario.catalogue import CopernicusSpec, StepLength
 from pipeline.scenario.season import Period, TimeMethod
 from pipeline.sources.cf.axes import MONTH, TimeSteps, middle_of_step, step_around
 from pipeline.sources.cf.fields import SelectedSteps, select_all_steps, select_steps
-from pipeline.sources.copernicus.client import LOGIN, NO_ANSWER, without_secrets
+from pipeline.sources.copernicus.client import LOGIN, answer_request, without_secrets
 
 _BY_HOUR = "%Y-%m-%dT%H"
 _LABEL_FORMATS = {"month": "%Y-%m", "day": "%Y-%m-%d", "6 hours": _BY_HOUR, "hour": _BY_HOUR}
@@ -227,7 +227,6 @@ def download(
     """
     spec = asked.spec
     request = {
-        "parent_pid": os.getpid(),
         "version": spec.version,
         "label_format": label_format(spec),
         "labels": asked.steps.labels,
@@ -265,7 +264,6 @@ def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
         The service does not answer, or its answer does not state them.
     """
     request = {
-        "parent_pid": os.getpid(),
         "version": spec.version,
         "dataset_id": spec.dataset,
         "variables": [spec.eastward],
@@ -278,25 +276,35 @@ def last_step(spec: CopernicusSpec) -> tuple[datetime, str]:
 
 def _attempt(request: Mapping[str, Any], deadline_s: float) -> dict[str, Any] | _Failure:
     """Call the client once."""
-    module = "pipeline.sources.copernicus.client"
-    result = run_python(["-m", module, "download"], json.dumps(request), deadline_s)
-    message = _presentable(_last_message(result.stderr))
-    if result.exit_code is None:
-        last = f" (last message: {message})" if message else ""
-        reason = f"no answer within {deadline_s:g} s{last}; it was stopped: {_TRY_LATER}"
-        return _Failure(reason, is_permanent=False)
-    if result.exit_code == NO_ANSWER:
+    try:
+        answer: dict[str, Any] | None = call_in_process(
+            answer_request, dict(request), limit_s=deadline_s
+        )
+    except WorkerEndedError as ended:
+        return _ended(ended)
+    except Exception as error:  # noqa: BLE001 - of the client or of its libraries
+        return _Failure(f"the client failed: {_presentable(one_line(error))}", is_permanent=False)
+    if answer is None:
         reason = "the client gave up without a reason, as it does where it finds no credentials"
         return _Failure(f"{reason}; set {LOGIN}", is_permanent=True)
-    if result.exit_code < 0:
-        name = signal.Signals(-result.exit_code).name
-        reason = f"the client was ended from outside, by {name}: check what did, and the memory"
-        return _Failure(f"{reason} of this machine", is_permanent=False)
-    if result.exit_code > 0:
-        reason = f"the client failed: {message or f'exit {result.exit_code}'}"
-        return _Failure(reason, is_permanent=False)
-    answer: dict[str, Any] = json.loads(result.stdout)
     return _explained(**answer) if "error" in answer else answer
+
+
+def _ended(ended: WorkerEndedError) -> _Failure:
+    """Return why there is no answer of a process that has ended."""
+    message = _presentable(_last_message(ended.stderr))
+    if ended.exit_code is None:
+        last = f" (last message: {message})" if message else ""
+        reason = f"no answer within {ended.limit_s:g} s{last}; it was stopped: {_TRY_LATER}"
+    elif ended.exit_code < 0:
+        name = signal.Signals(-ended.exit_code).name
+        reason = (
+            f"the client was ended from outside, by {name}: check what did, and the memory of this "
+            "machine"
+        )
+    else:
+        reason = f"the client failed: {message or f'exit {ended.exit_code}'}"
+    return _Failure(reason, is_permanent=False)
 
 
 def _explained(error: str, said: str) -> _Failure:

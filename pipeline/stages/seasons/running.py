@@ -1,6 +1,6 @@
 """Run tasks of seasons: in threads or processes here, or on the workers of a Dask scheduler."""
 
-import threading
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -9,16 +9,17 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 from pipeline.errors import StageError, one_line
+from pipeline.machine.cluster import fleet
 from pipeline.machine.interpreters import cores
-from pipeline.stages.seasons.cluster import fleet
+from pipeline.machine.workers import LocalWorkers, WorkerTask
 from pipeline.stages.seasons.task import Status, status_of
 
-# Number of tries of a season, because an error such as lack of memory may occur on one worker only.
+# Number of tries of a season on a scheduler: lack of memory, for one, may occur on one worker only.
 _TRIES = 2
 
 
-class StoredTask(Protocol):
-    """A task of a season that reads its scene from the store, and saves its result there."""
+class StoredTask(WorkerTask, Protocol):
+    """A task of a season that reads its case from the store, and saves its result there."""
 
     @property
     def season(self) -> str:
@@ -27,16 +28,7 @@ class StoredTask(Protocol):
 
     @property
     def scene_path(self) -> Path:
-        """The file of its scene."""
-        ...
-
-    @property
-    def limit_s(self) -> float | None:
-        """Its time limit, s."""
-        ...
-
-    def make(self, stop: threading.Event | None = None) -> Status:
-        """Do the task; with a time limit, in a process that is killed after it or at `stop`."""
+        """The file of its case."""
         ...
 
     def stored_failure(self) -> str | None:
@@ -52,6 +44,7 @@ def run_tasks(
     scheduler: str | None,
     on_status: Callable[[Status], None],
     work: Callable[[TaskT], str],
+    limit_s: float | None = None,
 ) -> None:
     """Run tasks, and report the status of each as it ends.
 
@@ -67,14 +60,20 @@ def run_tasks(
         Called in the caller's thread.
     work
         Does a task in a thread of this process, and returns its failure or "".
+    limit_s
+        Time limit of a task, s.
     """
     if not tasks:
         return
     import dask
 
     address = scheduler or dask.config.get("scheduler-address", None)
+    limit = math.inf if limit_s is None else limit_s
     if address is not None:
-        _run_on_scheduler(tasks, address, on_status)
+        _run_on_scheduler(tasks, address, on_status, limit)
+    elif limit_s is not None:
+        with LocalWorkers(min(len(tasks), cores()), limit_s=limit) as workers:
+            workers.run(_Seasons(tasks, on_status, tries=1))
     else:
         # Even a single task runs in a thread: a signal handler may raise in the main one, and
         # compiled code, called from C, can't handle an exception.
@@ -85,23 +84,20 @@ def _run_in_threads(
     tasks: Sequence[TaskT], on_status: Callable[[Status], None], work: Callable[[TaskT], str]
 ) -> None:
     """Run tasks in threads of this process; a failure is returned as a status, not raised."""
-    pool, stop = ThreadPoolExecutor(min(len(tasks), cores())), threading.Event()
+    pool = ThreadPoolExecutor(min(len(tasks), cores()))
     try:
-        runs = [
-            pool.submit(status_of, one.season, partial(work, one))
-            if one.limit_s is None
-            else pool.submit(one.make, stop)
-            for one in tasks
-        ]
+        runs = [pool.submit(status_of, task.season, partial(work, task)) for task in tasks]
         for run in as_completed(runs):
             on_status(run.result())
     finally:
-        stop.set()
         pool.shutdown(wait=False, cancel_futures=True)  # an interrupted run ends at once
 
 
 def _run_on_scheduler(
-    tasks: Sequence[StoredTask], address: str, on_status: Callable[[Status], None]
+    tasks: Sequence[StoredTask],
+    address: str,
+    on_status: Callable[[Status], None],
+    limit_s: float,
 ) -> None:
     """Run tasks on a scheduler's workers.
 
@@ -112,8 +108,8 @@ def _run_on_scheduler(
     StageError
         The scheduler can't be reached or has no workers, or a worker can't plan.
     """
-    seasons = _Seasons(tasks, on_status)
-    with fleet(address, tasks[0].scene_path) as workers:
+    seasons = _Seasons(tasks, on_status, tries=_TRIES)
+    with fleet(address, tasks[0].scene_path, limit_s) as workers:
         try:
             workers.run(seasons)
         except StageError as error:
@@ -121,11 +117,13 @@ def _run_on_scheduler(
 
 
 class _Seasons:
-    """The seasons of a run, as `pipeline.stages.seasons.cluster.Work`."""
+    """The seasons of a run, as `pipeline.machine.workers.Work`."""
 
-    def __init__(self, tasks: Sequence[StoredTask], on_status: Callable[[Status], None]) -> None:
+    def __init__(
+        self, tasks: Sequence[StoredTask], on_status: Callable[[Status], None], *, tries: int
+    ) -> None:
         self._waiting = deque(tasks)
-        self._tries = {task.season: _TRIES for task in tasks}
+        self._tries = dict.fromkeys([task.season for task in tasks], tries)
         self._open = {task.season: task for task in tasks}
         self._on_status = on_status
 
@@ -135,22 +133,20 @@ class _Seasons:
         return self._waiting.popleft() if self._waiting else None
 
     def done(self, task: StoredTask, result: Status) -> None:
-        """Report how a season ended."""
-        del task
-        self._end(result)
+        """Report how a season ended; one that crashed is tried again first."""
+        self._tries[task.season] -= 1
+        if result.crashed and self._tries[task.season]:
+            self._waiting.append(task)
+        else:
+            self._end(result)
 
-    def died(self, task: StoredTask) -> None:
-        """Report a season as crashed because several workers died while planning it."""
-        reason = "its workers died (out of memory, or a crash of the interpreter)"
+    def died(self, task: StoredTask, reason: str) -> None:
+        """Report a season as crashed."""
         self._end(Status(task.season, reason, crashed=True))
 
     def failed(self, task: StoredTask, error: Exception) -> None:
         """Try a season again, or report its error."""
-        self._tries[task.season] -= 1
-        if self._tries[task.season]:
-            self._waiting.append(task)
-        else:
-            self._end(Status(task.season, one_line(error), crashed=True))
+        self.done(task, Status(task.season, one_line(error), crashed=True))
 
     def give_up(self, error: StageError) -> None:
         """Report each open season: with its result if the store has one, otherwise as crashed."""

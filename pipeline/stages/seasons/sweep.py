@@ -1,7 +1,6 @@
 """Choose the departure of a season that leaves it open, as one task; see `seasons/task.py`."""
 
 import math
-import threading
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
@@ -17,7 +16,7 @@ from pipeline.model import Case, DepartureChoice, Note, Say, plan_options
 from pipeline.model.case import MIN_LATENESS_S
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season, interval
-from pipeline.stages.seasons.task import Status, stored_case
+from pipeline.stages.seasons.task import Status, status_of, stored_case
 from renew.errors import Moment
 
 # Number of plans between two progress notes.
@@ -35,7 +34,6 @@ class SweepTask:
     choice_path: Path
     options: PlannerOptions
     owner: str = ""
-    limit_s: None = None
 
     @property
     def season(self) -> str:
@@ -50,10 +48,9 @@ class SweepTask:
         """Return "" if the store has the choice, else None: failures are not stored."""
         return None if self.result() is None else ""
 
-    def make(self, stop: threading.Event | None = None) -> Status:
-        """Choose the departure, without a time limit."""
-        del stop
-        return Status(self.season, sweep(self), crashed=False)
+    def make(self) -> Status:
+        """Choose the departure; an error becomes a failure."""
+        return status_of(self.season, lambda: sweep(self))
 
 
 def _ignore(note: Note) -> None:

@@ -4,12 +4,6 @@ A task has paths instead of arrays, because Dask can't transfer large arguments 
 are stored as soon as they are complete; the next run after a killed one loads them.
 """
 
-import json
-import math
-import os
-import pickle
-import sys
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +11,6 @@ from typing import Protocol
 
 import renew
 from pipeline.errors import StageError, one_line
-from pipeline.machine.interpreters import end_with_parent, run_python
 from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import Case, CaseResult, Measures
 from pipeline.scenario.model import PlannerOptions
@@ -25,18 +18,13 @@ from pipeline.stages.measure import measured
 from pipeline.stages.plan_case import OnStep, ignore_step, planned
 from pipeline.stages.worth import clock_worth, gap_shares
 
-_PLAN = "from pipeline.stages.seasons.task import plan_from_stdin; plan_from_stdin()"
-# Largest length of a process's last output in a message, in characters.
-_MAX_SHOWN = 200
-
 
 @dataclass(frozen=True, slots=True)
 class CaseTask:
     """The inputs and result paths to plan and measure one case of those in a file.
 
-    `owner` is the scenario's name, `limit_s` the task's time limit or None. With `explains_gap` the
-    optimality gap is split into its causes. Under way the vessel turns off to one of the `havens`
-    if no way leads on.
+    `owner` is the scenario's name. With `explains_gap` the optimality gap is split into its causes.
+    Under way the vessel turns off to one of the `havens` if no way leads on.
     """
 
     season: str
@@ -45,7 +33,6 @@ class CaseTask:
     measures_path: Path
     options: PlannerOptions
     owner: str = ""
-    limit_s: float | None = None
     explains_gap: bool = False
     havens: tuple[renew.Haven, ...] = ()
 
@@ -60,11 +47,9 @@ class CaseTask:
         found = self.result()
         return None if found is None else found.failure
 
-    def make(self, stop: threading.Event | None = None) -> "Status":
-        """Plan the case; if it has a time limit, in a process that is killed after it."""
-        if self.limit_s is None:
-            return Status(self.season, self.planned(stored_case(self)).failure, crashed=False)
-        return status_in_process(self, stop)
+    def make(self) -> "Status":
+        """Plan and measure the case; an error becomes a failure."""
+        return status_of(self.season, lambda: self.planned(stored_case(self)).failure)
 
     def planned(self, case: Case, on_step: OnStep = ignore_step) -> CaseResult:
         """Plan and measure the task's case, and store both parts of the result."""
@@ -124,33 +109,3 @@ def status_of(season: str, result: Callable[[], str]) -> Status:
         return Status(season, result(), crashed=False)
     except Exception as error:  # noqa: BLE001 - whatever it is, the other cases continue
         return Status(season, one_line(error), crashed=True)
-
-
-def status_in_process(task: CaseTask, stop: threading.Event | None = None) -> Status:
-    """Plan and measure a case in a process that is killed after its limit, or at `stop`."""
-    result = run_python(
-        ["-c", _PLAN, str(os.getpid())],
-        pickle.dumps(task).hex(),
-        math.inf if task.limit_s is None else task.limit_s,
-        stop,
-    )
-    if result.exit_code is None:
-        reason = f"took longer than the limit of {task.limit_s:g} s"
-        return Status(task.season, reason, crashed=True)
-    try:
-        failure, crashed = json.loads(result.stdout)
-    except ValueError:
-        last = next(filter(None, map(str.strip, reversed(result.stderr.split("\n")))), "")
-        words = f": {last[:_MAX_SHOWN]}" if last else " (out of memory?)"
-        failure, crashed = f"its process ended with code {result.exit_code}{words}", True
-    return Status(task.season, str(failure), bool(crashed))
-
-
-def plan_from_stdin() -> None:
-    """Plan the pickled task of standard input; print its failure, and whether it crashed."""
-    end_with_parent(int(sys.argv[1]))
-    given = bytes.fromhex(sys.stdin.read())
-    task = pickle.loads(given)  # noqa: S301 - written by the process that started this
-    answer, sys.stdout = sys.stdout, sys.stderr  # keeps libraries' output out of the answer
-    status = status_of(task.season, lambda: task.planned(stored_case(task)).failure)
-    answer.write(json.dumps([status.failure, status.crashed]))

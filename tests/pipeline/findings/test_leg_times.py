@@ -20,8 +20,7 @@ from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import steps_along_legs
 from pipeline.formats.gis.geopackage import write_geojson, write_geopackage
 from pipeline.formats.passage.missions import write_mission, write_plan
-from pipeline.formats.passage.routes import write_gpx, write_kml
-from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.passage.routes import write_gpx, write_kml, write_rtz
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     MAX_EXTRA_FUEL,

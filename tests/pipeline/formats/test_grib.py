@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.grib import _ibm_below, _message, fields_from, write_grib
+from pipeline.formats.records import _ibm_below, _message, fields_from, write_grib
 from pipeline.model import CurrentGrid
 from pipeline.write import formats_of
 from tests.pipeline.formats import small_run

@@ -5,8 +5,9 @@ from dataclasses import fields, replace
 from datetime import datetime
 from pathlib import Path
 
+from pipeline.findings.columns import COLUMNS, figure_columns
 from pipeline.findings.result import RunResult
-from pipeline.formats.tables import METRICS_COLUMNS, write_metrics
+from pipeline.formats.tables import write_metrics
 from pipeline.model import RouteMetrics
 from tests.pipeline.results import rows_of, with_rows
 
@@ -17,14 +18,16 @@ def test_metrics_read_back_the_same(result: RunResult, tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(rows_of(result))
     # Passages are in the file as one text.
-    assert set(METRICS_COLUMNS.values()) - {"way"} == {
-        field.name for field in fields(RouteMetrics)
-    } - {"passages"}
+    names = {column: COLUMNS[column].attribute for column in figure_columns("csv")}
+    assert set(names.values()) - {"way"} == {field.name for field in fields(RouteMetrics)} - {
+        "passages"
+    }
     for row, metrics in zip(rows, rows_of(result), strict=True):
-        for column, name in METRICS_COLUMNS.items():
+        for column, name in names.items():
             value = getattr(metrics, name)
             if value is None or value != value:  # noqa: PLR0124 - as only NaN is
-                assert row[column] == ""
+                assert row.get(column, "") == ""
+                assert COLUMNS[column].optional or column in row
             else:
                 assert type(value)(row[column]) == value
 

@@ -164,14 +164,12 @@ def killed(
 
 
 def workers_of(pid: int) -> set[int]:
-    """Return the worker processes below a process: those that multiprocessing has spawned."""
+    """Return the worker processes below a process: a night's own, or those of `dask worker`."""
     found = set()
     for child in descendants(pid):
         with contextlib.suppress(OSError):
-            from pathlib import Path
-
             line = Path(f"/proc/{child}/cmdline").read_bytes()
-            if b"spawn_main" in line:
+            if b"spawn_main" in line or b"pipeline.machine.workers" in line:
                 found.add(child)
     return found
 

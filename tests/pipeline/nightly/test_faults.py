@@ -15,12 +15,12 @@ from typing import Any
 import pytest
 
 from pipeline.errors import MachineError, StageError
+from pipeline.machine.cluster import Fleet
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import BusyError
 from pipeline.nightly.planning.chart import CurrentTask
 from pipeline.nightly.planning.planning import Preparation
 from pipeline.nightly.request.config import load_config
-from pipeline.stages.seasons.cluster import Fleet
 from tests.pipeline.nightly.killed_nights import (
     cases_at_work,
     cases_done,
@@ -264,8 +264,8 @@ def test_currents_whose_workers_die_are_no_lack_of_currents(
 
     def deadly_for_currents(self: Fleet, work: Any, check: Any) -> None:  # noqa: ANN401 - as they are
         if isinstance(work, Preparation) and isinstance(next(iter(work.tasks)), CurrentTask):
-            for task in work.tasks:
-                work.died(task)
+            for task in [*work.tasks, *work.tasks]:
+                work.died(task, "killed")
         else:
             run(self, work, check)
 

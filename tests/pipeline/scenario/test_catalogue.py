@@ -33,7 +33,7 @@ def test_every_vessel_turns_within_five_lengths(name: str) -> None:
 def test_every_source_has_its_adapter(name: str) -> None:
     spec = catalogue.source(name)
     assert spec.name == name
-    if isinstance(spec, catalogue.OsmLandSpec):
+    if spec.adapter == "osm-land":
         assert land_source(ChartSpec.model_validate({"source": name}), None).identity
     elif isinstance(spec, catalogue.ChartEntry):
         with pytest.raises(RequestError, match=f"{name}.*--charts"):

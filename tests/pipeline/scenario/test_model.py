@@ -9,8 +9,10 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 import renew
+from pipeline.errors import RequestError
 from pipeline.model import plan_options, planner_vessel
 from pipeline.scenario.catalogue import VesselSpec
+from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import PlannerOptions, Scenario
 from pipeline.scenario.season import Season
 from pipeline.scenario.strict import descriptions, remedy_of
@@ -151,12 +153,12 @@ def test_a_choice_of_speeds_is_of_its_season_and_at_true_scale() -> None:
         "goal": [120.1, 9.5],
         "seasons": [STEADY_SPEED, {"name": "other", "currents": ["still"]}],
     }
-    scenario = Scenario.model_validate(asked)
+    scenario = parse_scenario(asked)
     speeds = [scenario.vessel_in(season).speed_m_s for season in scenario.seasons]
     assert speeds == [6.0, 4.0]
     assert scenario.fastest_vessel.speed_m_s == 6.0
-    with pytest.raises(ValidationError, match="a scale other than 1 together with 'speed'"):
-        Scenario.model_validate({**asked, "scale": 100.0})
+    with pytest.raises(RequestError, match="a scale other than 1 together with 'speed'"):
+        parse_scenario({**asked, "scale": 100.0})
 
 
 def test_currents_are_needed_until_the_last_departure_and_the_arrival() -> None:
@@ -180,10 +182,10 @@ def test_changing_currents_are_planned_at_true_scale() -> None:
         "goal": [120.1, 9.5],
         "seasons": [CHANGING],
     }
-    begin, end = Scenario.model_validate(asked).passage("tide", 5400.0) or (None, None)
+    begin, end = parse_scenario(asked).passage("tide", 5400.0) or (None, None)
     assert f"{begin}, {end}" == "2026-11-22 06:00:00+00:00, 2026-11-22 07:30:00+00:00"
-    with pytest.raises(ValidationError, match=r"a scale other than 1 .* hours of tide"):
-        Scenario.model_validate({**asked, "scale": 1000.0})
+    with pytest.raises(RequestError, match=r"a scale other than 1 .* hours of tide"):
+        parse_scenario({**asked, "scale": 1000.0})
 
 
 def test_the_planners_ranges_are_those_of_plan() -> None:
@@ -255,9 +257,9 @@ def test_departures_are_chosen_where_something_changes_with_time(
         "goal": [120.1, 9.5],
         "seasons": [{"name": "calm", "currents": ["still"], **changes}],
     }
-    with pytest.raises(ValidationError, match=words):
-        Scenario.model_validate(asked)
-    Scenario.model_validate({**asked, "tide": {"stations": ["boston"]}})
+    with pytest.raises(RequestError, match=words):
+        parse_scenario(asked)
+    parse_scenario({**asked, "tide": {"stations": ["boston"]}})
 
 
 @pytest.mark.parametrize(
@@ -279,7 +281,7 @@ def test_departures_are_chosen_where_something_changes_with_time(
         ({"via": [{"at": [119.5, 9.5], "wait": "5d"}]}, "'5d' is longer than 3 days; give at most"),
         ({"via": [{"at": [119.5, 9.5], "wait": "soon"}]}, "'soon' is not an interval"),
         ({"via": [{"at": [119.5, 9.5], "wait": "-2h"}]}, "'-2h' is not an interval"),
-        ({"via": [{"at": [119.5, 9.5]}]}, r"(?s)via.0.*wait.*required"),
+        ({"via": [{"at": [119.5, 9.5]}]}, r"via\[0\].wait is missing; give"),
     ],
 )
 def test_a_wait_at_an_anchorage_needs_a_clock_and_one_departure(
@@ -296,8 +298,8 @@ def test_a_wait_at_an_anchorage_needs_a_clock_and_one_departure(
         "tide": {"stations": ["boston"]},
         "seasons": [{"name": "calm", "currents": ["still"], "departure": "2026-11-22T06:00Z"}],
     }
-    scenario = Scenario.model_validate(asked)
+    scenario = parse_scenario(asked)
     assert scenario.anchorage == (1, timedelta(hours=6))
     assert scenario.stops["via[1]"] == (119.5, 9.5)
-    with pytest.raises(ValidationError, match=words):
-        Scenario.model_validate({**asked, **changes})
+    with pytest.raises(RequestError, match=words):
+        parse_scenario({**asked, **changes})

@@ -28,7 +28,8 @@ from tests.strategies import examples
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 # Half an hour before high water at the bar, off Boston, near enough to its station.
 DEPARTURE = np.datetime64("2026-11-23T00:30")
-START, ANCHORAGE, GOAL = [-71.03, 42.34], [-71.02, 42.34], [-70.99, 42.34]
+START, UNDER_WAY, ANCHORAGE = [-71.03, 42.34], [-71.022, 42.34], [-71.02, 42.34]
+GOAL = [-70.99, 42.34]
 WEST, SOUTH, EAST, NORTH = BOX = (-71.05, 42.325, -70.97, 42.355)
 ISLAND = shapely.box(-71.012, 42.337, -71.008, 42.343)
 BAR = shapely.box(-71.0105, 42.30, -71.0095, 42.40)
@@ -67,6 +68,10 @@ def make_files(folder: Path) -> None:
     hours = np.datetime64("2026-11-22T12:00") + np.arange(36) * np.timedelta64(1, "h")
     write(folder / "hourly.nc", dataset(*steps, times=hours))
     write(folder / "month.nc", dataset(steps[0], times=("2026-11-15",)))
+    asked = off_boston(lambda strategy: 1.0 if strategy is SCALES else False)
+    asked |= {"name": "sailed", "planner": {"classes": 2}}
+    asked["seasons"] = [{"name": "day", "departure": time(-4), "currents": ["still"]}]
+    run(parse_scenario(asked, folder), folder / "outputs", offline=True)
 
 
 def planner(draw: Draw) -> dict[str, Any]:
@@ -141,6 +146,9 @@ def off_boston(draw: Draw) -> dict[str, Any]:
     if draw(few):
         limit = draw(st.sampled_from([{"within": "40min"}, {"endurance": "4h"}]))
         asked["havens"] = {"path": "havens.csv", **limit}
+    if "departure" in season and draw(st.sampled_from([False] * 7 + [True])):
+        sailed = {"results": "outputs/sailed", "season": "day", "departed": time(-4)}
+        asked |= {"under_way": sailed, "start": UNDER_WAY}
     if draw(st.sampled_from([False] * 19 + [True])):
         season |= {"currents": [], "uniform": {"u": 0.1}}
     return asked

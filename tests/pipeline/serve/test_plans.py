@@ -37,7 +37,7 @@ def workers(server: Server) -> set[int]:
     return {
         one
         for one in descendants(server.process.pid)
-        if "pipeline.serve.worker" in Path(f"/proc/{one}/cmdline").read_text()
+        if "pipeline.machine.workers" in Path(f"/proc/{one}/cmdline").read_text()
     }
 
 

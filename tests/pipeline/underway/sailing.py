@@ -15,8 +15,8 @@ import shapely
 import xarray as xr
 
 from pipeline.run import run
+from pipeline.scenario.catalogue import ScenarioFile
 from pipeline.scenario.loading import load_scenario
-from pipeline.session import Origin
 from pipeline.sources.current_field import Field
 from tests.pipeline import tidal_run
 from tests.pipeline.synthetic_currents import dataset, write
@@ -28,7 +28,7 @@ def make(folder: Path) -> Path:
     """Plan a voyage, and return the folder of its results."""
     file = scenario_file(folder)
     asked = load_scenario(str(file))
-    return run(asked, folder / "outputs", offline=True, origin=Origin.of(file)).directory
+    return run(asked, folder / "outputs", offline=True, origin=ScenarioFile.read(file)).directory
 
 
 def copied(results: Path, folder: Path) -> Path:

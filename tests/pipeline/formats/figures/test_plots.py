@@ -16,9 +16,8 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import route_profile
-from pipeline.formats.figures.artists import page_svg
-from pipeline.formats.figures.plots import profile_figure
-from pipeline.formats.figures.turning import padding_figure, tightest_place
+from pipeline.formats.figures.chart_map import page_svg
+from pipeline.formats.figures.plots import padding_figure, profile_figure, tightest_place
 from pipeline.formats.palette import COLOURS
 from tests.pipeline.results import with_case, with_water
 

@@ -17,6 +17,7 @@ from pipeline.model import CaseResult
 GEOD = pyproj.Geod(ellps="WGS84")
 
 
+# Layers with features in the small run, with their types of geometry.
 LAYERS = {
     "routes": "LineString",
     "passage": "Point",
@@ -26,27 +27,19 @@ LAYERS = {
     "islands": "Point",
     "coast": "MultiPolygon",
     "region": "LineString",
-    "hazards": "MultiPolygon",
-    "chart_areas": "MultiPolygon",
-    "depth_areas": "MultiPolygon",
-    "tidal_water": "MultiPolygon",
     "no_go": "MultiPolygon",
     "soft_no_go": "MultiPolygon",
     "currents": "Point",
     "contingency": "Point",
-    "shore_crossings": "Point",
-    "havens": "Point",
-    "diversions": "LineString",
-    "coverage": "LineString",
 }
 
 
+# Figures of a route on a chart without depths, tide and members.
 ROUTE_COLUMNS = {
     *("season", "rank", "homotopy", "way", "fuel", "fuel_per_distance", "length_m"),
     *("clearance_m", "duration_s", "optimality_gap"),
     *("trials", "collisions"),
-    *("filled_share", "uncharted_share", "least_water_m", "least_water_at"),
-    *("members_share", "members_mean_fuel"),
+    "filled_share",
 }
 
 

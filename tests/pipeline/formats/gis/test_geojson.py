@@ -16,7 +16,7 @@ from hypothesis import given, strategies as st
 
 from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import bounding_box, write_geojson
-from pipeline.formats.gis.layers import LAYERS
+from pipeline.formats.gis.layers import FRAMES
 from pipeline.formats.passage.waypoints import case_waypoints, split_at_antimeridian
 from tests.pipeline.formats import runs
 
@@ -53,7 +53,7 @@ def test_it_is_a_feature_collection_without_a_crs(any_run: RunResult, tmp_path: 
 
 def test_routes_are_those_of_the_geopackage(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.results[0].name
-    frame = next(layer for layer in LAYERS if layer.name == "routes").frame(any_run)
+    frame = FRAMES["routes"](any_run)
     rows = frame[frame.season == season]
     features = of_kind(written(any_run, tmp_path / "a.geojson"), "route")
     assert len(features) == len(rows) > 0

@@ -15,8 +15,10 @@ from hypothesis import given, strategies as st
 from lxml import etree
 
 from pipeline.findings.result import RunResult
+from pipeline.formats.gis import frames
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.gis.qgis import Rule, Style, inert, literal, map_crs, rendered
+from pipeline.formats.gis.qgis import Rule, Style, inert, literal, map_crs, rendered, view
+from pipeline.formats.gis.styles import qml
 from pipeline.formats.palette import COLOURS
 from pipeline.texts import clean
 from tests.pipeline.formats import small_run
@@ -59,14 +61,15 @@ def test_every_layer_has_one_default_style_where_qgis_looks_for_it(package: Path
     assert set(places) == {("", "", "geom")}
 
 
-def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(package: Path) -> None:
+def test_every_rule_has_a_symbol_of_its_layer_and_every_symbol_a_rule(result: RunResult) -> None:
     kinds = {"LineString": "line", "Point": "marker", "MultiPolygon": "fill"}
-    for layer, root in styles(package).items():
+    for layer, about in frames.LAYERS.items():
+        root = etree.fromstring(qml(layer, view(result), ()).encode())
         renderer = root.find("renderer-v2")
         symbols = {s.get("name"): s.get("type") for s in renderer.iter("symbol")}
         used = [rule.get("symbol") for rule in leaves(renderer)]
         assert sorted(used) == sorted(symbols)
-        assert set(symbols.values()) == {kinds[LAYERS[layer]]}
+        assert set(symbols.values()) == {kinds[about.geometry_type]}
         keys = [rule.get("key") for rule in renderer.iter("rule")]
         assert len(keys) == len(set(keys))
 
@@ -111,11 +114,9 @@ def test_only_the_leading_season_is_shown_in_full(package: Path, result: RunResu
         for group in (first, second)
     ]
     shown = {"Routes", "Waypoints", "Cross-track limits", "Soft no-go zones", "Currents"}
-    shown |= {"Land of another shoreline"}
     assert on == [shown, {"Routes"}]
     assert {layer.get("checked") for layer in chart} == {"Qt::Checked"}
-    names = ["Islands", "Edge of the region", "Hazards", "Land", "Areas of the chart"]
-    names += ["Hard no-go zone", "Tidal water", "Depths"]
+    names = ["Islands", "Edge of the region", "Land", "Hard no-go zone"]
     assert [layer.get("name") for layer in chart] == names
 
 
@@ -125,18 +126,8 @@ def test_routes_lie_over_land_and_land_over_the_zones_around_it(package: Path) -
     assert root.find("layer-tree-group/custom-order").get("enabled") == "1"
     kinds = [re.sub(r"_(season_\d+|all_seasons)$", "", name) for name in order]
     assert sorted(set(kinds), key=kinds.index) == [
-        *("islands", "shore_crossings", "passage", "routes", "path_points", "contingency", "legs"),
-        *(
-            "region",
-            "hazards",
-            "coast",
-            "chart_areas",
-            "no_go",
-            "soft_no_go",
-            "channels",
-            "currents",
-        ),
-        *("tidal_water", "depth_areas"),
+        *("islands", "passage", "routes", "path_points", "contingency", "legs"),
+        *("region", "coast", "no_go", "soft_no_go", "channels", "currents"),
     ]
     # QGIS replaces shorter identifiers by its own.
     assert all(len(name) > 10 for name in order)
@@ -217,14 +208,14 @@ def test_bad_names_stay_text(result: RunResult, tmp_path: Path) -> None:
         assert "|" not in subset
         if subset:
             condition = query(path, f"SELECT DISTINCT season FROM {layer} WHERE {subset}")  # noqa: S608 - as QGIS does
-            assert condition in ([(SCRIPT,)], [(ODD,)]) or layer == "shore_crossings"
+            assert condition in ([(SCRIPT,)], [(ODD,)])
 
 
 def test_a_failed_season_shows_its_currents_only(result: RunResult, tmp_path: Path) -> None:
     path = tmp_path / "routes.gpkg"
     write_geopackage(small_run.with_a_failed_season(result), path)
     groups = [g for g in project(path).iter("layer-tree-group") if g.get("name")]
-    assert [len(list(group)) for group in groups] == [9, 1]
+    assert [len(list(group)) for group in groups] == [8, 1]
 
 
 @given(st.text())

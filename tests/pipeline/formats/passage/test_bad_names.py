@@ -14,8 +14,7 @@ from lxml import etree
 from pipeline.findings.names import safe_name
 from pipeline.findings.result import RunResult
 from pipeline.formats.gis.geopackage import write_geojson
-from pipeline.formats.passage.routes import write_gpx, write_kml
-from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.passage.routes import write_gpx, write_kml, write_rtz
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.texts import clean
 from tests.pipeline.formats import runs

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.formats.passage.missions import write_plan
-from pipeline.formats.passage.routes import write_gpx, write_kml
-from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.passage.routes import write_gpx, write_kml, write_rtz
 from pipeline.formats.tables import write_metrics
 from tests.pipeline.formats import small_run
 from tests.pipeline.results import with_measures

@@ -10,9 +10,14 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.findings.route_profile import metres_along
 from pipeline.formats.passage import thinning as module
-from pipeline.formats.passage.safe_corridor import Obstacles, SafeCorridor, safe_corridor
+from pipeline.formats.passage.safe_corridor import (
+    Drawing,
+    Obstacles,
+    SafeCorridor,
+    curve_for,
+    safe_corridor,
+)
 from pipeline.formats.passage.thinning import Candidates, cheapest_chain, with_candidates
-from pipeline.formats.passage.tracks import Drawing, curve_for
 from tests.pipeline.formats import runs
 
 

@@ -10,10 +10,10 @@ import renew
 from pipeline.formats.passage.safe_corridor import (
     Obstacles,
     SafeCorridor,
+    Tracks,
     cross_track_limits,
     turning_radii,
 )
-from pipeline.formats.passage.tracks import Tracks
 from pipeline.geo.projection import Projection
 from pipeline.model import Case, Water
 from tests.strategies import PAPER_VESSEL

@@ -15,8 +15,7 @@ import shapely
 
 import renew
 from pipeline.findings.result import RunResult
-from pipeline.formats.passage.fence import KEPT_SHARE, autopilot
-from pipeline.formats.passage.missions import write_plan
+from pipeline.formats.passage.missions import KEPT_SHARE, autopilot, write_plan
 from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.formats.passage_plan import write_passage_plan
 from tests.pipeline.formats import runs, small_run
@@ -115,7 +114,7 @@ def test_a_fence_is_made_smaller_or_left_out_where_there_is_less_room(
     room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The polygons share the room: the same run's fence takes 331 bytes where there are 672."""
-    monkeypatch.setattr("pipeline.formats.passage.fence.STORAGE_BYTES", room)
+    monkeypatch.setattr("pipeline.formats.passage.missions.STORAGE_BYTES", room)
     found = polygons(replace(small_run.parts()), tmp_path)
     assert HEADER + sum(POLYGON + VERTEX * len(ring) for _, ring in found) + END <= room
     assert bool(found) == (room >= 250)

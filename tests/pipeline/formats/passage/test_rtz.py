@@ -12,7 +12,7 @@ import pytest
 from lxml import etree
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.passage.rtz import write_rtz
+from pipeline.formats.passage.routes import write_rtz
 from pipeline.formats.passage.waypoints import case_waypoints
 from tests.pipeline.formats import runs
 from tests.pipeline.results import with_rows

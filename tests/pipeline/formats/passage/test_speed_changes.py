@@ -18,9 +18,8 @@ from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import legs, route_profile
 from pipeline.formats.gis.geopackage import write_geojson, write_geopackage
 from pipeline.formats.passage.missions import write_mission, write_plan
-from pipeline.formats.passage.routes import write_gpx
-from pipeline.formats.passage.rtz import write_rtz
-from pipeline.formats.passage.tracks import Drawing
+from pipeline.formats.passage.routes import write_gpx, write_rtz
+from pipeline.formats.passage.safe_corridor import Drawing
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
     Waypoints,

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.formats.passage.safe_corridor import SafeCorridor
+from pipeline.formats.passage.safe_corridor import Drawing, SafeCorridor
 from pipeline.formats.passage.thinning import thin
-from pipeline.formats.passage.tracks import Drawing
 from pipeline.geo.projection import Projection
 
 # At 20 degrees east on the equator loxodromes are straight lines of the plane.

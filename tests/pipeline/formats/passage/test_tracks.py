@@ -7,7 +7,7 @@ import pytest
 import shapely
 from hypothesis import given, strategies as st
 
-from pipeline.formats.passage.tracks import curve_for, initial_course_deg, tracks
+from pipeline.formats.passage.safe_corridor import curve_for, initial_course_deg, tracks
 from pipeline.geo.projection import Projection
 from tests.pipeline.formats import oracles
 

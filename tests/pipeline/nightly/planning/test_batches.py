@@ -27,7 +27,7 @@ def work(
     while (task := batches.next_task(4)) is not None:
         if any(kills(index) for index in range(task.first, task.end)):
             deaths += 1
-            batches.died(task)
+            batches.died(task, "killed")
         else:
             took = seconds * (task.end - task.first)
             batches.done(task, BatchReport(task.first, task.end, took, took))

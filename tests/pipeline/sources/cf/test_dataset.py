@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import time
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +17,6 @@ import pytest
 import shapely
 
 from pipeline.errors import RequestError
-from pipeline.machine.interpreters import run_python
 from pipeline.model import Land
 from pipeline.scenario.season import Season
 from pipeline.sources.cf import dataset as probing
@@ -339,32 +340,22 @@ def test_a_truncated_classic_file_is_refused_and_not_read_as_zeros(tmp_path: Pat
 # --- Files on which the HDF5 library hangs or crashes are found in a process of their own.
 
 
-# Stands in for the probe: does to each file what the file's name says.
-STAND_IN = """
-import os, signal, sys, time
-for i, name in enumerate(sys.stdin.read().splitlines()[1:]):
-    print(i, file=sys.stderr, flush=True)
-    if "hang" in name:
+def stand_in_probe(file: Path, cpu_s: float) -> str:
+    """Do to a file what its name says."""
+    del cpu_s
+    if "hang" in file.name:
         time.sleep(60)
-    if "crash" in name:
+    if "crash" in file.name:
         os.kill(os.getpid(), signal.SIGSEGV)
-"""
+    return ""
 
 
 @pytest.fixture
-def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Put a script in the probe's place: no file is known to crash every version of a library."""
-    script = tmp_path / "stand_in.py"
-    script.write_text(STAND_IN)
-    run = run_python
-
-    def run_script(arguments: list[str], stdin: str, deadline_s: float) -> object:
-        assert arguments == ["-m", "pipeline.sources.cf.dataset"]
-        return run([str(script)], stdin, deadline_s)
-
-    monkeypatch.setattr(probing, "run_python", run_script)
-    monkeypatch.setattr(probing, "_START_S", 1.0)
-    monkeypatch.setattr(probing, "_FILE_S", 0.1)
+def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put a function in the probe's place: no file is known to crash every version of a library."""
+    monkeypatch.setattr(probing, "probe", stand_in_probe)
+    monkeypatch.setattr(probing, "_load_libraries", float)
+    monkeypatch.setattr(probing, "_FILE_S", 5.0)
 
 
 @pytest.mark.usefixtures("stand_in")

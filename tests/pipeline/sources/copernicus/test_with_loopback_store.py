@@ -32,7 +32,6 @@ from tests.loopback_store.rows import ROWS, Row
 from tests.loopback_store.server import PASSWORD, USERNAME, Fault
 from tests.loopback_store.world import LAND, REGION, TOLERANCE_M_S, connected, season, spec
 from tests.pipeline.conftest import ACROSS_BOX
-from tests.pipeline.processes import ends_within
 
 MONTHLY = "copernicus-glorys-monthly"
 
@@ -291,31 +290,7 @@ def test_no_fault_causes_a_wrong_field_a_hang_or_leftovers(row: Row, tmp_path: P
         assert secret not in outcome.written
 
 
-# --- The process that downloads: it ends with its parent, and notes what was missing ---
-
-
-def test_a_download_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
-    pid_file = tmp_path / "pid"
-    # Its sleep stands for anything that the client may wait for.
-    download = (
-        "import os, threading, time\n"
-        "from pipeline.machine.interpreters import end_with_parent\n"
-        "end_with_parent(os.getppid())\n"
-        f"open({str(pid_file)!r}, 'w').write(str(os.getpid()))\n"
-        "time.sleep(60)\n"
-    )
-    script = (
-        "import sys\n"
-        "from pipeline.machine.interpreters import run_python\n"
-        f"run_python(['-c', {download!r}], '', 60)\n"
-    )
-    with subprocess.Popen([sys.executable, "-c", script]) as parent:
-        for _ in range(100):
-            if pid_file.exists() and pid_file.read_text():
-                break
-            time.sleep(0.1)
-        parent.kill()
-    assert ends_within(int(pid_file.read_text()), seconds=5)
+# --- The process that downloads notes what was missing ---
 
 
 def logged(*lines: str) -> AnswerLog:

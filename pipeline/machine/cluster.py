@@ -1,44 +1,43 @@
-"""Dask clusters: find or start one, hand out tasks to its workers and monitor them.
+"""The workers of a Dask scheduler on other machines: check them, hand out tasks and monitor them.
 
 A worker gets one task per thread at a time, so a task that kills its worker takes no waiting task
-with it. If a worker dies, its task is reported to the `Work`, which decides whether to repeat it.
+with it. If workers die of a task, it is reported to the `Work`, which decides whether to repeat it.
 """
 
 import asyncio
 import contextlib
 import logging
+import math
 import time
 import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import StageError
-from pipeline.machine.interpreters import begun, cores, ignoring_working_directory
+from pipeline.machine.interpreters import begun
 from pipeline.machine.store import artefact_key
+from pipeline.machine.workers import Work, WorkerEndedError, WorkerTask, call_in_process, make_task
 from pipeline.texts import clean
 
 if TYPE_CHECKING:
-    from distributed import Client, Future, LocalCluster
+    from distributed import Client, Future
 
-
-ValueT = TypeVar("ValueT")
 # Time limit for the answers of all workers, s: a worker imports the planner before it answers.
 _WORKERS_ANSWER_S = 60.0
 _OTHER_VERSION = "another version of RENEW or of its libraries; install the same on all machines"
-# Number of tries to start a cluster.
-_TRIES = 3
-# A worker is ended at its memory limit, and neither spills nor pauses before. With the long timeout
-# the cluster still replaces a worker that dies again shortly after its first death.
-_SETTINGS = {
-    "distributed.deploy.lost-worker-timeout": "7 days",
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.memory.terminate": 0.95,
-    "distributed.scheduler.work-stealing": False,
-}
+# Time limit for an answer of the scheduler, s.
+_ANSWER_S = 20.0
+# Time for workers to appear, s.
+_WORKERS_S = 120.0
+# Time for an orderly end, s; after it, the program goes on without one.
+_CLOSE_S = 3.0
+# Time between two checks of the tasks, s.
+_PAUSE_S = 0.05
+# Time between two checks of the scheduler, s.
+_HEARTBEAT_S = 5.0
+_REMEDY = "check the address, or leave --scheduler out"
 
 
 def scheduler_workers(address: str, limit_s: float) -> dict[str, Any]:
@@ -123,104 +122,25 @@ def refuse_unfit_workers(client: "Client", address: str, path: Path) -> None:
         raise StageError("; ".join(lines))
 
 
-@contextlib.contextmanager
-def local_cluster(workers: int | None, memory_gb: float) -> Iterator[str]:
-    """Start a cluster, and yield its scheduler's address.
-
-    Parameters
-    ----------
-    workers
-        Number of processes; default: one per core.
-    memory_gb
-        Memory limit of a process, GB; a process that exceeds it is ended.
+def make(task: WorkerTask, identity: str, limit_s: float) -> Any:  # noqa: ANN401 - as `WorkerTask.make`
+    """Do a task on a Dask worker; with a time limit, in a process that is killed after it.
 
     Raises
     ------
     StageError
-        The cluster could not be started.
+        The job has another code identity.
+    WorkerEndedError
+        The process with the time limit has ended.
     """
-    import dask
-
-    with quiet(), dask.config.set(_SETTINGS), ignoring_working_directory():
-        cluster = _started(workers or cores(), memory_gb)
-        try:
-            yield str(cluster.scheduler_address)
-        finally:
-            with contextlib.suppress(Exception):
-                begun(partial(cluster.close, timeout=_CLOSE_S)).result(2 * _CLOSE_S)
-
-
-def _started(workers: int, memory_gb: float, tries: int = _TRIES) -> "LocalCluster":
-    """Start a cluster; if that fails, for example because a process dies, try again."""
-    from distributed import LocalCluster
-
-    try:
-        return LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit=int(memory_gb * 1e9),
-            host="127.0.0.1",
-            dashboard_address=":0",  # any free port; with None, Dask uses its default port
-            silence_logs=logging.CRITICAL + 1,
-        )
-    except Exception as error:
-        if tries > 1:
-            return _started(workers, memory_gb, tries - 1)
-        raise StageError(
-            f"can't start {workers} worker processes ({error}); check this machine's free memory: "
-            f"each may take {memory_gb:g} GB"
-        ) from error
-
-
-# Time limits for an answer of the scheduler, for workers to appear, and for an orderly end, s.
-_ANSWER_S, _WORKERS_S, _CLOSE_S = 20.0, 120.0, 3.0
-# Times between two checks of the tasks, and between two checks of the scheduler, s.
-_PAUSE_S, _HEARTBEAT_S = 0.05, 5.0
-_REMEDY = "check the address, or leave --scheduler out"
-
-
-class DiedBeforeError(Exception):
-    """A worker has died of this task before."""
-
-
-class Task(Protocol):
-    """A task for a worker."""
-
-    def make(self) -> Any:  # noqa: ANN401 - each kind of task has its own
-        """Do the task."""
-        ...
-
-
-class Work(Protocol):
-    """A queue of tasks that are handed out one at a time; it receives results and failures."""
-
-    def next_task(self, workers: int) -> Task | None:
-        """Return the next task, or None if none is ready; one may be ready later."""
-        ...
-
-    def done(self, task: Any, result: Any) -> None:  # noqa: ANN401 - as `Task.make`
-        """Receive a task's result."""
-        ...
-
-    def died(self, task: Any) -> None:  # noqa: ANN401 - any task
-        """Handle a task during which its worker died."""
-        ...
-
-    def failed(self, task: Any, error: Exception) -> None:  # noqa: ANN401 - any task
-        """Handle a task that failed, or raise its error."""
-        ...
-
-
-def make(task: Task, identity: str) -> Any:  # noqa: ANN401 - as `Task.make`
-    """Do a task on a worker; raise StageError if the job has another code identity."""
     if own_identity() != identity:
         raise StageError(f"a Dask worker runs {_OTHER_VERSION}")
-    return task.make()
+    if math.isinf(limit_s):
+        return task.make()
+    return call_in_process(make_task, task, limit_s=limit_s)
 
 
 @contextlib.contextmanager
-def fleet(address: str, shared: Path, *, attempts: int = 1) -> "Iterator[Fleet]":
+def fleet(address: str, shared: Path, limit_s: float = math.inf) -> "Iterator[Fleet]":
     """Connect to a scheduler, and yield its workers.
 
     Parameters
@@ -229,8 +149,8 @@ def fleet(address: str, shared: Path, *, attempts: int = 1) -> "Iterator[Fleet]"
         The scheduler's address.
     shared
         A file that all workers must be able to read.
-    attempts
-        Number of times that the workers are checked, because a worker may die during a check.
+    limit_s
+        Time limit of a task, s.
 
     Raises
     ------
@@ -238,27 +158,18 @@ def fleet(address: str, shared: Path, *, attempts: int = 1) -> "Iterator[Fleet]"
         The scheduler can't be reached or has no workers, or a worker can't plan.
     """
     with quiet(), _client(address) as client:
-        connected = Fleet(address, client)
+        connected = Fleet(address, client, limit_s)
         connected.wait_for_workers()
-        for attempt in range(1, attempts + 1):
-            try:
-                refuse_unfit_workers(client, address, shared)
-            except StageError:
-                if attempt == attempts:
-                    raise
-                time.sleep(_HEARTBEAT_S)
-                connected.wait_for_workers()
-            else:
-                break
+        refuse_unfit_workers(client, address, shared)
         yield connected
 
 
 class Fleet:
     """A scheduler's workers."""
 
-    def __init__(self, address: str, client: "Client") -> None:
+    def __init__(self, address: str, client: "Client", limit_s: float) -> None:
         self.client = client
-        self._address = address
+        self._address, self._limit_s = address, limit_s
         self._slots = 0
         self._answered = self._had_workers = self._asked = time.monotonic()
 
@@ -270,7 +181,7 @@ class Fleet:
         StageError
             The scheduler has died, or has had no workers for _WORKERS_S.
         """
-        at_work: dict[Future[Any], Task] = {}
+        at_work: dict[Future[Any], WorkerTask] = {}
         identity = own_identity()
         try:
             while True:
@@ -278,7 +189,9 @@ class Fleet:
                     task = work.next_task(self._slots)
                     if task is None:
                         break
-                    future = self.client.submit(make, task, identity, pure=False, retries=0)
+                    future = self.client.submit(
+                        make, task, identity, self._limit_s, pure=False, retries=0
+                    )
                     at_work[future] = task
                 if not at_work:
                     return
@@ -299,7 +212,7 @@ class Fleet:
             self._check_workers_since()
             time.sleep(10 * _PAUSE_S)
 
-    def _settle(self, work: Work, future: "Future[Any]", task: Task) -> None:
+    def _settle(self, work: Work, future: "Future[Any]", task: WorkerTask) -> None:
         """Report to `work` how a task ended."""
         from distributed.scheduler import KilledWorker
 
@@ -309,8 +222,10 @@ class Fleet:
         self._had_workers = time.monotonic()
         try:
             result = begun(future.result).result(_ANSWER_S)
-        except (KilledWorker, DiedBeforeError):
-            work.died(task)
+        except KilledWorker:
+            work.died(task, "its workers died (out of memory, or a crash of the interpreter)")
+        except WorkerEndedError as ended:
+            work.died(task, str(ended))
         except TimeoutError:
             raise self._dead() from None
         except Exception as error:  # noqa: BLE001 - `work` decides what to do

@@ -18,9 +18,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import StageError
+from pipeline.machine import cluster
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario
-from pipeline.stages.seasons import cluster
 from tests.pipeline.processes import QUICK, SLOW, started, wait_until
 
 
