@@ -60,8 +60,8 @@ def condensed(faults: Iterable[str]) -> tuple[str, ...]:
         alike.setdefault(kind, []).append(fault)
     lines = []
     for group in alike.values():
-        found = list(dict.fromkeys(group))
-        lines += found if len(found) < _MIN_ALIKE else [_once(found)]
+        different = list(dict.fromkeys(group))
+        lines += different if len(different) < _MIN_ALIKE else [_once(different)]
     if len(lines) > _MAX_FAULTS:
         more = len(lines) - (_MAX_FAULTS - 1)
         lines[_MAX_FAULTS - 1 :] = [f"and {more:,} more faults; mend these first"]
@@ -70,7 +70,7 @@ def condensed(faults: Iterable[str]) -> tuple[str, ...]:
 
 def _once(faults: Sequence[str]) -> str:
     """Return the first of several similar faults, with the places of the others."""
-    named = [one.place for one in faults[1 : _MAX_PLACES + 1] if isinstance(one, Fault)]
+    named = [fault.place for fault in faults[1 : _MAX_PLACES + 1] if isinstance(fault, Fault)]
     more = len(faults) - 1 - len(named)
     rest = f" and {more:,} more" if more else ""
     return f"{faults[0]} (the same in {', '.join(named)}{rest})"

@@ -39,12 +39,12 @@ def seen(text: str) -> str:
 
 def acts(name: str) -> str:
     """Say which character of a file's name `clean` would take out; empty if there is none."""
-    found = _CONTROLS.search(name) or _UNSEEN.search(name) or _LINES.search(name)
-    if found is None:
+    acting = _CONTROLS.search(name) or _UNSEEN.search(name) or _LINES.search(name)
+    if acting is None:
         return ""
-    if "\ud800" <= found[0] <= "\udfff":
+    if "\ud800" <= acting[0] <= "\udfff":
         return "a byte that is not UTF-8"
-    return f"U+{ord(found[0]):04X}, which acts on screens"
+    return f"U+{ord(acting[0]):04X}, which acts on screens"
 
 
 def cell(value: object) -> object:

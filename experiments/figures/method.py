@@ -137,10 +137,10 @@ def padding(result: RunResult, season: str) -> Figure:
         season_map.line_handle("best", 2.2, "best route"),
         season_map.line_handle("ink", 1.0, "hard-over turns in the current"),
     ]
-    margins = chart_map.Margins.of(result)
-    width = chart_map.WIDTH_PT - margins.left - margins.right
+    left_pt, right_pt = chart_map.side_room_pt(result)
+    width = chart_map.WIDTH_PT - left_pt - right_pt
     side = (width - (_MAX_WINDOWS - 1) * _GAP_PT) / _MAX_WINDOWS
-    first = margins.left + (width - len(places) * (side + _GAP_PT) + _GAP_PT) / 2
+    first = left_pt + (width - len(places) * (side + _GAP_PT) + _GAP_PT) / 2
     below = side + _BAR_PT if places else 0.0
     figure, [(axes, sea)] = chart_map.map_figure(result, handles, below_pt=below)
     layers = [

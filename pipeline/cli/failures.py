@@ -178,8 +178,8 @@ def _machine_fault(error: BaseException | None) -> str:
     """Say what of the machine an unexpected error is about, with the remedy; "" if nothing."""
     while error is not None:
         text = f"{type(error).__name__}: {error}"
-        if found := [said for sign, said in _MACHINE.items() if re.search(sign, text)]:
-            return f"error: {found[0]}"
+        if remedies := [said for sign, said in _MACHINE.items() if re.search(sign, text)]:
+            return f"error: {remedies[0]}"
         error = error.__cause__ or error.__context__
     return ""
 

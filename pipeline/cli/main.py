@@ -233,20 +233,16 @@ def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its na
     with reported_errors(), still_at_work():
         from pipeline.scenario.loading import load_scenario
 
-        found = load_scenario(file)
+        scenario = load_scenario(file)
         # After loading, so that faults in the file are reported at once.
         from pipeline.stages.choosing.coverage import require_sailable, require_whole_files
 
-        require_sailable(found)
-        require_whole_files(found)
-        seasons = ", ".join(season.name for season in found.seasons)
-        typer.echo(f"{found.name}: valid ({seasons}; {_vessel(found)}; 1:{found.scale:g})")
-
-
-def _vessel(scenario: "Scenario") -> str:
-    """Name a scenario's vessel: "vessel usv-7m", or by its length if it has no name."""
-    vessel = scenario.vessel
-    return f"vessel {vessel.name}" if vessel.label else f"vessel of {vessel.length_m:g} m"
+        require_sailable(scenario)
+        require_whole_files(scenario)
+        seasons = ", ".join(season.name for season in scenario.seasons)
+        vessel = scenario.vessel
+        named = f"vessel {vessel.name}" if vessel.label else f"vessel of {vessel.length_m:g} m"
+        typer.echo(f"{scenario.name}: valid ({seasons}; {named}; 1:{scenario.scale:g})")
 
 
 @app.command(cls=Command)

@@ -220,7 +220,7 @@ def season_table(outcome: Outcome, width: int | None = None) -> str:
     For each season it has the best route on each side of the main island. Ways are wrapped where
     the table is wider than `width`, in characters.
     """
-    lengths = [one.metrics.length_m for one in outcome.result.routes]
+    lengths = [ranked.metrics.length_m for ranked in outcome.result.routes]
     unit = "m" if max(lengths, default=0.0) < _SHORT_M else "km"
     head = tuple(_HEAD.format(unit=unit).split(","))
     rows: list[tuple[str, ...]] = [head]
@@ -337,9 +337,9 @@ def outcome_json(outcome: Outcome) -> str:
         "files": files,
         "routes": [_route(ranked, files) for ranked in outcome.result.routes],
         "rejected": [
-            {"season": case.name, **one}
+            {"season": case.name, **rejection}
             for case in outcome.result.cases
-            for one in rejections(case)
+            for rejection in rejections(case)
         ],
         "clock_worth": [
             {
@@ -354,9 +354,9 @@ def outcome_json(outcome: Outcome) -> str:
             if (worth := case.measures.clock_worth) is not None
         ],
         "replanned": [
-            {"season": one.name, **asdict(one.replanned)}
-            for one in outcome.result.results
-            if one.replanned is not None
+            {"season": result.name, **asdict(result.replanned)}
+            for result in outcome.result.results
+            if result.replanned is not None
         ],
         **caveats_json(outcome.result),
         "notes": note_texts(outcome.fetched.notes),

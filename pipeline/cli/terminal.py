@@ -113,9 +113,9 @@ def _hidden(value: object) -> object:
     if isinstance(value, str):
         return without_secrets(value)
     if isinstance(value, dict):
-        return {name: _hidden(one) for name, one in value.items()}
+        return {name: _hidden(inner) for name, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_hidden(one) for one in value]
+        return [_hidden(inner) for inner in value]
     return value
 
 

@@ -246,7 +246,7 @@ def _counted_compilations() -> Iterator[Callable[[], int]]:
     from numba.core import event
 
     with event.install_recorder("numba:compile") as recorder:
-        yield lambda: sum(one.is_start for _, one in recorder.buffer)
+        yield lambda: sum(compilation.is_start for _, compilation in recorder.buffer)
 
 
 @contextlib.contextmanager

@@ -55,10 +55,10 @@ class GroupedCommand(Command):
     def format_options(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - see above
         """Write arguments and options in groups, in the order in which the groups first occur."""
         groups: dict[str, list[tuple[str, str]]] = {}
-        for one in self.get_params(ctx):
-            if (record := one.get_help_record(ctx)) is not None:
-                is_argument = one.param_type_name == "argument"
-                group = getattr(one, "rich_help_panel", None)
+        for parameter in self.get_params(ctx):
+            if (record := parameter.get_help_record(ctx)) is not None:
+                is_argument = parameter.param_type_name == "argument"
+                group = getattr(parameter, "rich_help_panel", None)
                 name = "Arguments" if is_argument else group or "Other options"
                 groups.setdefault(name, []).append(record)
         for name, records in groups.items():

@@ -17,9 +17,10 @@ AS_GOOD = 0.01
 
 # Share of the time under way that is added or taken off to say what time is worth.
 _MORE_OR_LESS = 0.1
-# Smallest difference between two arrivals that counts, as a share of the time under way; smallest
-# difference in fuel that is mentioned, as a share of the fuel.
-_IN_TIME, _NO_LESS_FUEL = 5e-3, 5e-4
+# Smallest difference between two arrivals that counts, as a share of the time under way.
+_IN_TIME = 5e-3
+# Smallest difference in fuel that is mentioned, as a share of the fuel.
+_NO_LESS_FUEL = 5e-4
 
 
 def departure_text(choice: DepartureChoice) -> tuple[str, ...]:

@@ -27,12 +27,16 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
 from pipeline.model import PlaceName, Water
 from pipeline.scenario import catalogue
 
-# Largest distance between a side and the catalogue's: degrees, and a share of the island's extent.
-# The catalogue is drawn at 1:10m, where outlines are off by kilometres.
-_OFF_DEG, _OFF_SHARE = 0.05, 0.1
-# Least and largest area of a polygon, in areas of the island: the catalogue's outlines can lie far
-# from the coast.
-_LEAST, _MOST = 0.4, 1.6
+# Largest distance between a side and the catalogue's, degrees: the catalogue is drawn at 1:10m,
+# where outlines are off by kilometres.
+_OFF_DEG = 0.05
+# The same for a large island, as a share of its extent.
+_OFF_SHARE = 0.1
+# Least area of a polygon, in areas of the island: the catalogue's outlines can lie far from the
+# coast.
+_LEAST = 0.4
+# Largest area of a polygon, in areas of the island.
+_MOST = 1.6
 # Least area of a piece of an island that the region cuts.
 _LEAST_PIECE = 0.02
 # Number of compared sides that is enough without the island's point.

@@ -32,10 +32,11 @@ from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
 # Number of lines that are drawn from the island in all directions. Each is widened to a strip, and
 # the suitable strip with the least area is used.
 _DIRECTIONS = 72
-# Number of cells of the bound's finest grid; the grid is refined until the side is proven. The
-# second number is for speeds chosen in a changing current, where the bound is loose on any grid.
-# With few cells, the front passes through narrow islands: the bound stays valid, but is lower.
-_CELLS, _CELLS_AT_CHOICE = 160_000, 16_000
+# Number of cells of the bound's finest grid; the grid is refined until the side is proven. With few
+# cells, the front passes through narrow islands: the bound stays valid, but is lower.
+_CELLS = 160_000
+# The same for speeds chosen in a changing current, where the bound is loose on any grid.
+_CELLS_AT_CHOICE = 16_000
 # Width of the strip, as a share of the square root of the chart's area: three of the finest cells.
 _WIDTH = 3 / math.sqrt(_CELLS)
 # Minimum size of the land on either side of a strait, as a share of the voyage's distance.

@@ -150,7 +150,12 @@ class RunCase:
 
     def gap_figure(self, row: model.RouteMetrics) -> str:
         """Return a route's gap for readers: none is proven where the current is not known."""
-        return "not proven" if self.lacks_current else gap_figure(row.optimality_gap)
+        gap = self.proven_gap(row)
+        return "not proven" if gap is None else gap_figure(gap)
+
+    def proven_gap(self, row: model.RouteMetrics) -> float | None:
+        """Return a route's optimality gap; None where the current is not known."""
+        return None if self.lacks_current else row.optimality_gap
 
     def crossings(self, rank: int) -> FloatArray:
         """Return middles (n, 2), lon/lat, of a route's parts over the second shoreline's land."""

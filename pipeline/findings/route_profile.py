@@ -22,9 +22,11 @@ _PIECE_M = 10_000.0
 # A line that is sailed at several speeds is cut into at least this number of pieces.
 _PIECES = 500
 
-# Difference from the planned arrival that counts as none, as a share of the time under way (a
-# second in 11 days), and the number of rounds of Newton's method in which it is reached.
-_IN_TIME, _ROUNDS = 1e-6, 6
+# Difference from the planned arrival that counts as none, as a share of the time under way: one
+# second in 11 days.
+_IN_TIME = 1e-6
+# Number of rounds of Newton's method in which that is reached.
+_ROUNDS = 6
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,13 @@ if TYPE_CHECKING:
 ABSENT = "–"
 USEFUL_GAP = 1.0
 """Optimality gap above which a lower bound on fuel is of no use."""
-# Distances, metres, from which kilometres are given with one decimal, and with two.
-_ONE_DECIMAL_FROM_M, _KILOMETRES_FROM_M = 100_000.0, 1_000.0
-_DAY_S, _HOUR_S, _MINUTE_S = 86_400.0, 3_600.0, 60.0
+# Distance, metres, from which kilometres are given with one decimal.
+_ONE_DECIMAL_FROM_M = 100_000.0
+# Distance, metres, from which kilometres are given, with two decimals.
+_KILOMETRES_FROM_M = 1_000.0
+_DAY_S = 86_400.0
+_HOUR_S = 3_600.0
+_MINUTE_S = 60.0
 # Minimum fuel, unit, and name of the unit: fuel may be any number, as the vessel's rate sets its
 # unit.
 _FUEL_UNITS = ((1e9, 1e9, "billion"), (1e6, 1e6, "million"), (1e5, 1e3, "thousand"))

@@ -7,8 +7,12 @@ from pipeline.findings import text
 from pipeline.findings.result import RunResult
 from pipeline.model import Note, Replanned
 
-# Smallest fuel that is mentioned, as a share of the fuel planned; smallest time and distance, s, m.
-_LEAST, _LEAST_S, _LEAST_M = 5e-5, 30.0, 1.0
+# Smallest fuel that is mentioned, as a share of the fuel planned.
+_LEAST = 5e-5
+# Smallest time that is mentioned, s.
+_LEAST_S = 30.0
+# Smallest distance that is mentioned, m.
+_LEAST_M = 1.0
 
 
 def replanned_notes(result: RunResult) -> Iterator[Note]:

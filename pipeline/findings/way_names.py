@@ -27,9 +27,11 @@ from pipeline.model.result import NumberedIsland, Side
 from renew.classes.h_signature import Rays, rays_that_matter
 
 _COMPASS: tuple[Side, ...] = ("north", "east", "south", "west")
-# Number of sampled points of a route. Points are abeam of an island if their distance from its
-# centre is at most this multiple of the smallest distance.
-_SAMPLES, _NEAR = 1000, 2.0
+# Number of sampled points of a route.
+_SAMPLES = 1000
+# Points are abeam of an island if their distance from its centre is at most this multiple of the
+# smallest distance.
+_NEAR = 2.0
 # Number of letters of class names that are explained in a refusal.
 _MAX_LETTERS = 8
 

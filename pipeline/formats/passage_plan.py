@@ -52,22 +52,39 @@ from pipeline.formats.tables import (
 
 _RowT = TypeVar("_RowT", bound=Sequence[str])
 
-# A4, landscape, in points; margins, and the height of a line of text.
-_WIDTH, _HEIGHT, _MARGIN = 841.9, 595.3, 36.0
+# Width of a page, A4 landscape, points.
+_WIDTH = 841.9
+# Height of a page, points.
+_HEIGHT = 595.3
+# Margin of a page, points.
+_MARGIN = 36.0
 # Upper edge of the page's foot, points from the paper's lower edge.
 _FOOT = 20.0
-_LINE_PT, _ROW_PT = 11.0, 15.0
+# Height of a line of text.
+_LINE_PT = 11.0
+# Height of a row of the table.
+_ROW_PT = 15.0
 # Space between paragraphs, in lines.
 _BETWEEN = 0.3
-_SMALL, _PLAIN, _LARGE = 7.0, 8.0, 15.0
+# Size of headings, notes and the page's foot, points.
+_SMALL = 7.0
+# Size of facts and cells, points.
+_PLAIN = 8.0
+# Size of the title, points.
+_LARGE = 15.0
 # Widths of the table's columns, points; columns without a heading are left out. Height of headings.
 _COLUMNS = (50, 62, 68, 34, 32, 30, 54, 80, 56, 64, 46, 56, 138)
 _HEADINGS_PT = 28.0
 _HAVEN_COLUMNS = (80, 76, 80, 100, 76, 62, 68, 40, 40, 52, 52, 44)
-# Size of the map on a season's first page, points; its margin as a share of the route's extent.
-_MAP_PT, _MAP_MARGIN = (250.0, 160.0), 0.06
-# Characters of a line across the page, and beside the map; space above the notes, points.
-_WIDE, _BESIDE_MAP = 190, 123
+# Size of the map on a case's first page, points.
+_MAP_PT = (250.0, 160.0)
+# Margin of the map, as a share of the route's extent.
+_MAP_MARGIN = 0.06
+# Characters of a line across the page.
+_WIDE = 190
+# Characters of a line beside the map.
+_BESIDE_MAP = 123
+# Space above the notes, points.
 _NOTES_GAP_PT = 14.0
 
 
@@ -152,11 +169,11 @@ def _page(points: Waypoints, number: str) -> Figure:
     """Start a page with its title and foot."""
     page = Figure(figsize=(_WIDTH / 72, _HEIGHT / 72))
     title = f"Passage plan: {document_title(points.ranked.case)}"
-    _write(page, drawable(title, 90), _MARGIN, _HEIGHT - _MARGIN - 6, _LARGE, bold=True)
+    _write(page, drawable(title, 90), (_MARGIN, _HEIGHT - _MARGIN - 6), _LARGE, bold=True)
     created = points.ranked.case.run.created
     foot = f"{route_name(points.ranked)} · made {created:%Y-%m-%d %H:%M} UTC"
-    _write(page, drawable(foot, 120), _MARGIN, _FOOT, _SMALL)
-    _write(page, number, _WIDTH - _MARGIN, _FOOT, _SMALL, right=True)
+    _write(page, drawable(foot, 120), (_MARGIN, _FOOT), _SMALL)
+    _write(page, number, (_WIDTH - _MARGIN, _FOOT), _SMALL, right=True)
     return page
 
 
@@ -266,14 +283,14 @@ def _put_table(
     widths += (sum(columns) - widths.sum()) // len(used)
     lefts = _MARGIN + np.cumsum(widths) - widths
     for left, index in zip(lefts, used, strict=True):
-        _write(page, headings[index], left, top, _SMALL, bold=True)
+        _write(page, headings[index], (left, top), _SMALL, bold=True)
     level = top - _HEADINGS_PT
     for row in part:
         rule = [(level + 11) / _HEIGHT] * 2
         span = [_MARGIN / _WIDTH, 1 - _MARGIN / _WIDTH]
         page.add_artist(Line2D(span, rule, color=COLOURS["grid"], linewidth=0.5))
         for left, index in zip(lefts, used, strict=True):
-            _write(page, row[index], left, level + 7, _PLAIN)
+            _write(page, row[index], (left, level + 7), _PLAIN)
         level -= _ROW_PT
     return level
 
@@ -346,7 +363,7 @@ def _paragraphs(
     level = top
     for lines in paragraphs:
         for line in lines:
-            _write(page, line, _MARGIN, level, size)
+            _write(page, line, (_MARGIN, level), size)
             level -= _LINE_PT
         level -= _LINE_PT * _BETWEEN
 
@@ -354,17 +371,16 @@ def _paragraphs(
 def _write(
     page: Figure,
     text: str,
-    left: float,
-    top: float,
+    place: tuple[float, float],
     size: float,
     *,
     bold: bool = False,
     right: bool = False,
 ) -> None:
-    """Write text at a place of the page, points from its lower left corner."""
+    """Write text below a place of the page, points from its lower left corner."""
     page.text(
-        left / _WIDTH,
-        top / _HEIGHT,
+        place[0] / _WIDTH,
+        place[1] / _HEIGHT,
         text,
         fontsize=size,
         weight="bold" if bold else "normal",

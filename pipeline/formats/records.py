@@ -373,18 +373,34 @@ def _listed(texts: Iterable[str]) -> str:
     return "; ".join(dict.fromkeys(text for text in texts if text))
 
 
-# Nodes per cell of the source along each axis, as of the planner's grid, and their largest number:
-# more make the overlay of a plotter slow.
-_NODES_PER_CELL, _MAX_NODES = 2, 250_000
+# Nodes per cell of the source along each axis, as of the planner's grid.
+_NODES_PER_CELL = 2
+# Largest number of nodes: more make the overlay of a plotter slow.
+_MAX_NODES = 250_000
 # Difference below which a coordinate counts as a whole number of steps, millidegrees.
 _ROUNDING = 1e-6
-# The components in version 2 of table 2.
-_TABLE, _PARAMETERS = 2, (49, 50)
-# Codes: a missing centre, process or grid; a level; a unit of time; flags.
-_NONE, _SURFACE, _HOURS = 255, 1, 1
-_HAS_GRID_AND_BITMAP, _HAS_STEPS, _NORTHWARDS, _PADDED = 0xC0, 0x80, 0x40, 0x08
-# Bits of a packed value, and the least span that they cover, m/s.
-_BITS, _LEAST_SPAN_M_S = 16, 1e-6
+# Version of table 2, which has the parameters.
+_TABLE = 2
+# Parameters: the components of a current towards east and towards north.
+_PARAMETERS = (49, 50)
+# Code of a centre, process or grid that is not known.
+_NONE = 255
+# Code of the level: the surface.
+_SURFACE = 1
+# Code of the unit of time.
+_HOURS = 1
+# Flags of section 1: a grid's description and a bitmap follow.
+_HAS_GRID_AND_BITMAP = 0xC0
+# Flag of the grid: its steps are given.
+_HAS_STEPS = 0x80
+# Flag of the grid: rows go from south to north.
+_NORTHWARDS = 0x40
+# Flag of the data: eight bits at their end are not used.
+_PADDED = 0x08
+# Bits of a packed value.
+_BITS = 16
+# Least span that the packed values cover, m/s.
+_LEAST_SPAN_M_S = 1e-6
 
 
 def fields_from(case: RunCase) -> datetime | None:

@@ -347,5 +347,5 @@ def unknown(kind: str, value: str, known: Iterable[str]) -> str:
 
 def has_world_land(chart: ChartSpec) -> bool:
     """Say whether one of a scenario's land sources is that of the whole world."""
-    entries = (source(one.name) for one in chart.source if one.name)
+    entries = (source(given.name) for given in chart.source if given.name)
     return any(entry.adapter == "osm-land" for entry in entries)

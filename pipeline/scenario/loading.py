@@ -254,9 +254,9 @@ def _unknown_sources(scenario: Scenario) -> Iterator[str]:
     """Find names that are not in the catalogue, or that name other data than the key needs."""
     charts = scenario.chart.source
     named = [
-        (f"chart.source[{i}]" if len(charts) > 1 else "chart.source", one.name, True)
-        for i, one in enumerate(charts)
-        if one.name
+        (f"chart.source[{i}]" if len(charts) > 1 else "chart.source", chart.name, True)
+        for i, chart in enumerate(charts)
+        if chart.name
     ]
     named += [
         (f"seasons[{i}].currents[{j}]", name, False)
@@ -279,11 +279,11 @@ def _unknown_sources(scenario: Scenario) -> Iterator[str]:
 def _misplaced_stops(scenario: Scenario) -> Iterator[str]:
     """Find stops off the earth, outside the region or plane, or equal to the stop before."""
     stops = scenario.stops
-    for (one, place), (other, after) in pairwise(stops.items()):
+    for (stop, place), (next_stop, after) in pairwise(stops.items()):
         if place == after:
             yield (
-                f"{one} and {other} are the same place, {list(place)}; give two places to sail "
-                "between"
+                f"{stop} and {next_stop} are the same place, {list(place)}; give two places to "
+                "sail between"
             )
     for name, (x, y) in stops.items():
         if scenario.plane is not None:
@@ -416,7 +416,7 @@ def with_currents(
 
 def _is_in_no_table(season: object, currents: Sequence[str | list[str]]) -> bool:
     """Whether a valid season has only embedded tables as sources, and is in none of them."""
-    tables = [catalogue.source(one) for one in currents if isinstance(one, str)]
+    tables = [catalogue.source(name) for name in currents if isinstance(name, str)]
     try:
         valid = Season.model_validate(season)
     except ValidationError:
@@ -430,10 +430,10 @@ def _is_in_no_table(season: object, currents: Sequence[str | list[str]]) -> bool
 def inline(value: object) -> str:
     """Spell a value as in TOML, on one line; empty entries of tables are left out."""
     if isinstance(value, dict):
-        given = {key: one for key, one in value.items() if one not in (None, "")}
-        return f"{{ {', '.join(f'{key} = {inline(one)}' for key, one in given.items())} }}"
+        given = {key: entry for key, entry in value.items() if entry not in (None, "")}
+        return f"{{ {', '.join(f'{key} = {inline(entry)}' for key, entry in given.items())} }}"
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(inline(one) for one in value)}]"
+        return f"[{', '.join(map(inline, value))}]"
     # As in JSON, except for the one control character that JSON does not escape.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
@@ -458,12 +458,14 @@ def _lines(table: dict[str, Any], path: str) -> Iterator[str]:
             yield f"{key} = {inline(value)}"
     for key, value in inner.items():
         name = f"{path}.{key}".strip(".")
-        for one in value if _is_list(value) else (value,):
+        for inner_table in value if _is_list(value) else (value,):
             yield ""
             yield f"[[{name}]]" if _is_list(value) else f"[{name}]"
-            yield from _lines(one, name)
+            yield from _lines(inner_table, name)
 
 
 def _is_list(value: object) -> bool:
     """Whether a value is a list of tables."""
-    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
+    return (
+        isinstance(value, list) and bool(value) and all(isinstance(entry, dict) for entry in value)
+    )

@@ -376,24 +376,25 @@ class Scenario(StrictModel):
     @property
     def fastest_vessel(self) -> VesselSpec:
         """The vessel with the highest speed that it has in any season."""
-        return max(map(self.vessel_in, self.seasons), key=lambda one: one.speed_m_s)
+        return max(map(self.vessel_in, self.seasons), key=lambda vessel: vessel.speed_m_s)
 
     @property
     def stops(self) -> dict[str, strict.Point]:
         """Start, via points and goal as given, by their keys."""
-        via = {f"via[{at}]": place_of(one) for at, one in enumerate(self.via)}
+        via = {f"via[{at}]": place_of(point) for at, point in enumerate(self.via)}
         start = "start" if self.under_way is None else "start (--at)"
         return {start: self.start, **via, "goal": self.goal}
 
     @property
     def anchorage(self) -> tuple[int, timedelta] | None:
         """Which via point is the anchorage, and the longest wait there; None without a wait."""
-        return next(((at, wait_at(one)) for at, one in enumerate(self.via) if wait_at(one)), None)
+        return next(((at, wait) for at, wait in enumerate(map(wait_at, self.via)) if wait), None)
 
     def departing(self, season: str, departure: datetime, label: str) -> Self:
         """Return the scenario with a season's departure chosen, and the season's new name."""
         seasons = tuple(
-            one.departing(departure, label) if one.name == season else one for one in self.seasons
+            given.departing(departure, label) if given.name == season else given
+            for given in self.seasons
         )
         return self.model_copy(update={"seasons": seasons})
 
@@ -403,7 +404,7 @@ class Scenario(StrictModel):
 
     def passage(self, season: str, duration_s: float) -> tuple[datetime, datetime] | None:
         """Return departure and arrival, UTC, of a voyage in a season; None without a departure."""
-        departure = next((one.departure for one in self.seasons if one.name == season), None)
+        departure = next((given.departure for given in self.seasons if given.name == season), None)
         if departure is None:
             return None
         return departure.astimezone(UTC), departure.astimezone(UTC) + timedelta(seconds=duration_s)

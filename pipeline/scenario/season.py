@@ -76,14 +76,14 @@ def interval(text: str) -> timedelta:
     ValueError
         The text is no interval, or 0.
     """
-    found = _INTERVAL.fullmatch(text)
-    if not found:
+    parts = _INTERVAL.fullmatch(text)
+    if not parts:
         raise strict.RemediedError(
             f"= {text!r} is not an interval; give it as '30min', '6h' or '1d'"
         )
-    if not int(found[1]):
+    if not int(parts[1]):
         raise strict.RemediedError(f"= {text!r} is no time at all; give one above 0, such as '6h'")
-    return int(found[1]) * _UNITS[found[2]]
+    return int(parts[1]) * _UNITS[parts[2]]
 
 
 def _checked(text: str) -> str:
@@ -334,7 +334,7 @@ def source_name(named: Currents) -> str:
     if isinstance(named, str):
         return named
     paths = (named.constants,) if isinstance(named, StreamConstants) else named
-    return ", ".join(Path(one).name for one in paths)
+    return ", ".join(Path(path).name for path in paths)
 
 
 class Season(StrictModel):

@@ -92,7 +92,7 @@ def _figures(ranked: RankedRoute) -> dict[str, Any]:
         "length_m": row.length_m,
         "duration_s": row.duration_s,
         "clearance_m": row.clearance_m,
-        "gap": None if case.lacks_current else row.optimality_gap,
+        "gap": case.proven_gap(row),
         "trials": row.trials,
         "collisions": row.collisions,
         "departure": passage[0].isoformat() if passage else None,

@@ -12,12 +12,11 @@ from pathlib import Path
 import pytest
 
 from tests.robustness.campaign import draw, number
-from tests.robustness.command_lines import CommandLine, odd_command_line
+from tests.robustness.command_lines import CommandLine, odd_command_line, restore, typed_command
 from tests.robustness.limits import MAX_CPU_S, MAX_MEMORY_BYTES
 from tests.robustness.renew_processes import CODES, NIGHT_CODES, Renew
-from tests.robustness.typed_commands import restore, typed_command
 
-SAMPLE = range(6, 9)  # none of them waits for a network
+SAMPLE = range(2, 10)  # none of them waits for a network
 EXIT_CODES = {0, 1, 2, 130, 143}
 # Time after which a run counts as hung, s: it may wait for the processor, and for a scheduler.
 _HUNG_S = 150

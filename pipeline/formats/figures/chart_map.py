@@ -8,10 +8,8 @@ import io
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import Self
 
 import matplotlib as mpl
 import numpy as np
@@ -40,7 +38,10 @@ from pipeline.geo.projection import Projection
 from pipeline.texts import clean
 
 POINTS_PER_INCH = 72.0
-SMALL_PT, PLAIN_PT = 8.2, 9.5
+# Size of labels on maps.
+SMALL_PT = 8.2
+# Size of a map's lower title.
+PLAIN_PT = 9.5
 # Length of a scale bar, points, below which it has room for one label only, beside it.
 _SHORT_BAR_PT = 45.0
 # Width of a small letter or figure, points.
@@ -281,12 +282,26 @@ def _rename_ids(text: str, identity: str) -> str:
 
 # Width of a map: a phone's in CSS pixels, so that labels are readable there; a desktop enlarges it.
 WIDTH_PT = 374.0
-LEFT_PT, RIGHT_PT, BOTTOM_PT, TOP_PT = 36.0, 18.0, 40.0, 10.0
-# Minimum and maximum ratio of a map's height to its width; other charts get margins.
-_MIN_RATIO, _MAX_RATIO = 0.45, 1.7
+# Least room left of a map, for the labels of its parallels.
+LEFT_PT = 36.0
+# Least room right of a map, for half a meridian's label.
+RIGHT_PT = 18.0
+# Room below a map, for the labels of its meridians and its scale bar.
+BOTTOM_PT = 40.0
+# Room above a map.
+TOP_PT = 10.0
+# Least ratio of a map's height to its width; flatter charts get margins.
+_MIN_RATIO = 0.45
+# Greatest ratio of a map's height to its width; taller charts get margins.
+_MAX_RATIO = 1.7
 # Distance from a marker to its label.
 _LABEL_GAP_PT = 8.0
-_TITLE_PT, _LEGEND_PT, _LEGEND_ROW_PT = 30.0, 8.0, 12.0
+# Height of a map's two titles.
+_TITLE_PT = 30.0
+# Space between the maps and the legend.
+_LEGEND_PT = 8.0
+# Height of a line of the legend.
+_LEGEND_ROW_PT = 12.0
 _LEGEND_TEXT_PT = 7.5
 # Largest size of a map's upper and lower title, and whether it is bold.
 _TITLES = ((11.0, True), (PLAIN_PT, False))
@@ -294,30 +309,27 @@ _TITLES = ((11.0, True), (PLAIN_PT, False))
 _LABEL_SPACE_PT = 4.0
 # Room of an entry of a legend beside its text, in sizes of the text: handle, gaps, spacing.
 _LEGEND_EXTRA = 4.2
-# Least width of a map in a figure of a given width, and room between a text and the figure's edge.
-_MIN_WIDTH_PT, _EDGE_PT = 160.0, 3.0
+# Least width of a map in a figure of a given width.
+_MIN_WIDTH_PT = 160.0
+# Room between a text and the figure's edge.
+_EDGE_PT = 3.0
 # Room of a parallel's label beside its text.
 _LABEL_ROOM_PT = 9.0
 
 
-@dataclass(frozen=True)
-class Margins:
-    """Room around a map for the labels of its grid, points."""
+def side_room_pt(result: RunResult) -> tuple[float, float]:
+    """Return the room left and right of a map for the labels of its grid, points.
 
-    left: float
-    right: float
-
-    @classmethod
-    def of(cls, result: RunResult) -> Self:
-        """Return room for the longest labels: a whole one at the left, half of one at the right."""
-        water = result.water
-        grid = graticule(water.projection, water.chart.extent, in_metres=water.is_planar)
-        parallels = [text_width(g.label, SMALL_PT) for g in grid if not g.is_meridian]
-        meridians = [text_width(g.label, SMALL_PT) / 2 for g in grid if g.is_meridian]
-        return cls(
-            max(LEFT_PT, _LABEL_ROOM_PT + max(parallels, default=0.0)),
-            max(RIGHT_PT, _EDGE_PT + max(meridians, default=0.0)),
-        )
+    The longest label of a parallel fits at the left, half of a meridian's longest one at the right.
+    """
+    water = result.water
+    grid = graticule(water.projection, water.chart.extent, in_metres=water.is_planar)
+    parallels = [text_width(g.label, SMALL_PT) for g in grid if not g.is_meridian]
+    meridians = [text_width(g.label, SMALL_PT) / 2 for g in grid if g.is_meridian]
+    return (
+        max(LEFT_PT, _LABEL_ROOM_PT + max(parallels, default=0.0)),
+        max(RIGHT_PT, _EDGE_PT + max(meridians, default=0.0)),
+    )
 
 
 def map_figure(
@@ -335,11 +347,14 @@ def map_figure(
     is one map; `below_pt` points are left free between the maps and the legend. A figure of a given
     width has as many columns as fit, at most `columns`; otherwise each map is `WIDTH_PT` wide.
     """
-    margins = Margins.of(result)
+    left_pt, right_pt = side_room_pt(result)
     whole_width = width_pt or columns * WIDTH_PT
     columns = max(1, min(columns, int(whole_width / _MIN_WIDTH_PT)))
     width = whole_width / columns
-    height = _map_height_pt(result, width, margins)
+    inner = width - left_pt - right_pt
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
+    ratio = float(np.clip((ymax - ymin) / (xmax - xmin), _MIN_RATIO, _MAX_RATIO))
+    height = inner * ratio + BOTTOM_PT + TOP_PT
     row_height = height + (_TITLE_PT if titles else 0.0)
     count = max(1, len(titles))
     legend_columns = _legend_columns(handles, whole_width)
@@ -350,17 +365,16 @@ def map_figure(
         figsize=(whole_width / POINTS_PER_INCH, whole_height / POINTS_PER_INCH),
         facecolor=COLOURS["halo"],
     )
-    room = min(margins.left, margins.right) * 2 + width - margins.left - margins.right
+    room = min(left_pt, right_pt) * 2 + inner
     sizes = _title_sizes(titles, room - 2 * _EDGE_PT)
     maps = []
     for index in range(count):
         row, column = divmod(index, columns)
         left, bottom = column * width, whole_height - (row + 1) * row_height
-        inner = width - margins.left - margins.right
-        box_pt = (left + margins.left, bottom + BOTTOM_PT, inner, height - BOTTOM_PT - TOP_PT)
+        box_pt = (left + left_pt, bottom + BOTTOM_PT, inner, height - BOTTOM_PT - TOP_PT)
         maps.append(_map_axes(figure, result, box_pt))
         if titles:
-            middle = left + margins.left + inner / 2
+            middle = left + left_pt + inner / 2
             _draw_titles(figure, titles[index], (middle, bottom + height), sizes)
     if handles:
         figure.legend(
@@ -503,13 +517,6 @@ def _labelled(axes: Axes, grid: Sequence[GridLine]) -> Sequence[GridLine]:
         if all(gap >= (a + b) / 2 for gap, a, b in zip(apart, wide, wide[1:], strict=False)):
             return shown
     return meridians[:1]
-
-
-def _map_height_pt(result: RunResult, width_pt: float, margins: Margins) -> float:
-    """Return the height of one map with its margins, points, for a width with its margins."""
-    xmin, ymin, xmax, ymax = result.water.chart.bounds
-    ratio = float(np.clip((ymax - ymin) / (xmax - xmin), _MIN_RATIO, _MAX_RATIO))
-    return (width_pt - margins.left - margins.right) * ratio + BOTTOM_PT + TOP_PT
 
 
 def _free_side(

@@ -73,7 +73,6 @@ def departure_figure(choice: DepartureChoice) -> Figure | None:
         f"leave {moment_text(choice.chosen)}: {hours(choice.least_s)}",
         (at, high + 1.4 * room),
         on_left=on_left,
-        boxed=False,
     )
     note = "dashed: no departure takes less, apart from the paths' error" if has_floor else ""
     what = "Time under way, h (fuel in proportion)"
@@ -116,13 +115,18 @@ def trade_off_figure(found: TradeOff) -> Figure | None:
     return figure
 
 
-# Height of a route's row (points), and largest number of rows.
-_ROW_PT, _MAX_ROWS = 30.0, 6
-# Ratio to the mean of the route taken from which a route is only drawn if it is the best somewhere;
-# largest number of letters of a way.
-_MUCH_DEARER, _MAX_WAY = 1.3, 52
-# Widths of a route's line on the map (points): with no member, and what all of them add.
-_THIN_PT, _THICK_PT = 0.8, 6.0
+# Height of a route's row, points.
+_ROW_PT = 30.0
+# Largest number of rows.
+_MAX_ROWS = 6
+# Ratio to the mean of the route taken from which a route is only drawn if it is the best somewhere.
+_MUCH_DEARER = 1.3
+# Largest number of letters of a way.
+_MAX_WAY = 52
+# Width of a route's line on the map if it is the best in no member, points.
+_THIN_PT = 0.8
+# What is added to that width if it is the best in all of them, points.
+_THICK_PT = 6.0
 # Places along a route at which its share may stand.
 _PLACES = np.linspace(0.15, 0.85, 29)
 

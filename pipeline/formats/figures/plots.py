@@ -7,7 +7,6 @@ AAAI 2026).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -23,7 +22,6 @@ from pipeline.findings.result import RankedRoute
 from pipeline.findings.route_profile import RouteProfile, metres_along, route_profile
 from pipeline.findings.text import (
     at_most_percent,
-    clearance,
     clearance as kept,
     fuel_unit,
     number,
@@ -34,9 +32,22 @@ from pipeline.formats.figures.chart_map import POINTS_PER_INCH, text_width
 from pipeline.formats.palette import COLOURS
 
 _WIDTH_PT = 374.0
-_LEFT_PT, _RIGHT_PT, _TOP_PT, _BOTTOM_PT = 38.0, 12.0, 22.0, 36.0
-_PANEL_PT, _GAP_PT = 66.0, 30.0
-_TITLE_PT, TEXT_PT = 10.0, 9.0
+# Room left of the panels, for the labels of the vertical axes.
+_LEFT_PT = 38.0
+# Room right of the panels.
+_RIGHT_PT = 12.0
+# Room above the upper panel, for its title.
+_TOP_PT = 22.0
+# Room below the lowest panel, for the labels of the horizontal axis.
+_BOTTOM_PT = 36.0
+# Height of a panel of the profile.
+_PANEL_PT = 66.0
+# Room between panels of the profile, for the lower one's title.
+_GAP_PT = 30.0
+# Size of a panel's title.
+_TITLE_PT = 10.0
+# Size of all other text in a plot.
+TEXT_PT = 9.0
 # Ratio of the greatest to the least distance to land above which the axis is logarithmic.
 _LOG_AXIS_RATIO = 6.0
 # Minimum padding that is drawn, as a share of the least clearance.
@@ -268,7 +279,6 @@ def plot_text(
     *,
     on_left: bool,
     offset_pt: tuple[float, float] = (4.0, 0.0),
-    boxed: bool = True,
     coordinates: Transform | None = None,
 ) -> None:
     """Write text left or right of a place in a plot, and above it if the offset goes up.
@@ -286,7 +296,7 @@ def plot_text(
         va="bottom" if up else "center",
         fontsize=TEXT_PT,
         color=COLOURS["ink"],
-        bbox=box if boxed else None,
+        bbox=box,
         zorder=4,
         xycoords=coordinates or "data",
     )
@@ -318,7 +328,10 @@ def _round_ticks(axes: Axes) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
 
 
-_HISTOGRAM_PT, _MARK_ROW_PT = 170.0, 14.0
+# Height of the histogram of turns' reaches.
+_HISTOGRAM_PT = 170.0
+# Height of the row in which a marked distance has its text.
+_MARK_ROW_PT = 14.0
 _BINS = 30
 # Greatest distance to the coast that is drawn, as a multiple of the greatest reach; greater
 # distances are only written.
@@ -343,10 +356,11 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     reach_m = np.asarray(tightest.reaches, dtype=float) * scale
     padding_m, gap_m = tightest.turns * scale, tightest.gap * scale
     beyond = at_most_percent(float((reach_m > padding_m).mean()))
+    # Each has its distance, its colour's role, and its text.
     marks = [
-        _Mark(float(np.median(reach_m)), "median", "ink"),
-        _Mark(padding_m, "padding for turns", "other", f", exceeded by {beyond}"),
-        _Mark(gap_m, "route to no-go zone", "best"),
+        (float(np.median(reach_m)), "ink", "median {}"),
+        (padding_m, "other", f"padding for turns {{}}, exceeded by {beyond}"),
+        (gap_m, "best", "route to no-go zone {}"),
     ]
     furthest_m = max(float(reach_m.max()), padding_m)
     shown_gap_m = gap_m if gap_m <= _MAX_GAP_REACHES * furthest_m else 0.0
@@ -364,34 +378,20 @@ def padding_figure(tightest: renew.Tightest, scale: float) -> Figure:
     axes.set_xlim(0, end_m / unit_m)
     axes.set_ylim(0, _AXIS_FACTOR * shares.max() / (1 - rows))
     # The nearest mark is the lowest, so that text left of a line crosses no other line.
-    for row, mark in enumerate(sorted(marks, key=lambda mark: -mark.value_m)):
-        _draw_mark(axes, mark, unit_m, 1 - (row + 0.5) * _MARK_ROW_PT / _HISTOGRAM_PT)
+    for row, (metres, role, text) in enumerate(sorted(marks, key=lambda mark: -mark[0])):
+        height = 1 - (row + 0.5) * _MARK_ROW_PT / _HISTOGRAM_PT
+        written = text.format(kept(metres))
+        if metres <= end_m:
+            axes.axvline(metres / unit_m, 0, height, color=COLOURS[role], linewidth=1.8, zorder=3)
+        else:
+            written += " \N{RIGHTWARDS ARROW}"
+        plot_text(
+            axes,
+            written,
+            (min(metres, end_m) / unit_m, height),
+            on_left=metres > _TEXT_LEFT_FROM * end_m,
+            coordinates=axes.get_xaxis_transform(),
+        )
     plot_title(axes, "How far hard-over turns reach", "% of turns")
     plot_x_label(axes, f"reach from the tightest place, {unit}")
     return figure
-
-
-class _Mark(NamedTuple):
-    """A distance (true metres) marked in a histogram: name, colour's role, and a remark."""
-
-    value_m: float
-    name: str
-    role: str
-    remark: str = ""
-
-
-def _draw_mark(axes: Axes, mark: _Mark, unit_m: float, height: float) -> None:
-    """Draw a mark as a line up to its text, at a share of the panel's height."""
-    x, (_, end) = mark.value_m / unit_m, axes.get_xlim()
-    text = f"{mark.name} {clearance(mark.value_m)}{mark.remark}"
-    if x <= end:
-        axes.axvline(x, 0, height, color=COLOURS[mark.role], linewidth=1.8, zorder=3)
-    else:
-        text += " \N{RIGHTWARDS ARROW}"
-    plot_text(
-        axes,
-        text,
-        (min(x, end), height),
-        on_left=x > _TEXT_LEFT_FROM * end,
-        coordinates=axes.get_xaxis_transform(),
-    )

@@ -35,7 +35,10 @@ from pipeline.formats.palette import COLOURS, STATES, season_colour
 # most of a file.
 DETAIL_PT = 0.25
 SOFT_ALPHA = 0.38
-ZONE_ALPHA, ZONE_DASHES = 0.06, (0, (4, 2))
+# Opacity of a restricted area or traffic scheme, which must not hide what lies below.
+ZONE_ALPHA = 0.06
+# Dashes of its edge.
+ZONE_DASHES = (0, (4, 2))
 
 
 def chart_layers(axes: Axes, result: RunResult) -> list[Artist]:

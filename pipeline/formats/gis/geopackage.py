@@ -1,10 +1,10 @@
-"""Files for a GIS: `routes.gpkg`, with a QGIS project inside, and each season's `.geojson`.
+"""Files for a GIS: `routes.gpkg`, with a QGIS project inside, and each case's `.geojson`.
 
 GDAL writes version 1.4 of the format by default; GDAL 3.6, common on desktops, reads it only in
 part. Lines that are straight in the planner's plane are split into short pieces first: a GIS, which
 draws straight lines in degrees, then shows and measures the planned line.
 
-The project opens as a finished map. Its layers are listed in a group per season, with land below;
+The project opens as a finished map. Its layers are listed in a group per case, with land below;
 land is drawn over the soft no-go zones, as in the paper. It refers to the file by its name: the
 file may be moved, but not renamed.
 """
@@ -43,8 +43,8 @@ from pipeline.formats.gis.frames import (
 from pipeline.formats.gis.layers import FRAMES, waypoint_frame
 from pipeline.formats.gis.qgis import (
     Bounds,
+    CaseView,
     MapCrs,
-    SeasonView,
     Style,
     View,
     inert,
@@ -57,6 +57,7 @@ from pipeline.formats.gis.qgis import (
 from pipeline.formats.gis.styles import qml, style
 from pipeline.formats.palette import COLOURS
 from pipeline.formats.passage.waypoints import (
+    NAUTICAL_MILE_M,
     attribution,
     case_waypoints,
     document_title,
@@ -64,6 +65,7 @@ from pipeline.formats.passage.waypoints import (
     within_180,
 )
 from pipeline.formats.records import manifest
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 
 # Drawing order, from the top down.
 _DRAWING_ORDER = (
@@ -72,8 +74,8 @@ _DRAWING_ORDER = (
     *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
     *("tidal_water", "depth_areas"),
 )
-# Layers of a season's group -> whether the leading season shows them at first.
-_SEASON_LAYERS = {
+# Layers of a case's group -> whether the leading case shows them at first.
+_CASE_LAYERS = {
     **dict.fromkeys(("passage", "routes", "legs"), True),
     **dict.fromkeys(("path_points", "contingency"), False),
     **dict.fromkeys(("shore_crossings", "havens", "coverage", "diversions"), True),
@@ -87,34 +89,38 @@ _GEOMETRIES = {"LineString": "Line", "Point": "Point", "MultiPolygon": "Polygon"
 _WRAP = 100
 
 _PAGES_MM = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
-# Margin of a page, and on an A4 page the height of the title and the credits and the width of the
-# legend; on A3 they are larger by the ratio of the pages.
-_MARGIN_MM, _TITLE_MM, _CREDITS_MM, _LEGEND_MM = 10.0, 12.0, 16.0, 62.0
-_NAUTICAL_MILE_M, _METRES_PER_DEGREE = 1852.0, 111_195.0
+# Margin of a page.
+_MARGIN_MM = 10.0
+# Height of the title on an A4 page; on A3 it is larger by the ratio of the pages, as are the next.
+_TITLE_MM = 12.0
+# Height of the credits on an A4 page.
+_CREDITS_MM = 16.0
+# Width of the legend on an A4 page.
+_LEGEND_MM = 62.0
 # Length of half a scale bar, as a share of the map's width.
 _BAR_SHARE = 1 / 10
 
 
 @dataclass(frozen=True)
 class _ProjectLayer:
-    """A layer of the project: one season's part of a layer of the file, or all of it."""
+    """A layer of the project: one case's part of a layer of the file, or all of it."""
 
     layer: Layer
     view: View
-    season: SeasonView | None
+    case: CaseView | None
 
     @property
     def identity(self) -> str:
         """The layer's identifier inside the project; QGIS wants more than ten characters."""
-        part = "all_seasons" if self.season is None else f"season_{self.season.number}"
+        part = "all_seasons" if self.case is None else f"season_{self.case.number}"
         return f"{self.layer.name}_{part}"
 
     @property
     def is_on(self) -> bool:
-        """Whether it is drawn at first: land, all best routes, and one season in full."""
-        if self.season is None or self.layer.name == "routes":
+        """Whether it is drawn at first: land, all best routes, and one case in full."""
+        if self.case is None or self.layer.name == "routes":
             return True
-        return self.season.leads and _SEASON_LAYERS[self.layer.name]
+        return self.case.leads and _CASE_LAYERS[self.layer.name]
 
     @property
     def geometry(self) -> str:
@@ -128,15 +134,15 @@ class _ProjectLayer:
 
     @property
     def routes_identity(self) -> str:
-        """Identifier of its season's routes."""
+        """Identifier of its case's routes."""
         return replace(self, layer=LAYERS["routes"]).identity
 
     def source(self, file_name: str) -> str:
         """Return data source of its features, relative to the project."""
         source = f"./{file_name}|layername={self.layer.name}"
-        if self.season is None:
+        if self.case is None:
             return source
-        return f'{source}|subset="season" = {_sql(self.season.name)}'
+        return f'{source}|subset="season" = {_sql(self.case.name)}'
 
 
 def qgz(
@@ -151,8 +157,8 @@ def qgz(
         crs=crs,
         lonlat=lonlat_system(),
         layers=_project_layers(columns, replace(view, convergence=crs.convergence)),
-        seasons=view.seasons,
-        season_layers=_SEASON_LAYERS,
+        cases=view.cases,
+        case_layers=_CASE_LAYERS,
         columns=columns,
         fields=COLUMNS,
         file_name=file_name,
@@ -174,19 +180,19 @@ def qgz(
 def _project_layers(names: Collection[str], view: View) -> list[_ProjectLayer]:
     """Return the layers of the project in their drawing order, the top one first.
 
-    The leading season is below the others, since its best route is wider.
+    The leading case is below the others, since its best route is wider.
     """
     layers = []
     for name in _DRAWING_ORDER:
         if name not in names:
             continue
-        if name not in _SEASON_LAYERS:
+        if name not in _CASE_LAYERS:
             layers.append(_ProjectLayer(LAYERS[name], view, None))
             continue
         layers += [
-            _ProjectLayer(LAYERS[name], replace(view, seasons=(season,)), season)
-            for season in sorted(view.seasons, key=lambda season: season.leads)
-            if season.planned or name == "currents"
+            _ProjectLayer(LAYERS[name], replace(view, cases=(case,)), case)
+            for case in sorted(view.cases, key=lambda case: case.leads)
+            if case.planned or name == "currents"
         ]
     return layers
 
@@ -198,34 +204,20 @@ def _sql(text: str) -> str:
     return f"CAST(X'{text.encode('utf-8', 'replace').hex()}' AS TEXT)"
 
 
-@dataclass(frozen=True)
-class Page:
-    """A page of a print layout.
+def _page(name: str, width: float, height: float, crs: MapCrs) -> dict[str, object]:
+    """Lay out a page of a print layout, of a width and height in millimetres.
 
-    Attributes
-    ----------
-    scale : ratio of its width to an A4 page's; fonts grow by it, too.
-    boxes : item -> its left, top, width and height, mm.
-    bounds : bounds of its map.
-    bar_miles : length of each half of the scale bar, nautical miles.
+    `scale` is the ratio of its width to an A4 page's, by which fonts grow, too. `boxes` have left,
+    top, width and height of each item, mm; `bounds` are those of its map; `bar_miles` is the length
+    of each half of the scale bar, nautical miles.
     """
-
-    name: str
-    scale: float
-    boxes: dict[str, tuple[float, float, float, float]]
-    bounds: Bounds
-    bar_miles: float
-
-
-def _page(name: str, width: float, height: float, crs: MapCrs) -> Page:
-    """Lay out a page of a width and height in millimetres."""
     scale = width / _PAGES_MM["A4"][0]
     title_mm, credits_mm, legend_mm = (s * scale for s in (_TITLE_MM, _CREDITS_MM, _LEGEND_MM))
     inner = width - 2 * _MARGIN_MM
     top, low = _MARGIN_MM + title_mm, height - _MARGIN_MM - credits_mm
     map_mm = inner - legend_mm
     bounds = _with_ratio(crs.bounds, map_mm / (low - top))
-    unit_m = _METRES_PER_DEGREE if crs.is_lonlat else 1.0
+    unit_m = METRES_PER_DEGREE if crs.is_lonlat else 1.0
     boxes = {
         "page": (0.0, 0.0, width, height),
         "map": (_MARGIN_MM, top, map_mm, low - top),
@@ -234,8 +226,8 @@ def _page(name: str, width: float, height: float, crs: MapCrs) -> Page:
         "legend": (_MARGIN_MM + map_mm + 2, top, 0.0, 0.0),
         "map scale": (_MARGIN_MM + 3, low - 16, 60.0, 13.0),
     }
-    miles = nice_step((bounds[2] - bounds[0]) * unit_m * _BAR_SHARE / _NAUTICAL_MILE_M)
-    return Page(name, scale, boxes, bounds, miles)
+    miles = nice_step((bounds[2] - bounds[0]) * unit_m * _BAR_SHARE / NAUTICAL_MILE_M)
+    return {"name": name, "scale": scale, "boxes": boxes, "bounds": bounds, "bar_miles": miles}
 
 
 def _with_ratio(bounds: Bounds, ratio: float) -> Bounds:

@@ -23,26 +23,31 @@ from pipeline.texts import clean
 
 # Width, metres on paper or screen, at which a map opens.
 _MAP_WIDTH_M = 0.25
-# Spacing of arrows without a grid, and margin around the chart, as shares of the chart's longer
-# side; maximum length of a segment of the chart's edge, as a share of the edge.
-_SPACING_SHARE, _MARGIN, _SEGMENT_SHARE = 1 / 24, 0.03, 1 / 64
+# Spacing of arrows where the current has no grid, as a share of the chart's longer side.
+_SPACING_SHARE = 1 / 24
+# Margin around the chart, as a share of its longer side.
+_MARGIN = 0.03
+# Maximum length of a segment of the chart's edge, as a share of the edge.
+_SEGMENT_SHARE = 1 / 64
 
 Bounds: TypeAlias = tuple[float, float, float, float]  # xmin, ymin, xmax, ymax
 
 _NAME = "Plane of the RENEW planner"
 # Maximum error of a UTM zone's scale, as a share: 1.5 mm across an A4 page.
 _MAX_SCALE_ERROR = 5e-3
-# Latitudes between which there are UTM zones, degrees, and the width of one.
-_UTM_LATITUDES_DEG, _ZONE_DEG = (-80.0, 84.0), 6
+# Latitudes between which there are UTM zones, degrees.
+_UTM_LATITUDES_DEG = (-80.0, 84.0)
+# Width of a UTM zone, degrees.
+_ZONE_DEG = 6
 # Maximum distance in longitude, degrees, from the central meridian for the fit of the convergence.
 _MAX_LONGITUDE_OFFSET_DEG = 179.0
 
 
 @dataclass(frozen=True)
-class SeasonView:
-    """How a season is shown.
+class CaseView:
+    """How a case is shown.
 
-    `number` identifies it inside a project, whatever its name. `leads` marks the season that is
+    `number` identifies it inside a project, whatever its name. `leads` marks the case that is
     shown in full at first. `spacing_m` is the distance between the current's points in true metres;
     if they are a grid, `origin` and `step_deg` give its first point and steps to east and north.
     """
@@ -60,12 +65,12 @@ class SeasonView:
 
 @dataclass(frozen=True)
 class View:
-    """A map's seasons, classes of current speed, and scale (denominator) that shows all of it.
+    """A map's cases, classes of current speed, and scale (denominator) that shows all of it.
 
     `convergence` is as in `MapCrs`.
     """
 
-    seasons: tuple[SeasonView, ...]
+    cases: tuple[CaseView, ...]
     speeds: SpeedScale
     full_scale: float
     convergence: str = ""
@@ -77,7 +82,7 @@ def view(result: RunResult) -> View:
     lead = min(ranked, key=lambda route: route.metrics.fuel).case if ranked else result.cases[0]
     xmin, ymin, xmax, ymax = result.water.chart.bounds
     across_m = max(xmax - xmin, ymax - ymin) * result.water.projection.scale
-    seasons = []
+    cases = []
     for case in result.cases:
         spacing_m, origin, step = across_m * _SPACING_SHARE, (0.0, 0.0), None
         if (grid := case.grid) is not None:
@@ -85,8 +90,8 @@ def view(result: RunResult) -> View:
             origin = float(grid.lon[0]), float(grid.lat[0])
             narrow = float(np.cos(np.radians(grid.lat.mean())))
             spacing_m = min(step[0] * narrow, step[1]) * METRES_PER_DEGREE
-        seasons.append(
-            SeasonView(
+        cases.append(
+            CaseView(
                 number=case.number + 1,
                 name=case.name,
                 title=case.title,
@@ -98,7 +103,7 @@ def view(result: RunResult) -> View:
                 step_deg=step,
             )
         )
-    return View(tuple(seasons), speed_scale(result), across_m / _MAP_WIDTH_M)
+    return View(tuple(cases), speed_scale(result), across_m / _MAP_WIDTH_M)
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from typing import TypeAlias
 
 from pipeline.findings.columns import COLUMNS
 from pipeline.formats.gis.qgis import (
+    CaseView,
     Label,
     Rule,
-    SeasonView,
     Style,
     SymbolLayer,
     View,
@@ -22,7 +22,7 @@ from pipeline.formats.gis.qgis import (
 )
 from pipeline.formats.palette import COLOURS, STATES
 
-_Symbol: TypeAlias = Callable[[SeasonView], SymbolLayer]
+_Symbol: TypeAlias = Callable[[CaseView], SymbolLayer]
 
 # Tints by least depth of an area, m at chart datum: from the first limit to below the second.
 _DEPTH_TINTS = (
@@ -37,15 +37,21 @@ _DEPTH_UNKNOWN = "#d5d5d5"
 
 # Colour of a turn that met land; no other feature has it.
 _COLLISION_COLOUR = "#d50000"
-_HALO, _INK = colour(COLOURS["halo"]), colour(COLOURS["ink"])
+# Around symbols and text, so that they stand out from what is below.
+_HALO = colour(COLOURS["halo"])
+# Of text.
+_INK = colour(COLOURS["ink"])
 _SOFT_OPACITY = 0.38
-_BEST, _OTHER = '"rank" = 1', '"rank" > 1'
+# Condition of the best route's features.
+_BEST = '"rank" = 1'
+# Condition of the features of the other classes' routes.
+_OTHER = '"rank" > 1'
 _AT_GOAL = '"course_deg" IS NULL'
 # Minimum and maximum length of the strongest arrows on paper, mm; closer points are thinned out.
 _ARROW_MM = (5.5, 12.0)
 # Length of an arrow of speed 0, as a share of the strongest's.
 _SHORTEST = 0.4
-# Maximum number of characters of a season's title along its route.
+# Maximum number of characters of a case's title along its route.
 _MAX_LABEL_LENGTH = 32
 
 
@@ -94,42 +100,42 @@ def qml(layer: str, view: View, columns: Iterable[str]) -> str:
 
 
 def _routes(view: View) -> Style:
-    """Draw the best route bold, all others thin, in the season's colour.
+    """Draw the best route bold, all others thin, in the case's colour.
 
-    The leading season's best route is wider, on a halo, and lies below the other seasons', so that
+    The leading case's best route is wider, on a halo, and lies below the other cases', so that
     both are visible where they coincide.
     """
 
-    def rules(season: SeasonView) -> list[Rule]:
-        others = line(colour(season.colour, 0.6), 0.32)
-        best = [line(colour(season.colour), 0.7, level=3)]
-        if season.leads:
-            best = [line(_HALO, 1.9, level=1), line(colour(season.colour), 1.2, level=2)]
+    def rules(case: CaseView) -> list[Rule]:
+        others = line(colour(case.colour, 0.6), 0.32)
+        best = [line(colour(case.colour), 0.7, level=3)]
+        if case.leads:
+            best = [line(_HALO, 1.9, level=1), line(colour(case.colour), 1.2, level=2)]
         return [
             Rule("Best route", _BEST, best),
-            Rule("Other classes", _OTHER, [others], on=season.leads),
+            Rule("Other classes", _OTHER, [others], on=case.leads),
         ]
 
     labels = [
         Label(
-            literal(one_line(season.title, _MAX_LABEL_LENGTH)),
-            f"{_BEST} AND {_of(season)}",
-            colour(season.colour),
+            literal(one_line(case.title, _MAX_LABEL_LENGTH)),
+            f"{_BEST} AND {_of(case)}",
+            colour(case.colour),
             9,
             along_line=True,
         )
-        for season in view.seasons
+        for case in view.cases
     ]
-    return Style("line", _by_season(view, rules, all_on=True), labels, levels=True)
+    return Style("line", _by_case(view, rules, all_on=True), labels, levels=True)
 
 
 def _passage(view: View) -> Style:
     """Mark waypoints, start and goal of the best routes; at larger scales, with courses."""
 
-    def rules(season: SeasonView) -> list[Rule]:
-        own = colour(season.colour)
+    def rules(case: CaseView) -> list[Rule]:
+        own = colour(case.colour)
         between = f'{_BEST} AND "sequence" > 1 AND NOT ({_AT_GOAL})'
-        small = marker("circle", colour(season.colour, 0.6), _HALO, 0.9)
+        small = marker("circle", colour(case.colour, 0.6), _HALO, 0.9)
         among = marker("circle", _HALO, own, 1.8, 0.4, level=1)
         start = marker("circle", _HALO, own, 3.4, 0.8, level=2)
         goal = marker("diamond", _HALO, own, 4.0, 0.8, level=2)
@@ -142,22 +148,22 @@ def _passage(view: View) -> Style:
 
     closer = view.full_scale / 4
     labels = []
-    for season in view.seasons:
-        if season.leads or len(view.seasons) == 1:
-            ends = f'{_BEST} AND ("sequence" = 1 OR {_AT_GOAL}) AND {_of(season)}'
+    for case in view.cases:
+        if case.leads or len(view.cases) == 1:
+            ends = f'{_BEST} AND ("sequence" = 1 OR {_AT_GOAL}) AND {_of(case)}'
             labels.append(Label('"name"', ends, _INK, 10))
     course = f"\"name\" || ': ' || lpad(round(\"course_deg\") % 360, 3, '0') || {literal('°')}"
     labels.append(Label(course, f"{_BEST} AND NOT ({_AT_GOAL})", _INK, 8, finer_than=closer))
-    return Style("marker", _by_season(view, rules), labels, levels=True)
+    return Style("marker", _by_case(view, rules), labels, levels=True)
 
 
 def _best_and_others(view: View, best: _Symbol, others: _Symbol) -> list[Rule]:
     """Draw the features of the best routes; those of other classes are switched off at first."""
-    return _by_season(
+    return _by_case(
         view,
-        lambda season: [
-            Rule("Of the best route", _BEST, [best(season)]),
-            Rule("Of the other classes", _OTHER, [others(season)], on=False),
+        lambda case: [
+            Rule("Of the best route", _BEST, [best(case)]),
+            Rule("Of the other classes", _OTHER, [others(case)], on=False),
         ],
     )
 
@@ -165,8 +171,8 @@ def _best_and_others(view: View, best: _Symbol, others: _Symbol) -> list[Rule]:
 def _legs(view: View) -> Style:
     """Fill the water within the cross-track limits."""
 
-    def water(season: SeasonView, edge: float) -> SymbolLayer:
-        return fill(colour(season.colour, 0.18), colour(season.colour, 0.7), edge)
+    def water(case: CaseView, edge: float) -> SymbolLayer:
+        return fill(colour(case.colour, 0.18), colour(case.colour, 0.7), edge)
 
     return Style("fill", _best_and_others(view, lambda s: water(s, 0.15), lambda s: water(s, 0.1)))
 
@@ -174,8 +180,8 @@ def _legs(view: View) -> Style:
 def _path_points(view: View) -> Style:
     """Dot the points of the planned paths."""
 
-    def dot(season: SeasonView, opacity: float, size: float) -> SymbolLayer:
-        return marker("circle", colour(season.colour, opacity), _HALO, size)
+    def dot(case: CaseView, opacity: float, size: float) -> SymbolLayer:
+        return marker("circle", colour(case.colour, opacity), _HALO, size)
 
     rules = _best_and_others(view, lambda s: dot(s, 1.0, 0.9), lambda s: dot(s, 0.5, 0.7))
     return Style("marker", rules)
@@ -184,16 +190,16 @@ def _path_points(view: View) -> Style:
 def _channels(view: View) -> Style:
     """Outline channels; those of rejected classes dotted."""
 
-    def rules(season: SeasonView) -> list[Rule]:
-        own, faint = colour(season.colour, 0.7), colour(COLOURS["other"], 0.5)
+    def rules(case: CaseView) -> list[Rule]:
+        own, faint = colour(case.colour, 0.7), colour(COLOURS["other"], 0.5)
         none = colour(COLOURS["halo"], 0.0)
         return [
-            Rule("Of the best route", _BEST, [fill(colour(season.colour, 0.05), own, 0.5)]),
+            Rule("Of the best route", _BEST, [fill(colour(case.colour, 0.05), own, 0.5)]),
             Rule("Of the other classes", _OTHER, [fill(none, faint, 0.2)], on=False),
             Rule("Rejected", '"rank" = 0', [fill(none, faint, 0.3, dotted=True)], on=False),
         ]
 
-    return Style("fill", _by_season(view, rules))
+    return Style("fill", _by_case(view, rules))
 
 
 def _islands() -> Style:
@@ -216,31 +222,31 @@ def _currents(view: View) -> Style:
     rotation = '"direction"' + (f" - {view.convergence}" if view.convergence else "")
     limits = view.speeds.limits
 
-    def rules(season: SeasonView) -> list[Rule]:
+    def rules(case: CaseView) -> list[Rule]:
         drawn = []
         for index, (label, lower) in enumerate(
             zip(view.speeds.labels, (0.0, *limits[:-1]), strict=True)
         ):
             share = _SHORTEST + (1 - _SHORTEST) * (index + 1) / len(limits)
             upto = f' AND "speed" <= {limits[index]:g}' if index + 1 < len(limits) else ""
-            condition = f'"speed" > {lower:g}{upto}{_thinned(season, view.full_scale)}'
+            condition = f'"speed" > {lower:g}{upto}{_thinned(case, view.full_scale)}'
             on_paper = (share * _ARROW_MM[0], share * _ARROW_MM[1])
             tint = colour(COLOURS[f"speed{index}"])
-            symbol = arrow(tint, share * season.spacing_m, rotation, on_paper)
+            symbol = arrow(tint, share * case.spacing_m, rotation, on_paper)
             drawn.append(Rule(f"{label} m/s", condition, [symbol]))
         return drawn
 
-    return Style("marker", _by_season(view, rules))
+    return Style("marker", _by_case(view, rules))
 
 
-def _thinned(season: SeasonView, full_scale: float) -> str:
+def _thinned(case: CaseView, full_scale: float) -> str:
     """Return a condition that omits points that would be too close on a map of the whole chart."""
     min_spacing_m = _ARROW_MM[0] / 1000 * full_scale
-    every = round(min_spacing_m / season.spacing_m + 0.49)
-    if season.step_deg is None or every < 2:
+    every = round(min_spacing_m / case.spacing_m + 0.49)
+    if case.step_deg is None or every < 2:
         return ""
-    (west, south), (east, north) = season.origin, season.step_deg
-    roomy_scale = 1000 * season.spacing_m / _ARROW_MM[0]
+    (west, south), (east, north) = case.origin, case.step_deg
+    roomy_scale = 1000 * case.spacing_m / _ARROW_MM[0]
     return (
         f" AND (@map_scale < {roomy_scale:.0f}"
         f" OR (round((x($geometry) - {west:.10g}) / {east:.10g}) % {every} = 0"
@@ -251,9 +257,9 @@ def _thinned(season: SeasonView, full_scale: float) -> str:
 def _contingency(view: View) -> Style:
     """Mark turns that met a no-go area with a cross, all others with a dot."""
 
-    def rules(season: SeasonView) -> list[Rule]:
-        dot = marker("circle", colour(season.colour, 0.75), _HALO, 0.8)
-        faint = marker("circle", colour(season.colour, 0.4), _HALO, 0.6)
+    def rules(case: CaseView) -> list[Rule]:
+        dot = marker("circle", colour(case.colour, 0.75), _HALO, 0.8)
+        faint = marker("circle", colour(case.colour, 0.4), _HALO, 0.6)
         cross = marker("cross2", colour(_COLLISION_COLOUR), colour(_COLLISION_COLOUR), 2.6, 0.7)
         return [
             Rule("Clear", f'{_BEST} AND NOT "collided"', [dot]),
@@ -261,7 +267,7 @@ def _contingency(view: View) -> Style:
             Rule("Met a no-go area", '"collided"', [cross]),
         ]
 
-    return Style("marker", _by_season(view, rules))
+    return Style("marker", _by_case(view, rules))
 
 
 def _shore_crossings(view: View) -> Style:
@@ -275,20 +281,20 @@ def _shore_crossings(view: View) -> Style:
 def _havens(view: View) -> Style:
     """Mark havens with their names; those that are not used are hollow."""
 
-    def rules(_: SeasonView) -> list[Rule]:
+    def rules(_: CaseView) -> list[Rule]:
         own, none = colour(COLOURS["haven"]), colour(COLOURS["halo"], 0.0)
         return [
             Rule("Havens", "\"reason\" = ''", [marker("triangle", own, _HALO, 3.4, 0.4)]),
             Rule("Not used", "\"reason\" <> ''", [marker("triangle", none, own, 3.0, 0.4)]),
         ]
 
-    return Style("marker", _by_season(view, rules), [Label('"name"', "", _INK, 9)])
+    return Style("marker", _by_case(view, rules), [Label('"name"', "", _INK, 9)])
 
 
 def _diversions(view: View) -> Style:
     """Draw ways to havens thin."""
     own = line(colour(COLOURS["haven"], 0.8), 0.3)
-    return Style("line", _by_season(view, lambda _: [Rule("Ways to havens", "", [own])]))
+    return Style("line", _by_case(view, lambda _: [Rule("Ways to havens", "", [own])]))
 
 
 def _coverage(view: View) -> Style:
@@ -298,24 +304,24 @@ def _coverage(view: View) -> Style:
         Rule(state.capitalize(), f"\"state\" = '{state}'", [line(colour(STATES[state]), width)])
         for state, width in widths.items()
     ]
-    return Style("line", _by_season(view, lambda _: rules))
+    return Style("line", _by_case(view, lambda _: rules))
 
 
-def _by_season(
-    view: View, rules: Callable[[SeasonView], list[Rule]], *, all_on: bool = False
+def _by_case(
+    view: View, rules: Callable[[CaseView], list[Rule]], *, all_on: bool = False
 ) -> list[Rule]:
-    """Group the rules of each season under a rule of its own, if there are several seasons."""
-    if len(view.seasons) == 1:
-        return rules(view.seasons[0])
+    """Group the rules of each case under a rule of its own, if there are several cases."""
+    if len(view.cases) == 1:
+        return rules(view.cases[0])
     return [
-        Rule(season.title, _of(season), children=rules(season), on=all_on or season.leads)
-        for season in view.seasons
+        Rule(case.title, _of(case), children=rules(case), on=all_on or case.leads)
+        for case in view.cases
     ]
 
 
-def _of(season: SeasonView) -> str:
-    """Return the condition that a feature belongs to a season."""
-    return f'"season" = {literal(season.name)}'
+def _of(case: CaseView) -> str:
+    """Return the condition that a feature belongs to a case."""
+    return f'"season" = {literal(case.name)}'
 
 
 _STYLES: dict[str, Callable[[View], Style]] = {

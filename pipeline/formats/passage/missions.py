@@ -20,6 +20,7 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pyproj
@@ -73,28 +74,21 @@ _TOLD = "_autopilot"
 
 
 @dataclass(frozen=True)
-class Fence:
-    """An inclusion polygon (n, 2) and the exclusion polygons (m, 2) in it, degrees, not closed."""
-
-    inclusion: FloatArray
-    exclusions: tuple[FloatArray, ...]
-
-
-@dataclass(frozen=True)
 class Autopilot:
     """What a mission's file may tell an autopilot beside the way.
 
     Attributes
     ----------
-    fence : all that is inside the inclusion polygon and outside the exclusion polygons is water
-        outside V. None if none was found of so few vertices, if a leg lies in V, where nothing is
-        promised, or on a chart across 180 degrees.
+    fence : the inclusion polygon (n, 2), then the exclusion polygons (m, 2) in it, degrees, not
+        closed: all that is inside the first and outside the others is water outside V. None if no
+        fence of so few vertices was found, if a leg lies in V, where nothing is promised, or on a
+        chart across 180 degrees.
     rally : points (n, 2), degrees, n >= 0, in the fence if there is one, such that from every place
         of the legs the straight line to the nearest one of them and the start is water outside V.
         None if there are none such, the start alone included: then the vessel must not return.
     """
 
-    fence: Fence | None
+    fence: tuple[FloatArray, ...] | None
     rally: FloatArray | None
 
 
@@ -123,8 +117,7 @@ def _autopilot(case: RunCase) -> Autopilot:
     lonlat = case.run.water.projection.to_lonlat(np.reshape(places, (-1, 2)))
     havens = np.round(lonlat, _DECIMALS)
     if found is not None:  # An autopilot passes over rally points outside its fence.
-        rings = found.inclusion, *found.exclusions
-        inside, *shut = (shapely.contains_xy(shapely.Polygon(ring), havens) for ring in rings)
+        inside, *shut = (shapely.contains_xy(shapely.Polygon(ring), havens) for ring in found)
         havens = havens[inside & ~np.any(shut, axis=0)]
     havens = havens[:MAX_RALLY_POINTS]
     for rally in (havens, havens[:0]) if len(havens) else (havens,):
@@ -184,7 +177,7 @@ def _beside(points: Waypoints) -> shapely.Geometry:
 
 def _fence(
     flat: _Flat, water: shapely.Polygon, used: shapely.Geometry, kept: shapely.Geometry
-) -> Fence | None:
+) -> tuple[FloatArray, ...] | None:
     """Return the first fence found, in water that is narrowed step by step but for what is used."""
     edges, narrowed = shapely.boundary(shapely.difference(water, kept)), water
     shapely.prepare(edges)
@@ -219,8 +212,7 @@ def _fence(
             continue
         allowed = shapely.difference(polygons[0], shapely.union_all(polygons[1:]))
         if allowed.covers(kept) and water.covers(allowed):
-            inclusion, *exclusions = map(flat.lonlat, rings)
-            return Fence(inclusion, tuple(exclusions))
+            return tuple(map(flat.lonlat, rings))
     return None
 
 
@@ -289,26 +281,32 @@ def _distances(one: FloatArray, sites: FloatArray) -> FloatArray:
     return np.asarray(_GEOD.inv(lon, lat, to[..., 0], to[..., 1])[2])
 
 
-# MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED, which sets the speed over ground and leaves the
-# throttle as it is; positions are relative to home (MAV_FRAME_GLOBAL_RELATIVE_ALT).
-_WAYPOINT, _CHANGE_SPEED = 16, 178
-_OVER_GROUND, _SAME_THROTTLE = 1.0, -1.0
-_ABSOLUTE, _NO_POSITION, _RELATIVE = 0, 2, 3
-# MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_TYPE_SURFACE_BOAT.
-_ARDUPILOT, _SURFACE_BOAT = 3, 11
+# MAV_CMD_NAV_WAYPOINT.
+_WAYPOINT = 16
+# MAV_CMD_DO_CHANGE_SPEED.
+_CHANGE_SPEED = 178
+# Its first parameter, for a speed over ground (SPEED_TYPE_GROUNDSPEED).
+_OVER_GROUND = 1.0
+# Its third parameter, which leaves the throttle as it is.
+_SAME_THROTTLE = -1.0
+# MAV_FRAME_GLOBAL: altitudes over the sea, as home has.
+_ABSOLUTE = 0
+# MAV_FRAME_MISSION: a command without a position.
+_NO_POSITION = 2
+# MAV_FRAME_GLOBAL_RELATIVE_ALT: altitudes above home.
+_RELATIVE = 3
+# MAV_AUTOPILOT_ARDUPILOTMEGA.
+_ARDUPILOT = 3
+# MAV_TYPE_SURFACE_BOAT.
+_SURFACE_BOAT = 11
 # QGroundControl's mode of altitudes that are relative to home.
 _RELATIVE_ALTITUDE = 1
 # Decimals of a speed, m/s.
 _SPEED_DIGITS = 3
 
 
-@dataclass(frozen=True)
-class _Command:
-    """A mission's command with its seven parameters; a position is the last three."""
-
-    number: int
-    frame: int
-    params: tuple[float, ...]
+_Command: TypeAlias = tuple[int, int, tuple[float, ...]]
+"""A mission's command: its number, frame and seven parameters; a position is the last three."""
 
 
 def write_plan(case: RunCase, path: Path) -> None:
@@ -327,17 +325,17 @@ def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
         {
             "type": "SimpleItem",
             "autoContinue": True,
-            "command": command.number,
+            "command": command,
             "doJumpId": number,
-            "frame": command.frame,
-            "params": command.params,
+            "frame": frame,
+            "params": params,
             **(
                 {"Altitude": 0, "AltitudeMode": _RELATIVE_ALTITUDE, "AMSLAltAboveTerrain": None}
-                if command.number == _WAYPOINT
+                if command == _WAYPOINT
                 else {}
             ),
         }
-        for number, command in enumerate(_commands(points), start=1)
+        for number, (command, frame, params) in enumerate(_commands(points), start=1)
     ]
     return {
         "fileType": "Plan",
@@ -361,10 +359,9 @@ def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
 
 def _polygons(told: Autopilot) -> list[dict[str, object]]:
     """Return the fence's polygons, the inclusion first, as (latitude, longitude) degrees."""
-    rings = () if told.fence is None else (told.fence.inclusion, *told.fence.exclusions)
     return [
         {"version": 1, "inclusion": number == 0, "polygon": ring[:, ::-1].tolist()}
-        for number, ring in enumerate(rings)
+        for number, ring in enumerate(told.fence or ())
     ]
 
 
@@ -380,11 +377,11 @@ def write_mission(case: RunCase, path: Path) -> None:
 
 def mission_text(points: Waypoints) -> str:
     """Return a route as a mission for ArduPilot's tools."""
-    home = _Command(_WAYPOINT, _ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *_position(points, 0), 0.0))
+    home = (_WAYPOINT, _ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *_position(points, 0), 0.0))
     lines = ["QGC WPL 110"]
-    for index, command in enumerate((home, *_commands(points))):
-        cells = [index, int(index == 0), command.frame, command.number]
-        lines.append("\t".join([*map(str, cells), *(f"{p:.8f}" for p in command.params), "1"]))
+    for index, (command, frame, params) in enumerate((home, *_commands(points))):
+        cells = [index, int(index == 0), frame, command]
+        lines.append("\t".join([*map(str, cells), *(f"{p:.8f}" for p in params), "1"]))
     return "\n".join(lines) + "\n"
 
 
@@ -397,8 +394,8 @@ def _commands(points: Waypoints) -> Iterator[_Command]:
         if index:
             speed = round(float(points.speed_m_s[index - 1]), _SPEED_DIGITS)
             params = (_OVER_GROUND, speed, _SAME_THROTTLE, 0.0, 0.0, 0.0, 0.0)
-            yield _Command(_CHANGE_SPEED, _NO_POSITION, params)
-        yield _Command(_WAYPOINT, _RELATIVE, (0.0, 0.0, 0.0, 0.0, *_position(points, index), 0.0))
+            yield _CHANGE_SPEED, _NO_POSITION, params
+        yield _WAYPOINT, _RELATIVE, (0.0, 0.0, 0.0, 0.0, *_position(points, index), 0.0)
 
 
 def _position(points: Waypoints, index: int) -> tuple[float, float]:

@@ -15,7 +15,6 @@ in the spelling of some names, and in how extensions are wrapped.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -246,19 +245,22 @@ _MAX_TEXT_LENGTH = 4_000
 _MILE_DIGITS = 5
 
 
-@dataclass(frozen=True)
-class _Version:
-    """What differs between versions of the format."""
-
-    namespace: str
-    schedule_element: str = "scheduleElement"
-    wraps_extensions: bool = True
-
-
 VERSIONS = {
-    "1.0": _Version("http://www.cirm.org/RTZ/1/0", "sheduleElement", wraps_extensions=False),
-    "1.1": _Version("http://www.cirm.org/RTZ/1/1"),
-    "1.2": _Version("http://www.cirm.org/RTZ/1/2"),
+    "1.0": {
+        "namespace": "http://www.cirm.org/RTZ/1/0",
+        "schedule_element": "sheduleElement",
+        "wraps_extensions": False,
+    },
+    "1.1": {
+        "namespace": "http://www.cirm.org/RTZ/1/1",
+        "schedule_element": "scheduleElement",
+        "wraps_extensions": True,
+    },
+    "1.2": {
+        "namespace": "http://www.cirm.org/RTZ/1/2",
+        "schedule_element": "scheduleElement",
+        "wraps_extensions": True,
+    },
 }
 """The versions that can be written: number -> what differs."""
 

@@ -22,9 +22,10 @@ _NARROWS_WINDOW = 10
 _LENGTH_WEIGHT = 0.5
 _CLEARANCE_WEIGHT = 1.0
 _MIN_CLEARANCE_SHARE = 0.05
-# Legs are measured in batches, because a call costs as much as some dozens of legs: minimum number
-# of legs in a batch, and their share of the legs that are not measured yet.
-_MIN_BATCH, _BATCH_SHARE = 60, 0.15
+# Minimum number of legs that are measured at once, because a call costs as much as some dozens.
+_MIN_BATCH = 60
+# Legs measured at once, as a share of those that are not measured yet.
+_BATCH_SHARE = 0.15
 
 # Maximum number of parts into which a leg is split when its drawn curve leaves the corridor.
 _MAX_PARTS = 64

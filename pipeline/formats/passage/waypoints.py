@@ -63,9 +63,10 @@ _CACHE = "_exchange_waypoints"
 # Largest ratio of the highest to the lowest speed of a leg: a vessel that sails the leg at its mean
 # speed needs a few thousandths more fuel, by the propeller law.
 _SAME_SPEED = 1.1
-# Number of places along a leg at which its speed is looked up, and the least number of them in its
-# first and its last part.
-_PLACES, _MIN_PART = 200, 10
+# Number of places along a leg at which its speed is looked up.
+_PLACES = 200
+# Least number of these places in a leg's first and in its last part.
+_MIN_PART = 10
 
 
 @dataclass(frozen=True)

@@ -164,15 +164,22 @@ _MAX_ARROWS = 7_000
 _MAX_ARROWS_PER_CELL = 2.0
 # Maximum number of harmless turns shown per route.
 _MAX_TURNS = 80
-# Tolerance of simplified soft no-go zones, as a share of the chart's longer side, and maximum
-# number of vertices of all routes' zones together.
-_SOFT_TOLERANCE, _MAX_SOFT_VERTICES = 1 / 3000, 40_000
-# Tolerance of a hard no-go zone with more vertices than these, as a share of the longer side.
-_NO_GO_TOLERANCE, _MAX_NO_GO_VERTICES = 1 / 20_000, 25_000
-# Land shown around the chart: width as a share of its longer side, maximum number of vertices.
-_SHEET_SHARE, _MAX_BEYOND_VERTICES = 0.6, 15_000
-# Number of points along the best route, and along others.
-_POINTS_BEST, _POINTS = 200, 100
+# Tolerance of simplified soft no-go zones, as a share of the chart's longer side.
+_SOFT_TOLERANCE = 1 / 3000
+# Maximum number of vertices of all routes' soft no-go zones together.
+_MAX_SOFT_VERTICES = 40_000
+# Number of vertices above which the hard no-go zone is simplified.
+_MAX_NO_GO_VERTICES = 25_000
+# Tolerance of the simplified hard no-go zone, as a share of the chart's longer side.
+_NO_GO_TOLERANCE = 1 / 20_000
+# Width of the land that is shown around the chart, as a share of its longer side.
+_SHEET_SHARE = 0.6
+# Maximum number of vertices of that land.
+_MAX_BEYOND_VERTICES = 15_000
+# Number of points along the best route.
+_POINTS_BEST = 200
+# Number of points along another route.
+_POINTS = 100
 
 
 def map_data(result: RunResult, speed_limits: tuple[float, ...]) -> dict[str, object]:

@@ -29,9 +29,11 @@ from pipeline.geo.lonlat import position_text
 from pipeline.model import RouteMetrics
 from renew import Rejected
 
-# Longer side of the picture, in its units, and size of the smallest details, as a share of that
-# side.
-_SIDE, _DETAIL = 100.0, 0.006
+# Longer side of a card's picture, in its own units.
+_SIDE = 100.0
+# Size of the smallest details, as a share of that side.
+_DETAIL = 0.006
+# Maximum number of vertices of the picture's land.
 _MAX_VERTICES = 900
 # Ratio of the sides beyond which a chart is cropped around its routes.
 _MAX_RATIO = 1.6

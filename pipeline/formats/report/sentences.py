@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pipeline.findings import text
 from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
 
-# Difference, as a share, below which two lengths, or two figures of fuel, are printed alike.
-_SAME_LENGTH, _SAME_FUEL = 5e-4, 5e-4
+# Difference, as a share, below which two lengths are printed alike.
+_SAME_LENGTH = 5e-4
+# Difference, as a share, below which two figures of fuel are printed alike.
+_SAME_FUEL = 5e-4
 # Least share by which a bound exceeds the fuel that a sentence names.
 _TELLING = 1e-3
 # A current is not mentioned if its mean speed is below this share of the vessel's, and no route

@@ -252,7 +252,6 @@ def test_if_no_haven_lies_in_the_water_nothing_is_planned(tmp_path: Path) -> Non
         ({"within": "6 hours"}, {}, "is not an interval"),
         ({"path": "nowhere.csv"}, {}, "does not exist; give a GeoJSON file"),
         ({}, {"avoid": [SHUT_UNTIL_NOON]}, r"has \[havens\] together with hours in \[\[avoid\]\]"),
-        ({}, {"scale": 10}, r"a scale other than 1 together with .* \[havens\]"),
     ],
 )
 def test_what_can_not_be_covered_is_refused(

@@ -130,11 +130,6 @@ def test_the_report_says_how_sure_the_side_is(result: RunResult) -> None:
         ({"spread": 0.1, "along": "files"}, {}, "has both 'along' and 'spread'"),
         ({"spread": 0.1, "weights": [1.0, 2.0]}, {}, "has 'weights' for random members"),
         ({"along": "member"}, {}, "has members.along = 'member', which needs files with that"),
-        (
-            {"spread": 0.1},
-            {"arrive_by": "2026-07-01T06:00:00Z"},
-            "has 'members' and 'arrive_by'; each member has times of its own",
-        ),
         ({"spread": 0.1, "choose": "worst"}, {}, "Give"),
     ],
 )

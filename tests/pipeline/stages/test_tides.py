@@ -177,7 +177,6 @@ def test_a_row_of_the_passage_plan_has_the_water_of_the_leg_that_leads_to_it(
         ),
         ({"vessel": {"draught_m": 15.0, "squat_m": 1.5}}, "no water connects them"),
         ({"seasons": {"departures": None}}, "has no 'departure', from which the hours of [tide]"),
-        ({"scale": 10.0}, "has hours in [tide] at scale = 10"),
     ],
 )
 def test_what_does_not_fit_the_tide_is_refused(

@@ -13,7 +13,7 @@ import shapely
 from matplotlib.image import imread
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.figures.chart_map import Margins
+from pipeline.formats.figures.chart_map import side_room_pt
 from pipeline.formats.figures.season_map import case_svg, overview_figure
 from pipeline.formats.palette import COLOURS, DARK, season_colour
 from tests.pipeline.formats import small_run
@@ -60,9 +60,9 @@ def test_the_best_route_runs_where_it_was_planned(result: RunResult) -> None:
     for place, whole in ((drawn[0], path[0]), (drawn[-1], path[-1])):
         across = (whole[0] - xmin) / (xmax - xmin), (whole[1] - ymin) / (ymax - ymin)
         # Margins: as wide as the grid's labels at the sides; 10 above, 40 below.
-        margins = Margins.of(result)
-        width = 374 - margins.left - margins.right
-        assert place[0] == pytest.approx(margins.left + across[0] * width, abs=0.2)
+        left_pt, right_pt = side_room_pt(result)
+        width = 374 - left_pt - right_pt
+        assert place[0] == pytest.approx(left_pt + across[0] * width, abs=0.2)
         height = width * (ymax - ymin) / (xmax - xmin)
         assert place[1] == pytest.approx(10 + (1 - across[1]) * height, abs=0.2)
 

@@ -101,9 +101,9 @@ def test_dense_currents_are_thinned_on_a_map_of_the_whole(result: RunResult) -> 
     """By the points' indices in the grid, so that the rest is a coarser grid."""
     coarse = view(result)
     seasons = tuple(
-        replace(s, spacing_m=s.spacing_m / 20, step_deg=(0.01, 0.00875)) for s in coarse.seasons
+        replace(s, spacing_m=s.spacing_m / 20, step_deg=(0.01, 0.00875)) for s in coarse.cases
     )
-    dense = replace(coarse, seasons=seasons)
+    dense = replace(coarse, cases=seasons)
     plain, thinned = (
         [rule.condition for group in style("currents", one).rules for rule in group.children]
         for one in (coarse, dense)
