@@ -63,7 +63,7 @@ def replan(
         from pipeline.cli.reporting import run_to_end
         from pipeline.machine.paths import expanded
         from pipeline.run import run as run_scenario
-        from pipeline.stages.finished import finished_season
+        from pipeline.stages.under_way import finished_season
         from pipeline.underway.replan import under_way_scenario
 
         faults = Faults()

@@ -235,7 +235,7 @@ def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its na
 
         scenario = load_scenario(file)
         # After loading, so that faults in the file are reported at once.
-        from pipeline.stages.choosing.coverage import require_sailable, require_whole_files
+        from pipeline.stages.region import require_sailable, require_whole_files
 
         require_sailable(scenario)
         require_whole_files(scenario)

@@ -1,7 +1,7 @@
 """Load a scenario's file, with the currents that `--currents` names; write a scenario as TOML.
 
 The keys of a file are checked first, all at once, then whether its tables go together. Sources are
-not asked here: `pipeline.stages.choosing.coverage` checks whether their data cover a season.
+not asked here: `pipeline.stages.region` checks whether their data cover a season.
 """
 
 import glob

@@ -20,7 +20,7 @@ from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
 from pipeline.serve.sides import drawn, sides
 from pipeline.sources.copernicus.client import without_secrets
-from pipeline.stages.choosing.coverage import require_sailable
+from pipeline.stages.region import require_sailable
 from pipeline.voyage.one_line import run_voyage, voyage_scenario
 from pipeline.voyage.request import VoyageRequest, read_voyage
 from pipeline.write import load_libraries

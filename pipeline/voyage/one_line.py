@@ -17,8 +17,8 @@ from pipeline.scenario.loading import asked_currents, parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season, departure_name, period
 from pipeline.sources.registry import current_source
-from pipeline.stages.choosing.coverage import are_water_swapped, least_region, require_sailable
 from pipeline.stages.plan_case import OnStep, ignore_step
+from pipeline.stages.region import are_water_swapped, least_region, require_sailable
 from pipeline.voyage.positions import Position, continued, joined, spelled, voyage_name
 from pipeline.voyage.quantities import VesselFigures, vessel_of_figures
 from pipeline.voyage.request import VoyageRequest, faults_of_pairs

@@ -25,7 +25,7 @@ from pipeline.model import Land, Simplified
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.sources.tides.station import find_station
-from pipeline.stages.tides import tidal_depth
+from pipeline.stages.places import tidal_depth
 from tests.pipeline.sources.depth_grids import emodnet
 from tests.pipeline.voyage.waters import scenario_of
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 
 from pipeline.errors import RequestError
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.stages.choosing.coverage import require_covered
+from pipeline.stages.region import require_covered
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import options
 from tests.pipeline.synthetic_currents import dataset, sea, write
