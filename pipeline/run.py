@@ -21,26 +21,25 @@ from pipeline.model import CaseResult, Fetched, Note, Say, SideBound
 from pipeline.scenario.catalogue import ScenarioFile
 from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.session import session
-from pipeline.stages.choose import choose
-from pipeline.stages.choosing.chosen import Chosen
-from pipeline.stages.choosing.coverage import require_covered
-from pipeline.stages.choosing.region import (
-    MAX_WIDENINGS,
-    best_paths,
-    chosen_region,
-    edge_notes,
-    opened_region,
-    wider_region,
-)
-from pipeline.stages.choosing.under_way import Sailed, case_sailed, scenario_before
+from pipeline.stages.choose import Chosen, choose
 from pipeline.stages.compare import bounds_of_sides, compare
 from pipeline.stages.cover import cover, havens_in
 from pipeline.stages.fetch import fetch
 from pipeline.stages.plan import plan_cases
 from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.project import projected
+from pipeline.stages.region import (
+    MAX_WIDENINGS,
+    best_paths,
+    chosen_region,
+    edge_notes,
+    opened_region,
+    require_covered,
+    wider_region,
+)
 from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import SimplifiedLand, simplify
+from pipeline.stages.under_way import Sailed, case_sailed, scenario_before
 from pipeline.texts import clean
 from pipeline.write import load_libraries, write
 

@@ -113,7 +113,7 @@ def load_libraries() -> None:
 
 def formats_of(result: RunResult) -> dict[str, Format]:
     """Return the function that writes each file of a run, keyed by file name."""
-    from pipeline.findings.departures_and_speeds import trade_offs
+    from pipeline.findings.choices import trade_offs
     from pipeline.findings.ensembles import has_ensembles
     from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage

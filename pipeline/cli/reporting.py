@@ -25,8 +25,7 @@ from pipeline.cli.terminal import (
 )
 from pipeline.findings import text
 from pipeline.findings.columns import figures
-from pipeline.findings.note_words import caveats_json, note_json, note_texts
-from pipeline.findings.rejections import rejections
+from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
 from pipeline.findings.result import RankedRoute
 from pipeline.findings.text import json_value, season_text
 from pipeline.machine.paths import short_path

@@ -1,4 +1,4 @@
-"""The words of notes, and how a note's values are put into them.
+"""The words of notes and of rejected classes, and how a note's values are put into them.
 
 A note's words are a sentence for `str.format`, or a function of its values where the sentence
 depends on them. Besides the usual formats there are `{x:distance}` and `{x:hours}` for quantities,
@@ -13,11 +13,12 @@ from dataclasses import fields, is_dataclass
 from datetime import datetime
 from typing import Any, TypeAlias
 
+import renew
 from pipeline.findings import text
-from pipeline.findings.departures_and_speeds import departure_text, trade_off_text
-from pipeline.findings.result import RunResult
-from pipeline.findings.under_way import replanned_text
-from pipeline.model import Note, Place
+from pipeline.findings.choices import departure_text, replanned_text, trade_off_text
+from pipeline.findings.result import RunCase, RunResult
+from pipeline.model import Note, Place, Water
+from renew.errors import Strait
 
 # A moment as a date, or in seconds on the clock of the current; None where it is not known.
 _Moment: TypeAlias = datetime | float | None
@@ -368,3 +369,38 @@ WORDS: Mapping[str, str | Callable[..., str]] = {
 def caveats_json(result: RunResult) -> dict[str, list[str]]:
     """Say for JSON what is not known about a run's routes, and what was decided for them."""
     return {"unknown": note_texts(result.unknowns), "decided": note_texts(result.decisions)}
+
+
+def rejections(case: RunCase) -> list[dict[str, object]]:
+    """Describe the rejected classes of a case for JSON, in the order of their rejection.
+
+    `kind` is the class of the error behind a reason; `places` are the positions that the reason
+    names, in degrees, or metres in a plane; `moments` are dates, or seconds if no date is known;
+    `lengths_m` are true metres.
+    """
+    return [_rejection(case, one) for one in case.plan.rejected] if case.plan else []
+
+
+def _rejection(case: RunCase, rejected: renew.Rejected) -> dict[str, object]:
+    """Describe one rejected class for JSON."""
+    water = case.run.water
+    return {
+        "class": rejected.homotopy,
+        "kind": type(rejected.cause).__name__ if rejected.cause else None,
+        "reason": case.rejection_reason(rejected),
+        "places": [note_value(water.place(place)) for place in rejected.text.places],
+        "moments": [note_value(case.case.moment(one.seconds)) for one in rejected.text.moments],
+        "lengths_m": [water.projection.scale * one.metres for one in rejected.text.lengths],
+        "strait": None if rejected.strait is None else _strait(water, rejected.strait),
+    }
+
+
+def _strait(water: Water, strait: Strait) -> dict[str, object]:
+    """Return the gap that padding fills: its banks, width and both paddings, true metres."""
+    scale = water.projection.scale
+    return {
+        "banks": [note_value(water.place(bank)) for bank in strait.gap],
+        "width_m": water.projection.geodesic_length_m(strait.gap),
+        "padding_left_m": strait.padding_left * scale,
+        "padding_right_m": strait.padding_right * scale,
+    }

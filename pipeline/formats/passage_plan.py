@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RunCase, RunResult
+from pipeline.findings.result import RunCase, RunResult, has_all_depths
 from pipeline.findings.text import (
     duration,
     moment_text,
@@ -22,7 +22,6 @@ from pipeline.findings.text import (
     to_minute,
     turns_text,
 )
-from pipeline.findings.unknowns import has_all_depths
 from pipeline.formats.figures.chart_map import axes_at, drawable, patch, stroke
 from pipeline.formats.figures.season_map import DETAIL_PT, visible
 from pipeline.formats.palette import COLOURS, season_colour

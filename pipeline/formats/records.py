@@ -34,8 +34,7 @@ import shapely
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
 from pipeline.findings.names import SCHEMA_VERSION, without_folders
-from pipeline.findings.note_words import caveats_json, note_json, note_texts
-from pipeline.findings.rejections import rejections
+from pipeline.findings.note_words import caveats_json, note_json, note_texts, rejections
 from pipeline.findings.result import MAX_STRAITS, RunCase, RunResult
 from pipeline.findings.text import json_value, os_error, write_json
 from pipeline.geo.projection import Projection

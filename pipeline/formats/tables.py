@@ -12,8 +12,8 @@ import numpy as np
 
 import renew
 from pipeline._types import FloatArray, IntArray
+from pipeline.findings.choices import TradeOff, trade_offs
 from pipeline.findings.columns import figure_columns, figures, used
-from pipeline.findings.departures_and_speeds import TradeOff, trade_offs
 from pipeline.findings.ensembles import (
     ENSEMBLE_COLUMNS,
     ENSEMBLE_FIGURES,

@@ -1,24 +1,28 @@
 """Fourth stage: choose the offing and the departures that a scenario leaves open.
 
-`pipeline.stages.choosing.region` chooses an open region before the first stage.
+`pipeline.stages.region` chooses an open region before the first stage.
 
 The offing is the sum of three lengths: the chart's accuracy; the distance sailed in two minutes,
 until somebody acts; and, for the turn that follows, the larger of the turning circle's diameter and
 the vessel's length. With land of OpenStreetMap the offing is 0.4 nautical miles for a vessel of 7 m
 at 9.7 knots, and 0.9 for a ship of 200 m at 15 knots.
 
-On a short voyage, as inside a harbour or among skerries, it is at most a two-hundredth of the
-distance between start and goal. In narrows it yields to a share of a passage's half-width. The
-padding for hard-over turns in the current may be wider than the offing, and never yields.
-
-The chosen departure is set in the scenario, and the times of the season's current are counted from
-it. Later stages treat it as a given departure.
+A case with an anchorage where the vessel may wait becomes two. The way to the anchorage is planned
+first, and keeps its name. The way on is a case of its own: its departure is chosen between the
+arrival and the end of the wait. So each part has departure, arrival, hours early and late, water
+and files of its own. On the first part the route of least fuel also arrives first, since the vessel
+has one speed; and a vessel that leaves later never arrives earlier. So no other pair of parts needs
+less fuel, except by the steps between departures. While the vessel lies at anchor there must be
+enough water, and it may lie in no shut area.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -26,16 +30,164 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError, StageError
 from pipeline.findings.text import season_text
-from pipeline.machine.store import Store, artefact_key
+from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Case, CaseResult, DepartureChoice, Note, Say, SpeedChoice, Water
+from pipeline.model.case import MIN_LATENESS_S, true_duration_s
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
-from pipeline.scenario.season import departure_name, named_departure
-from pipeline.stages.choosing.chosen import Chosen
-from pipeline.stages.choosing.onward import waiting_notes, with_onward_legs
+from pipeline.scenario.season import DepartureTimes, departure_name, named_departure
+from pipeline.stages.fetch import FetchedData
+from pipeline.stages.plan_case import planned
 from pipeline.stages.seasons.running import run_tasks
 from pipeline.stages.seasons.sweep import SweepTask, sweep
 from pipeline.stages.seasons.task import Status
+from renew.inputs.openings import Opening
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A complete scenario with its data and cases; the chosen departures, and notes on choices."""
+
+    scenario: Scenario
+    data: FetchedData
+    cases: Artefact[tuple[Case, ...]]
+    choices: tuple[DepartureChoice, ...] = ()
+    notes: tuple[Note, ...] = ()
+
+    def case(self, name: str) -> Case:
+        """Return the case of a name."""
+        return next(case for case in self.cases.value if case.name == name)
+
+    def at_clock(
+        self, scenario: Scenario, begun: Case, earlier: Case, shift: float, *, keeps: bool = False
+    ) -> "Chosen":
+        """Return the choice with the case `begun`, whose clock begins `shift` seconds later.
+
+        It takes the place of the `earlier` case, or stands behind it if that is kept. The scenario
+        has its season.
+        """
+        name, label, data = earlier.name, begun.name, self.data
+        fetched, keys, cases = data.fetched, dict[str, str](), list[Case]()
+        key = artefact_key("departures", data.current_keys[name], begun.departure)
+        for case in self.cases.value:
+            is_it = case.name == name
+            if keeps or not is_it:
+                keys[case.name] = data.current_keys[case.name]
+                cases.append(case)
+            if is_it:
+                keys[label] = key
+                cases.append(begun)
+        grids = []
+        for grid in fetched.currents:
+            is_it = grid.season == name
+            if keeps or not is_it:
+                grids.append(grid)
+            if is_it:
+                grids.append(replace(grid, season=label, times_s=grid.times_s - shift))
+        notes = fetched.notes
+        if not keeps:
+            notes = tuple(
+                one.about(*(label if of == name else of for of in one.seasons)) for one in notes
+            )
+        return replace(
+            self,
+            scenario=scenario,
+            data=replace(
+                data,
+                fetched=replace(fetched, currents=tuple(grids), notes=notes),
+                current_keys=keys,
+            ),
+            cases=Artefact(
+                artefact_key("departures", self.cases.key, name, label, begun.departure),
+                tuple(cases),
+            ),
+        )
+
+
+def in_thread(work: Callable[[], _T]) -> _T:
+    """Call `work` in a thread: a signal handler must not raise inside compiled code."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(work).result()
+
+
+# Least time between two departures from the anchorage, min.
+_STEP_MIN = 10
+# Largest number of departures from the anchorage, roughly.
+_MOST = 48
+_MINUTE_S = 60.0
+# Number of characters to which a season's name is cut before an addition.
+_NAME = 56
+
+
+def with_onward_legs(given: Chosen) -> Chosen:
+    """Return cases that end at the anchorage, and cases that go on; unchanged without one."""
+    if given.scenario.anchorage is None:
+        return given
+    at, wait = given.scenario.anchorage
+    cases = tuple(replace(case, goal=case.via[at], via=case.via[:at]) for case in given.cases.value)
+    key = artefact_key("onward", given.cases.key)
+    split = replace(given, cases=Artefact(key, cases))
+    for case in given.cases.value:
+        onward = replace(case, start=case.via[at], via=case.via[at + 1 :], follows=case.name)
+        split = _split(split, split.case(case.name), onward, wait)
+    return split
+
+
+def _split(given: Chosen, first: Case, onward: Case, wait: timedelta) -> Chosen:
+    """Add the case that goes on from the anchorage; none if there is no way to it."""
+    plan = in_thread(partial(planned, first.copy(), given.scenario.planner)).plan
+    if plan is None or first.departure is None:
+        return given  # it is planned again, and says why
+    arrival = true_duration_s(plan.best, first)
+    # No vessel departs to the second.
+    shift = _MINUTE_S * math.ceil(arrival / _MINUTE_S)
+    wait_s = max(0.0, wait.total_seconds() + arrival - shift)
+    step_min = max(_STEP_MIN, math.ceil(wait_s / _MINUTE_S / _MOST))
+    waits = np.arange(0.0, wait_s + 1.0, step_min * _MINUTE_S)
+    departures = DepartureTimes(
+        first=first.departure + timedelta(seconds=shift),
+        every=f"{step_min}min",
+        count=_afloat(first, arrival, shift + waits),
+    )
+    season = next(one for one in given.scenario.seasons if one.name == first.name)
+    label = f"{first.name[:_NAME]}-onward"
+    keys = {
+        "name": label,
+        "title": f"{season.title or first.name}, onward from the anchorage",
+        "departure": None,
+        "departures": departures,
+    }
+    seasons = *given.scenario.seasons, season.model_copy(update=keys)
+    scenario = given.scenario.model_copy(update={"seasons": seasons})
+    return given.at_clock(scenario, onward.later(shift, label), first, shift, keeps=True)
+
+
+def _afloat(case: Case, arrival: float, times: FloatArray) -> int:
+    """Return how many of the departures (n,), s, come before the anchorage is shut; at least 1."""
+    depth = case.tidal_depth
+    areas: list[Opening] = [*case.areas, *(depth.tidal_areas if depth else ())]
+    here, ends = shapely.Point(case.goal), times + MIN_LATENESS_S
+    begins, shut = np.full(len(ends), arrival), np.zeros(len(ends), dtype=bool)
+    for area in areas:
+        if shapely.dwithin(area.polygon, here, case.vessel.length):
+            shut |= area.is_shut(begins, ends)
+    return max(1, int(np.argmax(shut)) if shut.any() else len(shut))
+
+
+def waiting_notes(chosen: Chosen) -> Iterator[Note]:
+    """Yield a note on each time at anchor."""
+    waiting = {case.name: case for case in chosen.cases.value if case.follows}
+    for choice in chosen.choices:
+        if choice.season in waiting:
+            case = waiting[choice.season]
+            yield Note.of(
+                "waits-at-anchor",
+                place=case.water.place(case.start),
+                begin=choice.first,
+                until=choice.chosen,
+            ).about(choice.season)
 
 
 def choose(given: Chosen, store: Store, say: Say, scheduler: str | None = None) -> Chosen:

@@ -12,23 +12,20 @@ import shapely
 
 import renew
 from pipeline.errors import LateFaults
-from pipeline.findings.departures_and_speeds import speed_notes
+from pipeline.findings.choices import replanned_notes, speed_notes
 from pipeline.findings.ensembles import ensemble_notes
 from pipeline.findings.other_ways import shut_straits, side_bound
 from pipeline.findings.result import RunResult, addressed, unsafe_notes
-from pipeline.findings.under_way import replanned_notes
 from pipeline.findings.way_names import WayNames, way_names
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import Case, CaseResult, CurrentGrid, Note, Place, Say, SideBound, Water
 from pipeline.sources.cf.fields import WEAK_SHARE
-from pipeline.stages.choose import narrows_notes, room_notes
-from pipeline.stages.choosing.chosen import Chosen, in_thread
-from pipeline.stages.places import shut_notes
+from pipeline.stages.choose import Chosen, in_thread, narrows_notes, room_notes
+from pipeline.stages.places import shut_notes, tide_notes
 from pipeline.stages.project import planar_stops
 from pipeline.stages.simplify import SimplifiedLand
-from pipeline.stages.tides import tide_notes
 
 
 def compare(

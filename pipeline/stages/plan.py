@@ -8,7 +8,7 @@ from pipeline.findings.text import seasons_text
 from pipeline.findings.way_names import class_names_text
 from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import CaseResult
-from pipeline.stages.choosing.chosen import Chosen
+from pipeline.stages.choose import Chosen
 from pipeline.stages.cover import havens_in
 from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.project import scene_inputs

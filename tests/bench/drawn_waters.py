@@ -20,8 +20,8 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.stages.choose import offing_m
-from pipeline.stages.choosing.region_choice import DirectLine, choose_region
 from pipeline.stages.simplify import simplify_land
+from pipeline.stages.water_grid import DirectLine, choose_region
 from tests.bench.sea_figures import PEAK_M_S, Water
 from tests.oracles import leg_times
 

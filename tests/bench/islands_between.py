@@ -15,7 +15,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 from pipeline.geo.lonlat import Bounds
-from pipeline.stages.choosing.water_grid import WaterGrid
+from pipeline.stages.water_grid import WaterGrid
 
 # Cells along each side, and those that the smallest island has: rocks are no choice of sides.
 _CELLS, _LEAST_CELLS = 400, 20

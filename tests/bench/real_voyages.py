@@ -17,7 +17,7 @@ import renew
 from pipeline.model import Case
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.stages.worth import hat_weights, weighted
+from pipeline.stages.measure import hat_weights, weighted
 from renew._types import FloatArray
 from tests.bench.palawan_figures import cases_of, fetched_data
 from tests.under_way import Flow, Pace

@@ -25,7 +25,7 @@ import renew
 from pipeline._types import BoolArray, FloatArray
 from pipeline.geo.lonlat import bounds_of
 from pipeline.sources.land import osm
-from pipeline.stages.choosing.region_choice import (
+from pipeline.stages.water_grid import (
     FAR_WAY,
     DirectLine,
     widened_by,

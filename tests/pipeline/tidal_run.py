@@ -11,9 +11,9 @@ import shapely
 
 from pipeline.findings.result import RunResult
 from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
+from pipeline.stages.measure import clock_worth
 from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
-from pipeline.stages.worth import clock_worth
 from tests.pipeline.formats import small_run
 
 BBOX = (119.0, 9.50, 119.10, 9.56)

@@ -7,7 +7,7 @@ from matplotlib.patheffects import withStroke
 
 from pipeline._types import FloatArray
 from pipeline.findings import text
-from pipeline.findings.departures_and_speeds import AS_GOOD, TradeOff
+from pipeline.findings.choices import AS_GOOD, TradeOff
 from pipeline.findings.ensembles import way_text
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.text import fuel, hours, moment_text

@@ -159,19 +159,6 @@ _ARROW = np.array(
 
 
 @dataclass(frozen=True)
-class SpeedScale:
-    """Classes of current speed, by their upper limits in m/s; the same on all maps of a run."""
-
-    limits: tuple[float, ...]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Label of each class in a legend, in m/s."""
-        lower = (0.0, *self.limits[:-1])
-        return tuple(f"{low:g}–{high:g}" for low, high in zip(lower, self.limits, strict=True))
-
-
-@dataclass(frozen=True)
 class Arrows:
     """A case's arrows: positions (n, 2) in the plane, on water, and the current (n, 2), m/s."""
 
@@ -184,10 +171,10 @@ class Arrows:
         """Speed of each (n,), m/s."""
         return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
 
-    def outlines(self, scale: SpeedScale) -> list[shapely.Geometry]:
-        """Outline the arrows of each class of speed, the weakest class first."""
-        classes = np.minimum(np.searchsorted(scale.limits, self.speed), len(scale.limits) - 1)
-        count = len(scale.limits)
+    def outlines(self, limits: tuple[float, ...]) -> list[shapely.Geometry]:
+        """Outline the arrows of each class of speed, given by upper limits; the weakest first."""
+        count = len(limits)
+        classes = np.minimum(np.searchsorted(limits, self.speed), count - 1)
         shares = _SHORTEST + (1 - _SHORTEST) * np.arange(1, count + 1) / count
         return [
             _outline(
@@ -197,12 +184,21 @@ class Arrows:
         ]
 
 
-def speed_scale(result: RunResult) -> SpeedScale:
-    """Return classes of equal, round width up to the strongest current drawn in any case."""
+def speed_limits(result: RunResult) -> tuple[float, ...]:
+    """Return the upper limits of the classes of current speed, m/s, the same on all maps of a run.
+
+    They are of equal, round width, up to the strongest current drawn in any case.
+    """
     strongest = max(float(arrows(case).speed.max(initial=0.0)) for case in result.cases)
     step = nice_step(max(strongest, _MIN_STRONGEST) / _MAX_CLASSES)
     count = max(1, math.ceil(strongest / step - 1e-9))
-    return SpeedScale(tuple(round(step * (i + 1), 10) for i in range(count)))
+    return tuple(round(step * (i + 1), 10) for i in range(count))
+
+
+def speed_labels(limits: tuple[float, ...]) -> tuple[str, ...]:
+    """Label each class of current speed in a legend, in m/s."""
+    lower = (0.0, *limits[:-1])
+    return tuple(f"{low:g}–{high:g}" for low, high in zip(lower, limits, strict=True))
 
 
 def has_arrows(result: RunResult) -> bool:

@@ -17,7 +17,7 @@ from matplotlib.transforms import Transform
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.findings.departures_and_speeds import still_fuel_per_metre
+from pipeline.findings.choices import still_fuel_per_metre
 from pipeline.findings.result import RankedRoute
 from pipeline.findings.route_profile import RouteProfile, metres_along, route_profile
 from pipeline.findings.text import (

@@ -28,7 +28,7 @@ from pipeline.formats.figures.chart_map import (
     point,
     stroke,
 )
-from pipeline.formats.figures.map_marks import arrows, speed_scale
+from pipeline.formats.figures.map_marks import arrows, speed_labels, speed_limits
 from pipeline.formats.palette import COLOURS, STATES, season_colour
 
 # Size, points, below which details of the coast are dropped: they can't be seen, and would make up
@@ -229,7 +229,7 @@ def draw_case(axes: Axes, sea: PathPatch, case: RunCase) -> None:
 
 def _area_layers(axes: Axes, case: RunCase) -> list[Artist]:
     """Return currents, over them the best route's soft no-go zone, and land on top."""
-    result, outlines = case.run, arrows(case).outlines(speed_scale(case.run))
+    result, outlines = case.run, arrows(case).outlines(speed_limits(case.run))
     return [
         *(
             patch(outline, facecolor=COLOURS[f"speed{i}"], edgecolor="none", zorder=2)
@@ -262,7 +262,7 @@ def _handles(cases: Sequence[RunCase]) -> list[Artist]:
         soft_handle("soft no-go"),
         *zone_handles(result),
     ]
-    labels = speed_scale(result).labels
+    labels = speed_labels(speed_limits(result))
     handles += [
         Line2D(
             [],

@@ -15,7 +15,7 @@ from jinja2 import Environment
 from pipeline._types import FloatArray
 from pipeline.findings.result import RunResult
 from pipeline.findings.text import xml_environment
-from pipeline.formats.figures.map_marks import SpeedScale, speed_scale
+from pipeline.formats.figures.map_marks import speed_limits
 from pipeline.formats.palette import season_colour
 from pipeline.geo.lonlat import METRES_PER_DEGREE, bounds_of
 from pipeline.geo.projection import Projection
@@ -65,13 +65,13 @@ class CaseView:
 
 @dataclass(frozen=True)
 class View:
-    """A map's cases, classes of current speed, and scale (denominator) that shows all of it.
+    """A map's cases, limits of its classes of speed, and scale (denominator) that shows all of it.
 
     `convergence` is as in `MapCrs`.
     """
 
     cases: tuple[CaseView, ...]
-    speeds: SpeedScale
+    speed_limits: tuple[float, ...]
     full_scale: float
     convergence: str = ""
 
@@ -103,7 +103,7 @@ def view(result: RunResult) -> View:
                 step_deg=step,
             )
         )
-    return View(tuple(cases), speed_scale(result), across_m / _MAP_WIDTH_M)
+    return View(tuple(cases), speed_limits(result), across_m / _MAP_WIDTH_M)
 
 
 @dataclass(frozen=True)

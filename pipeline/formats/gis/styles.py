@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
 from pipeline.findings.columns import COLUMNS
+from pipeline.formats.figures.map_marks import speed_labels
 from pipeline.formats.gis.qgis import (
     CaseView,
     Label,
@@ -220,12 +221,12 @@ def _soft_no_go(view: View) -> Style:
 def _currents(view: View) -> Style:
     """Draw arrows towards which the current sets: darker and longer if stronger."""
     rotation = '"direction"' + (f" - {view.convergence}" if view.convergence else "")
-    limits = view.speeds.limits
+    limits = view.speed_limits
 
     def rules(case: CaseView) -> list[Rule]:
         drawn = []
         for index, (label, lower) in enumerate(
-            zip(view.speeds.labels, (0.0, *limits[:-1]), strict=True)
+            zip(speed_labels(limits), (0.0, *limits[:-1]), strict=True)
         ):
             share = _SHORTEST + (1 - _SHORTEST) * (index + 1) / len(limits)
             upto = f' AND "speed" <= {limits[index]:g}' if index + 1 < len(limits) else ""

@@ -18,7 +18,7 @@ from pipeline.findings import text
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import MAX_STRAITS, RunCase, RunResult, addressed
 from pipeline.findings.text import environment
-from pipeline.formats.figures.map_marks import has_arrows, speed_scale
+from pipeline.formats.figures.map_marks import has_arrows, speed_labels, speed_limits
 from pipeline.formats.palette import style_colours
 from pipeline.formats.records import versions
 from pipeline.formats.report import assets
@@ -84,7 +84,7 @@ def gather(result: RunResult) -> dict[str, Any]:
 
     On the routes in `lacking`, current or depths are not known everywhere.
     """
-    speeds = speed_scale(result)
+    limits = speed_limits(result)
     # Decisions and unknown facts have parts of their own.
     shown = {*result.decisions, *result.unknowns}
     xmin, ymin, xmax, ymax = result.water.chart.bounds
@@ -101,9 +101,9 @@ def gather(result: RunResult) -> dict[str, Any]:
         ],
         "has_crossings": any(case.measures.shore_crossings for case in result.cases),
         "seasons": [case_section(case) for case in result.cases],
-        "speed_labels": speeds.labels if has_arrows(result) else (),
+        "speed_labels": speed_labels(limits) if has_arrows(result) else (),
         # JSON without characters that could end its element.
-        "map_json": Markup(json_for_script(map_data(result, speeds.limits))),  # noqa: S704 - our own
+        "map_json": Markup(json_for_script(map_data(result, limits))),  # noqa: S704 - our own
         # The interactive map's width to its height, so that the chart fills it.
         "map_ratio": min(2.5, max(0.6, (xmax - xmin) / (ymax - ymin))),
         "comparison": comparison(result),

@@ -8,10 +8,10 @@ import shapely
 from markupsafe import Markup
 
 from pipeline._types import FloatArray
-from pipeline.findings import departures_and_speeds, ensembles, text
+from pipeline.findings import choices, ensembles, text
+from pipeline.findings.choices import replanned_text
 from pipeline.findings.haven_rows import HavenRow, haven_rows
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
-from pipeline.findings.under_way import replanned_text
 from pipeline.formats.figures.chart_map import page_svg
 from pipeline.formats.figures.choice_plots import (
     departure_figure,
@@ -54,7 +54,7 @@ def case_section(case: RunCase) -> dict[str, Any]:
     passage = result.scenario.passage(case.name, round(metrics[0].duration_s)) if ranked else ()
     said = case_facts(case)
     rival = said.rival if said else None
-    found = departures_and_speeds.trade_off(case)
+    found = choices.trade_off(case)
     return {
         "title": title,
         "anchor": anchor,
@@ -86,7 +86,7 @@ def case_section(case: RunCase) -> dict[str, Any]:
 
 def _choices(
     case: RunCase,
-    found: departures_and_speeds.TradeOff | None,
+    found: choices.TradeOff | None,
     anchor: str,
 ) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
     """Yield what is kept under way, when to leave and how fast to go: title, sentences, plot."""
@@ -94,12 +94,12 @@ def _choices(
         yield "Planned again under way", replanned_text(case.result.replanned), Markup()
     choice = case.departure_choice
     if choice is not None:
-        said = departures_and_speeds.departure_text(choice)
+        said = choices.departure_text(choice)
         figure = departure_figure(choice)
         plot = page_svg(figure, identity=f"{anchor}-departure", label=said[0])
         yield "When to leave", said, plot
     if found is not None:
-        said = departures_and_speeds.trade_off_text(found)
+        said = choices.trade_off_text(found)
         figure = trade_off_figure(found)
         plot = page_svg(figure, identity=f"{anchor}-trade-off", label=" ".join(said))
         yield "How fast", said, plot
@@ -184,8 +184,7 @@ def _rows(routes: Sequence[RankedRoute]) -> list[dict[str, Any]]:
             "metrics": one.metrics,
             "excess": excess,
             "bar_percent": 100 * abs(excess) / largest if largest > 0 else 0.0,
-            "of_still": one.metrics.fuel_per_distance
-            / departures_and_speeds.still_fuel_per_metre(one),
+            "of_still": one.metrics.fuel_per_distance / choices.still_fuel_per_metre(one),
             "of_shortest": one.metrics.fuel / shortest.metrics.fuel,
         }
         for one, excess in zip(routes, excesses, strict=True)

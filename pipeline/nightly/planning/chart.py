@@ -19,10 +19,10 @@ from pipeline.scenario.season import Season
 from pipeline.scenario.strict import Point
 from pipeline.sources.current_field import land_freed_at_end
 from pipeline.sources.registry import charted_land
-from pipeline.stages.choosing.region import chosen_region
 from pipeline.stages.fetch import Fetcher
 from pipeline.stages.places import plane_current, plane_water
 from pipeline.stages.project import members_of, planar_current, water_of
+from pipeline.stages.region import chosen_region
 from pipeline.stages.simplify import simplify
 
 STAGE = "night-chart"

@@ -23,7 +23,7 @@ from pipeline.scenario.season import STILL, Season
 from pipeline.scenario.strict import looks_like_path
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.registry import charted_land
-from pipeline.stages.choosing.coverage import endpoints_on_land, require_covered
+from pipeline.stages.region import endpoints_on_land, require_covered
 
 MAX_UNASKED = 100_000
 """Largest number of cases without --yes."""

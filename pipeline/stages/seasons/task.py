@@ -14,9 +14,8 @@ from pipeline.errors import StageError, one_line
 from pipeline.machine.store import load_artefact, save_artefact
 from pipeline.model import Case, CaseResult, Measures
 from pipeline.scenario.model import PlannerOptions
-from pipeline.stages.measure import measured
+from pipeline.stages.measure import clock_worth, gap_shares, measured
 from pipeline.stages.plan_case import OnStep, ignore_step, planned
-from pipeline.stages.worth import clock_worth, gap_shares
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ def _slow(*_: object, **__: object) -> str:
 @pytest.mark.parametrize(
     ("arguments", "slow"),
     [
-        (["check", "single-gyre"], "pipeline.stages.choosing.coverage.endpoints_on_land"),
+        (["check", "single-gyre"], "pipeline.stages.region.endpoints_on_land"),
         (["nightly", "check"], "pipeline.nightly.request.expansion.pairs_on_land"),
         (["clean"], "pipeline.cli.upkeep.freed"),
         (["warm"], "pipeline.cli.upkeep.warm"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.findings.rejections import rejections
+from pipeline.findings.note_words import rejections
 from pipeline.findings.result import RunResult
 from pipeline.findings.text import json_value
 from pipeline.geo.lonlat import position_text

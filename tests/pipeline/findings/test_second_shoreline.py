@@ -11,7 +11,7 @@ import shapely
 
 import renew
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.unknowns import crossing_notes
+from pipeline.findings.result import crossing_notes
 from pipeline.geo.projection import Projection
 from pipeline.model import ShoreCrossing, Water
 from pipeline.scenario.region import ChartSpec

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RunResult, route_unknowns
-from pipeline.findings.unknowns import has_all_depths
+from pipeline.findings.result import RunResult, has_all_depths, route_unknowns
 from pipeline.geo.lonlat import DepthCover
 from pipeline.model import RouteMetrics, ShoreCrossing, ShutStrait
 from pipeline.model.inputs import Note

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import renew
-from pipeline.findings.departures_and_speeds import (
+from pipeline.findings.choices import (
     TradeOff,
     speed_notes,
     still_fuel_per_metre,

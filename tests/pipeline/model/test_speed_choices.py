@@ -14,9 +14,9 @@ from pipeline.findings.result import RunResult
 from pipeline.findings.route_profile import legs
 from pipeline.model.case import true_duration_s
 from pipeline.scenario.season import Season
+from pipeline.stages.measure import clock_worth, gap_shares, speeds_in_time
 from pipeline.stages.plan_case import plan_case, planned as planned_case
 from pipeline.stages.project import project
-from pipeline.stages.worth import clock_worth, gap_shares, speeds_in_time
 from tests.pipeline import chosen_speeds
 from tests.pipeline.tidal_run import DEPARTURE, planned
 

@@ -11,7 +11,7 @@ import pytest
 from pipeline.errors import RequestError
 from pipeline.scenario.loading import asked_currents, load_scenario, parse_scenario
 from pipeline.scenario.season import StreamConstants
-from pipeline.stages.choosing.coverage import require_covered
+from pipeline.stages.region import require_covered
 from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
 

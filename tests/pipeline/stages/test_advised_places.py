@@ -13,7 +13,7 @@ from pipeline.errors import RequestError
 from pipeline.run import Outcome, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import parse_scenario
-from pipeline.stages.choosing.coverage import endpoints_on_land
+from pipeline.stages.region import endpoints_on_land
 from tests.pipeline.stages.test_endpoint_look import scenario as on_chart
 
 # A wall of 20 m round a pool of 40 m, in a plane of 400 m; the vessel turns in a circle of 3.3 m.

@@ -12,7 +12,7 @@ import pytest
 
 import renew
 from pipeline.errors import RequestError
-from pipeline.findings.departures_and_speeds import departure_text
+from pipeline.findings.choices import departure_text
 from pipeline.findings.note_words import note_json, note_text
 from pipeline.findings.text import exact_moment_text
 from pipeline.formats.figures.choice_plots import departure_figure
@@ -20,8 +20,7 @@ from pipeline.machine.store import Artefact, Store, artefact_key
 from pipeline.model import DepartureChoice, Note
 from pipeline.model.case import SpeedChoice
 from pipeline.scenario.season import Season, departure_name
-from pipeline.stages.choose import choose_departures
-from pipeline.stages.choosing.chosen import Chosen
+from pipeline.stages.choose import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.plan_case import planned as planned_case
 from renew.vary.departures import Sailing, Sailings

@@ -9,7 +9,7 @@ import shapely
 
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.stages.choosing.coverage import endpoints_on_land
+from pipeline.stages.region import endpoints_on_land
 
 LonLat = tuple[float, float]
 

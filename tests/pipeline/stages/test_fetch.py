@@ -16,8 +16,8 @@ from pipeline.model import PassedOver
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.stages.choosing.coverage import require_covered
 from pipeline.stages.fetch import fetch, with_max_hours
+from pipeline.stages.region import require_covered
 from tests.pipeline.conftest import ACROSS_BOX
 
 EMBEDDED, SERVICE = "embedded-palawan", "copernicus-glorys-monthly"

@@ -18,7 +18,7 @@ from pipeline.formats.report.page import gather, render
 from pipeline.run import run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.season import MembersSpec
-from pipeline.stages.members import stirred
+from pipeline.stages.project import stirred
 from tests.pipeline.formats.page import Page
 from tests.pipeline.small_plane import small_plane
 

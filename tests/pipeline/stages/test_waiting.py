@@ -22,8 +22,7 @@ from pipeline.machine.store import Artefact
 from pipeline.model import Case
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario
-from pipeline.stages.choosing.chosen import Chosen
-from pipeline.stages.choosing.onward import with_onward_legs
+from pipeline.stages.choose import Chosen, with_onward_legs
 from pipeline.stages.fetch import FetchedData
 from renew._types import BoolArray, FloatArray
 from renew.inputs.openings import ReliedOnTide

@@ -1,20 +1,25 @@
-"""Missions: what pymavlink reads back, and the grammar of QGroundControl's plans."""
+"""Missions, their fence and rally points, read from the file, beside the chart as it is fetched."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyproj
 import pytest
+import shapely
 from pymavlink import mavutil, mavwp
 
+import renew
 from pipeline.findings.result import RunResult
-from pipeline.formats.passage.missions import write_mission, write_plan
+from pipeline.formats.passage.missions import KEPT_SHARE, autopilot, write_mission, write_plan
 from pipeline.formats.passage.waypoints import Waypoints, case_waypoints
-from tests.pipeline.formats import runs
+from pipeline.formats.passage_plan import write_passage_plan
+from tests.pipeline.formats import runs, small_run
 
 LINK = mavutil.mavlink
 
@@ -109,3 +114,229 @@ def test_both_missions_are_the_same(any_run: RunResult, tmp_path: Path) -> None:
 def test_what_cannot_be_written_is_an_os_error(tmp_path: Path, writer: Callable[..., None]) -> None:
     with pytest.raises(OSError, match="nowhere"):
         writer(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a")
+
+
+GEOD = pyproj.Geod(ellps="WGS84")
+# ArduPilot Rover's storage on a Pixhawk, bytes, in three areas each for fences and rally points
+# (StorageManager.cpp), and what each part takes (AC_PolyFence_loader.cpp, RallyLocation).
+FENCE_BYTES, HEADER, END, POLYGON, VERTEX = 160 + 256 + 256, 4, 1, 2, 8
+RALLY_BYTES, RALLY_POINT = 150 + 300 + 300, 15
+RUNS: dict[str, Callable[[], RunResult]] = {
+    "small": small_run.parts,
+    "north": runs.far_north,
+    "long": runs.long_way,
+    "random 0": lambda: runs.random_run(0),
+    "random 1": lambda: runs.random_run(1),
+    "open sea": runs.open_sea,
+}
+
+
+@pytest.fixture(scope="module", params=RUNS)
+def fenced(request: pytest.FixtureRequest) -> RunResult:
+    return RUNS[request.param]()
+
+
+def season_of(result: RunResult) -> str:
+    return result.results[0].name
+
+
+def written(result: RunResult, folder: Path) -> dict[str, Any]:
+    write_plan(result.case(season_of(result)), folder / "a.plan")
+    content: dict[str, Any] = json.loads((folder / "a.plan").read_text(encoding="utf-8"))
+    return content
+
+
+def polygons(result: RunResult, folder: Path) -> list[tuple[bool, np.ndarray]]:
+    """Each polygon in the file: whether it is the inclusion, and its ring (n, 2), lon/lat."""
+    fence = written(result, folder)["geoFence"]
+    assert (fence["version"], fence["circles"]) == (2, [])
+    assert all(set(one) == {"version", "inclusion", "polygon"} for one in fence["polygons"])
+    return [(one["inclusion"], np.array(one["polygon"])[:, ::-1]) for one in fence["polygons"]]
+
+
+def no_go(result: RunResult) -> shapely.Geometry:
+    """Land as fetched, hard no-go zone and V of the best route, planner's plane."""
+    route = result.case(season_of(result)).routes[0].route
+    return shapely.union_all([*result.water.chart.no_go, *result.water.land, route.soft_no_go])
+
+
+def test_what_the_fence_allows_is_open_water(fenced: RunResult, tmp_path: Path) -> None:
+    """A point of V or land is outside the inclusion polygon or inside an exclusion polygon."""
+    found = polygons(fenced, tmp_path)
+    assert [inclusion for inclusion, _ in found] == [True] + [False] * (len(found) - 1)
+    allowed = shapely.Polygon(found[0][1])
+    for _, ring in found[1:]:
+        allowed = shapely.difference(allowed, shapely.Polygon(ring))
+    west, south, east, north = allowed.bounds
+    places = np.random.default_rng(1).uniform([west, south], [east, north], (100_000, 2))
+    places = places[shapely.contains_xy(allowed, places)]
+    places = np.concatenate([places, *(ring for _, ring in found)])
+    plane = fenced.water.projection.to_plane(places)
+    assert len(places) > 1_000
+    shut = no_go(fenced)
+    shapely.prepare(shut)
+    assert not shapely.contains_xy(shut, plane).any()
+    assert shapely.contains_xy(fenced.water.chart.extent, plane).all()
+
+
+def test_few_vertices_and_the_legs_inside_by_their_limits(
+    fenced: RunResult, tmp_path: Path
+) -> None:
+    found = polygons(fenced, tmp_path)
+    assert all(len(ring) >= 3 for _, ring in found)
+    room = HEADER + sum(POLYGON + VERTEX * len(ring) for _, ring in found) + END
+    assert room <= FENCE_BYTES
+    scene, points = fenced.water, case_waypoints(fenced.case(season_of(fenced)))[0]
+    rings = [
+        shapely.LinearRing(scene.projection.to_plane(shapely.get_coordinates(dense)))
+        for _, ring in found
+        for dense in [shapely.segmentize(shapely.LinearRing(ring), 1e-3)]
+    ]
+    inside = shapely.Polygon(found[0][1])
+    for at in range(len(points.lonlat) - 1):
+        ends = points.lonlat[at : at + 2]
+        assert shapely.contains_xy(inside, ends).all()
+        leg = shapely.LineString(scene.projection.to_plane(np.linspace(ends[0], ends[1], 200)))
+        apart = min(leg.distance(ring) for ring in rings) * scene.projection.scale
+        stretch = float(scene.projection.point_scale(ends).min())
+        limit = min(points.port_m[at], points.starboard_m[at])
+        # The leg is drawn straight in degrees here: off the loxodrome by metres on long legs.
+        bend = points.length_m[at] ** 2 / 5e7 * np.tan(np.radians(np.abs(ends[:, 1]).max()))
+        assert apart / stretch >= KEPT_SHARE * limit - bend - 0.5
+
+
+@pytest.mark.parametrize("room", [300, 250, 100])
+def test_a_fence_is_made_smaller_or_left_out_where_there_is_less_room(
+    room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The polygons share the room: the same run's fence takes 331 bytes where there are 672."""
+    monkeypatch.setattr("pipeline.formats.passage.missions.STORAGE_BYTES", room)
+    found = polygons(replace(small_run.parts()), tmp_path)
+    assert HEADER + sum(POLYGON + VERTEX * len(ring) for _, ring in found) + END <= room
+    assert bool(found) == (room >= 250)
+
+
+def test_open_sea_is_fenced_as_far_as_the_chart(tmp_path: Path) -> None:
+    result = runs.open_sea()
+    [(_, ring)] = polygons(result, tmp_path)
+    fenced = shapely.Polygon(result.water.projection.to_plane(ring))
+    assert fenced.area == pytest.approx(result.water.chart.extent.area, rel=1e-2)
+
+
+@pytest.mark.parametrize("name", ["across_180", "harbours"])
+def test_nothing_is_promised_across_180_degrees_or_from_v(name: str, tmp_path: Path) -> None:
+    result = getattr(runs, name)()
+    content = written(result, tmp_path)
+    assert content["geoFence"]["polygons"] == content["rallyPoints"]["points"] == []
+    assert autopilot(result.case(season_of(result))).rally is None
+
+
+def with_havens(result: RunResult, lonlat: np.ndarray, **hours: float) -> RunResult:
+    """The result with a list of havens (n, 2), degrees, that can be used."""
+    season = season_of(result)
+    places = result.water.projection.to_plane(lonlat)
+    havens = tuple(renew.Haven(f"haven {n}", place, **hours) for n, place in enumerate(places))
+    route = result.case(season).routes[0].route
+    return replace(result, coverages={season: renew.Coverage(route, havens, (), (), ())})
+
+
+def sampled_is_clear(result: RunResult, rally: np.ndarray) -> bool:
+    """Whether sampled lines to the nearest of start and rally points meet no no-go."""
+    points, projection = case_waypoints(result.case(season_of(result)))[0], result.water.projection
+    sites, shut = np.concatenate([points.lonlat[:1], rally]), no_go(result)
+    shapely.prepare(shut)
+    path = shapely.LineString(projection.to_plane(points.lonlat))
+    places = shapely.line_interpolate_point(path, np.linspace(0, 1, 150), normalized=True)
+    for lonlat in projection.to_lonlat(shapely.get_coordinates(places)):
+        apart = [GEOD.inv(*lonlat, *site)[2] for site in sites]
+        nearest = sites[int(np.argmin(apart))]
+        straight = np.linspace(lonlat, nearest, 300)
+        shortest = np.array(GEOD.npts(lonlat[0], lonlat[1], nearest[0], nearest[1], 100))
+        if shapely.contains_xy(shut, projection.to_plane(np.vstack([straight, shortest]))).any():
+            return False
+    return True
+
+
+def test_a_vessel_returns_only_where_sampled_lines_are_clear(fenced: RunResult) -> None:
+    told = autopilot(fenced.case(season_of(fenced)))
+    is_clear = sampled_is_clear(fenced, np.empty((0, 2)))
+    assert is_clear or told.rally is None
+    # In the far north lines that are straight in degrees are too far from the shortest ones.
+    if abs(fenced.scenario.start[1]) < 60:
+        assert (told.rally is not None) == is_clear
+
+
+def test_havens_on_the_way_are_rally_points(tmp_path: Path) -> None:
+    """From each leg its ends are in reach, though the start is behind the island."""
+    result = small_run.parts()
+    lonlat = case_waypoints(result.case(season_of(result)))[0].lonlat
+    assert not sampled_is_clear(result, lonlat[-1:])
+    assert sampled_is_clear(result, lonlat)
+    found = written(with_havens(result, lonlat), tmp_path)["rallyPoints"]
+    assert found["version"] == 2
+    assert found["points"] == [[*place, 0.0] for place in np.round(lonlat, 7)[:, ::-1].tolist()]
+
+
+def test_a_haven_outside_the_fence_is_no_rally_point(tmp_path: Path) -> None:
+    """An autopilot would pass over it, and go straight to another one."""
+    result = small_run.parts()
+    allowed = shapely.Polygon(polygons(result, tmp_path)[0][1])
+    for _, ring in polygons(result, tmp_path)[1:]:
+        allowed = shapely.difference(allowed, shapely.Polygon(ring))
+    lonlat = case_waypoints(result.case(season_of(result)))[0].lonlat
+    around = shapely.buffer(shapely.LineString(lonlat), 0.3)
+    west, south, east, north = around.bounds
+    places = np.random.default_rng(1).uniform([west, south], [east, north], (2_000, 2))
+    water = shapely.difference(result.water.chart.extent, no_go(result))
+    places = places[shapely.contains_xy(water, result.water.projection.to_plane(places))]
+    beyond = places[~shapely.contains_xy(allowed, places)]
+    assert len(beyond) > 10
+    havens = np.concatenate([beyond, lonlat])
+    found = written(with_havens(result, havens), tmp_path)["rallyPoints"]["points"]
+    assert [point[1::-1] for point in found] == np.round(lonlat, 7).tolist()
+
+
+def test_no_more_rally_points_than_an_autopilot_holds(tmp_path: Path) -> None:
+    result = small_run.parts()
+    lonlat = case_waypoints(result.case(season_of(result)))[0].lonlat
+    many = np.concatenate([lonlat, *[lonlat[-1:]] * 60])
+    found = written(with_havens(result, many), tmp_path)["rallyPoints"]["points"]
+    assert len(found) == RALLY_BYTES // RALLY_POINT
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_havens_behind_islands_are_refused(seed: int, tmp_path: Path) -> None:
+    result = runs.random_run(seed)
+    rng = np.random.default_rng(seed)
+    places = rng.uniform([119.0, 9.0], [120.2, 10.0], (60, 2))
+    water = shapely.difference(result.water.chart.extent, no_go(result))
+    places = places[shapely.contains_xy(water, result.water.projection.to_plane(places))]
+    answers = []
+    for few in (places[:1], places[:20], places):
+        told = written(with_havens(result, few), tmp_path)["rallyPoints"]["points"]
+        answers.append(bool(told))
+        if told:
+            assert sampled_is_clear(result, np.array(told)[:, 1::-1])
+    assert not all(answers)
+
+
+def test_a_haven_that_closes_is_no_rally_point(tmp_path: Path) -> None:
+    result = small_run.parts()
+    lonlat = case_waypoints(result.case(season_of(result)))[0].lonlat
+    found = written(with_havens(result, lonlat, closes=1e9), tmp_path)["rallyPoints"]["points"]
+    assert found == []
+
+
+def test_the_passage_plan_says_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said = list[str]()
+
+    def wrapped(texts: Sequence[str], _: int) -> list[list[str]]:
+        said.extend(texts)
+        return [[text] for text in texts if text]
+
+    monkeypatch.setattr("pipeline.formats.passage_plan._wrapped", wrapped)
+    for result, holds in ((small_run.parts(), True), (runs.open_sea(), False)):
+        said.clear()
+        write_passage_plan(result, tmp_path / "a.pdf")
+        assert any("set Loiter or Hold, not return" in text for text in said) == holds
+        assert not any("no fence" in text for text in said)

@@ -11,8 +11,8 @@ from pipeline.errors import RequestError
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
-from pipeline.stages.choosing.coverage import Coverage, covered_by_currents, require_covered
-from pipeline.stages.choosing.region_choice import DirectLine
+from pipeline.stages.region import Coverage, covered_by_currents, require_covered
+from pipeline.stages.water_grid import DirectLine
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
 PALAWAN = DirectLine.between((120.30, 12.80), (116.80, 7.70))

@@ -6,7 +6,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from pipeline.stages.choosing.region import SIDES, grown, opened, sides_near
+from pipeline.stages.region import SIDES, grown, opened, sides_near
 
 BOUNDS = (10.0, 50.0, 12.0, 51.0)
 WORLD = (-180.0, -89.0, 360.0, 89.0)

@@ -12,16 +12,16 @@ from hypothesis import given, strategies as st
 
 from pipeline.geo.projection import Projection
 from pipeline.sources.current_field import LandMask
-from pipeline.stages.choosing.region import grown, opened
-from pipeline.stages.choosing.region_choice import (
+from pipeline.stages.project import extent_polygon
+from pipeline.stages.region import grown, opened
+from pipeline.stages.water_grid import (
     FAR_WAY,
     DirectLine,
+    WaterGrid,
     choose_region,
     rounded_outward,
     widened_by,
 )
-from pipeline.stages.choosing.water_grid import WaterGrid
-from pipeline.stages.project import extent_polygon
 from tests.strategies import examples
 
 WORLD = (-180.0, -89.0, 360.0, 89.0)

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.sources.current_field import LandMask
-from pipeline.stages.choosing.water_grid import WaterGrid
+from pipeline.stages.water_grid import WaterGrid
 
 SHAPE = (7, 9)
 EVERYWHERE = (-180.0, -90.0, 360.0, 90.0)

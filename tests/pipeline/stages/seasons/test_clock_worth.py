@@ -13,7 +13,7 @@ import renew
 from pipeline.findings.text import percent
 from pipeline.formats.report.sentences import clock_text
 from pipeline.model import CaseResult, ClockWorth
-from pipeline.stages.worth import clock_worth, hat_weights, mean_weights
+from pipeline.stages.measure import clock_worth, hat_weights, mean_weights
 from tests.pipeline.tidal_run import planned
 
 

@@ -13,8 +13,8 @@ import renew
 from pipeline.geo.projection import Projection
 from pipeline.model import Case, CaseResult, Water
 from pipeline.scenario.model import PlannerOptions
+from pipeline.stages.measure import gap_shares
 from pipeline.stages.plan_case import planned
-from pipeline.stages.worth import gap_shares
 
 EXTENT = shapely.box(-200, -100, 200, 100)
 LAND = shapely.box(-20, -60, 20, 60)

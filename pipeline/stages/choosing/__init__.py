@@ -1,1 +1,0 @@
-"""Choose what a scenario leaves out: the region, the offing, and the departure."""
