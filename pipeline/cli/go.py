@@ -1,74 +1,77 @@
-"""The command `renew go`: plan a voyage from options, without a scenario file."""
+"""The commands `renew go` and `renew replan`: plan a voyage from options, from its table."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
+
+import typer
 
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
+from pipeline.errors import Faults
+from pipeline.underway.request import UnderWayRequest
+from pipeline.voyage.positions import EXAMPLES, halves
+from pipeline.voyage.request import VoyageRequest, read_voyage
+from pipeline.voyage.table import read, spelling
 
-if TYPE_CHECKING:
-    from pipeline.scenario.model import Scenario
 
-
+@options.with_options(VoyageRequest, without=("start", "goal"))
 def go(
-    positions: options.Positions,
+    positions: Annotated[
+        list[str], typer.Argument(metavar="START GOAL", help=f"Two positions: {EXAMPLES}.")
+    ],
     *,
-    vessel: options.Vessel = "",
-    speed: options.Speed = "",
-    length: options.Length = "",
-    turning_circle: options.TurningCircle = "",
-    draught: options.Draught = "",
-    month: options.Months = None,
-    depart: options.Depart = "",
-    until: options.Until = "",
-    arrive_by: options.ArriveBy = "",
-    currents: options.Currents = None,
-    via: options.Via = None,
-    avoid: options.Avoid = None,
-    havens: options.Havens = None,
-    within: options.Within = "",
-    endurance: options.Endurance = "",
-    clearance: options.Clearance = "",
-    name: options.Name = "",
-    charts: options.Charts = None,
-    depths: options.Depths = None,
-    datum: options.Datum = "",
-    tide: options.Tide = None,
-    members: options.Members = "",
-    output: options.Output = Path("outputs"),
-    offline: options.Offline = False,
-    strict: options.Strict = False,
-    explain_gap: options.ExplainGap = False,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
+    **given: Any,  # noqa: ANN401 - the options of a voyage
 ) -> None:
     """Plan a voyage from START to GOAL; region, chart and currents are chosen and reported.
 
     The scenario is written beside the results, for `renew run`.
     """
-    given = locals()
     with reported_errors():
+        request = _request(positions, given)
         from pipeline.cli.reporting import run_to_end
-        from pipeline.voyage.one_line import run_voyage
+        from pipeline.voyage.one_line import run_voyage, voyage_scenario
 
-        scenario, notes = _scenario(given)
-        scenario = scenario.explaining_gap() if explain_gap else scenario
-        run = partial(run_voyage, scenario, output, offline=offline, strict=strict, said=notes)
+        scenario, notes = voyage_scenario(request)
+        run = partial(run_voyage, request, scenario, said=notes)
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
 
 
-def _scenario(given: dict[str, Any]) -> "tuple[Scenario, tuple[str, ...]]":
-    """Return the scenario of a voyage, given arguments and options by their names, with notes."""
-    from pipeline.errors import Faults, RequestError
-    from pipeline.machine.paths import folder_to_write
-    from pipeline.voyage.one_line import voyage_scenario
-    from pipeline.voyage.request import VoyageRequest
-
-    request = VoyageRequest.of_options(given)
+def _request(positions: Sequence[str], given: dict[str, Any]) -> VoyageRequest:
+    """Return the voyage that was typed; RequestError with a line for each fault."""
     faults = Faults()
-    faults.collect(lambda: folder_to_write(given["output"], "--output"))
-    made = faults.collect(lambda: voyage_scenario(request))
-    if made is None or faults.lines:
-        raise RequestError(faults.lines)
-    return made
+    start, goal = faults.collect(lambda: halves(positions)) or (None, None)
+    return read_voyage({**given, "start": start, "goal": goal}, "command", faults.lines)
+
+
+@options.with_options(UnderWayRequest)
+def replan(
+    *,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+    **given: Any,  # noqa: ANN401 - the options of a voyage under way
+) -> None:
+    """Plan the rest of a voyage again from where the vessel is, in a folder beside RESULTS.
+
+    The way that was planned is kept, unless it can't be sailed or another saves more than 2 % of
+    the fuel ahead. The answer is no command to a vessel.
+    """
+    with reported_errors():
+        from pipeline.cli.reporting import run_to_end
+        from pipeline.machine.paths import expanded
+        from pipeline.run import run as run_scenario
+        from pipeline.stages.under_way import finished_season
+        from pipeline.underway.replan import under_way_scenario
+
+        faults = Faults()
+        results = Path(given["results"])
+        finished = faults.collect(lambda: finished_season(results, given["season"] or ""))
+        at = spelling(UnderWayRequest, "command")
+        request = read(UnderWayRequest, given, at, known=faults.lines)
+        scenario, notes = under_way_scenario(request, finished)
+        beside = expanded(results, at.results).absolute().parent
+        run = partial(run_scenario, scenario, beside, offline=request.offline, said=notes)
+        run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)

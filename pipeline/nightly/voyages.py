@@ -83,7 +83,8 @@ def _answered(config: NightConfig, spec: VoyageSpec, folder: Path, fix: Fix) -> 
     """Run the voyage ahead, and return its row."""
     from pipeline.findings.choices import replanned_text
     from pipeline.run import run
-    from pipeline.underway.replan import UnderWayRequest, under_way_scenario
+    from pipeline.underway.replan import under_way_scenario
+    from pipeline.underway.request import UnderWayRequest
 
     time, lon, lat = _place(fix)
     currents = (config.here(one) if looks_like_path(one) else one for one in spec.currents)

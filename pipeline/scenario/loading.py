@@ -350,8 +350,8 @@ def asked_currents(asked: Sequence[str | Path]) -> list[str | list[str]]:
     return sources
 
 
-def require_currents(asked: Sequence[str | Path]) -> None:
-    """Raise RequestError if --currents names a file that can't be read, or an unknown source.
+def require_currents(asked: Sequence[str | Path], key: str = "--currents") -> None:
+    """Raise RequestError if `key` names a file that can't be read, or an unknown source.
 
     Patterns of files are looked up later.
     """
@@ -360,14 +360,14 @@ def require_currents(asked: Sequence[str | Path]) -> None:
     for name in map(str, asked):
         if name in known or glob.has_magic(name):
             continue
-        reason = unreadable_reason(resolved(name, "--currents"))
+        reason = unreadable_reason(resolved(name, key))
         if reason == NOT_THERE:
             hint = "give a NetCDF, GRIB or Zarr file"
             if not looks_like_path(name):
                 hint = f"it is no source of the catalogue either: {near_miss(name, known)}"
             reason = f"{reason}; {hint}"
         if reason:
-            faults.append(f"--currents = '{shown(name)}' {reason}")
+            faults.append(f"{key} = '{shown(name)}' {reason}".lstrip())
     if faults:
         raise RequestError(faults)
 

@@ -5,7 +5,7 @@ A period is a month, a day or an instant, always UTC. An interval is written as 
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -86,31 +86,23 @@ def interval(text: str) -> timedelta:
     return int(parts[1]) * _UNITS[parts[2]]
 
 
-def _checked(text: str) -> str:
-    """Refuse a text that is no interval."""
-    interval(text)
-    return text
-
-
-Interval = Annotated[str, AfterValidator(_checked)]
-
-_NO_TIME = "0min"
-
-
 def span(text: str) -> timedelta:
     """Read an interval that may be no time at all, '0min'; else ValueError with the remedy."""
-    return timedelta() if text == _NO_TIME else interval(text)
+    return timedelta() if text == "0min" else interval(text)
 
 
-def _spanned(text: str) -> str:
-    """Refuse a text that is neither an interval nor no time."""
-    span(text)
-    return text
+def _readable_by(read: Callable[[str], timedelta]) -> AfterValidator:
+    """Return the validator that refuses a text which `read` refuses."""
+
+    def checked(text: str) -> str:
+        read(text)
+        return text
+
+    return AfterValidator(checked)
 
 
-Span = Annotated[str, AfterValidator(_spanned)]
-
-
+Interval = Annotated[str, _readable_by(interval)]
+Span = Annotated[str, _readable_by(span)]
 Count = Annotated[strict.Integer, Field(ge=1, le=10_000)]
 
 

@@ -9,6 +9,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from pipeline.formats.palette import style_colours
 from pipeline.formats.report import assets
+from pipeline.serve.request import ASKED
 
 _HERE = Path(__file__).parent
 # A name that a script of the report defines at its top level.
@@ -47,7 +48,9 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
         for path in sorted((_HERE / "scripts").glob("*.js"))
     }
     files = {
-        "/": templates.get_template("plan.html.jinja").render(),
+        "/": templates.get_template("plan.html.jinja").render(
+            options={one.field: one for one in ASKED}
+        ),
         "/api": templates.get_template("api.html.jinja").render(api=interface),
         "/static/style.css": style,
         "/static/leaflet.js": assets.leaflet(),

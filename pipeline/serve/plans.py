@@ -153,7 +153,8 @@ class Plans:
                 f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one"
             )
         plan = Plan(request, options)
-        if self._ahead is not None and self._ahead["positions"] != options["positions"]:
+        ends = ("start", "goal")
+        if self._ahead is not None and any(self._ahead[one] != options[one] for one in ends):
             self._stop_preparing()
         self._plans[plan.id] = plan
         self._waiting.put_nowait(plan)

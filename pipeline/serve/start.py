@@ -5,18 +5,16 @@ import contextlib
 import socket
 import webbrowser
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
 
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.errors import RequestError
-from pipeline.machine.paths import folder_to_write
 from pipeline.serve.app import make_app
 from pipeline.serve.files import GivenFiles
 from pipeline.serve.guard import Keys
+from pipeline.serve.options import ServerOptions
 from pipeline.serve.plans import Plans
 
 HOST = "127.0.0.1"
@@ -34,57 +32,24 @@ _GRACE_S = 2
 _GB = 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """A plan's limits: time, s, and memory, GB; and how many are planned at a time."""
-
-    seconds: float = 600.0
-    memory_gb: float = 4.0
-    workers: int = 1
-
-
-def serve(
-    output: Path,
-    *,
-    port: int | None = None,
-    offline: bool = False,
-    limits: Limits | None = None,
-    on_ready: Callable[[str], None],
-    opens: bool = False,
-) -> None:
-    """Serve the page until the process is stopped.
-
-    Parameters
-    ----------
-    output
-        Folder of all results, as of `renew go`.
-    port
-        Port of 127.0.0.1; by default USUAL_PORT, or any free one if it is taken.
-    offline
-        Use no source of currents that needs the network.
-    limits
-        Of the plans.
-    on_ready
-        Called with the first address once the server answers.
-    opens
-        Whether to open that address in the user's browser.
+def serve(options: ServerOptions, on_ready: Callable[[str], None]) -> None:
+    """Serve the page until the process is stopped; call `on_ready` with the first address.
 
     Raises
     ------
     RequestError
-        The port is taken, or `output` can't be a folder.
+        The port is taken.
     """
-    output, limits = folder_to_write(output, "--output"), limits or Limits()
-    with _listening(port) as opened:
+    with _listening(options.port) as opened:
         keys = Keys(opened.getsockname()[1])
         plans = Plans(
-            output,
-            offline=offline,
-            workers=limits.workers,
-            limit_s=limits.seconds,
-            memory_bytes=round(limits.memory_gb * _GB),
+            options.output,
+            offline=options.offline,
+            workers=options.workers,
+            limit_s=options.limit,
+            memory_bytes=round(options.memory * _GB),
         )
-        app = make_app(keys, plans, GivenFiles(output / _GIVEN))
+        app = make_app(keys, plans, GivenFiles(options.output / _GIVEN))
         config = uvicorn.Config(
             app,
             log_level="warning",
@@ -94,7 +59,7 @@ def serve(
             limit_concurrency=_MAX_CONNECTIONS + 1,
             timeout_graceful_shutdown=_GRACE_S,
         )
-        server = _Server(config, lambda: _say(keys.address, on_ready, opens=opens))
+        server = _Server(config, lambda: _say(keys.address, on_ready, opens=options.opens))
         server.run(sockets=[opened])
 
 

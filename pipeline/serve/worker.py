@@ -9,7 +9,6 @@ import gc
 import json
 from collections.abc import Callable, Mapping
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
 from pipeline.errors import PipelineError, one_line
@@ -19,12 +18,11 @@ from pipeline.machine.interpreters import give_back_memory, seldom_collecting
 from pipeline.machine.workers import is_call_waiting, tell
 from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
-from pipeline.serve.request import with_paths
 from pipeline.serve.sides import drawn, sides
 from pipeline.sources.copernicus.client import without_secrets
 from pipeline.stages.region import require_sailable
 from pipeline.voyage.one_line import run_voyage, voyage_scenario
-from pipeline.voyage.request import VoyageRequest
+from pipeline.voyage.request import VoyageRequest, read_voyage
 from pipeline.write import load_libraries
 from renew._compiled import is_cold
 from renew.warming import rehearse_half
@@ -68,7 +66,7 @@ def _tell(fields: Mapping[str, Any]) -> None:
 def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
     """Plan a voyage as `renew go` does, and tell how it goes."""
     try:
-        scenario, notes = _scenario(asked["options"])
+        request, scenario, notes = _scenario(asked)
         tell({"event": "scenario", "name": scenario.name, "title": scenario.title})
         for note in notes:
             tell({"event": "note", "detail": note})
@@ -77,14 +75,12 @@ def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
             tell({"event": "sides", **sides(result)})
 
         outcome = run_voyage(
+            request,
             scenario,
-            Path(asked["output"]),
-            offline=asked["offline"],
-            strict=False,
+            said=notes,
             on_event=lambda event: tell(_event(event)),
             on_step=lambda _, step: tell(_step(step)),
             on_result=on_result,
-            said=notes,
         )
     except PipelineError as error:
         tell({"event": "failed", "faults": without_secrets(str(error)).splitlines()})
@@ -99,21 +95,26 @@ def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
 def _prepare(asked: Mapping[str, Any], tell: Tell) -> None:
     """Make ready what a voyage needs before it is planned; what fails is told by its plan."""
     with contextlib.suppress(Exception):
-        scenario, _ = _scenario(asked["options"])
+        request, scenario, _ = _scenario(asked)
         require_sailable(scenario)
-        prepare(scenario, Path(asked["output"]), offline=asked["offline"])
+        prepare(scenario, request.output, offline=request.offline)
     tell({"event": "prepared"})
 
 
-def _scenario(options: Mapping[str, Any]) -> tuple[Scenario, tuple[str, ...]]:
-    """Return the scenario of a request, and notes.
+def _scenario(
+    asked: Mapping[str, Any],
+) -> tuple[VoyageRequest, Scenario, tuple[str, ...]]:
+    """Return a voyage that was asked for, its scenario, and notes.
 
     A hash is added to its name, so that the results of one request never replace those of another.
     """
-    scenario, notes = voyage_scenario(VoyageRequest.of_options(with_paths(options)))
-    digest = sha256(json.dumps(options, sort_keys=True).encode()).hexdigest()[:_DIGITS]
-    scenario = scenario.model_copy(update={"name": f"{scenario.name[: 63 - _DIGITS]}-{digest}"})
-    return (scenario.explaining_gap() if options.get("explain_gap") else scenario), notes
+    given = asked["options"]
+    where = {"output": asked["output"], "offline": asked["offline"]}
+    request = read_voyage({**given, **where}, "page")
+    scenario, notes = voyage_scenario(request)
+    digest = sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:_DIGITS]
+    name = f"{scenario.name[: 63 - _DIGITS]}-{digest}"
+    return request, scenario.model_copy(update={"name": name}), notes
 
 
 def _event(event: Event) -> Mapping[str, Any]:

@@ -1,13 +1,10 @@
 """Plan the voyage of a finished run again from where the vessel is, as a run of its own."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import Any
 
-from pipeline.errors import Faults, RequestError
+from pipeline.errors import RequestError
 from pipeline.findings.text import exact_moment_text
 from pipeline.machine.paths import expanded
 from pipeline.scenario.catalogue import read_toml
@@ -15,7 +12,7 @@ from pipeline.scenario.loading import parse_scenario, with_currents
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import departure_name, interval, named_departure
 from pipeline.stages.under_way import FinishedSeason, finished_season
-from pipeline.voyage.positions import Position, read_position
+from pipeline.underway.request import UnderWayRequest
 
 # Longest beginning of a name to which a time is added, in characters; and what was added before.
 _NAME = 45
@@ -24,26 +21,12 @@ _ADDED = re.compile(r"-at-\d{4}-\d{2}-\d{2}t\d{4}z$")
 _OPEN = ("departures", "to_within", "arrive_by", "title")
 
 
-@dataclass(frozen=True)
-class UnderWayRequest:
-    """Where the vessel is, when, on which true heading (degrees), and what has changed.
-
-    `departed` is when it left, if the plan does not say so. Without `currents` those of the plan
-    hold. `name` is that of the new results.
-    """
-
-    results: Path
-    at: str | Position
-    time: datetime
-    heading_deg: float | None = None
-    currents: Sequence[str] = ()
-    season: str = ""
-    departed: datetime | None = None
-    name: str = ""
-
-
-def under_way_scenario(request: UnderWayRequest) -> tuple[Scenario, tuple[str, ...]]:
+def under_way_scenario(
+    request: UnderWayRequest, finished: FinishedSeason | None = None
+) -> tuple[Scenario, tuple[str, ...]]:
     """Return the scenario of the voyage ahead, with notes on how the request was understood.
+
+    `finished` are the results that it names, if they have been read.
 
     Raises
     ------
@@ -51,35 +34,15 @@ def under_way_scenario(request: UnderWayRequest) -> tuple[Scenario, tuple[str, .
         The results are damaged or of a plane, or the request does not go with them; one line for
         each fault.
     """
-    faults = Faults()
-    place = faults.collect(lambda: _position(request.at))
-    finished = faults.collect(lambda: finished_season(request.results, request.season))
-    heading = request.heading_deg
-    if heading is not None and not 0 <= heading <= 360:
-        faults.lines.append(
-            f"--heading {heading:g} is no true heading; give degrees from 0 to 360, clockwise from "
-            "north"
-        )
-    left = None
-    if finished is not None:
-        left = faults.collect(lambda: _departed(finished, request))
-    if faults.lines or place is None or finished is None or left is None:
-        raise RequestError(faults.lines)
+    finished = finished or finished_season(request.results, request.season)
+    left = _departed(finished, request)
     file = expanded(finished.folder / "scenario.toml", "RESULTS")
-    data = _table(read_toml(file), finished, request, place, left)
-    notes = (place.note,) if place.note else ()
+    data = _table(read_toml(file), finished, request, left)
+    notes = (request.at.note,) if request.at.note else ()
     if request.currents:
         data, left_out = with_currents(data, request.currents)
         notes = (*notes, *left_out)
     return parse_scenario(data, file.parent), notes
-
-
-def _position(text: str | Position) -> Position:
-    """Read where the vessel is."""
-    try:
-        return text if isinstance(text, Position) else read_position(text)
-    except ValueError as error:
-        raise RequestError(f"--at {error}") from None
 
 
 def _departed(finished: FinishedSeason, request: UnderWayRequest) -> datetime:
@@ -102,7 +65,6 @@ def _table(
     data: dict[str, Any],
     finished: FinishedSeason,
     request: UnderWayRequest,
-    place: Position,
     left: datetime,
 ) -> dict[str, Any]:
     """Return the scenario's table for the rest of the voyage."""
@@ -132,10 +94,11 @@ def _table(
         "same_currents": not request.currents,
     }
     if request.heading_deg is not None:
-        under_way["heading_deg"] = float(request.heading_deg)
+        under_way["heading_deg"] = request.heading_deg
     if "endurance" in data.get("havens", {}):
         rest = _endurance_left(data["havens"]["endurance"], left, request.time)
         data = {**data, "havens": {**data["havens"], "endurance": rest}}
+    place = request.at
     first = _ADDED.sub("", data["name"])
     start = data["start"]
     title = data.get("title") or first

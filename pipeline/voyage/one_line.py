@@ -1,30 +1,28 @@
 """Plan a voyage in one call: make its scenario from the request, and run it."""
 
+import math
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
-
-from pipeline.errors import Faults, RequestError
+from pipeline.errors import RequestError
 from pipeline.findings.result import RunResult
+from pipeline.findings.text import moment_text
 from pipeline.run import Event, EventHandler, Outcome, ignore, run
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
-from pipeline.scenario.loading import asked_currents, parse_scenario, require_currents
+from pipeline.scenario.loading import asked_currents, parse_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.season import STILL, Season
-from pipeline.scenario.strict import Name
+from pipeline.scenario.season import STILL, Season, departure_name, period
 from pipeline.sources.registry import current_source
 from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.region import are_water_swapped, least_region, require_sailable
-from pipeline.voyage.named_files import tables_of
-from pipeline.voyage.positions import Position, read_positions, read_via, spelled, voyage_name
-from pipeline.voyage.request import VoyageRequest
-from pipeline.voyage.times import Departing, departing, read_months
-from pipeline.voyage.vessel_options import RANGE, VesselFigures, read_clearance_m, vessel_spec
+from pipeline.voyage.positions import Position, continued, joined, spelled, voyage_name
+from pipeline.voyage.quantities import VesselFigures, vessel_of_figures
+from pipeline.voyage.request import VoyageRequest, faults_of_pairs
+from pipeline.voyage.table import help_text, options, read, spelling
 
 # Datasets of the service with monthly means, the best first; the first that has the month is used.
 _SERVICE = (
@@ -35,6 +33,15 @@ _SERVICE = (
 
 # The service's hourly dataset, with tide and Stokes drift, for currents that change on the way.
 _SERVICE_STEPS = "copernicus-total-hourly"
+# Largest number of departures in the first sample of a window.
+_MAX_DEPARTURES = 25
+# Least time between two departures of that sample.
+_MIN_STEP = timedelta(minutes=30)
+# The planner adds departures until the best is known to this share of the window,
+_PROVEN_SHARE = 1 / 48
+# or to this time, if that is shorter.
+_MAX_PROVEN = timedelta(hours=1)
+_MINUTE = timedelta(minutes=1)
 
 
 def go(
@@ -68,57 +75,15 @@ def go(
 ) -> Outcome:
     """Plan a voyage and write its results to `output/<name>/`, as `renew go` does.
 
+    Positions are texts, or (lon, lat) in degrees; times have a zone. `vessel` may also be a
+    `VesselSpec`, or `VesselFigures` in place of the figures that the command line takes.
+    `speeds_m_s` are the lowest and the highest speed through water, in place of the vessel's.
+
     Parameters
     ----------
-    start, goal
-        (lon, lat) in degrees, or a text such as "12°48'N 120°18'E".
-    vessel
-        A name of the catalogue, the path of a TOML file, a `VesselSpec`, or `VesselFigures`.
-    months
-        Months as 'YYYY-MM'; each is a season.
-    depart
-        Departure with its time zone, in place of months; the currents then change on the way.
-    until, arrive_by
-        `until` is the latest departure: the best one from `depart` until then is chosen.
-        `arrive_by` is the latest arrival: the vessel leaves as late as possible, but not before
-        `depart`.
-    speeds_m_s
-        Lowest and highest speed through water, in place of the vessel's speed: the planner chooses
-        a speed for each leg, so that the vessel leaves at `depart` and arrives by `arrive_by` with
-        the least fuel. The currents are those of `months` if given, else they change on the way.
-    currents
-        Sources of the catalogue in order of preference, and files that belong together; ("still",)
-        for no currents. By default they are chosen.
-    via
-        Positions that the route passes in this order, each like `start`.
-    avoid
-        Vector files of areas that no route may enter.
-    havens
-        A file of points: from where along the best route is one of them reached in time?
-    within, endurance
-        Longest time to a haven, and time under way for which there is fuel at departure: "6h".
-        With `havens` one of the two is needed.
-    clearance_m
-        Minimum distance from the charted coast and its margin, true metres; by default an offing
-        is chosen.
-    charts
-        A vector file or a folder of S-57 cells in place of OpenStreetMap's land.
-    depths
-        A grid of depths in NetCDF, such as GEBCO's or EMODnet's. Water that is too shallow for the
-        vessel, whose draught must be given, is no-go.
-    datum
-        Chart datum of the depths, such as "MLLW", where the chart does not state it.
-    tide
-        Stations of the catalogue, and files of harmonic constants: water that is too shallow for
-        some hours may be passed in the others. Needs `depart`, and depths by `charts` or `depths`.
-    members
-        "files", a dimension of the files, or a speed such as "0.2m/s", as in `renew go --members`.
-    name
-        Name of the scenario; by default it is made of the positions.
-    explain_gap
-        Report the parts of the optimality gap.
-    output, offline, strict, on_event
-        As in `pipeline.run.run`.
+    {parameters}
+    on_event
+        Called with each event of the run.
 
     Raises
     ------
@@ -127,67 +92,62 @@ def go(
     StageError
         The voyage can't be planned for another reason, or the results can't be written.
     """
-    request = VoyageRequest(
-        positions=tuple(_text(place) for place in (start, goal)),
-        vessel="" if isinstance(vessel, VesselFigures) else vessel,
-        figures=vessel if isinstance(vessel, VesselFigures) else None,
-        months=tuple(months),
-        depart="" if depart is None else depart.isoformat(),
-        until="" if until is None else until.isoformat(),
-        arrive_by="" if arrive_by is None else arrive_by.isoformat(),
-        speeds="" if speeds_m_s is None else RANGE.join(f"{one!r}m/s" for one in speeds_m_s),
-        currents=tuple(map(str, currents)),
-        via=tuple(_text(place) for place in via),
-        avoid=tuple(avoid),
-        havens=havens,
-        within=within,
-        endurance=endurance,
-        clearance="" if clearance_m is None else f"{clearance_m!r}",
-        charts=charts,
-        depths=depths,
-        datum=datum,
-        tide=tuple(map(str, tide)),
-        members=members,
-        name=name,
-    )
+    given = dict(locals())
+    at = spelling(VoyageRequest, "python")
+    if isinstance(vessel, VesselFigures):
+        given |= {"vessel": None, **vars(vessel)}
+        at.speed = "VesselFigures.speed"
+    if speeds_m_s is not None:
+        given["speed"] = speeds_m_s
+        at.speed = "speeds_m_s"
+    request = read(VoyageRequest, given, at, faults_of_pairs)
     scenario, notes = voyage_scenario(request)
-    scenario = scenario.explaining_gap() if explain_gap else scenario
     on_event = on_event or ignore
     for note in notes:
         on_event(Event("fetch", "note", detail=note))
-    return run_voyage(
-        scenario, output, offline=offline, strict=strict, on_event=on_event, said=notes
+    return run_voyage(request, scenario, said=notes, on_event=on_event)
+
+
+def _parameters() -> str:
+    """Return the section of `go`'s docstring on its arguments, from the table of options."""
+    at = spelling(VoyageRequest, "python")
+    arguments: dict[str, list[str]] = {}
+    for one in options(VoyageRequest):
+        text = textwrap.fill(help_text(one, at), 88)
+        argument = (
+            "vessel" if one.argument.startswith(VesselFigures.__name__) else getattr(at, one.field)
+        )
+        arguments.setdefault(argument, []).append(text)
+    return "\n".join(
+        f"{argument}\n{textwrap.indent(chr(10).join(texts), '    ')}"
+        for argument, texts in arguments.items()
     )
 
 
+go.__doc__ = str(go.__doc__).replace("    {parameters}", textwrap.indent(_parameters(), "    "))
+
+
 def run_voyage(
+    request: VoyageRequest,
     scenario: Scenario,
-    output: Path,
     *,
-    offline: bool,
-    strict: bool,
+    said: Sequence[str],
     on_event: EventHandler,
     on_step: OnStep = ignore_step,
     on_result: Callable[[RunResult], None] | None = None,
-    said: Sequence[str] = (),
 ) -> Outcome:
     """Run a voyage's scenario, after a quick check of its currents and its stops."""
     require_sailable(scenario)
     return run(
         scenario,
-        output,
-        offline=offline,
-        strict=strict,
+        request.output,
+        offline=request.offline,
+        strict=request.strict,
         on_event=on_event,
         on_step=on_step,
         on_result=on_result,
         said=said,
     )
-
-
-def _text(place: str | tuple[float, float]) -> str:
-    """Return a position as text."""
-    return place if isinstance(place, str) else f"{place[0]!r},{place[1]!r}"
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
@@ -198,55 +158,32 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     RequestError
         The message has a line for each fault.
     """
-    faults = Faults()
-    ends = faults.collect(lambda: read_positions(request.positions))
-    via = faults.collect(lambda: read_via(request.via, ends[0].lon if ends else 0.0))
-    vessel = faults.collect(lambda: _vessel(request))
-    clearance_m = faults.collect(lambda: read_clearance_m(request.clearance))
-    departing_at = faults.collect(lambda: _departing(request))
-    is_timed = bool(request.depart or request.until or request.arrive_by)
-    is_steady = not is_timed or _is_still(request) or _has_steady_months(request)
-    months = faults.collect(lambda: _months(request)) if is_steady else []
-    files = faults.collect(lambda: tables_of(request))
-    members = faults.collect(lambda: request.member_key) or {}
-    faults.collect(lambda: require_currents(request.currents))
-    faults.collect(lambda: _require_name(request.name))
-    if faults.lines or ends is None or via is None or vessel is None or files is None:
-        raise RequestError(faults.lines)
-    start, goal = ends
+    start, goal = joined(request.start, request.goal)
+    via = tuple(continued(point, start.lon) for point in request.via)
     data: dict[str, Any] = {
         "schema_version": 1,
         "name": request.name or voyage_name(start, goal),
         "title": f"{spelled(start)} to {spelled(goal)}",
-        "vessel": vessel.model_dump(exclude_defaults=True),
+        "vessel": _vessel(request).model_dump(exclude_defaults=True),
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
         "seasons": [
-            departing_at.season(
-                asked_currents(request.currents) or [_SERVICE_STEPS], has_tide=bool(request.tide)
-            )
-        ]
-        if departing_at is not None and not is_steady
-        else [
-            {
-                **_season(month, title, request, (start, goal)),
-                **_when(departing_at, request),
-            }
-            for month, title in months or []
+            season | ({"members": request.members} if request.members else {})
+            for season in _seasons(request, (start, goal))
         ],
+        **_tables_of_files(request),
     }
-    data["seasons"] = [{**season, **members} for season in data["seasons"]]
     if via:
         data["via"] = [point.key for point in via]
-    if clearance_m is not None:
-        data["planner"] = {"clearance": clearance_m}
-    scenario = parse_scenario({**data, **files})
-    notes = tuple(_position_notes(scenario, (*ends, *via)))
-    if request.until and _is_still(request) and not request.tide:
+    if request.clearance_m is not None:
+        data["planner"] = {"clearance": request.clearance_m}
+    scenario = parse_scenario(data)
+    notes = tuple(_position_notes(scenario, (start, goal, *via)))
+    if request.until and request.is_still and not request.tide:
         notes += (
             "in still water no later departure needs less fuel: the vessel leaves at the first",
         )
-    return scenario, notes
+    return (scenario.explaining_gap() if request.explain_gap else scenario), notes
 
 
 def _position_notes(scenario: Scenario, places: Sequence[Position]) -> Iterator[str]:
@@ -259,92 +196,103 @@ def _position_notes(scenario: Scenario, places: Sequence[Position]) -> Iterator[
 
 
 def _vessel(request: VoyageRequest) -> VesselSpec:
-    """Return the requested vessel."""
-    if not isinstance(request.vessel, str):
+    """Return the requested vessel; a turning circle is given for the highest speed."""
+    speed = request.speed[1] if isinstance(request.speed, tuple) else request.speed
+    if request.vessel is not None:
         return request.vessel
-    figures = request.figures or VesselFigures()
-    if request.speeds and not request.vessel:
-        # The turning circle is given for the highest speed.
-        figures = replace(figures, speed=request.speeds.partition(RANGE)[2])
-    return vessel_spec(request.vessel, figures)
+    if speed is None or request.length is None or request.turning_circle is None:
+        raise RequestError("no vessel, and its speed, length or turning circle is missing")
+    return vessel_of_figures(speed, request.length, request.turning_circle, request.draught)
 
 
-def _require_name(name: str) -> None:
-    """Raise RequestError if a name can't be a scenario's."""
-    try:
-        TypeAdapter(Name).validate_python(name or "unnamed")
-    except ValidationError:
-        raise RequestError(
-            f"--name = {name!r} is not a name: use up to 64 lower-case letters, digits, '-' and '_'"
-        ) from None
+def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
+    """Return the tables of a scenario that name files: chart, areas to avoid, havens and tide."""
+    data: dict[str, Any] = {}
+    chart: dict[str, Any] = {}
+    if request.charts is not None:
+        chart["source"] = {"path": str(request.charts)}
+    if request.depths is not None:
+        chart["depths"] = str(request.depths)
+    if request.datum:
+        chart["datum"] = request.datum
+    if chart:
+        data["chart"] = chart
+    if request.avoid:
+        data["avoid"] = [{"path": str(path)} for path in request.avoid]
+    if request.havens is not None:
+        limits = {"within": request.within, "endurance": request.endurance}
+        given = {key: limit for key, limit in limits.items() if limit}
+        data["havens"] = {"path": str(request.havens), **given}
+    if request.tide:
+        data["tide"] = {"stations": list(request.tide)}
+    return data
 
 
-def _is_still(request: VoyageRequest) -> bool:
-    """Whether the voyage is planned in still water, so that its times do not matter."""
-    return request.currents == (STILL,)
+def _seasons(request: VoyageRequest, ends: tuple[Position, Position]) -> Iterator[dict[str, Any]]:
+    """Yield the [[seasons]] tables: of each month, of still water, or of a departure."""
+    if not request.is_steady:
+        yield _changing_season(request)
+        return
+    # With a tide over the depths the departure is chosen within a window, also in a steady current.
+    when = _window(request) if request.tide else _passage(request)
+    if not request.months:
+        yield {"name": STILL, "title": "Still water", "currents": [STILL], **when}
+    for month in request.months:
+        yield {
+            "name": month,
+            "title": f"{period(month).begin:%B %Y}",
+            "valid": month,
+            "currents": asked_currents(request.currents) or _known_currents(month, ends),
+            **when,
+        }
 
 
-def _has_steady_months(request: VoyageRequest) -> bool:
-    """Whether a voyage with a departure has steady currents: monthly means or still water."""
-    return bool(request.speeds or request.tide) and (bool(request.months) or _is_still(request))
+def _passage(request: VoyageRequest) -> dict[str, Any]:
+    """Return the keys of a season for departure, latest arrival and speeds."""
+    passage: dict[str, Any] = {"departure": request.depart, "arrive_by": request.arrive_by}
+    if isinstance(request.speed, tuple):
+        passage["speed"] = dict(zip(("least", "most"), request.speed, strict=True))
+    return {key: value for key, value in passage.items() if value is not None}
 
 
-def _when(departing_at: Departing | None, request: VoyageRequest) -> dict[str, Any]:
-    """Return a steady season's keys for its departure; with a tide, for a window of departures."""
-    if departing_at is None:
-        return {}
-    return departing_at.window if request.tide else departing_at.passage
+def _window(request: VoyageRequest) -> dict[str, Any]:
+    """Return the keys of a season for the departures to choose from, latest arrival and speeds."""
+    passage = _passage(request)
+    if request.depart is None or request.until is None:
+        return passage
+    window = request.until - request.depart
+    step = max(_MIN_STEP, math.ceil(window / (_MAX_DEPARTURES - 1) / _MINUTE) * _MINUTE)
+    departures = {
+        "first": passage.pop("departure"),
+        "every": f"{step // _MINUTE}min",
+        "count": window // step + 1,
+    }
+    if window % step:  # the end of the window is a departure to choose from, too
+        departures["last"] = request.until
+    return passage | {"departures": departures}
 
 
-def _departing(request: VoyageRequest) -> Departing | None:
-    """Read the times and speeds of a voyage; return None if no departure was given."""
-    faults = Faults()
-    found = faults.collect(
-        lambda: departing(request.depart, request.until, request.arrive_by, request.speeds)
-    )
-    if request.tide and not request.depart:
-        faults.lines.append("--tide counts from the departure; add --depart 2026-07-01T06:00Z")
-    if request.depart and request.months and not (request.speeds or request.tide):
-        faults.lines.append("--depart and --month both say when; leave one out")
-    if request.until and request.speeds and request.months:
-        faults.lines.append(
-            "--until looks for the best departure in currents that change; leave it out, or leave "
-            "--month out and give a file with time steps: --currents FILE"
-        )
-    if request.arrive_by and _is_still(request) and not (request.speeds or request.tide):
-        faults.lines.append(
-            "--arrive-by looks for the latest departure in currents that change; in still water "
-            "give --depart alone, and depart earlier by the time by which the vessel is late"
-        )
-    if faults.lines:
-        raise RequestError(faults.lines)
-    return found
+def _changing_season(request: VoyageRequest) -> dict[str, Any]:
+    """Return the [[seasons]] table of a voyage in changing currents.
 
-
-def _months(request: VoyageRequest) -> list[tuple[str, str]]:
-    """Return the months with their titles; for still water without a month, [("", "")]."""
-    titles = list(read_months(request.months).items())
-    if titles or _is_still(request):
-        return titles or [("", "")]
-    fault = (
-        "no --month; give the month of the voyage, such as --month 2024-07, which may be repeated, "
-        "with --currents FILE --depart 2024-07-01T06:00Z for currents that change on the way, or "
-        "plan without currents: --currents still"
-    )
-    raise RequestError(fault)
-
-
-def _season(
-    month: str, title: str, request: VoyageRequest, ends: tuple[Position, Position]
-) -> dict[str, Any]:
-    """Return the [[seasons]] table of a month, or of still water if the month is ""."""
-    if not month:
-        return {"name": STILL, "title": "Still water", "currents": [STILL]}
+    With a tide over the depths nothing is known of departures between those planned.
+    """
+    begin = request.depart
+    assert begin is not None  # noqa: S101 - currents change from a departure on
+    title, when = f"Departure {moment_text(begin)}", _window(request)
+    if request.arrive_by is not None:
+        title = f"Arrival by {moment_text(request.arrive_by)}"
+    if request.until is not None:
+        title = f"Departure from {moment_text(begin)} to {moment_text(request.until)}"
+        within = min((request.until - begin) * _PROVEN_SHARE, _MAX_PROVEN)
+        if not request.chooses_speeds and not request.tide:
+            when["to_within"] = f"{math.ceil(within / _MINUTE)}min"
     return {
-        "name": month,
+        "name": departure_name(begin),
         "title": title,
-        "valid": month,
-        "currents": asked_currents(request.currents) or _known_currents(month, ends),
+        **when,
+        "time_method": "changing",
+        "currents": asked_currents(request.currents) or [_SERVICE_STEPS],
     }
 
 

@@ -61,60 +61,49 @@ class _Coordinate:
         return _AXIS.get(self.letter, "")
 
 
-def read_positions(words: Sequence[str]) -> tuple[Position, Position]:
-    """Read start and goal from the arguments of a command line, half of them for each.
-
-    The goal's longitude continues beyond 180 degrees if the way across 180 is shorter.
+def halves(words: Sequence[str]) -> tuple[str, str]:
+    """Return the texts of start and goal from the arguments of a command line, half for each.
 
     Raises
     ------
     RequestError
-        Positions can't be read, one line for each; or the number of arguments is odd or 0.
+        The number of arguments is odd or 0.
     """
     if len(words) < 2 or len(words) % 2:
         given = " ".join(word.strip() for word in words)
-        fault = (
+        raise RequestError(
             f"{given!r} is not a start and a goal: give two positions, such as {EXAMPLES}, each in "
             "quotes where it has spaces"
         )
-        raise RequestError(fault)
     half = len(words) // 2
-    found, faults = [], []
-    for key, part in (("start", words[:half]), ("goal", words[half:])):
-        try:
-            found.append(read_position(" ".join(part)))
-        except ValueError as error:
-            faults.append(f"{key} = {error}")
-    if faults:
-        raise RequestError(faults)
-    start, goal = found
-    goal = replace(goal, lon=goal.lon + 360 * round((start.lon - goal.lon) / 360))
+    return " ".join(words[:half]), " ".join(words[half:])
+
+
+def read_end(given: str | tuple[float, float]) -> Position:
+    """Read start or goal: a text, or (lon, lat) in degrees; ValueError if it can't be read."""
+    try:
+        return read_position(given if isinstance(given, str) else f"{given[0]!r},{given[1]!r}")
+    except ValueError as error:
+        raise ValueError(f"= {error}") from None
+
+
+def read_stop(given: str | tuple[float, float]) -> Position:
+    """Read a point on the way; an anchorage is 'POSITION wait 6h'."""
+    text = given if isinstance(given, str) else f"{given[0]!r},{given[1]!r}"
+    place, wait = (part.strip() for part in text.partition(" wait ")[::2])
+    return replace(read_position(place), wait=wait)
+
+
+def continued(place: Position, lon: float) -> Position:
+    """Return a position with the longitude that is nearest to another, also beyond 180 degrees."""
+    return replace(place, lon=place.lon + 360 * round((lon - place.lon) / 360))
+
+
+def joined(start: Position, goal: Position) -> tuple[Position, Position]:
+    """Return start and goal; the goal continues beyond 180 degrees if the way across is shorter."""
+    goal = continued(goal, start.lon)
     turn = 360 if min(start.lon, goal.lon) < _WESTERNMOST else 0
     return replace(start, lon=start.lon + turn), replace(goal, lon=goal.lon + turn)
-
-
-def read_via(texts: Sequence[str], near: float) -> tuple[Position, ...]:
-    """Read via points; 360 degrees are added to bring their longitudes close to `near`.
-
-    An anchorage is 'POSITION wait 6h'.
-
-    Raises
-    ------
-    RequestError
-        The message has a line for each position that can't be read.
-    """
-    found, faults = [], []
-    for text in texts:
-        place, wait = (part.strip() for part in text.partition(" wait ")[::2])
-        try:
-            point = replace(read_position(place), wait=wait)
-        except ValueError as error:
-            faults.append(f"--via {error}")
-            continue
-        found.append(replace(point, lon=point.lon + 360 * round((near - point.lon) / 360)))
-    if faults:
-        raise RequestError(faults)
-    return tuple(found)
 
 
 def read_position(text: str) -> Position:

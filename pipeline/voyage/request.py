@@ -1,87 +1,474 @@
-"""A voyage as a person asks for it: every option as it was typed."""
+"""A voyage as it is asked for: the one table of its options, and which of them go together."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from functools import partial
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pipeline.errors import RequestError
-from pipeline.scenario.catalogue import VesselSpec
-from pipeline.voyage.vessel_options import RANGE, VesselFigures, speed_m_s
+from pipeline.voyage.positions import EXAMPLES, Position, read_end, read_stop
+from pipeline.voyage.quantities import (
+    RANGE,
+    dimension_m,
+    read_clearance_m,
+    read_currents,
+    read_members,
+    read_months,
+    read_name,
+    read_station,
+    read_vessel,
+    readable,
+    speed_or_range,
+    zoned_time,
+)
+from pipeline.voyage.table import Asker, Option, each, read, read_folder, spelling
+
+if TYPE_CHECKING:
+    from pipeline.scenario.catalogue import VesselSpec
+
+STILL_WATER = ("still",)
+"""The currents of a voyage in still water."""
+# Largest numbers of points on the way, of months and of files that a page may ask for: more are a
+# slip, or are given to the command line.
+_MAX_VIA = 20
+_MAX_MONTHS = 12
+_MAX_FILES = 32
+_vessel, _when, _water, _limits, _output = (
+    partial(Option, group=group) for group in ("Vessel", "When", "Water", "Limits", "Output")
+)
+_time = partial(_when, kind="time", read=zoned_time)
 
 
-@dataclass(frozen=True, slots=True)
+# A pydantic model would do as well, but the command line is made from this table and has to start
+# without pydantic, which takes as long to load as all the rest.
+@dataclass(frozen=True, kw_only=True)
 class VoyageRequest:
-    """A voyage as typed for `renew go`; an option that was left out is empty.
+    """A voyage to plan; what is left out is None, and chosen. An option more is a field more.
 
-    The first half of `positions` is the start. `figures` replaces `vessel`, which may be a complete
-    specification. `speeds` is a range, "4kn..9kn". See `go` for the other options.
+    Speeds are in m/s, lengths in m, times in UTC. `speed` is the vessel's, or the lowest and the
+    highest to choose from. `turning_circle` is its diameter, as in a ship's trial manoeuvres.
     """
 
-    positions: tuple[str, ...]
-    vessel: str | VesselSpec = ""
-    figures: VesselFigures | None = None
-    months: tuple[str, ...] = ()
-    currents: tuple[str, ...] = ()
-    clearance: str = ""
-    charts: Path | None = None
-    depths: Path | None = None
-    datum: str = ""
-    name: str = ""
-    depart: str = ""
-    until: str = ""
-    arrive_by: str = ""
-    speeds: str = ""
-    via: tuple[str, ...] = ()
-    avoid: tuple[Path, ...] = ()
-    havens: Path | None = None
-    within: str = ""
-    endurance: str = ""
-    tide: tuple[str, ...] = ()
-    members: str = ""
-
-    @classmethod
-    def of_options(cls, given: Mapping[str, Any]) -> "VoyageRequest":
-        """Return the request of the options of `renew go`, by the names of its parameters.
-
-        Options that are absent or None are left out; others of the command are ignored.
-        """
-        speed = given.get("speed") or ""
-        is_choice = RANGE in speed
-        texts = (
-            *("vessel", "depart", "until", "arrive_by", "within", "endurance", "clearance"),
-            *("datum", "name", "members"),
-        )
-        lists = ("positions", "currents", "via", "avoid", "tide")
-        options: dict[str, Any] = {one: given.get(one) or "" for one in texts}
-        options |= {one: tuple(given.get(one) or ()) for one in lists}
-        return cls(
-            figures=VesselFigures(
-                "" if is_choice else speed,
-                *(given.get(one) or "" for one in ("length", "turning_circle", "draught")),
-            ),
-            months=tuple(given.get("month") or ()),
-            speeds=speed if is_choice else "",
-            charts=given.get("charts"),
-            depths=given.get("depths"),
-            havens=given.get("havens"),
-            **options,
-        )
+    start: Annotated[
+        Position,
+        Option(
+            group="",
+            kind="place",
+            read=read_end,
+            example="12.80N 120.30E",
+            help=f"Position at which the voyage begins: {EXAMPLES}.",
+        ),
+    ]
+    goal: Annotated[
+        Position,
+        Option(
+            group="",
+            kind="place",
+            read=read_end,
+            example="7.70N 116.80E",
+            help="Position at which it ends.",
+        ),
+    ]
+    vessel: Annotated[
+        "VesselSpec | None",
+        _vessel(
+            read=read_vessel,
+            section="vessels",
+            example="Its own figures",
+            help="A vessel of the catalogue, or the path of a TOML file.",
+        ),
+    ] = None
+    speed: Annotated[
+        float | tuple[float, float] | None,
+        _vessel(
+            read=speed_or_range,
+            argument="speeds_m_s",
+            example="12kn",
+            help="Speed through water, such as 12kn or 6m/s, in place of {vessel}. Or a range, "
+            "such as 4kn..9kn, also with {vessel}: the planner then chooses a speed for each leg, "
+            "for least fuel between {depart} and {arrive_by}.",
+        ),
+    ] = None
+    length: Annotated[
+        float | None,
+        _vessel(
+            read=dimension_m,
+            argument="VesselFigures.length",
+            example="90m",
+            help="Length of the vessel, as 90m, 300ft.",
+        ),
+    ] = None
+    turning_circle: Annotated[
+        float | None,
+        _vessel(
+            read=dimension_m,
+            argument="VesselFigures.turning_circle",
+            example="400m",
+            help="Diameter of the turning circle, helm hard over, as 400m.",
+        ),
+    ] = None
+    draught: Annotated[
+        float | None,
+        _vessel(
+            read=dimension_m,
+            argument="VesselFigures.draught",
+            example="4m; for depths",
+            help="Draught, as 4m; charts with depths need it.",
+        ),
+    ] = None
+    months: Annotated[
+        tuple[str, ...],
+        _when(
+            read=read_months,
+            name="month",
+            most=_MAX_MONTHS,
+            label="Months",
+            example="2024-07, 2024-12",
+            help="Month of the voyage, as 2024-07; may be repeated: each is a season.",
+        ),
+    ] = ()
+    depart: Annotated[
+        datetime | None,
+        _time(
+            label="Departure, with its zone",
+            example="2026-11-22T06:00Z",
+            help="Departure with its time zone, as 2026-11-22T06:00Z, in place of {months}. The "
+            "currents then change during the voyage, with the time steps of {currents} or with "
+            "the service's hourly ones.",
+        ),
+    ] = None
+    until: Annotated[
+        datetime | None,
+        _time(
+            label="Latest departure",
+            example="2026-11-24T06:00Z",
+            help="Latest departure: the best one from {depart} until then is chosen.",
+        ),
+    ] = None
+    arrive_by: Annotated[
+        datetime | None,
+        _time(
+            example="2026-11-26T06:00Z",
+            help="Latest arrival: the vessel leaves as late as possible, but not before {depart}; "
+            "with a range of {speed} it leaves at {depart}.",
+        ),
+    ] = None
+    currents: Annotated[
+        tuple[str, ...],
+        _water(
+            kind="source",
+            read=read_currents,
+            most=_MAX_FILES,
+            section="sources",
+            help="A NetCDF, GRIB or Zarr file of currents, in place of the chosen ones; may be "
+            "repeated for files that belong together, or given as a quoted pattern: 'daily/*.nc'. "
+            "Or a source of the catalogue; 'still' plans without currents.",
+        ),
+    ] = ()
+    via: Annotated[
+        tuple[Position, ...],
+        _limits(
+            read=each(read_stop),
+            most=_MAX_VIA,
+            metavar="POSITION",
+            label="Point on the way",
+            help="Point that the route must pass, written like the start; may be repeated, in the "
+            "order of passing. 'POSITION wait 6h' is an anchorage, where the vessel may wait for "
+            "water or current.",
+        ),
+    ] = ()
+    avoid: Annotated[
+        tuple[Path, ...],
+        _limits(
+            kind="file",
+            read=each(readable("give a vector file, such as GeoJSON")),
+            most=_MAX_FILES,
+            metavar="FILE",
+            layer="polygon",
+            label="Shut areas, a vector file",
+            help="GeoJSON or other vector file of areas that no route may enter; may be repeated.",
+        ),
+    ] = ()
+    havens: Annotated[
+        Path | None,
+        _limits(
+            kind="file",
+            read=readable("give a GeoJSON file of points"),
+            metavar="FILE",
+            layer="point",
+            label="Havens, a file of points",
+            help="GeoJSON or other file of points, or CSV with name, lon and lat: from where "
+            "along the route is one of them reached {within} a time, or with the {endurance} that "
+            "is left?",
+        ),
+    ] = None
+    within: Annotated[
+        str,
+        _limits(
+            label="A haven within",
+            example="6h",
+            help="Longest time to a haven, as 6h; needs {havens}.",
+        ),
+    ] = ""
+    endurance: Annotated[
+        str,
+        _limits(
+            example="48h",
+            help="Time under way for which there is fuel at departure, as 2d; needs {havens}.",
+        ),
+    ] = ""
+    clearance_m: Annotated[
+        float | None,
+        _limits(
+            read=read_clearance_m,
+            name="clearance",
+            label="Least clearance",
+            example="500m; chosen if left out",
+            help="Least distance from no-go areas, true metres; chosen if left out.",
+        ),
+    ] = None
+    charts: Annotated[
+        Path | None,
+        _water(
+            kind="file",
+            read=readable("give a vector file, or a folder of S-57 cells"),
+            layer="polygon",
+            label="Land, a vector file",
+            help="A vector file or a folder of S-57 cells, in place of the chosen chart.",
+        ),
+    ] = None
+    depths: Annotated[
+        Path | None,
+        _water(
+            kind="file",
+            read=readable("give a GEBCO or EMODnet grid in NetCDF"),
+            label="Depths, a NetCDF grid",
+            help="A GEBCO or EMODnet grid (NetCDF): too shallow water is no-go; needs {draught}.",
+        ),
+    ] = None
+    datum: Annotated[
+        str,
+        _water(
+            label="Chart datum",
+            example="MLLW",
+            help="Chart datum of the depths, as the tide's station names it, such as MLLW, where "
+            "the chart does not state it; {tide} needs it with {depths}.",
+        ),
+    ] = ""
+    tide: Annotated[
+        tuple[str, ...],
+        _limits(
+            kind="source",
+            read=each(read_station),
+            most=_MAX_FILES,
+            metavar="STATION",
+            section="stations",
+            label="Station of the tide",
+            example="None",
+            help="Tide station of the catalogue, or a file of harmonic constants; may be "
+            "repeated. Needs {draught}, {depart} and a chart with depths.",
+        ),
+    ] = ()
+    members: Annotated[
+        dict[str, Any] | None,
+        _water(
+            read=read_members,
+            metavar="KIND",
+            label="Members of the current",
+            example="files, realization or 0.1m/s",
+            help="Plan in currents that may each come true: 'files', if each file of {currents} "
+            "is one, a dimension of them, such as 'realization', or 0.2m/s for the currents with "
+            "random eddies of that speed (rms).",
+        ),
+    ] = None
+    explain_gap: Annotated[
+        bool,
+        _output(
+            kind="flag",
+            label="Explain the optimality gap",
+            help="Report the parts of the optimality gap; this may take as long as planning.",
+        ),
+    ] = False
+    name: Annotated[
+        str,
+        _output(
+            read=read_name,
+            is_of_run=True,
+            help="Name of the folder of results.",
+        ),
+    ] = ""
+    output: Annotated[
+        Path,
+        _output(
+            kind="folder",
+            read=read_folder,
+            is_of_run=True,
+            help="Folder of all results; each scenario has its own folder in it.",
+        ),
+    ] = Path("outputs")
+    offline: Annotated[
+        bool,
+        _water(
+            kind="flag",
+            is_of_run=True,
+            help="Use no source that needs the network.",
+        ),
+    ] = False
+    strict: Annotated[
+        bool,
+        _water(
+            kind="flag",
+            is_of_run=True,
+            help="Plan nothing and exit with code 1 if a season's first choice of currents can't "
+            "be used.",
+        ),
+    ] = False
 
     @property
-    def member_key(self) -> dict[str, Any]:
-        """The members of a season: its files, a dimension of them, or the speed of random eddies.
+    def is_still(self) -> bool:
+        """Whether the voyage is planned in still water, so that its times do not matter."""
+        return self.currents == STILL_WATER
 
-        Raises RequestError for a text that is neither a name nor a speed.
-        """
-        given = self.members.strip()
-        if not given:
-            return {}
-        if given.isidentifier():
-            return {"members": {"along": given}}
-        try:
-            return {"members": {"spread": speed_m_s(given)}}
-        except ValueError as error:
-            raise RequestError(
-                f"--members = {given!r}: {error}, 'files', or a dimension such as 'realization'"
-            ) from None
+    @property
+    def chooses_speeds(self) -> bool:
+        """Whether a speed is chosen for each leg."""
+        return isinstance(self.speed, tuple)
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether currents are monthly means, or none, also with a departure."""
+        has_months = bool(self.chooses_speeds or self.tide) and bool(self.months)
+        return self.depart is None or self.is_still or has_months
+
+
+def read_voyage(given: Mapping[str, Any], asker: Asker, known: Sequence[str] = ()) -> VoyageRequest:
+    """Read the options of a voyage as an asker gave them, by their names.
+
+    Raises
+    ------
+    RequestError
+        The message has a line for each fault, after those `known` before.
+    """
+    return read(VoyageRequest, given, spelling(VoyageRequest, asker), faults_of_pairs, known)
+
+
+def faults_of_pairs(
+    values: SimpleNamespace, asked: SimpleNamespace, at: SimpleNamespace
+) -> Iterator[str]:
+    """Yield what is wrong between the options of a voyage.
+
+    `values` are those that could be read, `asked` all as they were given, `at` their names.
+    """
+    is_range = isinstance(values.speed, tuple) or RANGE in str(asked.speed)
+    yield from _faults_of_vessel(asked, at, is_range=is_range)
+    yield from _faults_of_times(values, asked, at, is_range=is_range)
+    yield from _faults_of_months(asked, at, is_range=is_range)
+    yield from _faults_of_files(asked, at)
+    if values.tide:
+        yield from _faults_of_stations(values.tide)
+
+
+def _faults_of_vessel(
+    asked: SimpleNamespace, at: SimpleNamespace, *, is_range: bool
+) -> Iterator[str]:
+    """Yield what is wrong between a vessel and its figures."""
+    figures = {name: getattr(asked, name) for name in ("speed", "length", "turning_circle")}
+    lacking = [getattr(at, name) for name, figure in figures.items() if not figure]
+    if is_range and asked.vessel:
+        del figures["speed"]
+    named = {**figures, "draught": asked.draught}
+    given = [getattr(at, name) for name, figure in named.items() if figure]
+    if asked.vessel:
+        if given:
+            yield (
+                f"{at.vessel} {asked.vessel} and {', '.join(given)} both describe the vessel; "
+                "leave one out"
+            )
+    elif lacking:
+        which = f"the vessel lacks {', '.join(lacking)}" if given else "no vessel"
+        yield (
+            f"{which}; give {at.vessel} NAME (`renew list`), {at.vessel} FILE, or its figures: "
+            f"{at.speed} 12kn {at.length} 90m {at.turning_circle} 400m"
+        )
+
+
+def _faults_of_times(
+    values: SimpleNamespace, asked: SimpleNamespace, at: SimpleNamespace, *, is_range: bool
+) -> Iterator[str]:
+    """Yield what is wrong between departure, arrival and speeds."""
+    later = ("until", "arrive_by")
+    for name in later:
+        if getattr(asked, name) and not asked.depart:
+            yield (
+                f"{getattr(at, name)} needs {at.depart}, the earliest departure; add {at.depart}"
+            )
+    if is_range and not asked.arrive_by:
+        lacking = at.arrive_by if asked.depart else f"{at.depart} and {at.arrive_by}"
+        yield (
+            f"{at.speed} {asked.speed} is a range, to save fuel between the times {at.depart} and "
+            f"{at.arrive_by}; add {lacking}, or give one speed"
+        )
+    if asked.until and asked.arrive_by and not is_range:
+        yield (f"{at.until} and {at.arrive_by} both say how to choose the departure; leave one out")
+    for name in later:
+        time = getattr(values, name)
+        if values.depart is not None and time is not None and time <= values.depart:
+            yield (
+                f"{getattr(at, name)} {getattr(asked, name)} is not after {at.depart} "
+                f"{asked.depart}; give a later time"
+            )
+    if asked.tide and not asked.depart:
+        yield f"{at.tide} counts from the departure; add {at.depart} 2026-07-01T06:00Z"
+
+
+def _faults_of_months(
+    asked: SimpleNamespace, at: SimpleNamespace, *, is_range: bool
+) -> Iterator[str]:
+    """Yield what is wrong between times and currents."""
+    is_still = tuple(map(str, asked.currents or ())) == STILL_WATER
+    needs_time = is_range or asked.tide
+    if asked.depart and asked.months and not needs_time:
+        yield f"{at.depart} and {at.months} both say when; leave one out"
+    if asked.until and is_range and asked.months:
+        yield (
+            f"{at.until} looks for the best departure in currents that change; leave it out, or "
+            f"leave {at.months} out and give a file with time steps: {at.currents} FILE"
+        )
+    if asked.arrive_by and is_still and not needs_time:
+        yield (
+            f"{at.arrive_by} looks for the latest departure in currents that change; in still "
+            f"water give {at.depart} alone, and depart earlier by the time by which the vessel is "
+            "late"
+        )
+    if not (asked.months or is_still or asked.depart or asked.until or asked.arrive_by):
+        yield (
+            f"no {at.months}; give the month of the voyage, such as {at.months} 2024-07, which may "
+            f"be repeated, with {at.currents} FILE {at.depart} 2024-07-01T06:00Z for currents that "
+            f"change on the way, or plan without currents: {at.currents} still"
+        )
+
+
+def _faults_of_files(asked: SimpleNamespace, at: SimpleNamespace) -> Iterator[str]:
+    """Yield what is wrong between havens and their limits, and between depths and their datum."""
+    limits = [getattr(at, name) for name in ("within", "endurance") if getattr(asked, name)]
+    if limits and not asked.havens:
+        verb = "limit" if len(limits) > 1 else "limits"
+        yield f"{', '.join(limits)} {verb} the way to a haven; add {at.havens} FILE"
+    if asked.havens and not limits:
+        yield f"{at.havens} needs a limit; add {at.within} 6h or {at.endurance} 2d, or both"
+    if asked.datum and not asked.charts and not asked.depths:
+        yield (f"{at.datum} = {asked.datum!r} is of charted depths; add {at.depths} or {at.charts}")
+
+
+def _faults_of_stations(stations: tuple[str, ...]) -> Iterator[str]:
+    """Yield what is wrong in the files of stations of the tide."""
+    from pipeline.scenario.model import TideSpec
+    from pipeline.sources.tides.station import stations_of
+
+    try:
+        stations_of(TideSpec(stations=stations))
+    except RequestError as error:
+        yield from error.faults

@@ -1,6 +1,7 @@
 """The algorithms: their parameters, the command line of each, and the layers that they give."""
 
 import csv
+import json
 import shlex
 import sqlite3
 from functools import partial
@@ -18,6 +19,7 @@ from qgis.core import (
     QgsProcessingOutputFile,
     QgsProcessingOutputNumber,
     QgsProcessingOutputString,
+    QgsProcessingParameterBoolean,
     QgsProcessingParameterDateTime,
     QgsProcessingParameterDefinition,
     QgsProcessingParameterFeatureSource,
@@ -173,64 +175,100 @@ class _Algorithm(QgsProcessingAlgorithm):
         return done["OUTPUT"]
 
 
+# Names of parameters that are not those of their options.
+_OWN_NAMES = {"charts": "LAND", "avoid": "SHUT"}
+# Options that stand above "Advanced parameters".
+_FIRST = (
+    *("start", "goal", "vessel", "month", "depart", "until", "arrive_by", "currents", "charts"),
+    *("avoid", "depths", "draught", "havens", "within"),
+)
+_GEOMETRIES = {
+    "polygon": QgsProcessing.TypeVectorPolygon,
+    "point": QgsProcessing.TypeVectorPoint,
+}
+
+
+def _voyage_options():
+    """Read the options of a voyage, which `renew` made from its own table."""
+    return json.loads(Path(__file__).with_name("options.json").read_text("utf-8"))
+
+
+def _parameter(option, *, required):
+    """Return the parameter for an option of a voyage."""
+    name, label, kind = _name(option), option["label"], option["kind"]
+    optional = not required
+    if kind == "place":
+        return QgsProcessingParameterPoint(name, label)
+    if kind == "time":
+        return QgsProcessingParameterDateTime(name, f"{label} (UTC)", optional=optional)
+    if kind == "flag":
+        return QgsProcessingParameterBoolean(name, label, defaultValue=False)
+    if option["layer"]:
+        geometries = [_GEOMETRIES[option["layer"]]]
+        return QgsProcessingParameterFeatureSource(name, label, geometries, optional=True)
+    if kind == "file":
+        return QgsProcessingParameterFile(name, label, optional=True)
+    default = "usv-7m" if option["name"] == "vessel" else None
+    return QgsProcessingParameterString(name, label, defaultValue=default, optional=True)
+
+
+def _name(option):
+    """Return the name of an option's parameter."""
+    return _OWN_NAMES.get(option["name"], option["name"].upper())
+
+
 class _Voyage(_Algorithm):
     """A voyage between two points, by `renew go`."""
 
+    # Options that this algorithm needs, and those that it does not ask for.
+    REQUIRED, WITHOUT = ("start", "goal"), ()
+
+    def voyage_options(self):
+        """Return the options that the algorithm asks for, the usual ones first."""
+        asked = [one for one in _voyage_options() if one["name"] not in self.WITHOUT]
+        first = [one for one in asked if one["name"] in _FIRST]
+        return first + [one for one in asked if one not in first]
+
     def inputs(self):
-        """Points, vessel, time, currents, land, shut areas, depths, havens."""
-        polygons, points = [QgsProcessing.TypeVectorPolygon], [QgsProcessing.TypeVectorPoint]
-        return [
-            QgsProcessingParameterPoint("START", "Start"),
-            QgsProcessingParameterPoint("GOAL", "Goal"),
-            QgsProcessingParameterString(
-                "VESSEL", "Vessel: one of the catalogue, or a TOML file", defaultValue="usv-7m"
-            ),
-            *self.times(),
-            QgsProcessingParameterString(
-                "CURRENTS",
-                "Currents: a file, a pattern of files or a source's name (empty: chosen)",
-                optional=True,
-            ),
-            QgsProcessingParameterFeatureSource(
-                "LAND", "Land (empty: the world's)", polygons, optional=True
-            ),
-            QgsProcessingParameterFeatureSource("SHUT", "Shut areas", polygons, optional=True),
-            QgsProcessingParameterFile("DEPTHS", "Grid of depths", optional=True),
-            QgsProcessingParameterString("DRAUGHT", "Draught, such as 1.2m", optional=True),
-            QgsProcessingParameterFeatureSource(
-                "HAVENS", "Havens, by their column `name`", points, optional=True
-            ),
-            QgsProcessingParameterString("WITHIN", "A haven within, such as 6h", optional=True),
-        ]
-
-    def times(self):
-        """Return the parameters of the voyage's time."""
-        raise NotImplementedError
-
-    def options(self, parameters, context):
-        """Return the options of the voyage's time."""
-        raise NotImplementedError
+        """Return a parameter for each option."""
+        parameters = []
+        for option in self.voyage_options():
+            parameter = _parameter(option, required=option["name"] in self.REQUIRED)
+            parameter.setHelp(option["help"])
+            if option["name"] not in _FIRST:
+                advanced = QgsProcessingParameterDefinition.FlagAdvanced
+                parameter.setFlags(parameter.flags() | advanced)
+            parameters.append(parameter)
+        return parameters
 
     def command(self, parameters, context, feedback):
         """Return `renew go` with its options."""
-        degrees = QgsCoordinateReferenceSystem(_DEGREES)
-        command = ["go"]
-        for name in ("START", "GOAL"):
-            point = self.parameterAsPoint(parameters, name, context, degrees)
-            command.append(f"{point.x():.7f},{point.y():.7f}")
-        command += self.options(parameters, context)
-        for option in ("vessel", "currents", "depths", "draught", "within"):
-            text = self.parameterAsString(parameters, option.upper(), context).strip()
-            command += [f"--{option}", text] if text else []
-        for option, name in (("charts", "LAND"), ("avoid", "SHUT"), ("havens", "HAVENS")):
-            path = self.in_degrees(parameters, name, context, feedback)
-            command += [f"--{option}", path] if path else []
-        return command
+        command, places = [], []
+        for option in self.voyage_options():
+            text = self.text(option, parameters, context, feedback)
+            if option["kind"] == "place":
+                places.append(text)
+            elif option["kind"] == "flag":
+                command += [option["option"]] if text else []
+            elif text:
+                command += [option["option"], text]
+        return ["go", *places, *command]
 
-    def moment(self, parameters, name, context):
-        """Return a time, which is UTC, as the command takes it; "" where none is given."""
-        time = self.parameterAsDateTime(parameters, name, context)
-        return time.toString("yyyy-MM-dd'T'HH:mm'Z'") if time.isValid() else ""
+    def text(self, option, parameters, context, feedback):
+        """Return an option's value as the command takes it; "" where none is given."""
+        name, kind = _name(option), option["kind"]
+        if kind == "place":
+            degrees = QgsCoordinateReferenceSystem(_DEGREES)
+            point = self.parameterAsPoint(parameters, name, context, degrees)
+            return f"{point.x():.7f},{point.y():.7f}"
+        if kind == "time":
+            time = self.parameterAsDateTime(parameters, name, context)
+            return time.toString("yyyy-MM-dd'T'HH:mm'Z'") if time.isValid() else ""
+        if kind == "flag":
+            return "yes" if self.parameterAsBoolean(parameters, name, context) else ""
+        if option["layer"]:
+            return self.in_degrees(parameters, name, context, feedback)
+        return self.parameterAsString(parameters, name, context).strip()
 
 
 class RouteFromAToB(_Voyage):
@@ -243,45 +281,16 @@ class RouteFromAToB(_Voyage):
         "the currents change on the way."
     )
 
-    def times(self):
-        """Month or departure."""
-        return [
-            QgsProcessingParameterString("MONTH", "Month, such as 2024-07", optional=True),
-            QgsProcessingParameterDateTime("DEPART", "Departure, UTC", optional=True),
-        ]
-
-    def options(self, parameters, context):
-        """Month or departure."""
-        month = self.parameterAsString(parameters, "MONTH", context).strip()
-        depart = self.moment(parameters, "DEPART", context)
-        found = ["--month", month] if month else []
-        return found + (["--depart", depart] if depart else [])
-
 
 class WhenToLeave(_Voyage):
     """The best departure of a voyage."""
 
     NAME, TITLE = "leave", "When to leave"
+    REQUIRED, WITHOUT = ("start", "goal", "depart", "until"), ("month",)
     HELP = (
         "Plans departures between two times (UTC) in currents that change, and chooses the one "
         "that needs least fuel. All that were planned are in the table of departures."
     )
-
-    def times(self):
-        """First and last departure, and latest arrival."""
-        return [
-            QgsProcessingParameterDateTime("DEPART", "First departure, UTC"),
-            QgsProcessingParameterDateTime("UNTIL", "Last departure, UTC"),
-            QgsProcessingParameterDateTime("ARRIVE_BY", "Latest arrival, UTC", optional=True),
-        ]
-
-    def options(self, parameters, context):
-        """First and last departure, and latest arrival."""
-        found = []
-        for name in ("DEPART", "UNTIL", "ARRIVE_BY"):
-            time = self.moment(parameters, name, context)
-            found += [f"--{name.lower().replace('_', '-')}", time] if time else []
-        return found
 
     def processAlgorithm(self, parameters, context, feedback):
         """Plan, and list the departures."""

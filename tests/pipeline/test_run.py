@@ -21,10 +21,9 @@ from pipeline.run import Event, Outcome, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.voyage.one_line import voyage_scenario
-from pipeline.voyage.request import VoyageRequest
 from tests.pipeline.formats import small_run
 from tests.pipeline.results import rows_of
+from tests.pipeline.voyage.waters import scenario_of
 from tests.tree import tree
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -153,9 +152,8 @@ def test_a_fault_beyond_the_chosen_region_loses_no_plan(
         raise ValueError("the fault of the wider region")
 
     monkeypatch.setattr("pipeline.run.wider_region", fails)
-    options = {"positions": ("119.0E 8.6N", "119.4E 8.6N"), "vessel": "usv-7m"}
-    request = VoyageRequest.of_options({**options, "currents": ("still",)})
-    scenario, _ = voyage_scenario(request)
+    voyage = {"start": "119.0E 8.6N", "goal": "119.4E 8.6N", "vessel": "usv-7m"}
+    scenario, _ = scenario_of({**voyage, "currents": ("still",)})
     outcome = run(scenario, tmp_path, offline=True)
     (said,) = outcome.failures
     assert "the choice of a wider region failed" in said

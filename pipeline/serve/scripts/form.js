@@ -3,27 +3,29 @@
 import { ask, send } from "./api.js";
 import { button, find, make } from "./elements.js";
 
-const TEXTS = ["vessel", "speed", "length", "turning_circle", "draught", "depart", "until", "arrive_by", "clearance", "datum", "members", "within", "endurance"];
-const UPLOADS = { given: "currents", charts: "charts", depths: "depths", havens: "havens" };
-// Kinds of which a plan takes one file.
-const SINGLE = ["charts", "depths", "havens"];
 const STILL = "still";
+
+// The server made the form from its table of options: every field says which option it is.
+const fieldsOf = (area) => [...document.querySelectorAll(`${area} [data-option]`)];
+const uploads = () => [...document.querySelectorAll("#ask [data-file]")];
+const isMany = (field) => "many" in field.dataset;
 
 export class Form {
   /** `heard` has: changed(), when the places or areas changed, and fault(lines). */
   constructor(heard) {
     this.heard = heard;
     this.areas = [];
-    this.files = { currents: [], charts: [], depths: [], havens: [] };
+    this.files = Object.fromEntries(uploads().map((field) => [field.dataset.file, []]));
     this.places = new Map();
     this.listen();
   }
 
   async load() {
     const { vessels, currents, tides } = await ask("/api/catalogue");
-    for (const [name, title] of Object.entries(vessels)) find("#vessel").append(make("option", { value: name }, title || name));
-    for (const [name, title] of Object.entries(currents)) find("#source").append(make("option", { value: name }, name === STILL ? "Still water" : title));
-    for (const name of tides) find("#tide").append(make("option", { value: name }, name));
+    const named = { vessels, sources: currents, stations: Object.fromEntries(tides.map((name) => [name, name])) };
+    for (const field of document.querySelectorAll("#ask [data-section]")) {
+      for (const [name, title] of Object.entries(named[field.dataset.section])) field.append(make("option", { value: name }, name === STILL ? "Still water" : title || name));
+    }
     this.showFigures();
   }
 
@@ -39,9 +41,9 @@ export class Form {
       this.located();
     });
     find("#add-area").addEventListener("click", () => this.typedArea());
-    for (const [id, kind] of Object.entries(UPLOADS)) {
-      find(`#${id}`).addEventListener("change", (event) => {
-        this.upload(kind, [...event.target.files]);
+    for (const field of uploads()) {
+      field.addEventListener("change", (event) => {
+        this.upload(field.dataset.file, [...event.target.files], isMany(field));
         event.target.value = "";
       });
     }
@@ -52,7 +54,7 @@ export class Form {
       target.addEventListener("drop", (event) => {
         event.preventDefault();
         drop.classList.remove("over");
-        this.upload("currents", [...event.dataTransfer.files]);
+        this.upload("currents", [...event.dataTransfer.files], true);
       });
     }
   }
@@ -146,10 +148,10 @@ export class Form {
       button("Remove", () => { this.areas.splice(i, 1); this.showAreas(); this.heard.changed(); }, { "aria-label": `Remove area ${i + 1}` }))));
   }
 
-  async upload(kind, files) {
+  async upload(kind, files, many) {
     for (const file of files) {
       const entry = { name: file.name, id: "", size: file.size };
-      if (SINGLE.includes(kind)) this.files[kind].length = 0;
+      if (!many) this.files[kind].length = 0;
       this.files[kind].push(entry);
       this.showFiles();
       try {
@@ -167,21 +169,25 @@ export class Form {
       make("span", { dir: "auto" }, `${kind === "currents" ? "" : `${kind}: `}${entry.name}${entry.size ? `, ${(entry.size / 1e6).toFixed(1)} MB` : ""}${entry.id ? "" : " (being sent)"}`),
       button("Remove", () => { this.files[kind].splice(i, 1); this.showFiles(); }, { "aria-label": `Remove ${entry.name}` })));
     find("#files").replaceChildren(...rows("currents"));
-    find("#charted").replaceChildren(...rows("charts"), ...rows("depths"), ...rows("havens"));
+    find("#charted").replaceChildren(...Object.keys(this.files).filter((kind) => kind !== "currents").flatMap(rows));
     find("#source").disabled = this.files.currents.length > 0;
   }
 
   /** The request, as the server takes it. */
   read() {
-    const value = (id) => find(`#${id}`).value.trim();
-    const ids = (kind) => this.files[kind].map((one) => one.id).filter(Boolean);
-    const request = { start: value("start"), goal: value("goal"), via: this.vias().map((input) => input.value.trim()).filter(Boolean), areas: this.areas };
-    for (const name of TEXTS) if (value(name)) request[name] = value(name);
-    if (request.vessel) for (const name of ["speed", "length", "turning_circle"]) delete request[name];
-    request.month = value("month").split(/[\s,]+/).filter(Boolean);
-    request.currents = ids("currents").length ? ids("currents") : [value("source")].filter(Boolean);
-    request.tide = [value("tide")].filter(Boolean);
-    for (const kind of SINGLE) if (ids(kind).length) [request[kind]] = ids(kind);
+    const request = { via: this.vias().map((input) => input.value.trim()).filter(Boolean), areas: this.areas };
+    for (const field of fieldsOf("#ask")) {
+      const text = field.value.trim();
+      if (field.type === "checkbox") request[field.dataset.option] = field.checked;
+      else if (isMany(field)) request[field.dataset.option] = text.split(/[\s,]+/).filter(Boolean);
+      else if (text) request[field.dataset.option] = text;
+    }
+    if (request.vessel) for (const field of fieldsOf("#figures")) delete request[field.dataset.option];
+    for (const field of uploads()) {
+      const ids = this.files[field.dataset.file].map((one) => one.id).filter(Boolean);
+      if (ids.length) request[field.dataset.file] = isMany(field) ? ids : ids[0];
+    }
+    request.currents ??= [find("#source").value].filter(Boolean);
     return request;
   }
 
@@ -194,16 +200,17 @@ export class Form {
 
   /** Fill the form with an earlier request. */
   write(request) {
-    for (const name of ["start", "goal", ...TEXTS]) find(`#${name}`).value = request[name] || "";
+    for (const field of fieldsOf("#ask")) {
+      const value = request[field.dataset.option];
+      if (field.type === "checkbox") field.checked = Boolean(value);
+      else field.value = isMany(field) ? value.join(", ") : value || "";
+    }
     find("#vias").replaceChildren();
     for (const text of request.via) this.addVia(text);
-    find("#month").value = request.month.join(", ");
-    find("#tide").value = request.tide[0] || "";
     const known = new Set([...find("#source").options].map((one) => one.value));
     find("#source").value = request.currents.find((one) => known.has(one)) || "";
     const named = (id) => ({ name: `file ${id}`, id, size: 0 });
-    this.files.currents = request.currents.filter((one) => !known.has(one)).map(named);
-    for (const kind of SINGLE) this.files[kind] = request[kind] ? [named(request[kind])] : [];
+    for (const kind of Object.keys(this.files)) this.files[kind] = [request[kind] || []].flat().filter((one) => !known.has(one)).map(named);
     this.areas = request.areas;
     this.showFiles();
     this.showAreas();

@@ -210,7 +210,7 @@ def outcome(asked: dict[str, Any], folder: Path) -> str:
 
 
 @pytest.mark.gate_share(3)
-@examples(gate=10, new=300)
+@examples(gate=6, new=300)
 @given(asked=drawn(off_boston))
 def test_a_voyage_in_lon_lat_is_planned_or_its_pair_is_in_the_table(
     asked: dict[str, Any], folder: Path
@@ -219,7 +219,7 @@ def test_a_voyage_in_lon_lat_is_planned_or_its_pair_is_in_the_table(
 
 
 @pytest.mark.gate_share(3)
-@examples(gate=10, new=300)
+@examples(gate=6, new=300)
 @given(asked=drawn(in_a_plane))
 def test_a_voyage_in_a_plane_is_planned_or_its_pair_is_in_the_table(
     asked: dict[str, Any], folder: Path

@@ -22,10 +22,9 @@ from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_te
 from pipeline.scenario.model import Anchorage
 from pipeline.sources.current_field import Field
 from pipeline.stages.places import avoided_zones
-from pipeline.voyage.one_line import voyage_scenario
-from pipeline.voyage.request import VoyageRequest
 from tests.pipeline.formats import small_run
 from tests.pipeline.synthetic_currents import dataset, sea, write
+from tests.pipeline.voyage.waters import scenario_of
 
 ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)
 RANGE = shapely.box(-40.01, 35.02, -39.98, 35.06)
@@ -229,15 +228,14 @@ def test_a_scenario_spells_its_areas_as_it_reads_them(tmp_path: Path) -> None:
 def test_a_one_line_voyage_takes_points_and_files(tmp_path: Path) -> None:
     (tmp_path / "range.geojson").write_text(shapely.to_geojson(RANGE))
     asked: dict[str, Any] = {
-        "positions": ("179.9,35", "-179.9,35"), "vessel": "usv-7m", "currents": ("still",),
+        "start": "179.9,35", "goal": "-179.9,35", "vessel": "usv-7m", "currents": ("still",),
     }  # fmt: skip
-    scenario, _ = voyage_scenario(
-        VoyageRequest(**asked, via=("35.1N 179.95W",), avoid=(tmp_path / "range.geojson",))
-    )
+    stops = {"via": ("35.1N 179.95W",), "avoid": (tmp_path / "range.geojson",)}
+    scenario, _ = scenario_of({**asked, **stops})
     assert scenario.via == ((180.05, 35.1),)
     assert scenario.avoid[0].path == str(tmp_path / "range.geojson")
     waiting = {**asked, "depart": "2026-11-22T06:00Z", "tide": ("boston",)}
-    scenario, _ = voyage_scenario(VoyageRequest(**waiting, via=("35.1N 179.95W wait 6h",)))
+    scenario, _ = scenario_of({**waiting, "via": ("35.1N 179.95W wait 6h",)})
     assert scenario.via == (Anchorage(at=(180.05, 35.1), wait="6h"),)
     with pytest.raises(RequestError, match="--via 'here'"):
-        voyage_scenario(VoyageRequest(**asked, via=("here",)))
+        scenario_of({**asked, "via": ("here",)})

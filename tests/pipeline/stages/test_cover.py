@@ -27,11 +27,10 @@ from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
 from pipeline.scenario.model import Scenario
 from pipeline.sources.land.vector import read_havens
-from pipeline.voyage.named_files import tables_of
-from pipeline.voyage.request import VoyageRequest
 from tests.pipeline import tidal_run
 from tests.pipeline.formats.gis.tables import layer
 from tests.pipeline.underway import sailing
+from tests.pipeline.voyage.waters import scenario_of
 
 WITHIN_S = 1500.0
 # MAV_CMD_NAV_WAYPOINT
@@ -302,11 +301,15 @@ def test_points_without_a_name_are_numbered_and_projected_ones_turned_to_degrees
 
 
 def test_on_the_command_line_a_list_needs_a_limit_and_a_limit_a_list(tmp_path: Path) -> None:
-    voyage = ("119.005,9.53", "119.095,9.53")
-    with pytest.raises(RequestError, match="--havens needs a limit"):
-        tables_of(VoyageRequest(voyage, havens=tmp_path / "h.csv"))
-    with pytest.raises(RequestError, match="add --havens FILE"):
-        tables_of(VoyageRequest(voyage, within="6h"))
+    voyage = {
+        "start": "119.005,9.53", "goal": "119.095,9.53", "vessel": "usv-7m", "currents": ["still"],
+    }  # fmt: skip
     (tmp_path / "h.csv").write_text(HAVENS)
-    tables = tables_of(VoyageRequest(voyage, havens=tmp_path / "h.csv", within="6h"))
-    assert tables["havens"] == {"path": str(tmp_path / "h.csv"), "within": "6h"}
+    havens = {"havens": tmp_path / "h.csv"}
+    with pytest.raises(RequestError, match="--havens needs a limit"):
+        scenario_of({**voyage, **havens})
+    with pytest.raises(RequestError, match="add --havens FILE"):
+        scenario_of({**voyage, "within": "6h"})
+    listed = scenario_of({**voyage, **havens, "within": "6h"})[0].havens
+    assert listed is not None
+    assert (listed.path, listed.within) == (str(tmp_path / "h.csv"), "6h")

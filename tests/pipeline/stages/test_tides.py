@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -27,10 +26,8 @@ from pipeline.run import Outcome, run
 from pipeline.scenario.loading import parse_scenario
 from pipeline.sources.tides.station import find_station
 from pipeline.stages.places import tidal_depth
-from pipeline.voyage.one_line import voyage_scenario
-from pipeline.voyage.request import VoyageRequest
-from pipeline.voyage.vessel_options import VesselFigures
 from tests.pipeline.sources.depth_grids import emodnet
+from tests.pipeline.voyage.waters import scenario_of
 
 # Off Boston, near enough to its station.
 START, GOAL = (-71.03, 42.34), (-70.99, 42.34)
@@ -225,17 +222,13 @@ def test_water_far_from_every_station_is_refused_with_the_nearest(tmp_path: Path
 
 def test_a_voyage_in_one_line_takes_the_tide(tmp_path: Path) -> None:
     scenario_data(tmp_path)
-    request = VoyageRequest(
-        positions=("42.34N 71.03W", "42.34N 70.99W"),
-        figures=VesselFigures("6kn", "7m", "30m", "1.5m"),
-        currents=("still",),
-        depths=tmp_path / "depths.nc",
-        datum="MLLW",
-        depart="2026-11-22T18:30Z",
-        until="2026-11-23T00:30Z",
-        tide=("boston",),
-    )
-    scenario, notes = voyage_scenario(request)
+    voyage = {
+        "start": "42.34N 71.03W", "goal": "42.34N 70.99W", "currents": ("still",),
+        "speed": "6kn", "length": "7m", "turning_circle": "30m", "draught": "1.5m",
+        "depths": tmp_path / "depths.nc", "datum": "MLLW", "tide": ("boston",),
+        "depart": "2026-11-22T18:30Z", "until": "2026-11-23T00:30Z",
+    }  # fmt: skip
+    scenario, notes = scenario_of(voyage)
     assert notes == ()
     assert scenario.chart.datum == "MLLW"
     assert scenario.tide is not None
@@ -244,7 +237,7 @@ def test_a_voyage_in_one_line_takes_the_tide(tmp_path: Path) -> None:
     assert season.departures is not None
     assert (season.departures.begin, season.departures.count) == (EBB, 13)
     with pytest.raises(RequestError) as caught:
-        voyage_scenario(replace(request, depart="", until="", depths=None, tide=("hull",)))
+        scenario_of({**voyage, "depart": "", "until": "", "depths": None, "tide": ("hull",)})
     assert "--tide counts from the departure; add --depart" in str(caught.value)
     assert "hull" in str(caught.value)
     assert "--datum = 'MLLW' is of charted depths; add --depths or --charts" in str(caught.value)

@@ -24,7 +24,9 @@ from pipeline.model import Replanned
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.underway.replan import UnderWayRequest, under_way_scenario
+from pipeline.underway.replan import under_way_scenario
+from pipeline.underway.request import UnderWayRequest
+from pipeline.voyage.positions import read_position
 from tests.pipeline.results import result_of
 from tests.pipeline.tidal_run import DEPARTURE
 from tests.pipeline.underway import sailing
@@ -50,8 +52,9 @@ def best(voyage: Path) -> renew.Route:
 
 def under_way(voyage: Path, **changes: str | float | datetime | tuple[str, ...]) -> Scenario:
     """Return the scenario of a vessel that is at AT at TIME, or as asked."""
-    asked: dict[str, Any] = {"at": AT, "time": datetime.fromisoformat(TIME), **changes}
-    return under_way_scenario(UnderWayRequest(voyage, **asked))[0]
+    asked: dict[str, Any] = {"time": datetime.fromisoformat(TIME), **changes}
+    at = read_position(asked.pop("at", AT))
+    return under_way_scenario(UnderWayRequest(results=voyage, at=at, **asked))[0]
 
 
 def again(voyage: Path, **changes: Any) -> RunResult:  # noqa: ANN401 - as under_way takes them
@@ -154,7 +157,8 @@ def with_havens(voyage: Path, folder: Path, limit: str, *havens: str) -> Path:
 
 def test_endurance_counts_from_the_first_departure(voyage: Path, tmp_path: Path) -> None:
     folder = with_havens(voyage, tmp_path, 'endurance = "2h"', "North,119.05,9.55")
-    asked = UnderWayRequest(folder, AT, datetime.fromisoformat(TIME))
+    time = datetime.fromisoformat(TIME)
+    asked = UnderWayRequest(results=folder, at=read_position(AT), time=time)
     scenario, _ = under_way_scenario(asked)
     assert scenario.havens is not None
     assert scenario.havens.endurance == "90min"

@@ -312,9 +312,9 @@ def test_every_fault_of_a_command_has_a_line_and_the_code_is_2(tmp_path: Path) -
     assert done.returncode == 2
     assert [line.split()[1] for line in done.stderr.splitlines()] == [
         "start",
-        "no",
-        "--clearance",
         "--month",
+        "--clearance",
+        "no",
     ]
     assert list(tmp_path.iterdir()) == []
 

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from pipeline.errors import RequestError
-from pipeline.voyage.positions import read_position, read_positions
+from pipeline.voyage.positions import Position, halves, joined, read_position
+from tests.pipeline.voyage.waters import scenario_of
 
 longitudes = st.floats(-180, 180).map(lambda degrees: round(degrees, 6))
 latitudes = st.floats(-90, 90).map(lambda degrees: round(degrees, 6))
@@ -117,24 +118,29 @@ def test_what_can_not_be_read_says_why(text: str, reason: str) -> None:
 
 def test_both_positions_are_reported_at_once() -> None:
     with pytest.raises(RequestError) as caught:
-        read_positions(["here", "120.3,95"])
+        scenario_of({"start": "here", "goal": "120.3,95", "vessel": "usv-7m", "month": ["2024-07"]})
     assert [fault.split(" =")[0] for fault in caught.value.faults] == ["start", "goal"]
 
 
+def ends(*words: str) -> tuple[Position, Position]:
+    start, goal = map(read_position, halves(words))
+    return joined(start, goal)
+
+
 def test_words_without_quotes_make_two_positions() -> None:
-    start, goal = read_positions(["12°48N", "120°18E", "7°42N", "116°48E"])
+    start, goal = ends("12°48N", "120°18E", "7°42N", "116°48E")
     assert (start.lon, start.lat, goal.lon, goal.lat) == pytest.approx((120.3, 12.8, 116.8, 7.7))
     with pytest.raises(RequestError, match="in quotes"):
-        read_positions(["120.3,12.8", "7.7N", "116.8E"])
+        halves(["120.3,12.8", "7.7N", "116.8E"])
 
 
 def test_the_goal_continues_across_180_degrees() -> None:
-    start, goal = read_positions(["179E 17S", "179W 18S"])
+    start, goal = ends("179E 17S", "179W 18S")
     assert (start.lon, goal.lon) == (179, 181)
     # Samoa to Tonga: a region may need room beyond 180 degrees.
-    start, goal = read_positions(["171.75W 13.83S", "175.2W 21.13S"])
+    start, goal = ends("171.75W 13.83S", "175.2W 21.13S")
     assert (start.lon, goal.lon) == pytest.approx((188.25, 184.8))
-    start, goal = read_positions(["-179,-18", "179,-17"])
+    start, goal = ends("-179,-18", "179,-17")
     assert (start.lon, goal.lon) == (181, 179)
 
 

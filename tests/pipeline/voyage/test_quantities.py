@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, strategies as st
 
-from pipeline.voyage.vessel_options import length_m, speed_m_s, speed_range_m_s
+from pipeline.voyage.quantities import length_m, speed_m_s, speed_range_m_s
 
 sizes = st.floats(0, 1e6).map(lambda value: round(value, 4))
 

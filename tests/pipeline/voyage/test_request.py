@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,17 +13,22 @@ from hypothesis import given, settings, strategies as st
 from pipeline.errors import RequestError
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.stages.region import require_covered
-from pipeline.voyage.one_line import voyage_scenario
 from pipeline.voyage.request import VoyageRequest
-from pipeline.voyage.vessel_options import VesselFigures
+from pipeline.voyage.table import options
 from tests.pipeline.synthetic_currents import dataset, sea, write
+from tests.pipeline.voyage.waters import scenario_of
 
 _HOURLY = "copernicus-total-hourly"
-PALAWAN = VoyageRequest(("120.30,12.80", "116.80,7.70"), "usv-7m", months=("2024-07",))
+PALAWAN: dict[str, Any] = {
+    "start": "120.30,12.80",
+    "goal": "116.80,7.70",
+    "vessel": "usv-7m",
+    "months": ("2024-07",),
+}
 
 
 def test_a_voyage_is_a_chart_scenario_that_leaves_the_rest_to_be_chosen() -> None:
-    scenario, notes = voyage_scenario(PALAWAN)
+    scenario, notes = scenario_of(PALAWAN)
     assert (scenario.start, scenario.goal) == ((120.30, 12.80), (116.80, 7.70))
     assert scenario.region is None
     assert scenario.plane is None
@@ -36,7 +41,7 @@ def test_a_voyage_is_a_chart_scenario_that_leaves_the_rest_to_be_chosen() -> Non
 
 def test_each_month_is_a_season_with_the_sources_that_have_it() -> None:
     months = ("2024-07", "2024-12", "2024-05", "2199-01")
-    scenario, _ = voyage_scenario(replace(PALAWAN, months=months))
+    scenario, _ = scenario_of(dict(PALAWAN, months=months))
     assert [season.name for season in scenario.seasons] == list(months)
     assert [season.title for season in scenario.seasons][:2] == ["July 2024", "December 2024"]
     glorys, table = "copernicus-glorys-monthly", "embedded-palawan"
@@ -50,24 +55,24 @@ def test_each_month_is_a_season_with_the_sources_that_have_it() -> None:
 
 
 def test_a_table_stands_in_only_where_it_covers_the_place() -> None:
-    aegean = replace(PALAWAN, positions=("23.6E", "37.9N", "28.3E", "36.5N"))
-    scenario, _ = voyage_scenario(aegean)
+    aegean = dict(PALAWAN, start="23.6E 37.9N", goal="28.3E 36.5N")
+    scenario, _ = scenario_of(aegean)
     assert scenario.seasons[0].currents == ("copernicus-glorys-monthly",)
 
 
 def test_still_water_needs_no_month() -> None:
-    asked = replace(PALAWAN, months=(), currents=("still",))
-    (season,) = voyage_scenario(asked)[0].seasons
+    asked = dict(PALAWAN, months=(), currents=("still",))
+    (season,) = scenario_of(asked)[0].seasons
     assert (season.name, season.currents, season.valid) == ("still", ("still",), "")
     with pytest.raises(RequestError, match="no --month"):
-        voyage_scenario(replace(asked, currents=()))
+        scenario_of(dict(asked, currents=()))
 
 
 def test_files_belong_together_and_names_are_of_the_catalogue(tmp_path: Path) -> None:
     field = sea(np.arange(116, 121.1, 0.5), np.arange(7, 13.6, 0.5))
     files = [str(write(tmp_path / name, dataset(field))) for name in ("a.nc", "b.nc")]
-    asked = replace(PALAWAN, currents=(files[0], "embedded-palawan", files[1]))
-    (season,) = voyage_scenario(asked)[0].seasons
+    asked = dict(PALAWAN, currents=(files[0], "embedded-palawan", files[1]))
+    (season,) = scenario_of(asked)[0].seasons
     assert season.currents == (tuple(files), "embedded-palawan")
 
 
@@ -76,35 +81,35 @@ def test_a_departure_lets_the_currents_of_a_file_change(tmp_path: Path) -> None:
     hours = np.arange("2026-11-21T18", "2026-11-23T18", dtype="datetime64[h]")
     steps = [sea(lon, lat, 1, 0.1 + 0.01 * k) for k in range(len(hours))]
     file = write(tmp_path / "tide.nc", dataset(*steps, times=hours))
-    depart = replace(PALAWAN, months=(), currents=(str(file),))
-    asked = replace(depart, depart="2026-11-22T14:30+08:00")
-    (season,) = voyage_scenario(asked)[0].seasons
+    depart = dict(PALAWAN, months=(), currents=(str(file),))
+    asked = dict(depart, depart="2026-11-22T14:30+08:00")
+    (season,) = scenario_of(asked)[0].seasons
     assert season.is_changing
     assert season.departure == datetime(2026, 11, 22, 6, 30, tzinfo=UTC)
     assert (season.name, season.valid) == ("2026-11-22t0630z", "")
     assert season.title == "Departure 2026-11-22 06:30 UTC"
     assert season.currents == ((str(file),),)
-    window = replace(asked, until="2026-11-23T06:30Z")
-    (season,) = voyage_scenario(window)[0].seasons
+    window = dict(asked, until="2026-11-23T06:30Z")
+    (season,) = scenario_of(window)[0].seasons
     assert season.departures is not None
     assert season.departures.seconds[-1] == 24 * 3600
     assert (season.departures.count, season.to_within) == (25, "30min")
-    (season,) = voyage_scenario(replace(asked, arrive_by="2026-11-23T06:30Z"))[0].seasons
+    (season,) = scenario_of(dict(asked, arrive_by="2026-11-23T06:30Z"))[0].seasons
     assert season.arrive_by == datetime(2026, 11, 23, 6, 30, tzinfo=UTC)
     assert season.departure == datetime(2026, 11, 22, 6, 30, tzinfo=UTC)
-    late = replace(depart, depart="2026-11-25T06:00Z")
+    late = dict(depart, depart="2026-11-25T06:00Z")
     with pytest.raises(RequestError, match="is not before its last step, 2026-11-23T17:00Z"):
-        require_covered(voyage_scenario(late)[0])
+        require_covered(scenario_of(late)[0])
 
 
 def test_the_end_of_a_window_is_a_departure_to_choose_from() -> None:
     """A step of half an hour goes from 06:00 to 07:30; the window ends at 07:50."""
-    asked = replace(PALAWAN, months=(), currents=(_HOURLY,), depart="2026-11-22T06:00Z")
-    (season,) = voyage_scenario(replace(asked, until="2026-11-22T07:50Z"))[0].seasons
+    asked = dict(PALAWAN, months=(), currents=(_HOURLY,), depart="2026-11-22T06:00Z")
+    (season,) = scenario_of(dict(asked, until="2026-11-22T07:50Z"))[0].seasons
     assert season.departures is not None
     assert season.departures.seconds == (0.0, 1800.0, 3600.0, 5400.0, 6600.0)
     assert season.departures.window == timedelta(minutes=110)
-    (even,) = voyage_scenario(replace(asked, until="2026-11-22T08:00Z"))[0].seasons
+    (even,) = scenario_of(dict(asked, until="2026-11-22T08:00Z"))[0].seasons
     assert even.departures is not None
     assert even.departures.seconds[-1] == 7200.0
     assert even.departures.last is None
@@ -112,21 +117,21 @@ def test_the_end_of_a_window_is_a_departure_to_choose_from() -> None:
 
 @pytest.mark.parametrize("until", ["", "2026-11-22T07:50Z"])
 def test_a_departure_in_still_water_needs_no_current(until: str) -> None:
-    asked = replace(PALAWAN, months=(), currents=("still",), depart="2026-11-22T06:00Z")
-    scenario, notes = voyage_scenario(replace(asked, until=until))
+    asked = dict(PALAWAN, months=(), currents=("still",), depart="2026-11-22T06:00Z")
+    scenario, notes = scenario_of(dict(asked, until=until))
     (season,) = scenario.seasons
     assert not season.is_changing
     assert season.departure == datetime(2026, 11, 22, 6, tzinfo=UTC)
     assert any("no later departure" in note for note in notes) == bool(until)
 
 
-@pytest.mark.parametrize("speeds", ["", "4..9kn"])
-def test_a_departure_alone_takes_the_services_hours_with_tide(speeds: str) -> None:
+@pytest.mark.parametrize("speed", ["", "4..9kn"])
+def test_a_departure_alone_takes_the_services_hours_with_tide(speed: str) -> None:
     today = datetime.now(UTC).replace(minute=0, second=0, microsecond=0)
-    asked = replace(PALAWAN, months=(), currents=(), depart=today.isoformat(), speeds=speeds)
-    if speeds:
-        asked = replace(asked, arrive_by=(today + timedelta(days=3)).isoformat())
-    (season,) = voyage_scenario(asked)[0].seasons
+    asked = dict(PALAWAN, months=(), currents=(), depart=today.isoformat(), speed=speed)
+    if speed:
+        asked = dict(asked, arrive_by=(today + timedelta(days=3)).isoformat())
+    (season,) = scenario_of(asked)[0].seasons
     assert season.is_changing
     assert season.currents == ("copernicus-total-hourly",)
 
@@ -152,9 +157,9 @@ def test_a_departure_alone_takes_the_services_hours_with_tide(speeds: str) -> No
 def test_departures_that_say_too_little_or_too_much(
     changes: dict[str, object], words: list[str]
 ) -> None:
-    asked = replace(PALAWAN, months=(), depart="2026-11-22T06:00Z", currents=(_HOURLY,))
+    asked = dict(PALAWAN, months=(), depart="2026-11-22T06:00Z", currents=(_HOURLY,))
     with pytest.raises(RequestError) as caught:
-        voyage_scenario(replace(asked, **changes))  # type: ignore[arg-type]
+        scenario_of(dict(asked, **changes))
     assert len(caught.value.faults) == len(words)
     for fault, part in zip(caught.value.faults, words, strict=True):
         assert part in fault
@@ -164,9 +169,9 @@ TIMES = {"depart": "2026-11-22T06:00Z", "arrive_by": "2026-11-24T06:00Z"}
 
 
 def test_a_range_of_speeds_is_chosen_from_in_the_currents_of_a_month_or_in_none() -> None:
-    asked = replace(PALAWAN, speeds="4..9kn", **TIMES)  # type: ignore[arg-type]
-    for months, currents in ((PALAWAN.months, PALAWAN.currents), ((), ("still",))):
-        scenario, _ = voyage_scenario(replace(asked, months=months, currents=currents))
+    asked = dict(PALAWAN, speed="4..9kn", **TIMES)
+    for months, currents in ((PALAWAN["months"], ()), ((), ("still",))):
+        scenario, _ = scenario_of(dict(asked, months=months, currents=currents))
         assert len(scenario.seasons) == max(1, len(months))
         for season in scenario.seasons:
             assert season.speed is not None
@@ -176,9 +181,9 @@ def test_a_range_of_speeds_is_chosen_from_in_the_currents_of_a_month_or_in_none(
             assert season.arrive_by == datetime(2026, 11, 24, 6, tzinfo=UTC)
             assert not season.is_changing
     # Without a vessel by name the figures are those at the highest speed.
-    figures = VesselFigures("", "12m", "40m")
-    by_figures = replace(asked, vessel="", figures=figures, months=(), currents=("still",))
-    vessel = voyage_scenario(by_figures)[0].vessel
+    figures = {"vessel": "", "length": "12m", "turning_circle": "40m"}
+    by_figures = dict(asked, **figures, months=(), currents=("still",))
+    vessel = scenario_of(by_figures)[0].vessel
     assert vessel.speed_m_s == pytest.approx(9 * 1852 / 3600)
 
 
@@ -186,10 +191,10 @@ def test_speeds_in_a_window_of_departures_have_an_arrival_and_no_proof(tmp_path:
     hours = np.arange("2026-11-22T00", "2026-11-25T00", dtype="datetime64[h]")
     lon, lat = np.arange(116.0, 121.1, 0.25), np.arange(7.0, 13.6, 0.25)
     file = write(tmp_path / "tide.nc", dataset(*[sea(lon, lat)] * len(hours), times=hours))
-    asked = replace(PALAWAN, speeds="4..9kn", **TIMES)  # type: ignore[arg-type]
+    asked = dict(PALAWAN, speed="4..9kn", **TIMES)
     later = datetime.fromisoformat(TIMES["depart"]) + timedelta(hours=6)
-    scenario, _ = voyage_scenario(
-        replace(asked, until=later.isoformat(), months=(), currents=(str(file),))
+    scenario, _ = scenario_of(
+        dict(asked, until=later.isoformat(), months=(), currents=(str(file),))
     )
     (season,) = scenario.seasons
     assert season.departures is not None
@@ -205,12 +210,12 @@ def test_speeds_in_a_window_of_departures_have_an_arrival_and_no_proof(tmp_path:
     [
         ({"arrive_by": ""}, ["add --arrive-by, or give one speed"]),
         ({"depart": "", "arrive_by": ""}, ["add --depart and --arrive-by, or give one speed"]),
-        ({"speeds": "9..4kn"}, ["--speed '9..4kn' begins above its end"]),
-        ({"speeds": "0..4kn"}, ["--speed '0..4kn' begins at a speed of 0"]),
-        ({"speeds": "4..9"}, ["--speed '4' is not understood"]),
+        ({"speed": "9..4kn"}, ["--speed '9..4kn' begins above its end"]),
+        ({"speed": "0..4kn"}, ["--speed '0..4kn' begins at a speed of 0"]),
+        ({"speed": "4..9"}, ["--speed '4' is not understood"]),
         (
-            {"until": "2026-11-23T06:00Z", "arrive_by": "", "speeds": "9..4kn"},
-            ["add --arrive-by", "begins above its end", "--until looks for the best departure"],
+            {"until": "2026-11-23T06:00Z", "arrive_by": "", "speed": "9..4kn"},
+            ["begins above its end", "add --arrive-by", "--until looks for the best departure"],
         ),
         ({"until": "2026-11-23T06:00Z"}, ["--until looks for the best departure"]),
     ],
@@ -218,9 +223,9 @@ def test_speeds_in_a_window_of_departures_have_an_arrival_and_no_proof(tmp_path:
 def test_a_range_of_speeds_needs_two_times_and_currents(
     changes: dict[str, object], words: list[str]
 ) -> None:
-    asked = replace(PALAWAN, speeds="4..9kn", **TIMES)  # type: ignore[arg-type]
+    asked = dict(PALAWAN, speed="4..9kn", **TIMES)
     with pytest.raises(RequestError) as caught:
-        voyage_scenario(replace(asked, **changes))  # type: ignore[arg-type]
+        scenario_of(dict(asked, **changes))
     assert len(caught.value.faults) == len(words)
     for fault, part in zip(caught.value.faults, words, strict=True):
         assert part in fault
@@ -228,42 +233,45 @@ def test_a_range_of_speeds_needs_two_times_and_currents(
 
 def test_clearance_is_in_true_metres() -> None:
     for text, metres in (("500", 500.0), ("0.5nm", 926.0), ("0", 0.0)):
-        scenario, _ = voyage_scenario(replace(PALAWAN, clearance=text))
+        scenario, _ = scenario_of(dict(PALAWAN, clearance=text))
         assert scenario.planner.clearance == metres
         assert scenario.scale == 1
 
 
 def test_a_vessel_may_be_given_as_such() -> None:
     vessel = VesselSpec(length_m=10, speed_m_s=4, turn_rate_deg_s=9)
-    assert voyage_scenario(replace(PALAWAN, vessel=vessel))[0].vessel == vessel
-    figures = VesselFigures("8kn", "12m", "40m")
-    assert voyage_scenario(replace(PALAWAN, vessel="", figures=figures))[0].vessel.length_m == 12
+    assert scenario_of(dict(PALAWAN, vessel=vessel))[0].vessel == vessel
+    figures = {"speed": "8kn", "length": "12m", "turning_circle": "40m"}
+    assert scenario_of(dict(PALAWAN, vessel="", **figures))[0].vessel.length_m == 12
 
 
 def test_every_fault_is_reported_at_once() -> None:
-    asked = VoyageRequest(("here", "120.3,12.8"), "usv7", months=("July",), clearance="-3")
+    asked = {
+        "start": "here", "goal": "120.3,12.8", "vessel": "usv7", "month": ["July"],
+        "clearance": "-3",
+    }  # fmt: skip
     with pytest.raises(RequestError) as caught:
-        voyage_scenario(asked)
+        scenario_of(asked)
     starts = [fault.split()[0] for fault in caught.value.faults]
-    assert starts == ["start", "--vessel", "--clearance", "--month"]
+    assert starts == ["start", "--vessel", "--month", "--clearance"]
 
 
 def test_an_order_is_questioned_only_where_the_other_one_is_water_too() -> None:
-    voyage = VoyageRequest((), "usv-7m", currents=("still",))
+    voyage = {"vessel": "usv-7m", "currents": ("still",)}
     # The other way round: the desert of Arabia.
-    assert voyage_scenario(replace(voyage, positions=("28.9,36.2", "28.5,36.3")))[1] == ()
+    assert scenario_of(dict(voyage, start="28.9,36.2", goal="28.5,36.3"))[1] == ()
     # The Gulf of Oman, where the Gulf of Finland may be meant.
-    notes = voyage_scenario(replace(voyage, positions=("59.6,24.6", "60.0,24.8")))[1]
+    notes = scenario_of(dict(voyage, start="59.6,24.6", goal="60.0,24.8"))[1]
     assert len(notes) == 2
     assert "the other way round it would be water, too" in notes[0]
 
 
 def test_a_bad_name_and_the_same_place_twice_are_refused() -> None:
-    asked = replace(PALAWAN, positions=("120.3,12.8", "12.8N 120.3E"), name="My Voyage")
+    asked = dict(PALAWAN, goal="12.8N 120.3E", name="My Voyage")
     with pytest.raises(RequestError, match=r"name = .*lower-case letters"):
-        voyage_scenario(asked)
+        scenario_of(asked)
     with pytest.raises(RequestError, match="start and goal are the same place"):
-        voyage_scenario(replace(asked, name=""))
+        scenario_of(dict(asked, name=""))
 
 
 likely = st.sampled_from(
@@ -272,26 +280,20 @@ likely = st.sampled_from(
 words = likely | st.text(max_size=12)
 
 
+TEXTS = [one.field for one in options(VoyageRequest) if not one.most and one.kind != "flag"]
+LISTS = [one.field for one in options(VoyageRequest) if one.most]
+
+
 @given(
-    st.lists(words, max_size=4), words, st.lists(words, max_size=2), st.lists(words, max_size=2),
-    words, words, st.tuples(words, words, words, words),
-)  # fmt: skip
+    st.dictionaries(st.sampled_from(TEXTS), words),
+    st.dictionaries(st.sampled_from(LISTS), st.lists(words, max_size=2)),
+)
 @settings(max_examples=200, deadline=None)
 def test_any_words_make_a_scenario_or_are_refused(
-    positions: list[str], vessel: str, months: list[str], currents: list[str], clearance: str,
-    name: str, figures: tuple[str, str, str, str],
-) -> None:  # fmt: skip
-    asked = VoyageRequest(
-        tuple(positions),
-        vessel,
-        VesselFigures(*figures),
-        tuple(months),
-        tuple(currents),
-        clearance,
-        name=name,
-    )
+    texts: dict[str, str], lists: dict[str, list[str]]
+) -> None:
     try:
-        scenario, _ = voyage_scenario(asked)
+        scenario, _ = scenario_of({**PALAWAN, **texts, **lists})
     except RequestError:
         return
     assert scenario.region is None
@@ -309,16 +311,16 @@ def test_any_words_make_a_scenario_or_are_refused(
 def test_members_are_files_a_dimension_or_the_speed_of_eddies(
     text: str, members: dict[str, str | float]
 ) -> None:
-    asked = replace(PALAWAN, members=text, currents=("embedded-palawan",))
+    asked = dict(PALAWAN, members=text, currents=("embedded-palawan",))
     if "along" in members:
         with pytest.raises(RequestError, match="needs files"):
-            voyage_scenario(asked)
+            scenario_of(asked)
         return
-    (season,) = voyage_scenario(asked)[0].seasons
+    (season,) = scenario_of(asked)[0].seasons
     assert season.members is not None
     assert season.members.spread == pytest.approx(members["spread"])
 
 
 def test_a_speed_of_members_without_a_unit_is_refused() -> None:
     with pytest.raises(RequestError, match=r"--members = '0\.2': .*a speed such as"):
-        voyage_scenario(replace(PALAWAN, members="0.2"))
+        scenario_of(dict(PALAWAN, members="0.2"))

@@ -1,0 +1,263 @@
+"""Read what is typed for an option: speeds, lengths, times, months, files, vessels.
+
+Each reader takes a text, or a value that is typed already, and raises ValueError with the text, the
+reason and the remedy.
+"""
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.machine.paths import NOT_THERE, expanded, resolved, shown, unreadable_reason
+from pipeline.voyage.table import refusing
+
+if TYPE_CHECKING:
+    from pipeline.scenario.catalogue import VesselSpec
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+))\s*([^\d\s].*?)?\s*")
+# A knot, m/s: a nautical mile of 1852 m per hour.
+_KNOT = 1852 / 3600
+_SPEEDS = {
+    **dict.fromkeys(("kn", "kt", "kts", "knot", "knots"), _KNOT),
+    **dict.fromkeys(("m/s", "ms-1"), 1.0),
+    **dict.fromkeys(("km/h", "kmh", "kph"), 1 / 3.6),
+}
+_LENGTHS = {
+    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
+    "km": 1000.0,
+    **dict.fromkeys(("ft", "feet", "foot", "'"), 0.3048),
+    **dict.fromkeys(("nm", "nmi"), 1852.0),
+}
+RANGE = ".."
+"""Separates the lowest and the highest speed of a range."""
+_MONTH = re.compile(r"\d{4}-\d{2}", re.ASCII)
+
+
+def speed_m_s(text: str) -> float:
+    """Read a speed, m/s, which must have a unit."""
+    return _read(text, _SPEEDS, "a speed such as 12kn, 6.2m/s or 22km/h")
+
+
+def speed_range_m_s(text: str) -> tuple[float, float]:
+    """Read a range of speeds, m/s: 4kn..9kn or 4..9kn."""
+    least, _, most = text.partition(RANGE)
+    unit = matched[2] if (matched := _QUANTITY.fullmatch(most)) else None
+    if unit and (bare := _QUANTITY.fullmatch(least)) and not bare[2]:
+        least += unit
+    low, high = speed_m_s(least), speed_m_s(most)
+    if low <= 0:
+        raise ValueError(
+            f"{text.strip()!r} begins at a speed of 0 or less; give two speeds above 0"
+        )
+    if low > high:
+        raise ValueError(f"{text.strip()!r} begins above its end; exchange the two speeds")
+    return low, high
+
+
+def speed_or_range(given: str | tuple[float, float]) -> float | tuple[float, float]:
+    """Read a vessel's speed, m/s, or the lowest and the highest one to choose from."""
+    if not isinstance(given, str):
+        least, most = given
+        return speed_range_m_s(f"{least!r}m/s{RANGE}{most!r}m/s")
+    return speed_range_m_s(given) if RANGE in given else _positive(given, speed_m_s)
+
+
+def length_m(text: str) -> float:
+    """Read a length, m; without a unit it is in metres."""
+    return _read(text, _LENGTHS, "a length such as 90m, 300ft or 0.5nm")
+
+
+def dimension_m(text: str) -> float:
+    """Read a dimension of a vessel, m."""
+    return _positive(text, length_m)
+
+
+def _positive(text: str, reader: Callable[[str], float]) -> float:
+    """Read a figure above 0."""
+    figure = reader(text)
+    if figure <= 0:
+        raise ValueError(f"{text} is not above 0; give a larger figure")
+    return figure
+
+
+def read_clearance_m(given: str | float) -> float:
+    """Read a distance from no-go areas, true metres."""
+    metres = length_m(given) if isinstance(given, str) else given
+    if metres < 0:
+        raise ValueError(f"{given} is below 0; give metres, 0 or more")
+    return metres
+
+
+def _read(text: str, units: dict[str, float], remedy: str) -> float:
+    """Return a number times the factor of its unit."""
+    matched = _QUANTITY.fullmatch(text)
+    factor = units.get((matched[2] or "").lower()) if matched is not None else None
+    if matched is None or factor is None:
+        raise ValueError(f"{text.strip()!r} is not understood; give {remedy}")
+    return float(matched[1].replace(",", ".")) * factor
+
+
+def zoned_time(given: str | datetime) -> datetime:
+    """Read a time with a zone, and return it in UTC."""
+    try:
+        time = datetime.fromisoformat(given) if isinstance(given, str) else given
+    except ValueError:
+        raise ValueError(
+            f"{given} is not a time; give date, time and zone, such as 2026-11-22T06:00Z"
+        ) from None
+    if time.tzinfo is None:
+        text = time.isoformat() if isinstance(given, datetime) else given
+        raise ValueError(f"{text} has no zone; add it: {text}Z for UTC, or {text}+08:00")
+    return time.astimezone(UTC)
+
+
+def read_months(texts: Sequence[str]) -> tuple[str, ...]:
+    """Read months 'YYYY-MM'; each may be given once."""
+    from pipeline.scenario.season import period  # loads for a tenth of a second
+
+    faults = []
+    for i, text in enumerate(texts):
+        if not _MONTH.fullmatch(text):
+            faults.append(f"{text} is not a month; give it as 'YYYY-MM', such as 2024-07")
+        elif text in texts[:i]:
+            faults.append(f"{text} is given twice; leave one out")
+        else:
+            try:
+                period(text)
+            except ValueError as error:
+                faults.append(str(error))
+    if faults:
+        raise ValueError(*faults)
+    return tuple(texts)
+
+
+def readable(remedy: str) -> Callable[[str | Path], Path]:
+    """Return a reader of paths; `remedy` says what to give in place of a file that is missing."""
+
+    def read(path: str | Path) -> Path:
+        file = refusing(lambda: resolved(path, ""))
+        if reason := unreadable_reason(file):
+            hint = f"; {remedy}" if reason == NOT_THERE else ""
+            raise ValueError(f"= '{shown(file)}' {reason}{hint}")
+        return file
+
+    return read
+
+
+def read_currents(given: Sequence[str | Path]) -> tuple[str, ...]:
+    """Read sources of the catalogue and paths of files; patterns are looked up later."""
+    from pipeline.scenario.loading import require_currents
+
+    currents = tuple(str(one) for one in given)
+    refusing(lambda: require_currents(currents, ""))
+    return currents
+
+
+def read_station(given: str | Path) -> str:
+    """Read a station's name in the catalogue, or the path of its file."""
+    from pipeline.scenario import catalogue
+
+    text = str(given)
+    if text in catalogue.stations():
+        return text
+    return str(refusing(lambda: resolved(Path(text), "")))
+
+
+def read_members(text: str) -> dict[str, Any]:
+    """Read the members of a current: its files, one of their dimensions, or a speed of eddies.
+
+    Return the table of a scenario's season.
+    """
+    given = text.strip()
+    if given.isidentifier():
+        return {"along": given}
+    try:
+        return {"spread": speed_m_s(given)}
+    except ValueError as error:
+        raise ValueError(
+            f"= {given!r}: {error}, 'files', or a dimension such as 'realization'"
+        ) from None
+
+
+def read_name(text: str) -> str:
+    """Read the name of a scenario."""
+    from pydantic import TypeAdapter, ValidationError
+
+    from pipeline.scenario.strict import Name
+
+    try:
+        return TypeAdapter(Name).validate_python(text)
+    except ValidationError:
+        raise ValueError(
+            f"= {text!r} is not a name: use up to 64 lower-case letters, digits, '-' and '_'"
+        ) from None
+
+
+def read_vessel(given: "str | VesselSpec") -> "VesselSpec":
+    """Read a vessel by its name in the catalogue, or by the path of its file."""
+    from pipeline.scenario import catalogue
+    from pipeline.scenario.strict import looks_like_path, near_miss
+
+    if not isinstance(given, str):
+        return given
+    if looks_like_path(given):
+        return refusing(lambda: _vessel_in_file(given))
+    known = catalogue.names("vessels")
+    if given not in known:
+        hint = "write a file as a path: './my-vessel.toml'"
+        raise ValueError(f"{given!r} is not in the catalogue: {near_miss(given, known)}; {hint}")
+    return catalogue.vessel(given)
+
+
+def _vessel_in_file(path: str) -> "VesselSpec":
+    """Return the vessel in a TOML file with the keys of a [vessel] table."""
+    from pipeline.scenario.catalogue import VesselSpec, read_toml
+    from pipeline.scenario.strict import validated
+
+    file = expanded(path, "")
+    if reason := unreadable_reason(file):
+        raise ValueError(f"{path} {reason}; `renew show usv-7m` prints one")
+    data = read_toml(file)
+    data.pop("schema_version", None)
+    return validated(VesselSpec, data, lambda line: f"{path}: {line}")
+
+
+@dataclass(frozen=True)
+class VesselFigures:
+    """A vessel's speed and dimensions as typed; "" stands for a value that was not given.
+
+    The turning circle is given by its diameter, as in a ship's trial manoeuvres.
+    """
+
+    speed: str = ""
+    length: str = ""
+    turning_circle: str = ""
+    draught: str = ""
+
+
+# Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement
+# hulls, because its engine is not known.
+_FUEL_EXPONENT = 3.0
+
+
+def vessel_of_figures(
+    speed_m_s: float, length_m: float, turning_circle_m: float, draught_m: float | None
+) -> "VesselSpec":
+    """Return the vessel given by figures; its turn rate is speed divided by turning radius."""
+    from pipeline.scenario.catalogue import VesselSpec
+    from pipeline.scenario.strict import validated
+
+    data = {
+        "speed_m_s": speed_m_s,
+        "length_m": length_m,
+        "turn_rate_deg_s": math.degrees(speed_m_s / (turning_circle_m / 2)),
+        "fuel_exponent": _FUEL_EXPONENT,
+        "origin": f"Figures of the request; turning circle {turning_circle_m:g} m; propeller law",
+    }
+    if draught_m is not None:
+        data["draught_m"] = draught_m
+    return validated(VesselSpec, data)

@@ -1,0 +1,228 @@
+"""Options as a table: a dataclass whose fields say what each means and where it is asked for.
+
+The command line, the page's form with its HTTP interface, QGIS's tools and Python's functions are
+all made from the fields of one dataclass, and `read` turns what any of them was given into it. It
+is no pydantic model, because the command line is made from it and has to start without pydantic.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Literal, TypeVar
+
+from pipeline.errors import RequestError
+from pipeline.machine.paths import folder_to_write
+
+Asker = Literal["command", "page", "python"]
+Kind = Literal["text", "place", "time", "file", "source", "folder", "flag", "number", "count"]
+_Value = TypeVar("_Value")
+_Table = TypeVar("_Table")
+
+
+def _as_it_is(value: Any) -> Any:  # noqa: ANN401 - whatever was given
+    """Take a value that needs no reading."""
+    return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """What is known of an option besides its type: the annotation of a table's field.
+
+    Parameters
+    ----------
+    group
+        Heading under which the option stands in help and form; "" for an argument.
+    help
+        What it does; "{depart}" stands for another option as the asker writes it.
+    label, example
+        Its name in a form, by default made of `name`; and an example, or what is chosen if nothing
+        is.
+    read
+        Makes the typed value from a text; a value that is typed already stays. Raises ValueError:
+        each of its arguments is a fault, to which the option's name is added.
+    kind
+        What is given: a "source" is a name of the catalogue or a file, a "place" a position.
+    field, default, is_required
+        The field, its default, and whether it has none; `options` fills them in.
+    name
+        Its name on the command line and in JSON, if it is not the field's name, which is the
+        argument in Python.
+    argument
+        What stands for it in Python, if that is another argument.
+    metavar, short
+        What stands for its value in the help of the command line, and its short name there.
+    most
+        Largest number of values; 0 for an option with one.
+    least, limit
+        Smallest and largest number.
+    section
+        Section of the catalogue with the names to choose from.
+    layer
+        Geometry of the layer that QGIS offers for a file.
+    is_of_run
+        True if it says how a job is run, not what is planned: a server sets it for all plans.
+    """
+
+    field: str = ""
+    default: Any = None
+    is_required: bool = False
+    group: str
+    help: str
+    label: str = ""
+    example: str = ""
+    read: Callable[[Any], Any] = _as_it_is
+    kind: Kind = "text"
+    name: str = ""
+    argument: str = ""
+    metavar: str = ""
+    short: str = ""
+    most: int = 0
+    least: float | None = None
+    limit: float | None = None
+    section: Literal["", "scenarios", "vessels", "stations", "sources"] = ""
+    layer: Literal["", "polygon", "point"] = ""
+    is_of_run: bool = False
+
+    @property
+    def key(self) -> str:
+        """The option's name in JSON."""
+        return self.name or self.field
+
+    @property
+    def title(self) -> str:
+        """The option's name in a form."""
+        return self.label or self.key.replace("_", " ").capitalize()
+
+    @property
+    def typed(self) -> str:
+        """The option as it is typed on the command line."""
+        return f"--{self.key.replace('_', '-')}" if self.group else self.metavar or self.key
+
+    def spelled(self, asker: Asker) -> str:
+        """Return the option as an asker writes it: `--month`, 'Months' in a form, or months."""
+        if asker == "command":
+            return self.typed
+        return (self.argument or self.field) if asker == "python" else f"'{self.title}'"
+
+    def words(self, value: Any) -> list[str]:  # noqa: ANN401 - whatever the option takes
+        """Return the option with its value as they are typed on the command line."""
+        if self.kind == "flag":
+            return [self.typed] if value else []
+        given = value if self.most else [value]
+        return [word for one in given or () if one for word in (self.typed, str(one))]
+
+
+def options(table: type[Any]) -> tuple[Option, ...]:
+    """Return the options of a table in their order."""
+    found = []
+    for one in fields(table):
+        (known,) = table.__annotations__[one.name].__metadata__
+        is_required = one.default is MISSING
+        default = None if is_required else one.default
+        found.append(replace(known, field=one.name, default=default, is_required=is_required))
+    return tuple(found)
+
+
+def spelling(table: type[Any], asker: Asker) -> SimpleNamespace:
+    """Return how an asker writes each option, by its field."""
+    return SimpleNamespace(**{one.field: one.spelled(asker) for one in options(table)})
+
+
+def help_text(one: Option, at: SimpleNamespace) -> str:
+    """Return what an option does, in an asker's spelling."""
+    return one.help.format_map(vars(at))
+
+
+def _no_rules(*_: SimpleNamespace) -> Iterable[str]:
+    """Any values go together."""
+    return ()
+
+
+def read(
+    table: type[_Table],
+    given: Mapping[str, Any],
+    at: SimpleNamespace,
+    rules: Callable[[SimpleNamespace, SimpleNamespace, SimpleNamespace], Iterable[str]] = _no_rules,
+    known: Sequence[str] = (),
+) -> _Table:
+    """Read what was given for the options of a table, by their fields or their names.
+
+    Empty values are left out. `rules` yields the faults between options: it is called with the
+    values that could be read and with all values as they were given, None for an option that was
+    left out, and with the spelling. `known` are faults found before; a required value may then be
+    None.
+
+    Raises
+    ------
+    RequestError
+        The message has a line for each fault, with its option in the spelling `at`.
+    """
+    asked: dict[str, Any] = {}
+    values: dict[str, Any] = {}
+    faults = [*known]
+    for one in options(table):
+        value = given.get(one.field, given.get(one.key))
+        if value is None or (value in ("", (), []) and not one.is_required):
+            continue
+        asked[one.field] = value
+        try:
+            values[one.field] = one.read(value)
+        except ValueError as error:
+            place = getattr(at, one.field)
+            lines = (str(line).lstrip() for line in error.args)
+            faults += [f"{place}{'' if line.startswith(':') else ' '}{line}" for line in lines]
+    blank = {one.field: None for one in options(table)}
+    faults += rules(SimpleNamespace(**blank | values), SimpleNamespace(**blank | asked), at)
+    if faults:
+        raise RequestError(faults)
+    return table(**values)
+
+
+def each(reader: Callable[[Any], _Value]) -> Callable[[Any], tuple[_Value, ...]]:
+    """Return a reader of several values, which names the faults of all."""
+
+    def read_all(texts: Iterable[Any]) -> tuple[_Value, ...]:
+        values: list[_Value] = []
+        faults: list[str] = []
+        for text in texts:
+            try:
+                values.append(reader(text))
+            except ValueError as error:
+                faults += error.args
+        if faults:
+            raise ValueError(*faults)
+        return tuple(values)
+
+    return read_all
+
+
+def refusing(reader: Callable[[], _Value]) -> _Value:
+    """Read a value; raise ValueError with the faults of a RequestError."""
+    try:
+        return reader()
+    except RequestError as error:
+        raise ValueError(*error.faults) from None
+
+
+def read_folder(path: str | Path) -> Path:
+    """Read a folder to write to."""
+    return refusing(lambda: folder_to_write(Path(path), ""))
+
+
+def described(table: type[Any]) -> list[dict[str, Any]]:
+    """Return a table's options as JSON, for QGIS, whose Python can't import this one."""
+    at = spelling(table, "page")
+    return [
+        {
+            "name": one.key,
+            "option": one.typed if one.group else "",
+            "kind": one.kind,
+            "label": one.title,
+            "help": help_text(one, at),
+            "several": bool(one.most),
+            "layer": one.layer,
+        }
+        for one in options(table)
+        if not one.is_of_run
+    ]

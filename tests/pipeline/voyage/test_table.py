@@ -1,0 +1,78 @@
+"""One table of options: whatever is a field of it is asked for everywhere."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from typing import Any
+
+import pytest
+
+import pipeline
+from pipeline.errors import RequestError
+from pipeline.serve.page import page_files
+from pipeline.serve.request import ASKED, PlanRequest
+from pipeline.voyage.quantities import VesselFigures
+from pipeline.voyage.request import VoyageRequest
+from pipeline.voyage.table import Option, described, help_text, options, spelling
+from tests.command_reference import commands, options as typed_options
+from tests.conftest import ROOT
+
+FIELDS = options(VoyageRequest)
+NAMED = [one for one in FIELDS if one.group]
+
+
+@pytest.mark.parametrize("one", NAMED, ids=[one.field for one in NAMED])
+def test_the_command_line_has_every_option_with_its_help(one: Option) -> None:
+    typed = typed_options(commands()["renew go"])[one.typed]
+    assert typed.help == help_text(one, spelling(VoyageRequest, "command"))
+    assert typed.multiple == bool(one.most)
+
+
+@pytest.mark.parametrize("one", ASKED, ids=[one.field for one in ASKED])
+def test_the_page_and_its_interface_have_every_option_of_a_voyage(one: Option) -> None:
+    schema = PlanRequest.model_json_schema()
+    said = schema["properties"][one.key]["description"]
+    assert said == help_text(one, spelling(VoyageRequest, "page"))
+    interface: dict[str, Any] = {
+        "info": {"description": ""}, "paths": {},
+        "components": {"schemas": {"PlanRequest": schema}},
+    }  # fmt: skip
+    form = page_files(interface)["/"].decode()
+    own = {"currents": 'data-file="currents"', "via": 'id="vias"'}
+    asked = f'data-{"file" if one.kind == "file" else "option"}="{one.key}"'
+    assert own.get(one.key, asked) in form
+
+
+def test_python_has_every_option_and_says_what_it_does() -> None:
+    arguments = set(inspect.signature(pipeline.go).parameters) - {"on_event"}
+    figures = {f"VesselFigures.{name}" for name in VesselFigures.__dataclass_fields__}
+    assert {one.argument or one.field for one in FIELDS} == arguments | figures - {
+        "VesselFigures.speed"
+    }
+    text = " ".join(str(pipeline.go.__doc__).split())
+    for one in FIELDS:
+        assert help_text(one, spelling(VoyageRequest, "python")) in text
+
+
+def test_the_list_for_qgis_is_that_of_the_table() -> None:
+    """Made by `python -m tests.pipeline.voyage.test_table`."""
+    assert json.loads(QGIS.read_text("utf-8")) == described(VoyageRequest)
+
+
+def test_faults_name_an_option_as_the_asker_does() -> None:
+    with pytest.raises(RequestError) as caught:
+        pipeline.go(
+            "35N 40W", "35N 39W", vessel=VesselFigures("12", "9m", "9m"), months=("July",),
+            speeds_m_s=None, endurance="2d", clearance_m=-1.0,
+        )  # fmt: skip
+    starts = [fault.split()[0] for fault in caught.value.faults]
+    assert starts == ["VesselFigures.speed", "months", "clearance_m", "endurance"]
+    assert not any("--" in fault for fault in caught.value.faults)
+
+
+QGIS = ROOT / "qgis" / "renew_routes" / "options.json"
+
+if __name__ == "__main__":
+    text = json.dumps(described(VoyageRequest), ensure_ascii=False, indent=1)
+    QGIS.write_text(f"{text}\n", encoding="utf-8")
