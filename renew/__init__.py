@@ -16,24 +16,26 @@ from renew.errors import (
     ViaInNoGoError,
 )
 from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
-from renew.inputs.haven import Haven
+from renew.inputs.current import (
+    CurrentField,
+    GriddedCurrent,
+    GyreCurrent,
+    SwingingGyre,
+    UniformCurrent,
+    VaryingCurrent,
+)
+from renew.inputs.openings import Haven, LeastWater, ShutArea, TidalArea, TidalDepth
 from renew.inputs.options import PlanOptions
-from renew.inputs.shut_areas import ShutArea, TidalArea
-from renew.inputs.tidal_depth import LeastWater, TidalDepth
 from renew.inputs.tide import Constant, HighAndLow, Tide
-from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
 from renew.inputs.vessel import Vessel
-from renew.planner.ensemble.plan_ensemble import plan_ensemble
-from renew.planner.ensemble.results import EnsemblePlan, ShutInMember
-from renew.planner.plan import plan, plan_departures
 from renew.results import Departures, OverpoweredHours, Plan, Rejected, Route, TradeOff
 from renew.turns.closest_approach import Tightest, tightest
 from renew.turns.contingency import Contingency, contingency
 from renew.underway.cover import cover
 from renew.underway.coverage import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn, Stretch
-from renew.underway.replan import Replanned, replan
-from renew.underway.turn_offs import TurnOff
+from renew.underway.replan import Replanned, TurnOff, replan
+from renew.vary.ensemble import EnsemblePlan, ShutInMember, plan_ensemble
+from renew.vary.plan import plan, plan_departures
 from renew.voyage.fuel import fuel
 
 __version__ = "0.1.0"

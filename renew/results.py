@@ -23,9 +23,8 @@ from renew.errors import (
     from_until,
     in_seconds,
 )
-from renew.inputs.asked import Asked
-from renew.inputs.shut_areas import Area
-from renew.inputs.tidal_depth import LeastWater
+from renew.inputs.openings import LeastWater, Opening
+from renew.request import Request
 
 # Width of the map, CSS pixels; its height follows, up to twice as much.
 _WIDTH = 420.0
@@ -243,9 +242,9 @@ class Plan:
     rejected: tuple[Rejected, ...]
     chosen: int = 0
     overpowering: shapely.Geometry = field(default_factory=shapely.MultiPolygon)
-    shut: tuple[Area, ...] = ()
+    shut: tuple[Opening, ...] = ()
     trade_off: TradeOff | None = None
-    voyage: Asked | None = None
+    voyage: Request | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """Return what a pickle holds."""

@@ -15,14 +15,20 @@ from shapely import Polygon, box
 
 from renew.errors import UnreachableError
 from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentLike, GriddedCurrent, GyreCurrent, UniformCurrent
-from renew.inputs.options import Request
-from renew.inputs.varying_current import SwingingGyre, VaryingCurrent
+from renew.inputs.current import (
+    CurrentLike,
+    GriddedCurrent,
+    GyreCurrent,
+    SwingingGyre,
+    UniformCurrent,
+    VaryingCurrent,
+)
 from renew.inputs.vessel import Vessel
-from renew.planner.plan import plan
-from renew.planner.task import Task
+from renew.planner.plan import planner_of
+from renew.request import Request
 from renew.turns.closest_approach import tightest
 from renew.turns.contingency import contingency
+from renew.vary.plan import plan
 from renew.voyage.fuel import fuel
 
 _SIDE = 100.0
@@ -33,7 +39,8 @@ _ISLANDS = (
     Polygon([(51, 67.5), (55, 67), (55, 72), (52, 72)]),
     Polygon([(39, 43), (43.5, 47.5), (64, 50), (64.5, 24), (61, 25)]),
 )
-_START, _GOAL = (10.0, 10.0), (90.0, 90.0)
+_START = (10.0, 10.0)
+_GOAL = (90.0, 90.0)
 _VESSEL = Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
 _GYRE = GyreCurrent(0.8, _SIDE, _SIDE)
 
@@ -111,7 +118,7 @@ def rehearse_half(half: int) -> None:
     if half:
         plan(chart, current, _VESSEL, *ends, order="depth-first")
         return
-    problem = Task(chart, current, _VESSEL, np.array(ends), (), Request()).planner().problem
+    problem = planner_of(Request(chart, current, _VESSEL, np.array(ends))).problem
     scout = problem.scout(problem.likely_width)
     start, goal = problem.voyage.start, problem.voyage.goal
     midlines = [found.midline(start, goal) for found in scout.channels(2)]

@@ -12,7 +12,7 @@ from shapely import Polygon
 
 import renew
 from renew._types import BoolArray, FloatArray
-from renew.inputs.shut_areas import ReliedOnTide
+from renew.inputs.openings import ReliedOnTide
 from tests.clock_oracle import earliest_arrival, sailed, tighten
 from tests.oracles import STENCIL_RADIUS
 from tests.strategies import PAPER_VESSEL, random_scene

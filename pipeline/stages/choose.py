@@ -41,7 +41,7 @@ from pipeline.stages.plan_case import planned
 from pipeline.stages.seasons.running import run_tasks
 from pipeline.stages.seasons.sweep import SweepTask, sweep
 from pipeline.stages.seasons.task import Status
-from renew.inputs.shut_areas import Area
+from renew.inputs.openings import Opening
 
 _T = TypeVar("_T")
 
@@ -167,7 +167,7 @@ def _split(given: Chosen, first: Case, onward: Case, wait: timedelta) -> Chosen:
 def _afloat(case: Case, arrival: float, times: FloatArray) -> int:
     """Return how many of the departures (n,), s, come before the anchorage is shut; at least 1."""
     depth = case.tidal_depth
-    areas: list[Area] = [*case.areas, *(depth.tidal_areas if depth else ())]
+    areas: list[Opening] = [*case.areas, *(depth.tidal_areas if depth else ())]
     here, ends = shapely.Point(case.goal), times + MIN_LATENESS_S
     begins, shut = np.full(len(ends), arrival), np.zeros(len(ends), dtype=bool)
     for area in areas:

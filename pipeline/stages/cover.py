@@ -23,7 +23,7 @@ from pipeline.model import Note, Place, Say, Water, plan_options
 from pipeline.model.case import MIN_LATENESS_S, largest_stretch
 from pipeline.scenario.model import HavensSpec, Scenario
 from pipeline.sources.land.vector import HavenPoint, read_havens
-from renew.planner.shut_areas import with_always_shut
+from renew.inputs.openings import with_always_shut
 
 
 def havens_in(scenario: Scenario, water: Water) -> tuple[tuple[renew.Haven, ...], tuple[Note, ...]]:

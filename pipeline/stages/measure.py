@@ -39,10 +39,9 @@ from pipeline.model import (
 from pipeline.model.case import MIN_LATENESS_S, true_duration_s
 from pipeline.scenario.model import PlannerOptions
 from pipeline.sources.land.shapes import extract_polygons
-from renew.inputs.arguments import MAX_STATIONS
-from renew.inputs.options import Drift
-from renew.planner.ensemble.statistics import STATISTICS
+from renew.inputs.options import MAX_STATIONS, Drift
 from renew.turns.turn_reach import TurnReach
+from renew.vary.statistics import STATISTICS
 from renew.voyage.fuel import passage
 
 # Spacing of the points at which hard-over turns begin: at least this many planar metres, as

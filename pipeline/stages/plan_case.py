@@ -21,7 +21,7 @@ from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.measure import measured, refusal
 from pipeline.stages.places import is_shut_in
 from renew.errors import Duration, Text, TooLateError
-from renew.planner.plan import given_options, task_of
+from renew.request import Request
 from renew.watching import Step, watched
 
 OnStep = Callable[[str, Step], None]
@@ -146,19 +146,19 @@ def _replanned(
         There is no way to the goal, with the ways to havens; or the vessel can't be where it is
         said to be.
     """
-    begun = {"departure": float(before.plan.best.times[0]), "arrive_by": None, "speed": None}
-    task = task_of(
+    asked = Request.of(
         case.chart,
         case.current if before.current is None else before.current,
         case.vessel,
         (before.start, case.goal),
-        before.via,
-        case.areas,
-        case.tidal_depth,
-        given_options(options, {}) | begun,
+        options=options,
+        departure=float(before.plan.best.times[0]),
+        via=before.via,
+        avoid=case.areas,
+        depth=case.tidal_depth,
     )
     found = renew.replan(
-        replace(before.plan, voyage=task),
+        replace(before.plan, voyage=asked),
         case.start,
         0.0,
         heading=before.heading_rad,

@@ -30,7 +30,7 @@ from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.stages.choose import Chosen
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.simplify import SimplifiedLand
-from renew.underway.way_ahead import abeam
+from renew.underway.lead import abeam
 
 # Distance from the plan beyond which a position is taken for a mistake, m.
 _FURTHEST_M = 50_000.0

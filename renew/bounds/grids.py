@@ -21,8 +21,13 @@ from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.bounds.travel_time import TravelGrid
 from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentField, GriddedCurrent, GyreCurrent, UniformCurrent
-from renew.inputs.varying_current import VaryingCurrent
+from renew.inputs.current import (
+    CurrentField,
+    GriddedCurrent,
+    GyreCurrent,
+    UniformCurrent,
+    VaryingCurrent,
+)
 from renew.kernels.current_table import CurrentTable, table_of
 from renew.voyage.voyage import Voyage, Waters
 

@@ -14,9 +14,9 @@ from renew.inputs.current import (
     FunctionCurrent,
     GriddedCurrent,
     UniformCurrent,
+    VaryingCurrent,
     as_field,
 )
-from renew.inputs.varying_current import VaryingCurrent
 from renew.kernels.current_table import are_same, same_axes
 
 

@@ -11,9 +11,10 @@ from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
 from renew.kernels.current_table import CurrentTable, largest_speed, table_of, velocities
 
-# Number of cells along each side of the first table. Cells are halved until the table is fine, or
-# until it has the largest number, and 16 MB.
-_MIN_CELLS, _MAX_CELLS = 64, 1024
+# Number of cells along each side of the first table.
+_MIN_CELLS = 64
+# Number of cells along each side up to which they are halved, until the table is fine: 16 MB.
+_MAX_CELLS = 1024
 # Refining stops if the error falls by less than this ratio when cells are halved. The ratio is 1/4
 # in a smooth field, and larger in a field with a step.
 _MAX_ERROR_RATIO = 0.5
@@ -24,9 +25,11 @@ _PROBES = 5
 # Between nodes, cubics through the nodes stand for the field if they differ from it by at most this
 # share of the strongest current. The error of a fine table may be ten times as large.
 _CUBIC_TOLERANCE = 1e-4
-# Number of random points at which the cubics are checked, about twice as many as the first table
-# has nodes. The cubics are rejected if the error there exceeds the table's error by this factor.
-_RANDOM_POINTS, _MAX_EXCESS = 16_384, 1.5
+# Number of random points at which the cubics are checked: about twice as many as the first table
+# has nodes.
+_RANDOM_POINTS = 16_384
+# The cubics are rejected if their error at these points exceeds the table's by this factor.
+_MAX_EXCESS = 1.5
 
 
 def tabulated(

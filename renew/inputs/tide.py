@@ -37,9 +37,11 @@ _LIMITS = {"mean_level": (-1e3, 1e3), "ratio": (0.0, 1e3), "offset": (-86400.0, 
 _MOST = 1e6
 # Largest time from the epoch, s: three centuries, beyond which the arguments' series err.
 _MOST_TIME = 1e10
-# Time step of predicted heights, s, and length of a block that is kept, s. Linear interpolation
-# errs by (ω 60 s)² A / 8: 0.1 mm for an M2 of 9 m.
-_STEP, _BLOCK = 60.0, 86400.0
+# Time step of predicted heights, s. Linear interpolation errs by (ω 60 s)² A / 8: 0.1 mm for an M2
+# of 9 m.
+_STEP = 60.0
+# Length of a block of heights that is kept, s.
+_BLOCK = 86400.0
 # The nodal factors follow the moon's node and perigee (18.6 and 8.85 years): ten turns of one and
 # 21 of the other give all their combinations. The factors are sampled every 20 days; between
 # samples they rise by less than the margin below.

@@ -1,38 +1,51 @@
-"""Plan classes in order until there are enough routes."""
+"""Plan classes in order until there are enough routes; if there are none, say why.
 
+If every class is rejected, remedies are found: less padding, or more risk.
+"""
+
+import contextlib
+import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
+
+import numpy as np
 
 from renew.bounds.grids import whole_grid
 from renew.bounds.travel_time import locate, mean_times
 from renew.classes.class_enumerator import ClassEnumerator, ViaEnumerator
-from renew.classes.dual_graph import Channel, Transition
-from renew.classes.h_signature import Word
-from renew.errors import InfeasibleError
+from renew.classes.dual_graph import Channel, Transition, widest_gap
+from renew.classes.h_signature import Word, shortened
+from renew.errors import ClassName, InfeasibleError, Length, Text, TooLateError, UnreachableError
 from renew.planner.hindrances import hours_of, with_hours
 from renew.planner.one_class import ClassPath, ClassPlanner
 from renew.planner.sampled_paths import chosen_class
-from renew.results import Plan, Rejected
+from renew.results import Plan, Rejected, Route
 from renew.watching import Step, tell
 
 # A variant is a channel of a class that passes a small island, one without a ray, on another side.
-# Number of variants searched if only the best route is wanted, and number planned near the best
-# route.
-_VARIANTS, _BESIDE = 8, 4
+# Number of variants that are searched.
+_VARIANTS = 8
+# Number of variants that are planned near the best route.
+_BESIDE = 4
 # Ratio to the best fuel up to which a route is searched for variants around small islands: the
 # first estimate of fuel is no more exact.
 _NEARLY_BEST = 1.0005
-# Number of classes that are searched first for the best path. If the most expensive of them needs
-# more than this ratio times the least fuel, later classes are assumed to need even more.
-_FEW, _CLEARLY_DEARER = 4, 1.03
+# Number of classes that are searched first for the best path.
+_FEW = 4
+# If the dearest of these needs more than this ratio times the least fuel, later classes are assumed
+# to need even more.
+_CLEARLY_DEARER = 1.03
 # A class whose estimated fuel is more than this ratio times the best is skipped if a cheaper class
 # has a path.
 _WORTH_A_LOOK = 1.25
-# Ratio to the fuel of the mean travel time on a grid of so many cells, over land narrower than a
-# cell, from which a route may be far from the best.
-_FAR_OFF, _GLANCE = 1.05, 2_000
+# Number of cells of the grid on which a mean travel time is found, over land narrower than a cell,
+# to see whether a better route may exist.
+_GLANCE = 2_000
+# Ratio to the fuel of that travel time from which a route may be far from the best.
+_FAR_OFF = 1.05
 # Largest number of rounds in which channels around blocked transitions are searched.
 _MAX_ROUNDS = 64
 
@@ -283,3 +296,156 @@ def _keep_best(best: dict[Word, ClassPath], word: Word, found: ClassPath) -> Non
     """Keep a path of a class if it needs less fuel than the best one so far."""
     if word not in best or found.fuel < best[word].fuel:
         best[word] = found
+
+
+# Number of tries to find the largest padding that leaves a route.
+_TRIES = 6
+# That padding is found to within this share of the largest one that is tried.
+_NEARLY = 0.98
+# Largest risk that is suggested.
+_MAX_RISK = 0.5
+# Step between the risks that are suggested.
+_RISK_STEP = 0.01
+# Number of quoted reasons, and of classes named with each.
+_MAX_REASONS = 3
+# Number of ways that are planned with other padding.
+_MAX_WAYS = 4
+
+
+def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> UnreachableError:
+    """Return the error if all classes were rejected, with the first reasons and remedies."""
+    if not rejected:
+        return UnreachableError(
+            "the search for classes met none before it ended. To find a route: take "
+            'order = "fuel", whose search is led towards the goal'
+        )
+    alike: dict[str, list[Rejected]] = {}
+    for one in rejected:
+        alike.setdefault(one.reason, []).append(one)
+    reasons = [
+        Text("{0}: {1}", (_named(group), group[0].text))
+        for group in itertools.islice(alike.values(), _MAX_REASONS)
+    ]
+    left = len(alike) - _MAX_REASONS
+    more = f" (and {left} more reason{'s' * (left > 1)})" if left > 0 else ""
+    if all(isinstance(one.cause, TooLateError) for one in rejected):
+        # Neither padding nor risk makes the vessel arrive much earlier.
+        remedy = Text("take currents that reach further, or depart earlier")
+    else:
+        tried = Text.joined("; ", suggest_relaxations(planner, rejected))
+        remedy = Text("{0}; or allow a smaller padding or clearance, or more classes", (tried,))
+    count = f"all {len(rejected)} classes were" if len(rejected) != 1 else "the only class was"
+    error = UnreachableError(
+        f"{count} rejected: {{0}}{more}. To find a route: {{1}}",
+        Text.joined("; ", reasons),
+        remedy,
+    )
+    error.causes = tuple(one.cause for one in rejected if one.cause is not None)
+    straits = tuple(one.strait for one in rejected if one.strait is not None)
+    if len(straits) == len(rejected):
+        error.straits = straits
+    return error
+
+
+def _named(group: list[Rejected]) -> Text:
+    """Name the first of several classes, and count the others."""
+    names = [_class_name(one) for one in group[:_MAX_REASONS]]
+    more = f" and {len(group) - _MAX_REASONS} more" if len(group) > _MAX_REASONS else ""
+    return Text(f"class{'es' * (len(group) > 1)} {{0}}{more}", (Text.joined(", ", names),))
+
+
+def _class_name(one: Rejected | Route) -> Text:
+    """Return the name of a class for a sentence."""
+    return Text("{0}", (ClassName(shortened(one.homotopy)),))
+
+
+def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> list[Text]:
+    """Return tried remedies that leave a route; the widest way through comes first."""
+    options, search = planner.options, _RelaxationSearch(planner, rejected)
+    triangulation = planner.problem.triangulation
+    stops = [triangulation.locate(stop) for stop in planner.problem.voyage.stops]
+    gap = min(widest_gap(triangulation, *both) for both in itertools.pairwise(stops))
+    found = [Text("the widest way through has a gap of {0}", (Length(gap),))]
+    if not isinstance(options.padding, str) and options.padding > 0:
+        route = search.route(padding="adaptive")
+        if route is not None:
+            found.append(Text('padding = "adaptive" would leave one, {0}', (_description(route),)))
+    if options.is_adaptive and options.risk < _MAX_RISK:
+        found.append(Text(search.least_risk()))
+    return found + search.largest_padding(options.min_width or math.inf)
+
+
+class _RelaxationSearch:
+    """Plans with other padding, to find how much less padding leaves a route.
+
+    The ways of rejected classes are planned again, the widest first: a search for other classes
+    would take a roadmap for each padding.
+    """
+
+    def __init__(self, planner: ClassPlanner, rejected: Sequence[Rejected]) -> None:
+        self._problem, self._options = planner.problem, planner.options
+        ways = [way for one in rejected for way in one.ways]
+        self._ways = sorted(ways, key=_narrowest_gap, reverse=True)[:_MAX_WAYS]
+
+    def route(self, **changes: Any) -> Route | None:  # noqa: ANN401 - as of PlanOptions
+        """Return the route of the widest way that has one with changed options, or None."""
+        options = replace(self._options, **changes)
+        # Making room to turn takes long, and less padding leaves more room.
+        planner = ClassPlanner(self._problem.with_options(options), thorough=False)
+        for way in self._ways:
+            with contextlib.suppress(InfeasibleError):
+                return planner.route(planner.find(way))
+        return None
+
+    def least_risk(self) -> str:
+        """Return as text the least risk, to 1 %, that leaves a route."""
+        low, high = self._options.risk, _MAX_RISK
+        if self.route(risk=high) is None:
+            return f"a risk of {_MAX_RISK:g} would leave none of the widest ways"
+        while high - low > _RISK_STEP:
+            middle = math.ceil((low + high) / 2 / _RISK_STEP) * _RISK_STEP
+            if middle >= high:
+                break
+            if self.route(risk=middle) is None:
+                low = middle
+            else:
+                high = middle
+        return f"a risk of {high:g} would leave one"
+
+    def largest_padding(self, most: float) -> list[Text]:
+        """Return as text the largest fixed padding up to `most` m, to 2 %, that leaves a route."""
+        most = min(most, max(map(_narrowest_gap, self._ways), default=0.0) / 2)
+        if not 0 < most < math.inf:
+            return []
+        low, high, best = 0.0, most, None
+        # Each try takes as long as a plan, and a little less than `most` is usually enough.
+        tried = _NEARLY * most
+        for _ in range(_TRIES):
+            route = self.route(padding=tried, clearance=0.0, risk_at="route")
+            if route is None:
+                high = tried
+            else:
+                low, best = tried, route
+            if high - low <= (1 - _NEARLY) * most:
+                break
+            tried = (low + high) / 2
+        if best is None:
+            return []
+        # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
+        safe = f"{low * (1 - 5e-4):.4g}"
+        return [Text(f"padding = {safe} (planar m) would leave one, {{0}}", (_description(best),))]
+
+
+def _narrowest_gap(way: Channel) -> float:
+    """Return the width (m) of the narrowest passing edge of a channel."""
+    widths = np.linalg.norm(way.left - way.right, axis=1)
+    # At a via point the row has a passing edge of no length.
+    return float(widths[widths > 0].min(initial=math.inf))
+
+
+def _description(route: Route) -> Text:
+    """Return a route's fuel and clearance as text."""
+    return Text(
+        f"class {{0}} for a fuel of {route.fuel:.6g}, {{1}} clear of no-go zones",
+        (_class_name(route), Length(route.clearance)),
+    )

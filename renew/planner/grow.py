@@ -85,7 +85,11 @@ class PaddingGrowth:
 
     problem: Problem
     model: PaddingModel
-    options: PlanOptions
+
+    @property
+    def options(self) -> PlanOptions:
+        """How its problem is planned."""
+        return self.problem.options
 
     def shortfall(self, corridor: Corridor, path: FloatArray) -> Shortfalls | None:
         """Return a path's shortfall of padding in triangles that it crosses; if none, for turns."""
@@ -276,8 +280,12 @@ def _refined(corridor: Corridor, rough: FloatArray) -> tuple[Corridor, FloatArra
 
 # Maximum number of times that padding is increased where a path can't be steered.
 _MAX_WIDENINGS = 16
-# First and largest increase of the padding, and its reach around a place, in multiples of v/ω.
-_WIDENING, _WIDEST, _AROUND = 0.15, 4.0, 3.0
+# First increase of the padding around such a place, in multiples of v/ω.
+_WIDENING = 0.15
+# Largest increase of the padding there, in multiples of v/ω.
+_WIDEST = 4.0
+# Distance from the place up to which edges get more padding, in multiples of v/ω.
+_AROUND = 3.0
 
 
 def steered_as_it_is(

@@ -16,7 +16,7 @@ from renew.classes.h_signature import name
 from renew.errors import InfeasibleError, Moment, TooLateError
 from renew.inputs.options import PlanOptions
 from renew.paths.corridor import Corridor
-from renew.paths.least_fuel_path import check_straits
+from renew.paths.least_fuel_path import check_straits, refined_path
 from renew.paths.speed_profile import SpeedProfile, speed_profile
 from renew.planner.grow import (
     PaddingGrowth,
@@ -66,28 +66,34 @@ class ClassPlanner:
     def __init__(
         self,
         problem: Problem,
-        options: PlanOptions,
         model: PaddingModel | None = None,
         *,
         thorough: bool = True,
     ) -> None:
-        self.problem, self.options, self.is_thorough = problem, options, thorough
-        waters, vessel = problem.voyage.waters, problem.voyage.vessel
+        self.problem, self.is_thorough = problem, thorough
+        voyage = problem.voyage
         self._model = model or PaddingModel(
-            problem.triangulation, waters.padded_for, vessel, options
+            problem.triangulation, voyage.waters.padded_for, voyage.vessel, problem.options
         )
-        self.growth = PaddingGrowth(problem, self._model, options)
+        self.growth = PaddingGrowth(problem, self._model)
+
+    @property
+    def options(self) -> PlanOptions:
+        """How its problem is planned."""
+        return self.problem.options
 
     def for_problem(self, problem: Problem) -> "ClassPlanner":
-        """Return the planner of a problem in the same water; it shares known paddings."""
-        return ClassPlanner(problem, self.options, self._model, thorough=self.is_thorough)
+        """Return the planner of a problem in the same water; it shares options and paddings."""
+        same = problem.with_options(self.options)
+        return ClassPlanner(same, self._model, thorough=self.is_thorough)
 
     @cached_property
     def unpadded(self) -> "ClassPlanner":
         """The planner of the same classes without adaptive padding."""
         if not self.options.is_adaptive:
             return self
-        return ClassPlanner(self.problem, replace(self.options, padding="none", risk_at="route"))
+        bare = replace(self.options, padding="none", risk_at="route")
+        return ClassPlanner(self.problem.with_options(bare))
 
     def find(self, channel: Channel) -> ClassPath:
         """Return the best path of a class; padding grows until every hard-over turn is clear.
@@ -326,3 +332,31 @@ class ClassPlanner:
             if found is not None:
                 return found._replace(harmonic_mean=class_mean)
         raise first or InfeasibleError("no chain was found")
+
+
+def as_drawn(planner: ClassPlanner, path: FloatArray, channel: Channel) -> ClassPath | None:
+    """Return a path (n, 2) of a channel sailed at the planner's departure; None if it is unsafe."""
+    corridor = planner.growth.fitted(planner.corridor(channel), path)
+    try:
+        trajectory = steer_as_drawn(path, corridor)
+        planner.check_current(trajectory)
+    except InfeasibleError:
+        return None
+    if planner.growth.shortfall(corridor, path) is not None:
+        return None
+    fuel = planner.problem.voyage.fuel(path)
+    return ClassPath(corridor, path, trajectory, fuel, fuel)
+
+
+def fuel_estimate(unpadded: ClassPlanner, channel: Channel) -> float:
+    """Return the fuel of a channel's path with minimal padding, before it is steered.
+
+    It is hardly ever above the fuel of the channel's route. Without a path it is minus infinity.
+    """
+    corridor = unpadded.corridor(channel)
+    try:
+        path = refined_path(corridor, near_rough(corridor))
+    except InfeasibleError:
+        return -math.inf
+    voyage = unpadded.problem.voyage
+    return voyage.vessel.fuel_rate * float(voyage.reading_times(path)[-1] - voyage.departure)

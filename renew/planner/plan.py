@@ -1,304 +1,239 @@
-"""The whole method in the paper's order: triangulation, classes, padding, path, verification."""
+"""Plan one request at its departure, around areas that are shut for some hours.
+
+An area that is always shut is no-go like land. An area that is shut for some hours is first taken
+as open. A route is dropped if the vessel, early, on time, late or in a turn, may be in the area
+during these hours. All areas that routes met are then closed like land, and the voyage is planned
+again, until no route meets an area. The plan with the best route is returned. So no route enters a
+shut area; but the vessel never waits, and only the least-fuel path of each class through an area is
+tried.
+
+A full turn is taken to carry the vessel as far as :class:`renew.turns.turn_reach.TurnReach` says,
+for as long as the turn lasts. The vessel can get no farther, so a path that is found free of an
+area is safe.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias, Unpack
+from typing import cast
 
 import numpy as np
+import shapely
 
 from renew._types import FloatArray
-from renew.errors import ParameterError, check_kind, is_finite, shown
-from renew.inputs.arguments import ViaPoints, as_departures, as_point, as_via, check_objects
-from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentLike, as_field
-from renew.inputs.options import Changes, PlanOptions, Request, Speeds
-from renew.inputs.shut_areas import Area, ShutArea
-from renew.inputs.tidal_depth import TidalDepth
+from renew.errors import InfeasibleError, PlanningError, Text, UnreachableError, from_until
+from renew.inputs.openings import Opening, polygons_of
 from renew.inputs.vessel import Vessel
-from renew.planner.classes import plan_classes
-from renew.planner.departure_window import DepartureWindow, Progress, latest_departure
-from renew.planner.departures import Sailings
-from renew.planner.diagnosis import no_class_error
+from renew.planner.classes import no_class_error, plan_classes
 from renew.planner.one_class import ClassPlanner
-from renew.planner.shut_areas import plan_around, with_always_shut, with_least_water
-from renew.planner.speeds import departures_with_speeds, plan_with_speeds
-from renew.planner.task import Task, check_current_at_endpoints, check_departures
-from renew.results import Departures, Plan
+from renew.planner.problem import (
+    Problem,
+    check_current_at_endpoints,
+    check_endpoints,
+    check_pace,
+)
+from renew.planner.sampled_paths import chosen_class
+from renew.request import Request
+from renew.results import Plan, Rejected, Route
+from renew.voyage.voyage import Waters, early_and_late
 
-_Place: TypeAlias = FloatArray | tuple[float, float]
-"""A point (2,), m."""
-
-
-def plan(
-    chart: Chart,
-    current: CurrentLike,
-    vessel: Vessel,
-    start: _Place,
-    goal: _Place,
-    *,
-    options: PlanOptions | None = None,
-    departure: float = 0.0,
-    arrive_by: float | None = None,
-    via: ViaPoints = (),
-    avoid: Sequence[ShutArea] = (),
-    depth: TidalDepth | None = None,
-    speed: Speeds | None = None,
-    **changes: Unpack[Changes],
-) -> Plan:
-    """Plan the route of least fuel that is found in each of the first k homotopy classes.
-
-    Parameters
-    ----------
-    chart : Chart
-        Extent and hard no-go zone (m).
-    current : CurrentField or callable
-        Velocity (..., 2) m/s at points (..., 2) m.
-    vessel : Vessel
-        Speed, turn rate and fuel law.
-    start, goal : array_like
-        Points (2,) in metres, in the chart's water.
-    options : PlanOptions, optional
-        How to plan; by default ``PlanOptions()``.
-    departure : float
-        Start of the voyage (s), on the clock of a changing current.
-    arrive_by : float, optional
-        Latest allowed arrival (s), on the same clock. The planner picks the latest departure, not
-        before `departure`, that still arrives in time. With `speed` it leaves at `departure`, and
-        arrives by then with least fuel.
-    via : sequence of array_like
-        Points (2,), m, that the route passes in this order, each within 2 % of v/ω; a class is
-        then one way to each of them and to the goal.
-    avoid : sequence of ShutArea
-        Areas that are shut, always or for some hours. The vessel, whether early, on time or late,
-        and any hard-over turn it starts, stays out of each area while it is shut; see
-        :mod:`renew.planner.shut_areas`.
-    depth : TidalDepth, optional
-        Areas that are shut while the tide is too low for the vessel.
-    speed : (float, float), optional
-        Lowest and highest speed through water (m/s), in place of the vessel's own. The vessel
-        chooses a speed between them on each leg, for least fuel. Without `arrive_by` it has as much
-        time as it wants, while the current is known. Land is padded, and turns are steered, for the
-        highest speed. The plan then has a `trade_off` of fuel against arrival, unless areas are
-        shut for some hours. With `via` only in steady currents. In a changing current the lower
-        bound is loose. See :mod:`renew.planner.speeds`.
-    **changes
-        Options by name in place of those of `options`, such as ``risk=0.1``.
-
-    Returns
-    -------
-    Plan
-        Routes, least fuel first, and rejected classes with their reasons. With adaptive padding,
-        hard-over turns were simulated every 0.6 v/ω along every route, to both sides, in the field
-        and in the corners of its spread, and none touched the no-go zone: samples, not a proof. No
-        turn is simulated around a start or goal inside the soft no-go zone.
-
-    Raises
-    ------
-    ParameterError
-        Arguments or options are out of range; the message names all of them.
-    TypeError
-        A change names no option.
-    StartInNoGoError, GoalInNoGoError
-        A start or goal is on land or outside the chart; the message names the nearest water.
-    CurrentTooStrongError
-        The current at the start or at the goal is as strong as the vessel.
-    ViaInNoGoError
-        A via point is on land or outside the chart; one message names all faults of start, goal and
-        via points.
-    UnreachableError
-        No water joins start and goal, or every class was rejected; with the reason and remedies.
-    ArrivalError
-        No voyage that begins at `departure` arrives by `arrive_by`; with the earliest arrival.
-    """
-    check_objects(chart, vessel, avoid, depth)
-    given = {**given_options(options, changes), "departure": departure, "arrive_by": arrive_by}
-    given |= {"speed": speed}
-    task = task_of(chart, current, vessel, (start, goal), via, avoid, depth, given)
-    return finished(planned(task), task)
+# Distance between the points at which a path is tested, in v/ω.
+_SPACING = 0.5
+# Largest number of these points.
+_MAX_POINTS = 20_000
 
 
-def plan_departures(
-    chart: Chart,
-    current: CurrentLike,
-    vessel: Vessel,
-    start: _Place,
-    goal: _Place,
-    departures: Sequence[float] | FloatArray,
-    *,
-    options: PlanOptions | None = None,
-    to_within: float | None = None,
-    spacing: float = 0.0,
-    progress: Progress | None = None,
-    with_classes: bool = True,
-    via: ViaPoints = (),
-    avoid: Sequence[ShutArea] = (),
-    depth: TidalDepth | None = None,
-    speed: Speeds | None = None,
-    arrive_by: float | None = None,
-    **changes: Unpack[Changes],
-) -> Departures:
-    """Plan the best route of each departure, and find the best departure.
+def plan_request(request: Request) -> Plan:
+    """Plan at the request's departure and at the vessel's own speed."""
 
-    All departures share triangulation, classes, the table of the current, and known paddings. At
-    each departure a class is planned completely only if it may have the best route. For the bound
-    on departures between them see :mod:`renew.planner.departure_window`.
+    def plan_with(closed: Sequence[Opening]) -> tuple[Plan, ClassPlanner]:
+        planner = planner_of(request, closed)
+        check_current_at_endpoints(planner.problem.voyage)
+        plan = plan_classes(planner, planner.options.classes)
+        if not plan.routes:
+            raise no_class_error(plan.rejected, planner)
+        return plan, planner
 
-    Parameters
-    ----------
-    chart, current, vessel, start, goal
-        As for :func:`plan`.
-    departures : array_like
-        Ascending times (n,), s, on the clock of the current.
-    to_within : float, optional
-        Also plan departures between them until, apart from the error of the found paths, none
-        between the first and the last can beat the best one by more than this (s); then plan a few
-        more beside the best one.
-    spacing : float
-        Departures planned between them are whole multiples of this (s) after the first, such as
-        minutes; 0 for any time.
-    progress : callable, optional
-        Called after each plan with the number of plans, and the time (s) that may still be saved.
-    with_classes : bool
-        Whether to plan all classes at the best departure, or only its best route.
-    via : sequence of array_like
-        Points that the route passes, as for :func:`plan`.
-    avoid : sequence of ShutArea
-        Areas that are shut, as for :func:`plan`. If an area is shut for some hours only, a later
-        departure may arrive earlier, and departures between planned ones have no bound.
-    depth : TidalDepth, optional
-        Areas that are shut while the tide is too low, as for :func:`plan`; with them, too, nothing
-        is known of departures between planned ones.
-    speed, arrive_by : optional
-        Speeds to choose from and latest arrival, as for :func:`plan`. Each departure is planned
-        with the speeds of least fuel, and the best departure needs least fuel. Departures between
-        them have no bound, so `to_within` is refused. All classes are planned at each departure.
-    options, **changes
-        As for :func:`plan`; with ``method="optimal"``.
-
-    Returns
-    -------
-    Departures
-        Fuel, arrival and path by departure, and the plan at the best one.
-
-    Raises
-    ------
-    ParameterError
-        Arguments out of range; departures that don't ascend, or at which the current is unknown.
-    PlanningError
-        As for :func:`plan`, if no given departure has a route.
-    """
-    check_objects(chart, vessel, avoid, depth)
-    if not isinstance(with_classes, bool | np.bool_):
-        raise ParameterError(f"with_classes = {shown(with_classes)} must be true or false")
-    if not (is_finite(spacing) and spacing >= 0):
-        raise ParameterError(f"spacing = {shown(spacing)} s must be finite, 0 or more")
-    times = as_departures(departures).tolist()
-    given = {**given_options(options, changes), "departure": times[0], "arrive_by": arrive_by}
-    given |= {"to_within": to_within, "speed": speed, "is_sweep": True}
-    task = task_of(chart, current, vessel, (start, goal), via, avoid, depth, given)
-    check_departures(task.current, times)
-    if speed is not None:
-        found = departures_with_speeds(task, times, progress)
-    else:
-        window = _window(task, times, spacing, progress)
-        found = _best_of(window, to_within, with_classes=bool(with_classes))
-    return replace(found, plan=finished(found.plan, task))
+    return plan_around(request.areas, plan_with)
 
 
-def finished(plan: Plan, task: Task) -> Plan:
-    """Return the plan with its voyage, the least water under each route, and bounds as asked."""
-    if task.request.gap_to > 0 and plan.routes:
+def finished(plan: Plan, request: Request) -> Plan:
+    """Return the plan with its request, the least water under each route, and bounds as asked."""
+    gap_to = request.options.gap_to
+    if gap_to > 0 and plan.routes:
         best = plan.best
-        bound = replace(best.fuel_bound, enough=best.fuel / (1 + task.request.gap_to))
+        bound = replace(best.fuel_bound, enough=best.fuel / (1 + gap_to))
         plan = replace(plan, routes=tuple(replace(one, fuel_bound=bound) for one in plan.routes))
-    return replace(with_least_water(plan, task), voyage=task)
+    return replace(with_least_water(plan, request), voyage=request)
 
 
-def _window(
-    task: Task, times: list[float], spacing: float, progress: Progress | None
-) -> DepartureWindow:
-    """Plan each departure (s); return them with what is known of those between."""
-    sailings, voyage = Sailings(task), task.planner().problem.voyage
-    return DepartureWindow(
-        sailings,
-        times,
-        voyage.least_duration,
-        speed_change=math.inf if task.areas else voyage.speed_change,
-        spacing=spacing,
-        progress=progress,
-    )
+def planner_of(
+    request: Request, closed: Collection[Opening] = (), most: float | None = None
+) -> ClassPlanner:
+    """Return the planner at a request's departure, for speeds up to `most` (m/s); it is kept.
+
+    Areas in `closed` are closed like land. Without a choice of speeds it uses the vessel's own.
+    """
+    key = frozenset(closed), most
+    if key not in request.planners:
+        request.planners[key] = _new_planner(request, closed, most)
+    return cast("ClassPlanner", request.planners[key])
 
 
-def _best_of(window: DepartureWindow, to_within: float | None, *, with_classes: bool) -> Departures:
-    """Plan departures between those of a window, and all classes of the best one, if asked for."""
-    if window.best.found is None:
-        raise window.sailings[0].error
-    if to_within is not None:
-        window.refine(to_within)
-        window.refine_around_best()
-    if not with_classes:
-        return window.departures(window.best.plan)
-    return window.departures(window.plan_best())
-
-
-def given_options(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all options by name, with the changes."""
-    options = PlanOptions() if options is None else options
-    check_kind("options", options, PlanOptions)
-    given = vars(options)
-    unknown = ", ".join(map(repr, changes.keys() - given.keys()))
-    if unknown:
-        raise TypeError(f"a plan has no option {unknown}; it has {', '.join(given)}")
-    return {**given, **changes}
-
-
-def task_of(
-    chart: Chart,
-    current: CurrentLike,
-    vessel: Vessel,
-    ends: tuple[_Place, _Place],
-    via: ViaPoints,
-    avoid: Sequence[ShutArea],
-    depth: TidalDepth | None,
-    given: Mapping[str, Any],
-) -> Task:
-    """Return the task; raise an error for options, times, speeds or points out of range."""
-    points = as_via(via)
-    request = Request(**given, has_via=len(points) > 0)
-    never_open, tidal_areas = (depth.never_open, depth.tidal_areas) if depth else ((), ())
-    return Task(
-        with_always_shut(chart, [*avoid, *never_open]),
-        as_field(current),
-        vessel,
-        np.vstack([as_point("start", ends[0]), points, as_point("goal", ends[1])]),
-        (*(area for area in avoid if not area.is_always_shut), *tidal_areas),
-        request,
-        depth,
-    )
-
-
-def planned(task: Task) -> Plan:
-    """Plan at the departure of a request, or at the latest one that arrives in time."""
-    request = task.request
+def _new_planner(request: Request, closed: Collection[Opening], most: float | None) -> ClassPlanner:
+    """Make a planner; raise an error for stops on land, or a current that changes too fast."""
+    waters, vessel = request.waters, request.vessel
+    if closed:
+        polygons = polygons_of([area for area in request.areas if area in closed])
+        waters = Waters(request.chart.without(polygons, is_land=False), request.current)
     if request.speed is not None:
-        return plan_with_speeds(task, request.departure)
-    if request.arrive_by is not None:
-        sailings = Sailings(task)
-        latest = latest_departure(sailings, request.departure, float(request.arrive_by))
-        return sailings.plan(latest)[0]
-
-    def plan_with(closed: Sequence[Area]) -> tuple[Plan, ClassPlanner]:
-        planner = task.planner(closed)
-        return _plan(planner), planner
-
-    return plan_around(task.areas, plan_with)
+        vessel = replace(vessel, speed=float(request.speed[1]) if most is None else most)
+    voyage = request.voyage(waters, vessel)
+    check_endpoints(voyage)
+    check_pace(voyage)
+    if request.like is not None and not closed:
+        known = planner_of(request.like)
+        return known.for_problem(known.problem.with_voyage(voyage))
+    return ClassPlanner(Problem(voyage, request.options))
 
 
-def _plan(planner: ClassPlanner) -> Plan:
-    """Plan at the planner's departure."""
-    check_current_at_endpoints(planner.problem.voyage)
-    found = plan_classes(planner, planner.options.classes)
-    if not found.routes:
-        raise no_class_error(found.rejected, planner)
-    return found
+def meetings(
+    route: Route, areas: Sequence[Opening], planner: ClassPlanner
+) -> dict[Opening, InfeasibleError]:
+    """Return the areas that the vessel may enter on a route while they are shut, with reasons."""
+    if not areas:
+        return {}
+    voyage = planner.problem.voyage.leaving(float(route.times[0]))
+    tree = shapely.STRtree([area.polygon for area in areas])
+    found = dict[Opening, InfeasibleError]()
+    for line, times in (
+        (route.path, route.times),
+        (route.trajectory[:, 1:3], route.trajectory[:, 0]),
+    ):
+        points, passed = _densified(line, times, _spacing(line, voyage.vessel))
+        far = np.full(len(points), planner.options.min_width)
+        if planner.options.is_adaptive:
+            far = planner.problem.reach(points)
+        legs = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+        leg, which = tree.query(legs, predicate="dwithin", distance=np.maximum(far[:-1], far[1:]))
+        early, late = voyage.early_and_late(passed)
+        begin, end = early[:-1], late[1:] + voyage.vessel.turn_period
+        for at in np.unique(which).tolist():
+            near = np.sort(leg[which == at])
+            met = near[areas[at].is_shut(begin[near], end[near])]
+            if len(met) and areas[at] not in found:
+                found[areas[at]] = InfeasibleError(
+                    "near {0} the vessel, or a turn that it begins, may be in {1},{2}",
+                    points[met[0]],
+                    areas[at].text(voyage.departure),
+                    from_until(float(begin[met].min()), float(end[met].max())),
+                )
+    return {area: found[area] for area in areas if area in found}
+
+
+def _spacing(line: FloatArray, vessel: Vessel) -> float:
+    """Length (m) of the pieces into which a line (n, 2) is cut for the test."""
+    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    return max(_SPACING * vessel.turning_radius, length / _MAX_POINTS)
+
+
+def _densified(
+    line: FloatArray, times: FloatArray, spacing: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return points (m, 2) on a line, at most `spacing` (m) apart, with their times (m,), s."""
+    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    pieces = np.maximum(1, np.ceil(lengths / spacing)).astype(int)
+    leg = np.repeat(np.arange(len(lengths)), pieces)
+    share = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
+    points = line[leg] + share[:, None] * (line[leg + 1] - line[leg])
+    passed = times[leg] + share * (times[leg + 1] - times[leg])
+    return np.vstack([points, line[-1:]]), np.append(passed, times[-1:])
+
+
+def without_meeting(
+    plan: Plan, areas: Sequence[Opening], planner: ClassPlanner
+) -> tuple[Plan, dict[Opening, float]]:
+    """Return the plan without routes that meet areas, and the least fuel of these, by area."""
+    routes, rejected, met = list[Route](), list(plan.rejected), dict[Opening, float]()
+    for route in plan.routes:
+        reasons = meetings(route, areas, planner)
+        if not reasons:
+            routes.append(route)
+            continue
+        met |= {area: min(route.fuel, met.get(area, route.fuel)) for area in reasons}
+        reason = next(iter(reasons.values()))
+        rejected.append(
+            Rejected(
+                route.homotopy, str(reason), route.channel, cause=reason, fuel_source=route.fuel
+            )
+        )
+    chosen = chosen_class(routes) if routes else 0
+    return replace(plan, routes=tuple(routes), rejected=tuple(rejected), chosen=chosen), met
+
+
+def plan_around(
+    areas: Sequence[Opening],
+    plan: Callable[[Sequence[Opening]], tuple[Plan, ClassPlanner]],
+) -> Plan:
+    """Return the best plan whose routes keep out of areas while the areas are shut.
+
+    `plan` returns a plan and its planner, with the given areas closed like land.
+    """
+    open_areas, closed = list(areas), list[Opening]()
+    plans: list[Plan] = []
+    met: dict[Opening, float] = {}
+    failure: PlanningError | None = None
+    while True:
+        try:
+            found, planner = plan(closed)
+        except PlanningError as error:
+            if not closed:
+                raise
+            failure = error
+            break
+        kept, met_here = without_meeting(found, open_areas, planner)
+        if kept.routes:
+            plans.append(kept)
+        if not met_here:
+            break
+        met |= met_here
+        closed = [*closed, *met_here]
+        open_areas = [area for area in open_areas if area not in met_here]
+    if plans:
+        best = min(plans, key=lambda one: one.best.harmonic_mean)
+        cheaper = (area for area in areas if met.get(area, math.inf) < best.best.fuel)
+        return replace(best, shut=tuple(cheaper))
+    raise unavoidable(closed, planner.problem.voyage.departure, failure)
+
+
+def unavoidable(
+    closed: Sequence[Opening], departure: float, failure: PlanningError | None
+) -> UnreachableError:
+    """Return the error if every way meets a shut area, and no way leads around the areas.
+
+    The error gives the areas' hours from a departure (s) on.
+    """
+    # Many areas of a chart share a name and a needed height of tide.
+    texts = {str(text): text for text in (area.text(departure) for area in closed)}
+    around = Text("") if failure is None else Text("; around them: {0}", (failure.text,))
+    return UnreachableError(
+        "every way may meet {0}{1}. Depart at another time, so as to pass before or after, or let "
+        "the area be entered",
+        Text.joined("; ", list(texts.values())),
+        around,
+    )
+
+
+def with_least_water(plan: Plan, request: Request) -> Plan:
+    """Return the plan with each route's least water; unchanged without tidal depths."""
+    depth = request.depth
+    if depth is None:
+        return plan
+    late = request.options.lateness, request.options.min_lateness
+
+    def least(route: Route) -> Route:
+        points, times = _densified(route.path, route.times, _spacing(route.path, request.vessel))
+        schedules = (times, *early_and_late(times, times[0], *late))
+        return replace(route, least_water=depth.least_water(points, schedules))
+
+    return replace(plan, routes=tuple(map(least, plan.routes)))

@@ -26,12 +26,16 @@ from renew.results import Route
 from renew.steering.corners import steerable
 from renew.voyage.voyage import Voyage
 
-# Number of pieces into which a path is cut in each round; shortcuts connect their ends. A chain
-# among hundreds gets one round with few pieces.
-_PIECES, _ROUNDS, _CHAIN_PIECES = 60, 4, 8
-# Legs are timed at two Gauss-Legendre points per piece; a piece is at most this share of the whole
-# path. Places of the two points in a piece.
-_TIMED, _GAUSS = 1 / 10, (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
+# Number of pieces into which a path is cut in each round; shortcuts connect their ends.
+_PIECES = 60
+# Number of rounds.
+_ROUNDS = 4
+# Number of pieces of a chain among hundreds, which gets one round.
+_CHAIN_PIECES = 8
+# Legs are timed in pieces of at most this share of the whole path, at two points in each.
+_TIMED = 1 / 10
+# Places of the two Gauss-Legendre points in a piece, as shares of its length.
+_GAUSS = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 
 # Number of columns by which the capsules near a leg are found.
 _COLUMNS = 64
@@ -245,9 +249,10 @@ def chosen_class(routes: Sequence[Route]) -> int:
     return min(range(len(routes)), key=lambda i: routes[i].harmonic_mean)
 
 
-# Number of sampled chains, least fuel first, that are tried for steering, and number of chains that
-# are smoothed further.
-_MAX_CHAINS, _MAX_SMOOTHED = 60, 4
+# Number of sampled chains, least fuel first, that are tried for steering.
+_MAX_CHAINS = 60
+# Number of these that are smoothed further.
+_MAX_SMOOTHED = 4
 
 
 def sampled_paths(

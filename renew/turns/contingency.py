@@ -16,7 +16,6 @@ import shapely
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray
 from renew.errors import ParameterError, is_finite, shown
-from renew.inputs.arguments import check_turns
 from renew.inputs.chart import Chart
 from renew.inputs.current import (
     CurrentField,
@@ -25,7 +24,7 @@ from renew.inputs.current import (
     as_field,
     sample_statistics,
 )
-from renew.inputs.options import Drift
+from renew.inputs.options import Drift, check_turns
 from renew.inputs.vessel import Vessel
 from renew.kernels.current_table import CurrentTable, velocity
 from renew.turns.turn_reach import MAX_DEVIATIONS, TurnReach

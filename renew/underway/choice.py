@@ -6,16 +6,13 @@ from typing import Literal, TypeAlias
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError
-from renew.planner.classes import ClassSearch
-from renew.planner.departures import as_drawn, fuel_estimate
-from renew.planner.diagnosis import no_class_error
-from renew.planner.one_class import ClassPath, ClassPlanner
-from renew.planner.plan import planned
-from renew.planner.shut_areas import meetings
-from renew.planner.task import Task, check_current_at_endpoints
+from renew.planner.classes import ClassSearch, no_class_error
+from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn, fuel_estimate
+from renew.planner.plan import meetings, plan_request, planner_of
+from renew.planner.problem import check_current_at_endpoints
+from renew.request import Request
 from renew.results import Plan, Rejected, Route
-from renew.underway.lead import led_in
-from renew.underway.way_ahead import channel_along
+from renew.underway.lead import channel_along, led_in
 
 Answer: TypeAlias = Literal["kept", "switched", "turn off", "no way"]
 
@@ -37,7 +34,7 @@ class Choice:
 
 
 def choose(
-    task: Task,
+    request: Request,
     ahead: FloatArray | None,
     heading: float | None,
     switch_above: float,
@@ -52,12 +49,12 @@ def choose(
     is the rest of the planned trajectory if the vessel is in time for it, else None.
     Raises PlanningError if no class can be sailed.
     """
-    planner = task.planner()
+    planner = planner_of(request)
     problem = planner.problem
     check_current_at_endpoints(problem.voyage)
     word = None if ahead is None else problem.word(ahead)
-    if task.areas or task.request.method == "sampled":
-        whole = planned(task)
+    if request.areas or request.options.method == "sampled":
+        whole = plan_request(request)
         routes, rejected = list(whole.routes), list(whole.rejected)
     else:
         search = _searched(planner, ahead, word, switch_above, is_proven, track)
@@ -70,7 +67,7 @@ def choose(
     for at, route in enumerate(routes):
         try:
             best = led_in(route, planner, heading, follow=_follow, is_proven=is_proven)
-            _check_areas(best, task, planner)
+            _check_areas(best, request, planner)
         except InfeasibleError as error:
             rejected.append(_rejected(route, error))
             kept = None if route is kept else kept
@@ -157,9 +154,9 @@ def _follow(
     return found
 
 
-def _check_areas(route: Route, task: Task, planner: ClassPlanner) -> None:
+def _check_areas(route: Route, request: Request, planner: ClassPlanner) -> None:
     """Raise InfeasibleError if a route meets an area while it is shut."""
-    for error in meetings(route, task.areas, planner).values():
+    for error in meetings(route, request.areas, planner).values():
         raise error
 
 

@@ -1,24 +1,319 @@
-"""Find out where along a route a haven can be reached in time, and where to turn off at last."""
+"""Find out where along a route a haven can be reached in time, and where to turn off at last.
 
+From an earlier place a change to the class of another route costs no more: the vessel may sail on
+along its route, and change later, in the same class. So the last place is found by bisection.
+"""
+
+import math
 from collections.abc import Sequence
 from typing import Unpack
 
 import numpy as np
+import shapely
 
-from renew._types import FloatArray
+from renew.errors import (
+    GoalInNoGoError,
+    Length,
+    Moment,
+    ParameterError,
+    PlanningError,
+    Text,
+    check_kind,
+    is_finite,
+    shown,
+)
 from renew.inputs.chart import Chart
-from renew.inputs.current import CurrentLike, as_field
-from renew.inputs.haven import Haven
-from renew.inputs.options import Changes, PlanOptions, Request
+from renew.inputs.current import CurrentLike
+from renew.inputs.openings import Haven
+from renew.inputs.options import Changes, PlanOptions, check_objects
 from renew.inputs.vessel import Vessel
-from renew.planner.task import Task
+from renew.planner.plan import planner_of
+from renew.request import Request
 from renew.results import Route
-from renew.underway.class_turns import check_others, class_turns
-from renew.underway.coverage import Coverage
-from renew.underway.diversions import Diverter
-from renew.underway.survey import Survey
-from renew.underway.turn_points import abort_points, equal_points, no_return
-from renew.underway.usable_havens import check_cover, usable
+from renew.underway.coverage import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn
+from renew.underway.diversions import Diverter, Limits
+from renew.underway.survey import SAMPLES, Survey
+
+# Share by which the time along a route may differ from its own in the current that is given.
+_SAME = 0.01
+
+
+def check_cover(
+    route: Route,
+    chart: Chart,
+    vessel: Vessel,
+    havens: Sequence[Haven],
+    *,
+    within: float | None,
+    within_fuel: float | None,
+    endurance: float | None,
+) -> Limits:
+    """Return the limits; refuse arguments out of range: the error names all faults."""
+    check_kind("route", route, Route)
+    check_objects(chart, vessel)
+    for at, haven in enumerate(havens):
+        check_kind(f"havens[{at}]", haven, Haven)
+    faults = [] if havens else ["havens is empty: give one renew.Haven at least"]
+    turn, rate = vessel.turn_period, vessel.fuel_rate
+    least = {"within": (within, turn, "s"), "within_fuel": (within_fuel, rate * turn, "fuel units")}
+    for name, (value, lowest, unit) in least.items():
+        if value is not None and not (is_finite(value) and value >= lowest):
+            faults.append(
+                f"{name} = {shown(value)} {unit} must be at least that of one full turn, "
+                f"{lowest:.4g} {unit}"
+            )
+    if endurance is not None and not (is_finite(endurance) and endurance >= route.fuel):
+        faults.append(
+            f"endurance = {shown(endurance)} fuel units must be at least the route's own fuel, "
+            f"{route.fuel:.6g} fuel units"
+        )
+    if within is None and within_fuel is None and endurance is None:
+        faults.append(
+            "no limit is given: give within (s), within_fuel or endurance (fuel units); the route "
+            f"itself takes {route.duration:.4g} s and {route.fuel:.4g} fuel units"
+        )
+    if not np.allclose(route.speeds, vessel.speed):
+        faults.append(
+            f"the route is sailed at {route.speeds.min():.3g} to {route.speeds.max():.3g} m/s, and "
+            f"the vessel makes {vessel.speed:.3g} m/s: only routes at the vessel's own speed can "
+            "be covered"
+        )
+    if faults:
+        raise ParameterError("; ".join(faults))
+    limits = (math.inf if one is None else float(one) for one in (within, within_fuel, endurance))
+    return Limits(*limits)
+
+
+def usable(
+    havens: Sequence[Haven], request: Request, route: Route
+) -> tuple[list[Haven], list[tuple[Haven, PlanningError]]]:
+    """Return the havens that can be used, and the others with reasons.
+
+    Raises ParameterError for a route of another current or vessel, GoalInNoGoError if no haven is
+    left.
+    """
+    took = planner_of(request).problem.voyage.fuel(route.path) / request.vessel.fuel_rate
+    if not abs(took - route.duration) <= _SAME * route.duration:
+        raise ParameterError(
+            f"along the route's path this vessel takes {took:.4g} s in this current, and the route "
+            f"{route.duration:.4g} s: give vessel, current and drift that it was planned with"
+        )
+    good, left_out = list[Haven](), list[tuple[Haven, PlanningError]]()
+    for haven in havens:
+        error = _fault(haven, request)
+        if error is None:
+            good.append(haven)
+        else:
+            left_out.append((haven, error))
+    if not good:
+        raise GoalInNoGoError(Text.joined("; ", [error.text for _, error in left_out]))
+    return good, left_out
+
+
+def _fault(haven: Haven, request: Request) -> PlanningError | None:
+    """Return why a haven can't be used, or None."""
+    chart, here = request.chart, shapely.Point(haven.place)
+    if not shapely.dwithin(chart.water, here, 4 * chart.precision):
+        nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1].round(3)
+        where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
+        return GoalInNoGoError(
+            f"haven {haven.name} {{0}} lies {where}, {{1}} from the nearest water at {{2}}",
+            haven.place,
+            Length(math.dist(haven.place, nearest)),
+            nearest,
+        )
+    _, last = request.current.span
+    first = float(request.departure)
+    if haven.closes < first or haven.opens > last:
+        return ParameterError(
+            f"haven {haven.name} is open from {{0}} until {{1}}; the route departs at {{2}}, and "
+            "the current is known until {3}",
+            *(Moment(one) for one in (haven.opens, haven.closes, first, last)),
+        )
+    return None
+
+
+# Number of samples up to which the last turn is narrowed.
+_LAST = 6
+# Largest time to a haven for which an equal point is searched, as a multiple of the limit.
+_EQUAL = 1.5
+# Number of times that this search is widened.
+_WIDENED = 3
+# Difference of the times to two havens that counts as none, in steps between samples.
+_EQUAL_BY = 0.5
+
+
+def abort_points(survey: Survey) -> tuple[LastTurn, ...]:
+    """Return the last place for each haven that is within the limits from some place."""
+    found = list[LastTurn]()
+    for number, least in enumerate(survey.least):
+        may_be = np.flatnonzero(least[:-1] - survey.step <= survey.limit[:-1])
+        if not len(may_be):
+            continue
+        known = survey.diverter.left(number, survey.limits)
+        first = int(np.searchsorted(survey.times, max(known, default=0.0)))
+        if not known:
+            first = int((least - survey.limit).argmin())
+        last = _last_turn(survey, number, first, int(may_be[-1]) + 1, survey.limits)
+        if last is not None:
+            found.append(last)
+    return tuple(found)
+
+
+def _last_turn(survey: Survey, number: int, good: int, bad: int, limits: Limits) -> LastTurn | None:
+    """Return the last sample between two from which a haven is within limits, if any."""
+    not_after, way = float(survey.times[bad]), survey.planned(number, good)
+    if way is None or not survey.diverter.is_within(way, limits):
+        return None
+    end = bad
+    while True:
+        good, bad, way = _narrowed(survey, number, good, bad, way, limits)
+        # Near the last place another class may lead further.
+        further = survey.planned(number, bad)
+        if bad == end or further is None or not survey.diverter.is_within(further, limits):
+            break
+        good, bad, way = bad, end, further
+    return LastTurn(way, not_after)
+
+
+def _narrowed(
+    survey: Survey, number: int, good: int, bad: int, way: Diversion, limits: Limits
+) -> tuple[int, int, Diversion]:
+    """Return two samples close together: by ways near each other, the first is the last within.
+
+    A known `way` from the first of the two given ones is within the limits.
+    """
+    beyond = math.inf
+    while bad - good > _LAST:
+        # Between two known ways the excess over the limits is nearly linear.
+        spare = -survey.diverter.excess(way, limits)
+        share = 0.5 if math.isinf(beyond) else spare / (spare + beyond)
+        wide, least = bad - good, _LAST // 2
+        middle = good + min(max(round(share * wide), least), wide - least)
+        further = survey.planned(number, middle, is_thorough=False)
+        excess = math.inf if further is None else survey.diverter.excess(further, limits)
+        if further is not None and excess <= 0:
+            good, way = middle, further
+        else:
+            bad, beyond = middle, excess
+    return good, bad, way
+
+
+def no_return(survey: Survey) -> LastTurn | None:
+    """Return the last place from which the way back to the start is within the endurance."""
+    limits = Limits(endurance=survey.limits.endurance)
+    if math.isinf(limits.endurance):
+        return None
+    voyage = planner_of(survey.diverter.request).problem.voyage
+    places = np.array([survey.diverter.row(time)[:2] for time in survey.times.tolist()])
+    quickest = voyage.vessel.speed + voyage.table.strongest
+    back = np.linalg.norm(places - voyage.start, axis=1) / quickest
+    left = [survey.diverter.limit(time, limits) for time in survey.times.tolist()]
+    may_be = np.flatnonzero(back <= left)
+    last = min(int(may_be[-1]) + 1, len(survey.times) - 1)
+    for good in (last, last // 2, last // 8, last // 32):
+        found = _last_turn(survey, -1, good, last, limits) if good > 0 else None
+        if found is not None:
+            return found
+    return None
+
+
+def equal_points(survey: Survey) -> tuple[EqualPoint, ...]:
+    """Return the places where the nearest haven changes."""
+    nearest = survey.least.argmin(axis=0)
+    found = list[EqualPoint]()
+    for change in (np.flatnonzero(np.diff(nearest)) + 1).tolist():
+        one, other = int(nearest[change - 1]), int(nearest[change])
+        if survey.least[one, change] <= _EQUAL * survey.limit[change]:
+            point = _equal_point(survey, one, other, change)
+            found += [] if point is None else [point]
+    return tuple(found)
+
+
+def _equal_point(survey: Survey, one: int, other: int, change: int) -> EqualPoint | None:
+    """Return the place near a sample before which one haven is nearer, after it the other."""
+
+    def both(sample: int) -> EqualPoint | None:
+        before, after = (
+            survey.planned(number, sample, is_thorough=False) for number in (one, other)
+        )
+        return None if before is None or after is None else EqualPoint(before, after)
+
+    def lacks(point: EqualPoint | None) -> float:
+        return math.nan if point is None else point.before.duration - point.after.duration
+
+    last, wide = len(survey.times) - 1, SAMPLES // 24
+    for _ in range(_WIDENED):
+        low, high = max(change - wide, 0), min(change + wide, last)
+        below, above = lacks(both(low)), lacks(both(high))
+        if below <= 0 < above:
+            break
+        wide *= 2
+    else:
+        return None
+    while high - low > 1:
+        # The difference is nearly linear; a step stays off the ends, so that both come nearer.
+        share = -below / (above - below)
+        middle = low + min(max(round(share * (high - low)), 1), high - low - 1)
+        found = lacks(both(middle))
+        if abs(found) <= _EQUAL_BY * survey.step:
+            return both(middle)
+        if found <= 0:
+            low, below = middle, found
+        elif found > 0:
+            high, above = middle, found
+        else:
+            return None
+    return both(high)
+
+
+# Number of parts of the route's time to which the last place is narrowed.
+_PARTS = 64
+
+
+def check_others(others: Sequence[Route], dearer_by: object) -> None:
+    """Refuse other routes, and a share by which a voyage may become dearer, that can't be used."""
+    for at, other in enumerate(others):
+        check_kind(f"others[{at}]", other, Route)
+    if not (is_finite(dearer_by) and 0 <= dearer_by <= 1):
+        raise ParameterError(f"dearer_by = {shown(dearer_by)} must be a share from 0 to 1")
+
+
+def class_turns(
+    diverter: Diverter, others: Sequence[Route], dearer_by: float
+) -> tuple[ClassTurn, ...]:
+    """Return the last places to change to other routes' classes, dearer by a share at most."""
+    word = planner_of(diverter.request).problem.word
+    own = word(diverter.route.path)
+    found = (
+        _last_change(diverter, other, (1 + dearer_by) * other.fuel)
+        for other in others
+        if word(other.path) != own
+    )
+    return tuple(one for one in found if one is not None)
+
+
+def _last_change(diverter: Diverter, other: Route, most: float) -> ClassTurn | None:
+    """Return the last place to change to a class so that the voyage takes at most some fuel."""
+    good, bad, last = 0, _PARTS, None
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        turn = _change(diverter, other, middle / _PARTS)
+        if turn is None or turn.fuel > most:
+            bad = middle
+        else:
+            good, last = middle, turn
+    return last
+
+
+def _change(diverter: Diverter, other: Route, share: float) -> ClassTurn | None:
+    """Return the change to another route's class after a share of the route's time, if possible."""
+    spent = share * (diverter.end - diverter.begin)
+    try:
+        way = diverter.onto(other, diverter.begin + spent)
+    except PlanningError:
+        return None
+    return ClassTurn(other, way, diverter.request.vessel.fuel_rate * spent + way.fuel)
 
 
 def cover(
@@ -79,13 +374,17 @@ def cover(
         route, chart, vessel, havens, within=within, within_fuel=within_fuel, endurance=endurance
     )
     check_others(others, dearer_by)
-    options = PlanOptions() if options is None else options
-    begin = float(route.trajectory[0, 0])
-    request = Request(**{**vars(options), **changes}, departure=begin)
-    ends: FloatArray = np.vstack([route.path[0], route.path[-1]])
-    task = Task(chart, as_field(current), vessel, ends, (), request)
-    usable_ones, left_out = usable(havens, task, route)
-    survey = Survey(Diverter(task, route), tuple(usable_ones), limits)
+    request = Request.of(
+        chart,
+        current,
+        vessel,
+        (route.path[0], route.path[-1]),
+        options=options,
+        changes=changes,
+        departure=float(route.trajectory[0, 0]),
+    )
+    usable_ones, left_out = usable(havens, request, route)
+    survey = Survey(Diverter(request, route), tuple(usable_ones), limits)
     stretches = survey.stretches()
     aborts, equals = abort_points(survey), equal_points(survey)
     no_way_back = no_return(survey)

@@ -7,7 +7,7 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import PlanningError
-from renew.inputs.haven import Haven
+from renew.inputs.openings import Haven
 from renew.results import Route
 
 State: TypeAlias = Literal["covered", "uncovered", "not settled"]

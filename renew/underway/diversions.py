@@ -8,19 +8,27 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.errors import InfeasibleError, Moment, PlanningError
-from renew.inputs.haven import Haven
-from renew.planner.task import Task
+from renew.inputs.openings import Haven
+from renew.planner.plan import planner_of
+from renew.request import Request
 from renew.results import Plan, Route
 from renew.underway.choice import choose
 from renew.underway.coverage import Diversion
 from renew.voyage.voyage import Voyage
 
-# Number of classes that are planned; departures between early and late that are timed: at least
-# this many, and one for each such share of the way's time, up to a largest number.
-_CLASSES, _TIMED, _APART, _MOST_TIMED = 2, 9, 0.01, 129
+# Number of classes that are planned for a way to a haven.
+_CLASSES = 2
+# Least number of departures between early and late at which a way is timed.
+_TIMED = 9
+# Time between two such departures, as a share of the way's time.
+_APART = 0.01
+# Largest number of such departures.
+_MOST_TIMED = 129
 # Factor by which the hours at the begin of a stretch are widened until they hold every vessel that
-# is in time on it, and largest number of times.
-_WIDER, _TRIES = 1.25, 12
+# is in time on it.
+_WIDER = 1.25
+# Largest number of times that they are widened.
+_TRIES = 12
 
 
 @dataclass(frozen=True)
@@ -47,7 +55,7 @@ def entered(haven: Haven, arrival: float) -> float:
 class Diverter:
     """Plans diversions from a route's track; each is planned once."""
 
-    task: Task
+    request: Request
     route: Route
     _found: dict[tuple[int, float], Diversion | PlanningError] = field(default_factory=dict)
     _whole: set[tuple[int, float]] = field(default_factory=set)
@@ -82,12 +90,12 @@ class Diverter:
 
     def off(self, time: float) -> float:
         """Return by how much (s) a vessel may be early or late for its ways; 0 if steady."""
-        return 0.0 if self.task.current.is_steady else self.late(time)
+        return 0.0 if self.request.current.is_steady else self.late(time)
 
     def late(self, time: float) -> float:
         """Return by how much (s) a vessel may be early or late where it should be at a time (s)."""
-        request = self.task.request
-        return float(max(request.lateness * (time - self.begin), request.min_lateness))
+        options = self.request.options
+        return float(max(options.lateness * (time - self.begin), options.min_lateness))
 
     def left(self, haven: int, limits: Limits) -> dict[float, Diversion]:
         """Return the ways that were found to a haven, by their time, within limits."""
@@ -143,7 +151,7 @@ class Diverter:
 
         Raises PlanningError if there is none in that class.
         """
-        goal, word = Haven(other.homotopy, other.path[-1]), self.task.planner().problem.word
+        goal, word = Haven(other.homotopy, other.path[-1]), planner_of(self.request).problem.word
         whole = Diversion(
             goal, self.begin, other.path[0], math.nan, other, other.duration, other.fuel, math.nan
         )
@@ -160,24 +168,23 @@ class Diverter:
         off, (x, y, heading) = self.off(time), self.row(time)
         place = np.array([x, y])
         early = max(time - off, self.begin)
-        request = self.task.request
-        task = replace(
-            self.task,
+        options = self.request.options
+        request = replace(
+            self.request,
             stops=np.vstack([place, haven.place]),
-            like=self.task,
-            request=replace(
-                request,
-                classes=min(_CLASSES, request.classes),
-                departure=early,
-                min_lateness=max(request.min_lateness, time + off - early),
+            like=self.request,
+            options=replace(
+                options,
+                classes=min(_CLASSES, options.classes),
+                min_lateness=max(options.min_lateness, time + off - early),
             ),
-            _planners={},
+            departure=early,
         )
         ahead = None
         if near is not None:
             between = self.stretch(*sorted((time, near.time)))[:: 1 if time < near.time else -1]
             ahead = np.vstack([between[:, 1:], near.route.path[1:]])
-        choice = choose(task, ahead, heading, 1.0, is_proven=False, track=None)
+        choice = choose(request, ahead, heading, 1.0, is_proven=False, track=None)
         route = cast("Plan", choice.plan).best  # without a way, an error was raised
         if route.ends_in_soft_no_go and not is_start:
             raise InfeasibleError(
@@ -185,8 +192,8 @@ class Diverter:
                 "move it off",
                 haven.place,
             )
-        voyage = task.planner().problem.voyage
-        rate = self.task.vessel.fuel_rate
+        voyage = planner_of(request).problem.voyage
+        rate = self.request.vessel.fuel_rate
         if off == 0.0:
             late, took = self.late(time), route.duration
             duration = entered(haven, time + took) - time
@@ -220,7 +227,7 @@ class Diverter:
         """
         if self.off(way.time) == 0.0:
             return way.time - time + way.longest
-        voyage = self.task.planner().problem.voyage
+        voyage = planner_of(self.request).problem.voyage
         rows = self.stretch(time, way.time)
         path = np.vstack([rows[:, 1:], way.route.path[1:]])
         return self._longest(way.haven, path, voyage, self._hours(rows, voyage))
@@ -249,14 +256,14 @@ class Diverter:
         """Return by how much (s) a way exceeds limits from its place, or that passed at a time."""
         time = way.time if time is None else time
         longest = way.longest if time == way.time else self.longest_from(time, way)
-        rate = self.task.vessel.fuel_rate
+        rate = self.request.vessel.fuel_rate
         # A late vessel has burnt more: all that arrive by the latest arrival keep the endurance.
         left = limits.endurance / rate - (time + self.late(time) - self.begin)
         return longest - min(limits.within, limits.within_fuel / rate, left)
 
     def limit(self, time: float, limits: Limits) -> float:
         """Return the limits as a time (s), for a vessel on time at a time (s)."""
-        rate = self.task.vessel.fuel_rate
+        rate = self.request.vessel.fuel_rate
         return min(
             limits.within,
             limits.within_fuel / rate,

@@ -1,22 +1,236 @@
-"""Lead a vessel under way onto its route: out of the soft no-go zone, round from its heading."""
+"""Lead a vessel under way onto its route: out of the soft no-go zone, and round from its heading.
+
+The way ahead is what it still has before it of the path that was planned. It joins this way on an
+arc by its turn rate, and then holds a straight course to a point of the way. (Without a current: a
+Dubins path of an arc and a line.)
+"""
 
 import contextlib
+import itertools
 from dataclasses import replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import shapely
 
 from renew._types import FloatArray
+from renew.classes.dual_graph import Channel, RoughPath, visits
 from renew.classes.h_signature import name
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import wrapped
-from renew.planner.departures import as_drawn
-from renew.planner.one_class import ClassPath, ClassPlanner
+from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn
+from renew.planner.problem import Problem
 from renew.results import Route
 from renew.steering.trajectory import steer
-from renew.underway.first_arc import Arc, first_arcs
-from renew.underway.way_ahead import abeam, channel_along, way_ahead
+from renew.turns.contingency import crab_heading, fly_turns
+from renew.voyage.voyage import Voyage, shares
+
+# A vessel no farther off its path than this share of v/ω counts as on it.
+_ON_PATH = 0.001
+ON_TIME = 1e-6
+"""Rounding of times, s."""
+# A vessel off its path may come back to it at these distances ahead of the place abeam, in
+# multiples of its distance from the path.
+_BACK_AT = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+
+
+class Abeam(NamedTuple):
+    """The place on a path nearest to the vessel: a `point` (2,), m.
+
+    `along` is its share of the path's length, `off` the vessel's distance from it, m; the vessel
+    was due there at `due`, s.
+    """
+
+    point: FloatArray
+    along: float
+    off: float
+    due: float
+
+    def is_on_path(self, voyage: Voyage) -> bool:
+        """Whether the vessel is on its path."""
+        return self.off <= _ON_PATH * voyage.vessel.turning_radius
+
+    def is_proven(self, voyage: Voyage, time: float, begun: float) -> bool:
+        """Whether the plan's turns were simulated for a vessel that is here at a time (s).
+
+        That is so on the path, if the vessel is no earlier or later than the plan allows for a
+        voyage that began at `begun` (s).
+        """
+        late = max(voyage.lateness * (self.due - begun), voyage.min_lateness, ON_TIME)
+        in_time = voyage.current.is_steady or abs(time - self.due) <= late
+        return self.is_on_path(voyage) and in_time
+
+
+def abeam(path: FloatArray, times: FloatArray, at: FloatArray) -> Abeam:
+    """Return the place nearest to a point (2,) on a path (n, 2) passed at times (n,), s."""
+    line = shapely.LineString(path)
+    along = float(line.project(shapely.Point(at), normalized=True))
+    off = float(line.distance(shapely.Point(at)))
+    point = shapely.get_coordinates(line.interpolate(along, normalized=True))[0]
+    return Abeam(point, along, off, float(np.interp(along, shares(path), times)))
+
+
+def way_ahead(path: FloatArray, place: Abeam, voyage: Voyage) -> FloatArray | None:
+    """Return the quickest way (n, 2) from a voyage's start back to a path (n, 2) and on along it.
+
+    None where the vessel is off its path, and no straight leg over water leads back to it.
+    """
+    start, reached = voyage.start, shares(path)
+    if place.is_on_path(voyage):
+        return np.vstack([start, path[reached > place.along + 1e-9]])
+    line = shapely.LineString(path)
+    best, least = None, np.inf
+    for multiple in _BACK_AT:
+        along = min(place.along + multiple * place.off / line.length, 1.0)
+        back = shapely.get_coordinates(line.interpolate(along, normalized=True))
+        way = np.vstack([start, back, path[reached > along + 1e-9]])
+        if shapely.intersects(shapely.LineString(way[:2]), voyage.chart.hard_no_go):
+            continue
+        duration = voyage.duration(way)
+        if best is None or duration < least:
+            best, least = way, duration
+    return best
+
+
+def track_ahead(trajectory: FloatArray, at: FloatArray, time: float) -> FloatArray:
+    """Return the rest of a trajectory (m, 4) from a point (2,) on it passed at a time (s)."""
+    reached = shares(trajectory[:, 1:3])
+    along = shapely.LineString(trajectory[:, 1:3]).project(shapely.Point(at), normalized=True)
+    due, _, _, heading = (np.interp(along, reached, column) for column in trajectory.T)
+    rest = trajectory[reached > along + 1e-9] + [time - due, 0.0, 0.0, 0.0]
+    return np.vstack([[time, *at, heading], rest])
+
+
+def channel_along(path: FloatArray, problem: Problem) -> Channel | None:
+    """Return the channel of the class of a path (n, 2); None if the path leaves the water."""
+    pieces = problem.voyage.cut(path)
+    parts = [part for piece in pieces if (part := _along(piece, problem)) is not None]
+    if len(parts) < len(pieces):
+        return None
+    return Channel.joined(parts, problem.voyage.via) if len(pieces) > 1 else parts[0]
+
+
+def _along(path: FloatArray, problem: Problem) -> Channel | None:
+    """Return the channel of a path between two stops, a row of triangles without repeats."""
+    mesh = problem.triangulation
+    crossed = visits(path, mesh.corners).triangle
+    row = list[int]()
+    for triangle in crossed.tolist():
+        # The triangles between two visits of the same triangle are left out.
+        row = row[: row.index(triangle)] if triangle in row else row
+        row.append(triangle)
+    if not row or any(b not in mesh.neighbours[a] for a, b in itertools.pairwise(row)):
+        return None
+    word = problem.rays.word(path)
+    channel = Channel.of(mesh, np.array(row), word)
+    # A loop that was left out may have led round an island.
+    if problem.rays.word(channel.midline(path[0], path[-1])) != word:
+        return None
+    return Channel(channel.triangles, channel.left, channel.right, word, RoughPath(path, crossed))
+
+
+# Number of headings that are tried in a full turn.
+_STEPS = 180
+# The arc's turn rate as a share of the vessel's, which leaves room for rounding the last step.
+_RATE = 0.99
+# Least distance ahead, in v/ω, at which an arc may join the way.
+_NEAREST = 2.0
+# Further distances ahead that are tried, in v/ω.
+_JOINED_AT = (3.0, 6.0, 12.0, 24.0)
+# The current is not perturbed.
+_AS_IT_IS = np.zeros((1, 1, 2))
+
+
+class Arc(NamedTuple):
+    """An arc: rows (m, 4) of t (s), x, y (m) and heading (rad); and the way (n, 2) from its end.
+
+    `arrival` is when the vessel would come to the end of the way, s, by the table of the current.
+    """
+
+    rows: FloatArray
+    way: FloatArray
+    arrival: float
+
+
+def first_arcs(heading: float, path: FloatArray, voyage: Voyage) -> list[Arc]:
+    """Return arcs from a voyage's start and heading (rad) onto a path (n, 2), the quickest first.
+
+    No arc touches land or leaves the chart. Behind each arc a straight leg leads to a point ahead.
+    """
+    vessel = replace(voyage.vessel, turn_rate=_RATE * voyage.vessel.turn_rate)
+    tracks = _tracks(heading, replace(voyage, vessel=vessel))
+    times = voyage.departure + np.arange(_STEPS + 1) * vessel.turn_period / _STEPS
+    ahead, length = shares(path), float(shapely.LineString(path).length)
+    radius = voyage.vessel.turning_radius / length
+    found = list[Arc]()
+    joints = {min(multiple * radius, 1.0) for multiple in _JOINED_AT}
+    for along in sorted({*joints, min(max(ahead[1], _NEAREST * radius), 1.0)}):
+        joint = np.array([np.interp(along, ahead, axis) for axis in path.T])
+        rest = path[ahead > along + 1e-9]
+        for side, track in zip((1.0, -1.0), tracks, strict=True):
+            rows = _until_towards(joint, track, times, heading, side, voyage)
+            if rows is None or not _is_clear(rows[:, 1:3], voyage):
+                continue
+            way = np.vstack([rows[-1, 1:3], joint, rest])
+            onwards = replace(voyage, start=way[0]).leaving(float(rows[-1, 0]))
+            found.append(Arc(rows, way, onwards.departure + onwards.duration(way)))
+    return sorted(found, key=lambda one: one.arrival)
+
+
+def _tracks(heading: float, voyage: Voyage) -> FloatArray:
+    """Return the tracks (2, steps + 1, 2) of full turns to port and to starboard from the start."""
+    vessel, begin = voyage.vessel, np.array([voyage.departure])
+    start, field = voyage.start[None], voyage.waters.quick_current
+    # In a current slower than the vessel, each course over ground has one heading.
+    through = vessel.speed * np.array([[np.cos(heading), np.sin(heading)]])
+    course = np.arctan2(*(through + field.velocity(start, begin)).T[::-1])
+    return np.asarray(fly_turns(start, course, field, vessel, _AS_IT_IS, begin, _STEPS)[0])
+
+
+def _until_towards(
+    joint: FloatArray,
+    track: FloatArray,
+    times: FloatArray,
+    heading: float,
+    side: float,
+    voyage: Voyage,
+) -> FloatArray | None:
+    """Return the rows (m, 4) of a turn up to where the vessel heads for a point; None if nowhere.
+
+    The turn has a track (n, 2) and times (n,); its `side` is 1 to port, and -1 to starboard.
+    """
+    course = np.arctan2(*(joint - track).T[::-1])
+    speeds = np.full(len(track), voyage.vessel.speed)
+    headings = heading + side * np.linspace(0.0, 2 * np.pi, len(track))
+    wanted = crab_heading(track, course, voyage.current, speeds, times)
+    lacking = wrapped(side * (wanted - headings))
+    # The difference changes sign where the vessel heads for the point; its jump at half a turn does
+    # not count.
+    crosses = (lacking[:-1] > 0) & (lacking[1:] <= 0) & (lacking[:-1] - lacking[1:] < np.pi)
+    if not crosses.any():
+        return None
+    last = int(crosses.argmax())
+    share = lacking[last] / (lacking[last] - lacking[last + 1])
+    end = track[last] + share * (track[last + 1] - track[last])
+    # A step of nearly no length is joined to the one before.
+    kept = np.arange(last + 1 if share > 0.1 or last == 0 else last)
+    return np.vstack(
+        [
+            np.column_stack([times[kept], track[kept], headings[kept]]),
+            [
+                times[last] + share * (times[last + 1] - times[last]),
+                *end,
+                headings[last] + share * (headings[last + 1] - headings[last]),
+            ],
+        ]
+    )
+
+
+def _is_clear(track: FloatArray, voyage: Voyage) -> bool:
+    """Whether a track (n, 2) stays in the chart and off land."""
+    line, chart = shapely.LineString(track), voyage.chart
+    return bool(chart.extent.covers(line)) and not shapely.intersects(line, chart.hard_no_go)
+
 
 # Angle (rad) by which a heading may differ from the one that is needed without an arc.
 _STRAIGHT = 1e-6

@@ -1,4 +1,4 @@
-"""Plan a voyage again under way, and say whether to stay in the class that was planned."""
+"""Plan a voyage again under way: stay in the class that was planned, or turn off to a haven."""
 
 import math
 from collections.abc import Sequence
@@ -10,6 +10,7 @@ import shapely
 
 from renew._types import FloatArray
 from renew.errors import (
+    InfeasibleError,
     Length,
     ParameterError,
     PlanningError,
@@ -18,18 +19,73 @@ from renew.errors import (
     is_finite,
     shown,
 )
-from renew.inputs.arguments import as_point
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike, as_field
-from renew.inputs.haven import Haven
+from renew.inputs.openings import Haven
+from renew.inputs.options import as_point
 from renew.kernels.current_table import are_same
-from renew.planner.shut_areas import with_least_water
-from renew.planner.task import Task
+from renew.planner.plan import planner_of, with_least_water
+from renew.planner.problem import check_endpoints
+from renew.request import Request
 from renew.results import Plan, Rejected, Route
 from renew.underway.choice import Answer, Choice, choose
-from renew.underway.turn_offs import TurnOff, turn_offs
-from renew.underway.way_ahead import ON_TIME, Abeam, abeam, track_ahead, way_ahead
+from renew.underway.diversions import entered
+from renew.underway.lead import ON_TIME, Abeam, abeam, track_ahead, way_ahead
 from renew.voyage.voyage import Voyage, shares
+
+
+@dataclass(frozen=True, eq=False)
+class TurnOff:
+    """A way from where the vessel is to a haven.
+
+    Attributes
+    ----------
+    haven : where it leads.
+    plan : the plan of it, to be given to the next :func:`renew.replan`.
+    arrival : when the vessel enters the haven, s, after the wait until it opens.
+    fuel : fuel for the way and the wait (fuel units).
+    """
+
+    haven: Haven
+    plan: Plan
+    arrival: float
+    fuel: float
+
+
+def turn_offs(
+    havens: Sequence[Haven], request: Request, heading: float | None
+) -> tuple[tuple[TurnOff, ...], tuple[tuple[Haven, PlanningError], ...]]:
+    """Return ways from a request's start to havens, least fuel first, and havens without a way.
+
+    The vessel has a `heading` (rad) if one is given.
+    """
+    found, left_out = list[TurnOff](), list[tuple[Haven, PlanningError]]()
+    for haven in havens:
+        try:
+            found.append(_turn_off(haven, request, heading))
+        except PlanningError as error:
+            left_out.append((haven, error))
+    return tuple(sorted(found, key=lambda one: one.fuel)), tuple(left_out)
+
+
+def _turn_off(haven: Haven, request: Request, heading: float | None) -> TurnOff:
+    """Plan the way to a haven; raise PlanningError if there is none."""
+    stops = np.vstack([request.stops[0], haven.place])
+    there = replace(request, stops=stops, like=request)
+    check_endpoints(planner_of(there).problem.voyage)
+    choice = choose(there, None, heading, 1.0, is_proven=False, track=None)
+    plan = cast("Plan", choice.plan)  # without a way, an error was raised
+    if plan.best.ends_in_soft_no_go:
+        raise InfeasibleError(
+            f"haven {haven.name} {{0}} lies in the soft no-go zone, where no turn is verified; "
+            "move it off",
+            haven.place,
+        )
+    reached = float(plan.best.times[-1])
+    arrival = entered(haven, reached)
+    fuel = plan.best.fuel + request.vessel.fuel_rate * (arrival - reached)
+    return TurnOff(haven, replace(plan, voyage=there), arrival, fuel)
+
 
 # Largest heading, rad: beyond a full circle it is hardly in radians.
 _MOST = 2 * math.pi
@@ -155,7 +211,7 @@ def replan(
         The position is on land or outside the chart; the message names the nearest water.
     """
     asked = _asked_of(previous)
-    if asked.request.speed is not None:
+    if asked.speed is not None:
         raise ParameterError(
             "previous chose speeds, and can't be planned again under way: plan from here with "
             "renew.plan(..., departure=, speed=)"
@@ -166,27 +222,27 @@ def replan(
     at, moved = _in_water(as_point("at", at), asked.chart, asked.vessel.turning_radius)
     route = previous.best
     place = _abeam(route, at, asked)
-    task = _task_ahead(asked, route, place, at, float(time), current)
+    request = _task_ahead(asked, route, place, at, float(time), current)
     begun, rate = float(route.times[0]), asked.vessel.fuel_rate
     known = rate * (time - begun) if burnt is None else float(burnt)
-    voyage = task.planner().problem.voyage
+    voyage = planner_of(request).problem.voyage
     ahead = way_ahead(route.path, place, voyage)
     old, new = _fuels_of(ahead, voyage, asked)
-    is_proven = task.current is asked.current and place.is_proven(voyage, float(time), begun)
+    is_proven = request.current is asked.current and place.is_proven(voyage, float(time), begun)
     is_in_time = voyage.current.is_steady or abs(time - place.due) <= ON_TIME
     track = None
     if is_proven and is_in_time:
         track = track_ahead(route.trajectory, at, float(time))
-    choice, cause, goes_to = Choice("no way"), None, task
+    choice, cause, goes_to = Choice("no way"), None, request
     ways, left_out = tuple[TurnOff, ...](), tuple[tuple[Haven, PlanningError], ...]()
     try:
-        choice = choose(task, ahead, heading, switch_above, is_proven=is_proven, track=track)
+        choice = choose(request, ahead, heading, switch_above, is_proven=is_proven, track=track)
     except PlanningError as error:
         cause = error
-        ways, left_out = turn_offs(havens, task, heading)
+        ways, left_out = turn_offs(havens, request, heading)
         if ways:
             choice = Choice("turn off", ways[0].plan)
-            goes_to = cast("Task", ways[0].plan.voyage)
+            goes_to = cast("Request", ways[0].plan.voyage)
     plan = None if choice.plan is None else with_least_water(choice.plan, goes_to)
     return Replanned(
         answer=choice.answer,
@@ -206,11 +262,11 @@ def replan(
     )
 
 
-def _asked_of(previous: Plan) -> Task:
+def _asked_of(previous: Plan) -> Request:
     """Return what a plan was asked; refuse one read from a pickle."""
     check_kind("previous", previous, Plan)
     asked = previous.voyage
-    if not isinstance(asked, Task):
+    if asked is None:
         raise ParameterError(
             f"previous.voyage = {shown(asked)}: a plan that was pickled has lost its current; take "
             "the voyage of a new plan, dataclasses.replace(previous, voyage=new.voyage)"
@@ -268,44 +324,44 @@ def _in_water(at: FloatArray, chart: Chart, radius: float) -> tuple[FloatArray, 
     )
 
 
-def _abeam(route: Route, at: FloatArray, asked: Task) -> Abeam:
+def _abeam(route: Route, at: FloatArray, asked: Request) -> Abeam:
     """Return the place on a route nearest to the vessel, with the time when it was due there."""
     place = abeam(route.path, route.times, at)
     last = max(int(np.searchsorted(shares(route.path), place.along, side="right")) - 1, 0)
     leg = np.vstack([route.path[last], place.point])
     begun = float(route.times[last])
-    voyage = replace(asked.planner().problem.voyage, start=leg[0], via=leg[:0], departure=begun)
+    voyage = replace(planner_of(asked).problem.voyage, start=leg[0], via=leg[:0], departure=begun)
     if math.dist(*leg) <= asked.chart.precision:
         return place
     return place._replace(due=float(voyage.arrivals(leg)[-1]))
 
 
 def _task_ahead(
-    asked: Task,
+    asked: Request,
     route: Route,
     place: Abeam,
     at: FloatArray,
     time: float,
     current: CurrentLike | None,
-) -> Task:
-    """Return the task of the voyage ahead: through the via points that lie ahead of the vessel."""
+) -> Request:
+    """Return the request for the way ahead, through the via points that lie ahead of the vessel."""
     line, via = shapely.LineString(route.path), asked.stops[1:-1]
     ahead = [line.project(shapely.Point(one), normalized=True) > place.along for one in via]
-    task = Task(
-        asked.chart,
-        asked.current if current is None else as_field(current),
-        asked.vessel,
-        np.vstack([at, via[np.array(ahead, dtype=bool)], asked.stops[-1]]),
-        asked.areas,
-        replace(asked.request, departure=time, arrive_by=None, to_within=None, is_sweep=False),
-        asked.depth,
+    request = replace(
+        asked,
+        current=asked.current if current is None else as_field(current),
+        stops=np.vstack([at, via[np.array(ahead, dtype=bool)], asked.stops[-1]]),
+        departure=time,
+        arrive_by=None,
+        members=(),
+        like=None,
     )
-    if current is None or are_same(task.waters.table, asked.waters.table):
-        return replace(task, current=asked.current, like=asked.like or asked)
-    return task
+    if current is None or are_same(request.waters.table, asked.waters.table):
+        return replace(request, current=asked.current, like=asked.like or asked)
+    return request
 
 
-def _fuels_of(ahead: FloatArray | None, voyage: Voyage, asked: Task) -> tuple[float, float]:
+def _fuels_of(ahead: FloatArray | None, voyage: Voyage, asked: Request) -> tuple[float, float]:
     """Return the fuel of a way ahead (n, 2) in the current planned in, and in the new one."""
     if ahead is None:
         return math.inf, math.inf

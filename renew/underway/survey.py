@@ -18,18 +18,25 @@ from renew._types import BoolArray, FloatArray
 from renew.bounds.fuel_lower_bound import least_time
 from renew.bounds.haven_bound import HavenBound
 from renew.errors import PlanningError
-from renew.inputs.haven import Haven
+from renew.inputs.openings import Haven
+from renew.planner.plan import planner_of
 from renew.underway.coverage import Diversion, State, Stretch
 from renew.underway.diversions import Diverter, Limits
 
 SAMPLES = 360
 """Number of samples in the time of a limit."""
-# Numbers of samples: in all, at most; between two stations at first; up to which no place is tried
-# between two ends without a way.
-_MOST_SAMPLES, _STATIONS, _CLOSE = 6_000, 120, 4
-# Multiple of a limit up to which bounds with a clock are close; least time between the places from
-# which they are taken, as a share of it; number of cells of their finest grid.
-_ENOUGH, _PART, _PROOF_CELLS = 1.5, 1 / 24, 128_000
+# Largest number of samples in all.
+_MOST_SAMPLES = 6_000
+# Number of samples between two stations at first.
+_STATIONS = 120
+# Number of samples between two stations without a way up to which no place between them is tried.
+_CLOSE = 4
+# Multiple of a limit up to which bounds with a clock are close.
+_ENOUGH = 1.5
+# Least time between the places from which bounds with a clock are taken, as a share of the limit.
+_PART = 1 / 24
+# Number of cells of the finest grid of bounds with a clock.
+_PROOF_CELLS = 128_000
 # Factor on the limits up to which bounds are close.
 _ABOVE = 1.02
 
@@ -64,7 +71,7 @@ class Survey:
             last = end + self.diverter.off(end)
             self.bounds = bounds_to(self.havens, self.diverter, float(self.limit.max()), last)
         self.least = np.array([one.at(places) for one in self.bounds])
-        if not self.diverter.task.current.is_steady:
+        if not self.diverter.request.current.is_steady:
             self._raise_with_clock()
 
     def _raise_with_clock(self) -> None:
@@ -86,7 +93,7 @@ class Survey:
 
     def _least_from(self, sample: int, enough: float) -> float:
         """Return a bound on the time (s) to any haven from a sample, close up to `enough` (s)."""
-        voyage, least = self.diverter.task.planner().problem.voyage, math.inf
+        voyage, least = planner_of(self.diverter.request).problem.voyage, math.inf
         time = float(self.times[sample])
         for haven, known in zip(self.havens, self.least[:, sample].tolist(), strict=True):
             bound = known
@@ -234,7 +241,7 @@ def bounds_to(
 
     They hold for whoever is under way between the route's departure and `last` (s).
     """
-    voyage, most = diverter.task.planner().problem.voyage, _ABOVE * limit
+    voyage, most = planner_of(diverter.request).problem.voyage, _ABOVE * limit
     return tuple(
         HavenBound.of(replace(voyage, goal=one.place), most, last + most) for one in havens
     )

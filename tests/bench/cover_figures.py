@@ -15,7 +15,7 @@ import shapely
 import renew
 from renew._types import FloatArray
 from renew.bounds.haven_bound import HavenBound
-from renew.inputs.asked import Asked
+from renew.request import Request
 from renew.voyage.voyage import Voyage, Waters
 from tests.bench.figure import Figure, at_most
 from tests.clock_oracle import earliest_arrival
@@ -175,7 +175,7 @@ def palawan(plan: renew.Plan, chart: renew.Chart, vessel: renew.Vessel) -> Itera
         x, shore = shapely.get_coordinates(shapely.shortest_line(abeam, land))
         place = shore + _OFF_SHORE_M * (x - shore) / math.dist(x, shore)
         havens.append(renew.Haven(f"haven {number + 1}", place))
-    current = cast("Asked", plan.voyage).current
+    current = cast("Request", plan.voyage).current
 
     def covered() -> renew.Coverage:
         return renew.cover(route, chart, current, vessel, havens, within=_WITHIN_S)

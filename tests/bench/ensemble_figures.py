@@ -14,7 +14,7 @@ import numpy as np
 import renew
 from pipeline.scenario.loading import load_scenario
 from renew._types import FloatArray
-from renew.planner.ensemble.statistics import statistic, worst_weights
+from renew.vary.statistics import statistic, worst_weights
 from tests.bench.figure import Figure, at_most, quoted
 from tests.bench.palawan_figures import cases_of, fetched_data
 from tests.bench.real_voyages import seas

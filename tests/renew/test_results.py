@@ -17,7 +17,8 @@ from shapely import box
 
 import renew
 from renew.inputs.options import DistinctBy
-from renew.planner.task import Task
+from renew.planner.plan import planner_of
+from renew.request import Request
 from renew.results import unite_soft_no_go
 from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre
@@ -100,11 +101,11 @@ def test_a_route_keeps_no_roadmap_and_a_plan_is_freed_without_a_search_for_cycle
     gc.disable()
     try:
         plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, distinct_by=distinct_by)
-        task = plan.voyage
-        assert isinstance(task, Task)
-        problem = weakref.ref(task.planner().problem)
+        request = plan.voyage
+        assert isinstance(request, Request)
+        problem = weakref.ref(planner_of(request).problem)
         route = plan.best
-        del plan, task
+        del plan, request
         assert problem() is None
         assert 0 < route.fuel_bound.value <= route.fuel
     finally:

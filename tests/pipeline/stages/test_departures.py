@@ -23,7 +23,7 @@ from pipeline.scenario.season import Season, departure_name
 from pipeline.stages.choose import Chosen, choose_departures
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.plan_case import planned as planned_case
-from renew.planner.departures import Sailing, Sailings
+from renew.vary.departures import Sailing, Sailings
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
 
 COUNT = 5

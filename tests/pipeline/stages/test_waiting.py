@@ -25,7 +25,7 @@ from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.stages.choose import Chosen, with_onward_legs
 from pipeline.stages.fetch import FetchedData
 from renew._types import BoolArray, FloatArray
-from renew.inputs.shut_areas import ReliedOnTide
+from renew.inputs.openings import ReliedOnTide
 from tests.clock_oracle import earliest_arrival
 from tests.pipeline.stages.test_tides import EBB, GOAL, START, scenario_data
 from tests.pipeline.tidal_run import run as tidal_run, tide

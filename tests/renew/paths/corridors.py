@@ -24,4 +24,4 @@ def corridor_of(voyage: Voyage, padding: Padding = "adaptive", *, place: int = 0
     options = PlanOptions(padding=padding)
     problem = Problem(voyage, options)
     channel = problem.enumerator(0.0).channels(place + 1)[place]
-    return ClassPlanner(problem, options).corridor(channel)
+    return ClassPlanner(problem).corridor(channel)

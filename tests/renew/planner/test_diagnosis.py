@@ -11,7 +11,7 @@ from shapely import Polygon, box
 
 import renew
 from renew.classes import class_enumerator, roadmap
-from renew.planner import diagnosis
+from renew.planner import classes
 from tests.strategies import PAPER_VESSEL
 
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -73,7 +73,7 @@ def test_a_gap_in_the_soft_zone_of_an_end_hides_no_risk_that_leaves_a_route(
 ) -> None:
     # The start lies between two walls, whose padding holds it; only the strait ahead needs less.
     # Between the walls the current runs east and west in turn: a larger risk needs less padding.
-    monkeypatch.setattr(diagnosis, "_RISK_STEP", 0.5)
+    monkeypatch.setattr(classes, "_RISK_STEP", 0.5)
     walls = [box(0, 28, 15, 32), box(25, 28, 40, 32), box(0, 9, 18.5, 11), box(21.5, 9, 40, 11)]
     chart = renew.Chart(box(0, 6, 40, 46), walls)
 

@@ -19,7 +19,7 @@ def growth_of(corridor: Corridor, padding: Padding = "adaptive") -> PaddingGrowt
     options = PlanOptions(padding=padding)
     problem = Problem(voyage, options)
     model = PaddingModel(problem.triangulation, voyage.waters.quick_current, voyage.vessel, options)
-    return PaddingGrowth(problem, model, options)
+    return PaddingGrowth(problem, model)
 
 
 def corridor_and_bulging_path(seed: int) -> tuple[Corridor, np.ndarray]:

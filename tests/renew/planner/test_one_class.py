@@ -25,7 +25,7 @@ def planner_of(
     voyage: Voyage, padding: Padding = "adaptive", method: Method = "optimal"
 ) -> ClassPlanner:
     options = PlanOptions(padding=padding, method=method, samples=200)
-    return ClassPlanner(Problem(voyage, options), options)
+    return ClassPlanner(Problem(voyage, options))
 
 
 @pytest.mark.parametrize("method", ["optimal", "sampled"])

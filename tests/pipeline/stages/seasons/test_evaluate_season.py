@@ -19,7 +19,7 @@ from pipeline.run import Outcome
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages import measure
 from pipeline.stages.measure import land_within_reach, measured
-from renew.inputs import arguments
+from renew.inputs import options
 from renew.turns.turn_reach import TurnReach
 from renew.voyage.fuel import passage
 from tests.pipeline.formats import small_run
@@ -148,7 +148,7 @@ def test_on_the_longest_ways_turns_begin_as_near_as_there_may_be_points(
     planned: tuple[Case, shapely.Polygon, CaseResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, _, plan = planned
-    for module in (measure, arguments):
+    for module in (measure, options):
         monkeypatch.setattr(module, "MAX_STATIONS", 50)
     rows = measured(scene, plan, PlannerOptions()).routes
     assert len(rows) == 2

@@ -23,8 +23,10 @@ FEWEST = 5
 
 TAIL = 0.1
 """Share of the members, by weight, that P90 leaves out and that CVaR is the mean of."""
-# Number of draws of the bootstrap; rounding of sums of weights.
-_DRAWS, _ROUNDING = 2000, 1e-9
+# Number of draws of the bootstrap.
+_DRAWS = 2000
+# Rounding error of sums of weights.
+_ROUNDING = 1e-9
 
 
 def statistic(
@@ -38,13 +40,13 @@ def statistic(
     if name == "mean":
         return _mean(fuels, weights[..., None, :])
     if name == "regret":
-        regrets = np.where(weights[..., None, :] > 0, _less(fuels, fuels.min(axis=0)), 0.0)
+        regrets = np.where(weights[..., None, :] > 0, _difference(fuels, fuels.min(axis=0)), 0.0)
         return np.asarray(regrets.max(axis=-1))
     order = np.argsort(-fuels, axis=1)
     falling, own = np.take_along_axis(fuels, order, axis=1), weights[..., order]
     beyond = np.cumsum(own, axis=-1)
     if name == "p90":
-        # The largest fuel that more than the tail reaches.
+        # The smallest fuel that at most the tail of the members, by weight, exceeds.
         at = np.argmax(beyond > tail + _ROUNDING, axis=-1)
         return np.asarray(falling[np.arange(len(fuels)), at])
     return _mean(falling, np.clip(tail - (beyond - own), 0, own) / tail)
@@ -77,7 +79,7 @@ def surely_dearer(
     count = len(weights) - 1
     drawn = rng.multinomial(count, weights, size=_DRAWS) / count
     found = statistic(name, fuels, drawn)
-    more = _less(found, found[:, [best]])
+    more = _difference(found, found[:, [best]])
     return np.asarray((more > 0).mean(axis=0) >= (1 + sure) / 2)
 
 
@@ -87,7 +89,7 @@ def _mean(fuels: FloatArray, weights: FloatArray) -> FloatArray:
         return np.asarray(np.where(weights > 0, weights * fuels, 0.0).sum(axis=-1))
 
 
-def _less(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return differences of fuels; 0 where both are infinite."""
+def _difference(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return fuels less other fuels; 0 where both are infinite."""
     with np.errstate(invalid="ignore"):
         return np.where(np.isinf(one) & np.isinf(other), 0.0, one - other)

@@ -14,10 +14,10 @@ from shapely import box
 
 import renew
 from renew._types import FloatArray
-from renew.inputs.options import Padding, Request
+from renew.inputs.options import Padding
 from renew.planner.classes import ClassSearch
-from renew.planner.departures import Sailings, in_order_of_arrival
-from renew.planner.task import Task
+from renew.request import Request
+from renew.vary.departures import Sailings, in_order_of_arrival
 from renew.voyage.voyage import Voyage, Waters
 from tests.moving_waters import moving_scene
 from tests.strategies import PAPER_VESSEL
@@ -171,10 +171,8 @@ def test_the_next_departures_path_is_sailed_where_it_arrives_earlier() -> None:
     scene = moving_scene(7)
     voyage = scene.plan(classes=1).best.fuel_bound.source
     assert isinstance(voyage, Voyage)
-    request = Request(classes=4, drift=voyage.drift)
-    sailings = Sailings(
-        Task(scene.chart, voyage.current, PAPER_VESSEL, voyage.stops, areas=(), request=request)
-    )
+    options = renew.PlanOptions(classes=4, drift=voyage.drift)
+    sailings = Sailings(Request(scene.chart, voyage.current, PAPER_VESSEL, voyage.stops, options))
     early, late = sailings.sailing(0.0), sailings.sailing(1.0)
     assert early.found is not None
     poor = replace(early, found=early.found._replace(fuel=early.found.fuel + 100.0))

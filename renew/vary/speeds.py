@@ -1,6 +1,11 @@
 """Least-fuel plans that arrive by a deadline, with a choice of speed for each leg.
 
-In a steady current, classes are planned with a price of time (:mod:`renew.planner.price_search`).
+In a steady current, classes are planned with a price of time: the deadline's Lagrange multiplier.
+At a price λ the planner searches for classes and paths with least fuel + λ time, as it otherwise
+does for least time. Along a found path, the price that just meets the deadline gives the speeds of
+least fuel (:mod:`renew.paths.speed_profile`). That price is used next, until it no longer changes.
+The price is found for the best class first and then for each class: every class has its own.
+
 In a changing current no single price of time holds along the whole voyage. So classes are searched
 at one speed: among the speeds that arrive in time, the one with the least fuel on the fastest path.
 Each class's path and speeds are then improved together (:mod:`renew.paths.speeds_by_clock`), and
@@ -25,38 +30,209 @@ import numpy as np
 
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
-from renew.errors import InfeasibleError, ParameterError, PlanningError
-from renew.inputs.shut_areas import Area
+from renew.errors import InfeasibleError, Moment, ParameterError, PlanningError
+from renew.inputs.openings import Opening
 from renew.inputs.vessel import Vessel
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_by_clock
+from renew.paths.speed_profile import SpeedProfile, speed_profile, trade_off
 from renew.paths.speeds_by_clock import (
     constant_speed,
     speeds_by_clock,
     trade_off_by_clock,
 )
-from renew.planner.classes import ClassSearch, plan_classes
-from renew.planner.departure_window import Progress
+from renew.planner.classes import ClassSearch, no_class_error, plan_classes
 from renew.planner.grow import Shortfalls, grown_until_clear, steered_with_room
 from renew.planner.one_class import ClassPath, ClassPlanner
-from renew.planner.price_search import PriceSearch, chosen_fuel, profile_of
-from renew.planner.shut_areas import plan_around
-from renew.planner.task import Task, check_current_at_endpoints
-from renew.results import Departed, Departures, Plan, TradeOff
+from renew.planner.plan import plan_around, planner_of
+from renew.planner.problem import check_current_at_endpoints
+from renew.request import Request
+from renew.results import Departed, Departures, Plan, Route, TradeOff
 from renew.steering.steer_in_corridor import steer_as_drawn
+from renew.vary.departures import Progress, best_sailing, too_late_error
 from renew.voyage.voyage import Voyage
+
+# Largest number of rounds to find the price of time.
+_PRICE_ROUNDS = 4
+# Relative change from round to round below which a price is accepted: the relative error of fuel is
+# the square of that change.
+_SETTLED = 0.03
+# Number of rounds of growing padding for turns at the chosen speeds.
+_STEADY_GROWTH_ROUNDS = 4
+# Number of arrivals at which a trade-off is given.
+_ARRIVALS = 65
+
+
+class PriceSearch:
+    """Plans a voyage with a choice of speeds, starting from a planner at an infinite price."""
+
+    def __init__(self, planner: ClassPlanner) -> None:
+        self.planner, self.classes = planner, planner.options.classes
+        self.voyage = planner.problem.voyage
+        self._at = functools.cache(self._planner_at)
+
+    def plan(self) -> Plan:
+        """Return the routes of least fuel that arrive in time, one per class.
+
+        Raises ArrivalError if no route arrives in time even at the highest speed.
+        """
+        fastest = self._fastest()
+        search, paths = self.first_paths(fastest)
+        routes: list[tuple[Route, float]] = []
+        rejected = {word: one for word, one in search.rejected.items() if word not in paths}
+        for word, found in paths.items():
+            try:
+                settled = self.verified(self.settled(found))
+            except InfeasibleError as error:
+                rejected[word] = search.rejected_for(found.corridor.channel, error)
+            else:
+                price = profile_of(settled).price
+                kept = settled if self.voyage.has_choice else settled._replace(profile=None)
+                routes.append((self.planner.route(kept), price))
+        if not routes:
+            raise no_class_error(tuple(rejected.values()), self.planner)
+        routes = sorted(routes, key=lambda one: one[0].fuel)[: self.classes]
+        bound = self._at(routes[0][1]).problem.fuel_bound
+        best = tuple(replace(route, fuel_bound=bound) for route, _ in routes)
+        return Plan(
+            best,
+            tuple(rejected.values()),
+            overpowering=self.planner.problem.overpowered_water,
+            trade_off=self.trade_off([*(route.path for route in best), fastest.path]),
+        )
+
+    def _fastest(self) -> ClassPath:
+        """Return the fastest path of all classes, at the highest speed; raise an error if late."""
+        sailing = best_sailing(self.planner, self.planner.unpadded)
+        if sailing.found is None:
+            raise sailing.error
+        if sailing.arrival > self.voyage.deadline:
+            raise too_late_error(sailing, self.voyage.deadline, "let speed reach {} m/s")
+        return sailing.found
+
+    def first_paths(self, fastest: ClassPath) -> tuple[ClassSearch, dict[Word, ClassPath]]:
+        """Return the first classes' paths at the price of the best one, and their search."""
+        word = self.planner.problem.word(fastest.path)
+        first = self.with_speeds(fastest)
+        price = profile_of(first).price
+        for _ in range(_PRICE_ROUNDS):
+            search, paths = self.search_with(self._at(price), word, first)
+            best = min(map(profile_of, paths.values()), key=lambda profile: profile.fuel).price
+            if _is_settled(best, price):
+                break
+            price = best
+        return search, paths
+
+    def search_with(
+        self, planner: ClassPlanner, word: Word, first: ClassPath
+    ) -> tuple[ClassSearch, dict[Word, ClassPath]]:
+        """Find the first classes with a planner; one class's path is known already."""
+        search = ClassSearch(planner)
+        search.find_first(self.classes)
+        paths = {one: self.with_speeds(found) for one, found in search.all_found.items()}
+        if word not in paths or chosen_fuel(first) < chosen_fuel(paths[word]):
+            paths[word] = first
+        return search, paths
+
+    def settled(self, found: ClassPath) -> ClassPath:
+        """Return a class's path at its own price."""
+        best = found
+        for _ in range(_PRICE_ROUNDS):
+            price = profile_of(found).price
+            if _is_settled(price, found.corridor.voyage.choice.price):
+                break
+            planner, channel = self._at(price), best.corridor.channel
+            at_price = planner.find(channel)
+            if planner.problem.word(at_price.path) != channel.word:
+                break
+            found = self.with_speeds(at_price)
+            best = min(best, found, key=chosen_fuel)
+        return self.in_time(best)
+
+    def verified(self, found: ClassPath) -> ClassPath:
+        """Return the path with enough padding that no turn at its speeds touches land."""
+
+        def again(corridor: Corridor, found: ClassPath) -> ClassPath:
+            planner = self._at(corridor.voyage.choice.price)
+            return self.in_time(self.with_speeds(planner.find_in(corridor, found.path)))
+
+        return grown_until_clear(
+            found,
+            self.collisions,
+            again,
+            _STEADY_GROWTH_ROUNDS,
+            "hard-over turns at the speeds sailed",
+        )
+
+    def collisions(self, found: ClassPath) -> Shortfalls | None:
+        """Return the shortfall of padding for turns at a path's speeds."""
+        profile = profile_of(found)
+        return self.planner.growth.collisions(found.corridor, profile.path, profile.speeds)
+
+    def in_time(self, found: ClassPath) -> ClassPath:
+        """Return the path; raise an error if it is too late at the highest speed."""
+        profile = profile_of(found)
+        if not math.isfinite(profile.fuel):
+            raise InfeasibleError(
+                "it would arrive at {0} at the earliest, and has to by {1}",
+                Moment(profile.arrival),
+                Moment(self.voyage.deadline),
+            )
+        return found
+
+    def with_speeds(self, found: ClassPath) -> ClassPath:
+        """Return a path with the speeds of least fuel."""
+        return found._replace(profile=speed_profile(found.path, self.voyage))
+
+    def _planner_at(self, price: float) -> ClassPlanner:
+        """Return the planner for a price of time (fuel units a second)."""
+        problem = self.planner.problem
+        problem = problem.with_voyage(problem.voyage.at_price(price))
+        return self.planner.for_problem(problem) if problem.voyage.has_price else self.planner
+
+    def curve(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return arrivals (m,), s, and the least fuel (m,) for each along a path (n, 2)."""
+        return trade_off(path, self.voyage)
+
+    def trade_off(self, paths: Sequence[FloatArray]) -> TradeOff:
+        """Return the least fuel for each arrival among the found paths."""
+        curves = [self.curve(path) for path in paths]
+        earliest = min(times[0] for times, _ in curves)
+        latest = min(curves, key=lambda curve: curve[1][-1])[0][-1]
+        arrivals = np.unique(np.linspace(earliest, latest, _ARRIVALS))
+        fuels = [np.interp(arrivals, times, fuel, left=math.inf) for times, fuel in curves]
+        return TradeOff(arrivals, np.min(fuels, axis=0))
+
+
+def _is_settled(price: float, before: float) -> bool:
+    """Whether a price is nearly the previous one, or both are infinite."""
+    return price == before or abs(price - before) <= _SETTLED * before
+
+
+def profile_of(found: ClassPath) -> SpeedProfile:
+    """Return the speeds along a path; raise ValueError if speeds were not chosen."""
+    if found.profile is None:
+        raise ValueError("the path has no speeds of its own")
+    return found.profile
+
+
+def chosen_fuel(found: ClassPath) -> float:
+    """Return a path's fuel at its chosen speeds."""
+    return profile_of(found).fuel
+
 
 # If no leg is faster than this share of the highest speed, narrower padding is tried.
 _MUCH_LOWER = 0.95
-# The search for a route at one constant speed runs at most this number of rounds. It ends earlier
-# if the speed changes by no more than this share from one round to the next.
-_ONE_SPEED_ROUNDS, _SAME = 4, 1e-7
+# Largest number of rounds of the search for a route at one constant speed.
+_ONE_SPEED_ROUNDS = 4
+# Share by which that speed changes at most from one round to the next when the search ends earlier.
+_SAME = 1e-7
 
 _PlannerUpTo: TypeAlias = Callable[[float | None], ClassPlanner]
 """Gives the planner for speeds up to a limit (m/s); None means the highest speed allowed."""
 
 
-def plan_with_speeds(task: Task, departure: float) -> Plan:
+def plan_with_speeds(request: Request, departure: float) -> Plan:
     """Plan at a departure (s) with a choice of speeds, around areas that are shut for some hours.
 
     ArrivalError where no route arrives in time even at the highest speed. Speeds are not changed to
@@ -64,36 +240,36 @@ def plan_with_speeds(task: Task, departure: float) -> Plan:
     the area while it is shut. Around such areas a plan has no trade-off between arrival and fuel,
     since with another arrival the vessel passes them at other times.
     """
-    _check_exponent(task.vessel)
+    _check_exponent(request.vessel)
 
-    def plan(closed: Sequence[Area]) -> tuple[Plan, ClassPlanner]:
+    def plan(closed: Sequence[Opening]) -> tuple[Plan, ClassPlanner]:
         @functools.cache
         def planner_up_to(most: float | None) -> ClassPlanner:
-            planner = task.planner(closed, most)
+            planner = planner_of(request, closed, most)
             if planner.problem.voyage.departure == departure:
                 return planner
             return planner.for_problem(planner.problem.leaving(departure))
 
         return _plan_up_to(planner_up_to), planner_up_to(None)
 
-    found = plan_around(task.areas, plan)
-    return replace(found, trade_off=None) if task.areas else found
+    found = plan_around(request.areas, plan)
+    return replace(found, trade_off=None) if request.areas else found
 
 
 def departures_with_speeds(
-    task: Task, departures: Sequence[float], progress: Progress | None
+    request: Request, departures: Sequence[float], progress: Progress | None
 ) -> Departures:
     """Plan each of the departures (s), which ascend; an error if none of them has a route.
 
     The best departure is the one of least fuel, as both the current and the time left until the
     deadline depend on the departure. Nothing is known of departures between those given: the bound
-    on arrivals at one speed (:mod:`renew.planner.departure_window`) is no bound on fuel.
+    on arrivals at one speed (:mod:`renew.vary.departures`) is no bound on fuel.
     """
-    _check_exponent(task.vessel)
+    _check_exponent(request.vessel)
     plans: list[Plan | PlanningError] = []
     for departure in departures:
         try:
-            plans.append(plan_with_speeds(task, departure))
+            plans.append(plan_with_speeds(request, departure))
         except PlanningError as error:
             plans.append(error)
         if progress is not None:
@@ -205,11 +381,12 @@ def _cheaper(one: TradeOff | None, other: TradeOff | None) -> TradeOff | None:
     return TradeOff(arrivals, np.min(fuels, axis=0))
 
 
-# Largest number of rounds that improve path and speeds of a class, and the share of fuel that a
-# round must save if another is to follow.
-_MAX_ROUNDS, _WORTH_IT = 3, 3e-4
+# Largest number of rounds that improve path and speeds of a class.
+_IMPROVING_ROUNDS = 3
+# Share of fuel that such a round must save if another is to follow.
+_WORTH_IT = 3e-4
 # Number of rounds of growing padding for the hours of passage, and for turns at the chosen speeds.
-_GROWTH_ROUNDS = 8
+_CLOCK_GROWTH_ROUNDS = 8
 # Largest duration of another class, in durations of the fastest class: the speed of the search
 # lets such a class arrive before the current's data end.
 _LONGER = 1.25
@@ -239,7 +416,7 @@ class ClockSearch(PriceSearch):
     def settled(self, found: ClassPath) -> ClassPath:
         """Return a class's path after improving course and speeds as long as that saves fuel."""
         best = self._improved(found)
-        for _ in range(_MAX_ROUNDS - 1):
+        for _ in range(_IMPROVING_ROUNDS - 1):
             if not chosen_fuel(best) < (1 - _WORTH_IT) * chosen_fuel(found):
                 break
             found = best
@@ -270,7 +447,9 @@ class ClockSearch(PriceSearch):
             return self._on_schedule(self.in_time(self._replanned(found, corridor)))
 
         turns = "hard-over turns at the speeds and hours of passage"
-        return grown_until_clear(self._on_schedule(found), short, again, _GROWTH_ROUNDS, turns)
+        return grown_until_clear(
+            self._on_schedule(found), short, again, _CLOCK_GROWTH_ROUNDS, turns
+        )
 
     def _replanned(self, found: ClassPath, corridor: Corridor) -> ClassPath:
         """Return a path near another one, in a corridor that may have more padding."""

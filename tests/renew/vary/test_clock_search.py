@@ -12,8 +12,8 @@ from shapely import box
 import renew
 from renew._types import FloatArray
 from renew.inputs.current import as_field
-from renew.planner import speeds
-from renew.planner.price_search import PriceSearch
+from renew.vary import speeds
+from renew.vary.speeds import PriceSearch
 from tests.moving_waters import MovingScene, moving_scene
 from tests.speed_clock_oracle import CostModel, improved, least_fuel_in_table
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene

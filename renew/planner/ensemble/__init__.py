@@ -1,1 +1,0 @@
-"""Which class is best in an ensemble of currents, how sure that is, and a lower bound."""

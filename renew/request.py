@@ -1,0 +1,205 @@
+"""What is asked of a plan: where, with which vessel, in which current, when, and how."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from renew._types import FloatArray
+from renew.errors import ParameterError, check_kind, is_finite, is_number, shown
+from renew.inputs.chart import Chart
+from renew.inputs.current import CurrentField, CurrentLike, as_field
+from renew.inputs.openings import Opening, ShutArea, TidalDepth, with_always_shut
+from renew.inputs.options import (
+    PlanOptions,
+    ViaPoints,
+    as_point,
+    as_via,
+    check_objects,
+    is_one_of,
+    is_row,
+)
+from renew.inputs.vessel import MAX_SPEED, Vessel
+from renew.voyage.voyage import NO_CHOICE, SpeedChoice, Voyage, Waters
+
+Place: TypeAlias = FloatArray | tuple[float, float]
+"""A point (2,), m."""
+Speeds: TypeAlias = tuple[float, float]
+"""Lowest and highest speed through water, m/s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What is asked of a plan, checked.
+
+    Attributes
+    ----------
+    chart : without the water of areas that are always shut.
+    stops : (n, 2) m, start, via points and goal.
+    areas : those that are shut for some hours, among them those of the `depth`.
+    departure : start of the voyage (s), on the clock of the current.
+    arrive_by : latest allowed arrival (s), on the same clock.
+    speed : lowest and highest speed (m/s), if the vessel chooses speeds.
+    members : if the current is the mean of an ensemble, the fields in which turns are to be clear.
+    like : a request in the same water and current; what its planners know is shared.
+    planners : what plans the classes; see :func:`renew.planner.plan.planner_of`.
+    """
+
+    chart: Chart
+    current: CurrentField
+    vessel: Vessel
+    stops: FloatArray
+    options: PlanOptions = field(default_factory=PlanOptions)
+    areas: tuple[Opening, ...] = ()
+    depth: TidalDepth | None = None
+    departure: float = 0.0
+    arrive_by: float | None = None
+    speed: Speeds | None = None
+    members: tuple[CurrentField, ...] = ()
+    like: "Request | None" = None
+    planners: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        chart: Chart,
+        current: CurrentLike,
+        vessel: Vessel,
+        ends: tuple[Place, Place],
+        *,
+        options: PlanOptions | None = None,
+        changes: Mapping[str, Any] | None = None,
+        departure: float = 0.0,
+        arrive_by: float | None = None,
+        via: ViaPoints = (),
+        avoid: Sequence[ShutArea] = (),
+        depth: TidalDepth | None = None,
+        speed: Speeds | None = None,
+        more_faults: Sequence[str] = (),
+    ) -> "Request":
+        """Return the request for a plan from the first of two `ends` to the other.
+
+        The other arguments are those of :func:`renew.plan`; `changes` are its options by name.
+        Raises ParameterError for options, times, speeds and via points out of range: it names all
+        faults at once, and `more_faults` that the caller found.
+        """
+        check_objects(chart, vessel, avoid, depth)
+        given = options_by_name(options, changes or {})
+        points = as_via(via)
+        faults = list[str]()
+        try:
+            options = PlanOptions(**given)
+        except ParameterError as error:
+            faults.append(str(error))
+        faults += _time_faults(departure, arrive_by)
+        faults += _method_faults(given["method"], {"arrive_by": arrive_by, "speed": speed})
+        faults += [*_speed_faults(speed), *more_faults]
+        if len(points):
+            faults += _via_faults(given["method"], given["order"])
+        if faults or options is None:
+            raise ParameterError("; ".join(faults))
+        never_open, tidal_areas = (depth.never_open, depth.tidal_areas) if depth else ((), ())
+        return cls(
+            with_always_shut(chart, [*avoid, *never_open]),
+            as_field(current),
+            vessel,
+            np.vstack([as_point("start", ends[0]), points, as_point("goal", ends[1])]),
+            options,
+            (*(area for area in avoid if not area.is_always_shut), *tidal_areas),
+            depth,
+            departure,
+            arrive_by,
+            speed,
+        )
+
+    @cached_property
+    def waters(self) -> Waters:
+        """The chart and the current, with what all voyages there share."""
+        if self.like:
+            return self.like.waters
+        members = tuple(Waters(self.chart, member) for member in self.members)
+        return Waters(self.chart, self.current, members)
+
+    @property
+    def deadline(self) -> float:
+        """Latest arrival (s) with a choice of speeds, at most the end of the current's data."""
+        last = self.current.span[1]
+        return float(last if self.arrive_by is None else min(self.arrive_by, last))
+
+    def voyage(self, waters: Waters, vessel: Vessel) -> Voyage:
+        """Return the voyage in some waters, with a vessel whose speed is the highest to choose."""
+        choice = NO_CHOICE
+        if self.speed is not None:
+            choice = SpeedChoice(float(self.speed[0]), deadline=self.deadline)
+        return Voyage(
+            waters,
+            vessel,
+            self.stops[0],
+            self.stops[-1],
+            self.options.drift,
+            float(self.departure),
+            float(self.options.lateness),
+            float(self.options.min_lateness),
+            self.stops[1:-1],
+            choice=choice,
+        )
+
+
+def options_by_name(options: PlanOptions | None, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all options by name, with the changes; TypeError if a change names no option."""
+    options = PlanOptions() if options is None else options
+    check_kind("options", options, PlanOptions)
+    given = vars(options)
+    unknown = ", ".join(map(repr, changes.keys() - given.keys()))
+    if unknown:
+        raise TypeError(f"a plan has no option {unknown}; it has {', '.join(given)}")
+    return {**given, **changes}
+
+
+def _time_faults(departure: object, arrive_by: object) -> list[str]:
+    """Faults of the times (s) of a plan."""
+    if not is_finite(departure):
+        return [f"departure = {shown(departure)} s must be finite"]
+    if arrive_by is not None and not (is_finite(arrive_by) and arrive_by > departure):
+        return [
+            f"arrive_by = {shown(arrive_by)} s must be finite and after departure = {departure!r} s"
+        ]
+    return []
+
+
+def _method_faults(method: object, needing: Mapping[str, object]) -> list[str]:
+    """Faults of a method with which some of the arguments that are given can't be planned."""
+    return [
+        f"{name} needs method = 'optimal', not 'sampled'"
+        for name, value in needing.items()
+        if value is not None and is_one_of(method, ("sampled",))
+    ]
+
+
+def _via_faults(method: object, order: object) -> list[str]:
+    """Faults of a method, and of an order of classes, with via points."""
+    return [
+        f"via points need {name} = {needed!r}, not {shown(value)}"
+        for name, value, needed in (("method", method, "optimal"), ("order", order, "fuel"))
+        if not is_one_of(value, (needed,))
+    ]
+
+
+def _speed_faults(speed: object) -> list[str]:
+    """Faults of the speeds (m/s) from which a vessel may choose."""
+    if speed is None:
+        return []
+    if not is_row(speed) or len(speed) != len(("least", "most")):
+        return [f"speed = {shown(speed)} must be two speeds (m/s), the lowest and the highest"]
+    faults = [
+        f"speed.{name} = {shown(value)} m/s must be a number above 0 and at most {MAX_SPEED:g}"
+        for name, value in zip(("least", "most"), speed, strict=True)
+        if not (is_number(value) and 0 < value <= MAX_SPEED)
+    ]
+    if not faults and speed[0] > speed[1]:
+        faults.append(
+            f"speed.least = {speed[0]!r} m/s is above speed.most = {speed[1]!r} m/s; exchange them"
+        )
+    return faults
