@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,7 +31,10 @@ def test_each_figure_is_read_from_a_route(kind: str) -> None:
 
 
 def test_only_optional_columns_are_left_out_and_only_where_all_rows_are_empty() -> None:
-    rows = [{"way": "", "least_water_m": "", "land_lon": None}, {"way": "", "least_water_m": 0.0}]
+    rows: list[dict[str, Any]] = [
+        {"way": "", "least_water_m": "", "land_lon": None},
+        {"way": "", "least_water_m": 0.0},
+    ]
     assert used(["way", "land_lon", "least_water_m"], rows) == ["way", "least_water_m"]
 
 
