@@ -21,8 +21,10 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-# Number of days listed by default, and largest number.
-_DAYS, _MOST_DAYS = 7, 3660
+# Number of days listed by default.
+_DAYS = 7
+# Largest number of days: ten years are a long list.
+_MOST_DAYS = 3660
 
 
 def _stations(incomplete: str) -> list[str]:
