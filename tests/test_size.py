@@ -35,10 +35,10 @@ ROOMS = {
     "renew/inputs": (2_267, 26),
     "renew/kernels": (1_788, 14),
     "renew/paths": (1_795, 11),
-    "renew/planner": (2_255, 13),
+    "renew/planner": (2_244, 12),
     "renew/steering": (888, 1),
     "renew/turns": (1_566, 12),
-    "renew/underway": (2_057, 15),
+    "renew/underway": (2_055, 14),
     "renew/vary": (1_750, 9),
     "renew/voyage": (745, 5),
 }
