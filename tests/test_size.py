@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_473, 29),
     "pipeline": (1_108, 12),
-    "pipeline/cli": (2_627, 9),
+    "pipeline/cli": (2_609, 9),
     "pipeline/findings": (3_379, 20),
     "pipeline/formats": (8_431, 29),
     "pipeline/geo": (818, 5),
@@ -42,7 +42,7 @@ ROOMS = {
     "renew/vary": (1_750, 9),
     "renew/voyage": (745, 5),
 }
-MOST_FILES = 257
+MOST_FILES = 256
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
 WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (71, 879)}
 
