@@ -23,7 +23,7 @@ ROOMS = {
     "pipeline/geo": (818, 5),
     "pipeline/machine": (1_641, 12),
     "pipeline/model": (1_407, 36),
-    "pipeline/nightly": (4_048, 38),
+    "pipeline/nightly": (4_044, 37),
     "pipeline/scenario": (2_506, 37),
     "pipeline/serve": (1_706, 14),
     "pipeline/sources": (8_444, 47),
