@@ -27,20 +27,13 @@ _DAYS = 7
 _MOST_DAYS = 3660
 
 
-def _stations(incomplete: str) -> list[str]:
-    """Complete the name of a station in a shell."""
-    from pipeline.scenario import catalogue
-
-    return [name for name in catalogue.stations() if name.startswith(incomplete)]
-
-
 @app.command(cls=Command)
 def show(
     station: Annotated[
         str,
         typer.Argument(
             help="A station of the catalogue (boston) or the path of a station's file.",
-            autocompletion=_stations,
+            autocompletion=options.known_names("stations"),
         ),
     ],
     *,

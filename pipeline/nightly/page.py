@@ -22,32 +22,28 @@ _MAX_ROWS = 200
 _MAX_LINES = 40
 
 
-@dataclass(frozen=True)
-class Line:
-    """A route on a map: its SVG path, its case and outcome, and whether it is yesterday's."""
-
-    path: str
-    case: str
-    outcome: str
-    is_earlier: bool = False
-
-
 @dataclass
 class ChartMap:
-    """A map of one chart with its routes, and the counts and currents of its cases."""
+    """A map of one chart, and the counts and currents of its cases.
+
+    Each of the `lines` is a route: its SVG path, its case and outcome, and whether it is
+    yesterday's.
+    """
 
     title: str
     width: float
     height: float
     land: str
-    lines: list[Line] = field(default_factory=list)
+    lines: list[Row] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
     currents: dict[str, None] = field(default_factory=dict)
 
     @property
-    def drawn(self) -> list[Line]:
+    def drawn(self) -> list[Row]:
         """The lines in the order of drawing; cases to look at are drawn last, on top."""
-        return sorted(self.lines, key=lambda line: (OUTCOMES.index(line.outcome), line.is_earlier))
+        return sorted(
+            self.lines, key=lambda line: (OUTCOMES.index(line["outcome"]), line["is_earlier"])
+        )
 
 
 def page_text(
@@ -152,10 +148,10 @@ def _add_lines(
     chart_map: ChartMap, row: Row, chart: NightChart, earlier: EarlierRoute | None
 ) -> None:
     """Add a case's best route and, if given, yesterday's."""
+    paths = [] if earlier is None else [(earlier.path, True)]
     if row["geometry"] is not None:
-        lonlat = shapely.get_coordinates(shapely.from_wkb(row["geometry"]))
+        paths.insert(0, (shapely.get_coordinates(shapely.from_wkb(row["geometry"])), False))
+    for lonlat, is_earlier in paths:
+        line = {"case": row["case"], "outcome": row["outcome"], "is_earlier": is_earlier}
         path = chart.small_map.path(chart.water.projection.to_plane(lonlat))
-        chart_map.lines.append(Line(path, row["case"], row["outcome"]))
-    if earlier is not None:
-        path = chart.small_map.path(chart.water.projection.to_plane(earlier.path))
-        chart_map.lines.append(Line(path, row["case"], row["outcome"], is_earlier=True))
+        chart_map.lines.append(line | {"path": path})
