@@ -95,7 +95,15 @@ from renew._compiled import kernel, reading_kernel
 from renew._types import BoolArray, FloatArray
 from renew.bounds.grids import ROUNDING, halved, in_hours, turned_round, whole_grid
 from renew.bounds.march import LEVELS, march, set_bends
-from renew.bounds.travel_time import BEYOND, Place, TravelGrid, locate, mean_times, solve, source
+from renew.bounds.travel_time import (
+    BEYOND,
+    PointInCell,
+    TravelGrid,
+    locate,
+    mean_times,
+    solve,
+    source,
+)
 from renew.inputs.current import UniformCurrent
 from renew.voyage.voyage import Voyage
 
@@ -105,10 +113,14 @@ _COARSE = 2_000
 _MAX_NODES = 6_000_000
 # Share of these nodes for which a grid is planned.
 _SPARE = 0.9
-# U, as a multiple of the time in the mean current, on the first grid and on finer ones.
-_SLACK, _CLOSE = 1.02, 1.001
-# Number of rounds on the finest grid, and on coarser grids, which only tell which cells count.
-_ROUNDS, _ROUNDS_BEFORE = 3, 2
+# U on the first grid, as a multiple of the time in the mean current.
+_SLACK = 1.02
+# The same on finer grids.
+_CLOSE = 1.001
+# Number of rounds on the finest grid.
+_ROUNDS = 3
+# Number of rounds on coarser grids, which only tell which cells count.
+_ROUNDS_BEFORE = 2
 # A bound above this share of U counts as limited by U.
 _ALL = 1 - 1e-9
 
@@ -203,15 +215,20 @@ def _on_grid(
             if proven > wanted:
                 return proven
         if back:
-            drop(counts, there, back, most)
+            # Cells through which no route quicker than `most` leads don't count from now on: (2).
+            drop_cells(counts, grid.wet, there.rise, back.rise, most)
         if not counts.any():
             return most
     return proven
 
 
 class Rise(NamedTuple):
-    """φ (s) by u: `reached` at even levels of u from `low` to `top`, and constant beyond."""
+    """φ (s) by u: `reached` at even levels of u from `low` to `top`, and constant beyond.
 
+    `time` (ny, nx), s, is u at the nodes of a grid.
+    """
+
+    time: FloatArray
     low: float
     top: float
     reached: FloatArray
@@ -227,7 +244,6 @@ class Front:
     time: FloatArray = field(init=False)
     dirty: BoolArray = field(init=False)
     stretch: FloatArray = field(init=False)
-    known: FloatArray = field(init=False)
     rates: FloatArray = field(init=False)
     rise: Rise = field(init=False)
 
@@ -243,14 +259,14 @@ class Front:
         # Nodes far beyond the goal need no exact time: any φ will do that obeys (1).
         corners = at_goal.corners(self.time)
         top = BEYOND * float(corners[np.isfinite(corners)].max(initial=0.0))
-        self.known = np.minimum(self.time, top)
-        _, low = u_range(self.known, self.grid.wet, at_start)
-        self.rates, reached = march(self.known, self.grid, counts, low, top)
-        self.rise = Rise(low, top, reached)
+        known = np.minimum(self.time, top)
+        _, low = u_range(known, self.grid.wet, at_start)
+        self.rates, reached = march(known, self.grid, counts, low, top)
+        self.rise = Rise(known, low, top, reached)
         # No wet cells lead to the goal.
         if np.isinf(at_goal.values(self.time)).all():
             return math.inf
-        high, _ = u_range(self.known, self.grid.wet, at_goal)
+        high, _ = u_range(known, self.grid.wet, at_goal)
         levels = np.linspace(low, top, LEVELS + 1)
         return float(np.interp(high, levels, reached)) * (1 - ROUNDING)
 
@@ -260,7 +276,7 @@ class Front:
         self.time, self.dirty = source(self.grid, self.start)
 
 
-def u_range(known: FloatArray, wet: BoolArray, place: Place) -> tuple[float, float]:
+def u_range(known: FloatArray, wet: BoolArray, place: PointInCell) -> tuple[float, float]:
     """Bounds of u (ny, nx) at a place."""
     bends = np.empty(6)
     set_bends(bends, known, wet, place.row, place.column)
@@ -274,21 +290,8 @@ def _mean_time(grid: TravelGrid, start: FloatArray, goal: FloatArray) -> float:
     return float(locate(grid, goal).values(mean_times(grid, start, goal)).max())
 
 
-def drop(counts: BoolArray, there: Front, back: Front, most: float) -> None:
-    """Cells through which no route quicker than `most` (s) leads don't count from now on: (2)."""
-    drop_cells(counts, there.grid.wet, there.known, there.rise, back.known, back.rise, most)
-
-
 @kernel
-def drop_cells(
-    counts: BoolArray,
-    wet: BoolArray,
-    there: FloatArray,
-    rise: Rise,
-    back: FloatArray,
-    rise_back: Rise,
-    most: float,
-) -> None:
+def drop_cells(counts: BoolArray, wet: BoolArray, there: Rise, back: Rise, most: float) -> None:
     """Drop the cells in which linear functions that are nowhere above φₐ + φᵦ reach `most`."""
     rows, columns = counts.shape
     corners, bends = np.empty(5), np.empty(6)
@@ -297,28 +300,26 @@ def drop_cells(
             if not counts[r, c]:
                 continue
             corners[:] = 0.0
-            set_bends(bends, there, wet, r, c)
-            _add_least(corners, there, bends, r, c, rise)
-            set_bends(bends, back, wet, r, c)
-            _add_least(corners, back, bends, r, c, rise_back)
+            set_bends(bends, there.time, wet, r, c)
+            _add_least(corners, there, bends, r, c)
+            set_bends(bends, back.time, wet, r, c)
+            _add_least(corners, back, bends, r, c)
             counts[r, c] = corners.min() < most
 
 
 @reading_kernel
-def _add_least(
-    corners: FloatArray, time: FloatArray, bends: FloatArray, r: int, c: int, rise: Rise
-) -> None:
+def _add_least(corners: FloatArray, rise: Rise, bends: FloatArray, r: int, c: int) -> None:
     """Add a function that is nowhere above φ, at a cell's corners and its middle (5,).
 
     It is linear on the four triangles around the middle, along whichever diagonal u is cut. Between
     the levels of u that the cell spans, φ rises no more slowly than at its least slope there.
     """
+    time, low, top, reached = rise
     sw, se, nw, ne = time[r, c], time[r, c + 1], time[r + 1, c], time[r + 1, c + 1]
     lowest, largest = min(sw, se, nw, ne), max(sw, se, nw, ne)
     # u is off the linear function of its corners by two thirds of its bends at the most.
     least = lowest + 2 / 3 * min(bends.min(), 0.0)
     largest += 2 / 3 * max(bends.max(), 0.0)
-    low, top, reached = rise
     levels = len(reached) - 1
     step = (top - low) / levels
     if not step > 0.0 or not largest < np.inf:

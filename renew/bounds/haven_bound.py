@@ -22,11 +22,17 @@ from renew.bounds.travel_time import BEYOND, TravelGrid, locate, solve, source
 from renew.kernels.current_table import table_of
 from renew.voyage.voyage import Voyage
 
-# Number of cells of the first grid, and of those that count on the finest; rounds on each grid.
-_FIRST, _MOST_CELLS, _ROUNDS = 8_000, 40_000, 5
-# Multiple of `most` up to which φ is solved for: on the first grid, where it orders havens that are
-# farther, and on finer ones.
-_FARTHER, _BEYOND = 4.0, 1.25
+# Number of cells of the first grid.
+_FIRST = 8_000
+# Largest number of cells that count on the finest grid.
+_MOST_CELLS = 40_000
+# Number of rounds on each grid.
+_ROUNDS = 5
+# Multiple of `most` up to which φ is solved for on the first grid, where it orders havens that are
+# farther.
+_FARTHER = 4.0
+# The same on finer grids.
+_BEYOND = 1.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +40,6 @@ class _Known:
     """φ on one grid, proven up to `most` (s)."""
 
     grid: TravelGrid
-    time: FloatArray
     rise: Rise
     most: float
 
@@ -43,7 +48,7 @@ class _Known:
         grid = self.grid
         if not (grid.x[0] <= point[0] <= grid.x[-1] and grid.y[0] <= point[1] <= grid.y[-1]):
             return self.most
-        least, _ = u_range(self.time, grid.wet, locate(grid, point))
+        least, _ = u_range(self.rise.time, grid.wet, locate(grid, point))
         levels = np.linspace(self.rise.low, self.rise.top, LEVELS + 1)
         return min(float(np.interp(least, levels, self.rise.reached)) * (1 - ROUNDING), self.most)
 
@@ -117,7 +122,7 @@ def _solved(
         time = np.minimum(time, top)
         _, low = u_range(time, grid.wet, place)
         rates, reached = march(time, grid, counts, low, top)
-        found.append(_Known(grid, time, Rise(low, top, reached), most))
+        found.append(_Known(grid, Rise(time, low, top, reached), most))
         stretch = stretch / np.maximum(rates, 1.0)
     return max(found, key=lambda one: float(one.rise.reached[-1]))
 
@@ -125,6 +130,6 @@ def _solved(
 def _below(known: _Known, most: float) -> BoolArray:
     """Return the wet cells (ny - 1, nx - 1) that may hold a place with φ below `most` (s)."""
     cells, wet = known.grid.wet.copy(), known.grid.wet
-    nothing = Rise(0.0, 0.0, np.zeros(LEVELS + 1))
-    drop_cells(cells, wet, known.time, known.rise, np.zeros(known.time.shape), nothing, most)
+    nothing = Rise(np.zeros(known.rise.time.shape), 0.0, 0.0, np.zeros(LEVELS + 1))
+    drop_cells(cells, wet, known.rise, nothing, most)
     return cells

@@ -41,17 +41,23 @@ from renew.kernels.viterbi import Stream
 _BEATEN = -2
 # Number of labels that there is room for at first.
 _CAPACITY = 1024
-# Number of buckets by which labels are ordered, and the ratio of the times of successive buckets,
-# less 1. Buckets take a tenth of the time of a heap. The last bucket holds all labels whose time is
-# more than about a hundred times the best.
-_BUCKETS, _BUCKET_SIZE = 1 << 18, 2e-5
-# Largest time of the paths that are looked for, as a multiple of the best path's time: in a mesh of
-# many triangles, and in any other mesh. Among many triangles most of the slower paths wind about
-# islands that no better path has to pass.
-_DEAREST, _ANY = 1.6, 1e300
-# Columns of labels, (l, 6) whole numbers: the node, the row, its word, the label before, the label
-# that the node had before, and whether it is settled. A node has one label for each word.
-_NODE, _ROW, _WORD, _PARENT, _OLDER, _SETTLED = range(6)
+# Number of buckets by which labels are ordered: they take a tenth of the time of a heap. The last
+# bucket holds all labels whose time is more than about a hundred times the best.
+_BUCKETS = 1 << 18
+# Ratio of the times of successive buckets, less 1.
+_BUCKET_SIZE = 2e-5
+# Largest time of the paths that are looked for, as a multiple of the best path's time, in a mesh of
+# many triangles: most of the slower paths there wind about islands that no better path has to pass.
+_DEAREST = 1.6
+# The same in any other mesh: no limit, but finite, so that 0 times it is 0.
+_ANY = 1e300
+# Columns of labels, (l, 6) whole numbers. A node has one label for each word.
+_NODE = 0
+_ROW = 1
+_WORD = 2  # the word of the row
+_PARENT = 3  # the label before, on the path
+_OLDER = 4  # the label that the node had before
+_SETTLED = 5  # 1 once the label is settled
 
 
 @kernel
@@ -148,7 +154,9 @@ def k_best_paths(
             if noted == UNKNOWN:
                 noted, used = used, used + 1
                 labels[noted, _OLDER], newest[other] = newest[other], noted
-            _note(labels, noted, other, onwards, word, label, labels[noted, _OLDER])
+            labels[noted, _NODE], labels[noted, _ROW] = other, onwards
+            labels[noted, _WORD], labels[noted, _PARENT] = word, label
+            labels[noted, _SETTLED] = 0
             times[noted] = time
             place = max(_bucket_of((time + to_go[other]) / to_go[START]), at)
             bucket[place] = _queued(entries, noted, bucket[place])
@@ -187,15 +195,6 @@ def _queued(entries: list[tuple[int, int]], label: int, older: int) -> int:
 def _bucket_of(ratio: float) -> int:
     """Return the bucket of labels whose whole time is some multiple of the least."""
     return min(max(int(math.log(ratio) / _BUCKET_SIZE), 0), _BUCKETS - 1)
-
-
-@reading_kernel
-def _note(
-    labels: IntArray, new: int, node: int, row: int, word: int, parent: int, older: int
-) -> None:
-    """Fill in the columns of a label that is not settled."""
-    labels[new, _NODE], labels[new, _ROW], labels[new, _WORD] = node, row, word
-    labels[new, _PARENT], labels[new, _OLDER], labels[new, _SETTLED] = parent, older, 0
 
 
 @reading_kernel

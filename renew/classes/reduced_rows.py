@@ -17,8 +17,11 @@ from renew.classes.legs import Mesh
 from renew.classes.roadmap import GOAL, START, Roadmap
 from renew.kernels.capsules import Segment
 
-# A row of triangles that is not allowed: it enters a triangle twice, or makes a blocked transition.
-_IMPOSSIBLE, UNKNOWN = -2, -1
+# Stands for a row of triangles that is not allowed: it enters a triangle twice, or makes a blocked
+# transition.
+_IMPOSSIBLE = -2
+# Stands for a row that nobody has asked for yet.
+UNKNOWN = -1
 # Numbers from here downwards stand for rows that must still be made; see `followed`.
 TO_BE_MADE = -3
 # Largest number of triangles at the end of a row from which a path has to turn back to reach the
@@ -34,10 +37,13 @@ _Number = TypeVar("_Number", np.int64, np.float64)
 
 # Columns of rows of triangles, (r, 8): they are a tree, each is one triangle longer than its stem.
 # A row is reduced: a path that turns back through the edge by which it entered a triangle shortens
-# it. _ENTRY is the corner opposite to that edge, 3 at the start; _ASTRAY is how many triangles a
-# path has to turn back from, at the row's end, to reach the goal; the last three columns give the
-# next row, across each edge of the last triangle.
-_STEM, _TRIANGLE, _ENTRY, WORD, _ASTRAY, _LONGER = range(6)
+# it.
+_STEM = 0
+_TRIANGLE = 1  # the last triangle
+_ENTRY = 2  # the corner opposite to the edge by which that was entered; 3 at the start
+WORD = 3
+_ASTRAY = 4  # from how many triangles, at its end, a path has to turn back to reach the goal
+_LONGER = 5  # this and the next two: the next row, across each edge of the last triangle
 
 
 class RayColumns(NamedTuple):
@@ -80,15 +86,6 @@ def first_row(task: SearchTask) -> IntArray:
     rows[0, _TRIANGLE], rows[0, _ENTRY] = task.graph.triangle[START], 3
     rows[0, WORD], rows[0, _ASTRAY] = 0, 0
     return rows
-
-
-@kernel
-def _note(
-    rows: IntArray, new: int, stem: int, triangle: int, entry: int, word: int, astray: int
-) -> None:
-    """Fill in the columns of a row; the rows that follow it are not known yet."""
-    rows[new, _STEM], rows[new, _TRIANGLE], rows[new, _ENTRY] = stem, triangle, entry
-    rows[new, WORD], rows[new, _ASTRAY] = word, astray
 
 
 @kernel
@@ -158,8 +155,11 @@ def _lengthened(task: SearchTask, words: Words, rows: IntArray, place: int, new:
     word = rows[row, WORD]
     for leg in _across(mesh, triangle, out):
         word = appended(rays, words, word, leg)
+    # The rows that follow the new one are not known yet.
     rows[row, _LONGER + out] = new
-    _note(rows, new, row, after, mesh.back[triangle, out], word, astray)
+    rows[new, _STEM], rows[new, _TRIANGLE] = row, after
+    rows[new, _ENTRY] = mesh.back[triangle, out]
+    rows[new, WORD], rows[new, _ASTRAY] = word, astray
     return 1
 
 

@@ -19,22 +19,27 @@ import numpy as np
 from renew._compiled import kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
-from renew.kernels.current_table import CurrentTable, Site, site_of, velocity, velocity_there
+from renew.kernels.current_table import CurrentTable, site_of, velocity, velocity_there
 from renew.kernels.ground_speed import sailing_at
-from renew.kernels.viterbi import TOO_STRONG, leg_time_from
+from renew.kernels.viterbi import TOO_STRONG, Clock, Stream, leg_time_from
 
-# Number of times that the steps between tried speeds are halved around the best speed: while V is
-# computed, and on the chosen chain.
-_HALVINGS, _FINAL_HALVINGS = 1, 12
+# Number of speeds of each leg that are tried at first.
+_TRIES = 6
+# Number of times that the steps between tried speeds are halved around the best speed while V is
+# computed.
+_HALVINGS = 1
+# The same on the chosen chain.
+_FINAL_HALVINGS = 12
 
 
 class CostModel(NamedTuple):
-    """What a voyage costs, and the limits of its speed and time.
+    """What a voyage costs in a current, and the limits of its speed and time.
 
     The highest speed is `most` (m/s). The vessel burns vᵏ a second, where k is the `exponent`, and
     updates the time after each `step` (m). Each second after the `deadline` (s) costs `late_price`.
     """
 
+    table: CurrentTable
     most: float
     crab: bool
     exponent: float
@@ -55,12 +60,34 @@ class Chain(NamedTuple):
     speeds: FloatArray
 
 
+class Rows(NamedTuple):
+    """Rows of points through which a chain leads, and when and how fast it may be sailed.
+
+    `points` (r, m, 2), m: the first and the last row are one point each, at index 0.
+    `clear` (r - 1, m, m): whether a leg from one row to the next may be sailed.
+    `times` (r, q), s: ascending and even, at which V is known; the first is that of departure.
+    `speeds` (r - 1, 2), m/s: lowest and highest speed of the legs from each row.
+    """
+
+    points: FloatArray
+    clear: BoolArray
+    times: FloatArray
+    speeds: FloatArray
+
+
 class _CostToGo(NamedTuple):
     """The least cost to go (q,) from a point, at some times (q,), s."""
 
     times: FloatArray
     cost: FloatArray
     is_goal: bool
+
+
+@small_kernel
+def stream_at(speed: float, begin: float, costs: CostModel) -> Stream:
+    """Return the current as it is sailed at a speed (m/s) from some time (s) on."""
+    polar = sailing_at(speed, costs.crab, costs.most)
+    return Stream(costs.table, polar, Clock(begin, costs.step))
 
 
 @kernel
@@ -93,37 +120,20 @@ def legs_between(points: FloatArray, capsules: Capsules, exempt: BoolArray) -> B
 
 
 @kernel
-def cheapest_chain(
-    points: FloatArray,
-    clear: BoolArray,
-    times: FloatArray,
-    speeds: FloatArray,
-    tries: int,
-    table: CurrentTable,
-    costs: CostModel,
-) -> Chain:
-    """Return the chain of least cost.
-
-    Parameters
-    ----------
-    points : (r, m, 2) metres; the first and the last row are one point each, at index 0.
-    clear : (r - 1, m, m) whether a leg may be sailed.
-    times : (r, q) s, ascending and even, at which V is known; the first is that of departure.
-    speeds : (r - 1, 2) m/s, lowest and highest speed for the legs from each row.
-    tries : number of speeds of each leg that are tried at first.
-    """
-    rows, count = points.shape[:2]
-    cost = np.full((rows, count, times.shape[1]), np.inf)
+def cheapest_chain(rows: Rows, costs: CostModel) -> Chain:
+    """Return the chain of least cost."""
+    points, clear, times, speeds = rows
+    last, count = len(points) - 1, points.shape[1]
+    cost = np.full((last + 1, count, times.shape[1]), np.inf)
     limit = TOO_STRONG * costs.most * costs.most
-    for row in range(rows - 2, 0, -1):
-        following = 1 if row == rows - 2 else count
-        low, high = speeds[row]
+    for row in range(last - 1, 0, -1):
+        following = 1 if row == last - 1 else count
         for i in range(count):
             ax, ay = points[row, i]
-            here = site_of(table, ax, ay)
+            here = site_of(costs.table, ax, ay)
             for k in range(times.shape[1]):
                 begin = times[row, k]
-                u, v = velocity_there(table, here, begin)
+                u, v = velocity_there(costs.table, here, begin)
                 if u * u + v * v >= limit:
                     continue
                 least = np.inf
@@ -131,51 +141,38 @@ def cheapest_chain(
                     if not clear[row, i, j]:
                         continue
                     bx, by = points[row + 1, j]
-                    leg, end = Segment(ax, ay, bx, by), site_of(table, bx, by)
-                    to_go = _CostToGo(times[row + 1], cost[row + 1, j], row == rows - 2)
-                    least = min(
-                        least,
-                        _best_speed(
-                            leg, u, v, end, begin, low, high, tries, _HALVINGS, to_go, table, costs
-                        )[0],
-                    )
+                    leg, departed = Segment(ax, ay, bx, by), (begin, u, v)
+                    to_go = _CostToGo(times[row + 1], cost[row + 1, j], row == last - 1)
+                    tried = _best_speed(leg, departed, speeds[row], _HALVINGS, to_go, costs)
+                    least = min(least, tried[0])
                 cost[row, i, k] = least
-    return _traced(points, clear, times, speeds, tries, cost, table, costs)
+    return _traced(rows, cost, costs)
 
 
 @kernel
-def _traced(
-    points: FloatArray,
-    clear: BoolArray,
-    times: FloatArray,
-    speeds: FloatArray,
-    tries: int,
-    cost: FloatArray,
-    table: CurrentTable,
-    costs: CostModel,
-) -> Chain:
-    """Return the chain that V (r, m, q) gives."""
-    rows, count = points.shape[:2]
-    chain = np.zeros(rows, dtype=np.int64)
-    when, sailed = np.full(rows, np.inf), np.full(rows - 1, costs.most)
+def _traced(rows: Rows, cost: FloatArray, costs: CostModel) -> Chain:
+    """Return the chain that V (r, m, q), `cost`, gives."""
+    points, clear, times, speeds = rows
+    last, count = len(points) - 1, points.shape[1]
+    chain = np.zeros(last + 1, dtype=np.int64)
+    when, sailed = np.full(last + 1, np.inf), np.full(last, costs.most)
     when[0] = times[0, 0]
     total = 0.0
-    for row in range(rows - 1):
-        low, high = speeds[row]
+    for row in range(last):
         ax, ay = points[row, chain[row]]
-        u, v = velocity(table, ax, ay, when[row])
+        u, v = velocity(costs.table, ax, ay, when[row])
         least, taken = np.inf, np.inf
-        for j in range(1 if row == rows - 2 else count):
+        for j in range(1 if row == last - 1 else count):
             if not clear[row, chain[row], j]:
                 continue
             bx, by = points[row + 1, j]
-            leg, end = Segment(ax, ay, bx, by), site_of(table, bx, by)
-            to_go = _CostToGo(times[row + 1], cost[row + 1, j], row == rows - 2)
-            found, speed, duration = _best_speed(
-                leg, u, v, end, when[row], low, high, tries, _FINAL_HALVINGS, to_go, table, costs
+            leg, departed = Segment(ax, ay, bx, by), (when[row], u, v)
+            to_go = _CostToGo(times[row + 1], cost[row + 1, j], row == last - 1)
+            onwards, speed, duration = _best_speed(
+                leg, departed, speeds[row], _FINAL_HALVINGS, to_go, costs
             )
-            if found < least:
-                least, sailed[row], taken, chain[row + 1] = found, speed, duration, j
+            if onwards < least:
+                least, sailed[row], taken, chain[row + 1] = onwards, speed, duration, j
         if least == np.inf:
             return Chain(np.inf, chain, when, sailed)
         total += sailed[row] ** costs.exponent * taken
@@ -187,29 +184,27 @@ def _traced(
 @kernel
 def _best_speed(
     leg: Segment,
-    u: float,
-    v: float,
-    end: Site,
-    begin: float,
-    low: float,
-    high: float,
-    tries: int,
+    departed: tuple[float, float, float],
+    limits: FloatArray,
     halvings: int,
     to_go: _CostToGo,
-    table: CurrentTable,
     costs: CostModel,
 ) -> tuple[float, float, float]:
     """Return the least cost of a leg and beyond, the leg's speed (m/s), and its duration (s).
 
-    Evenly spaced speeds are tried first, then speeds halfway to those beside the best, and so on.
+    `departed` is the time (s) at the leg's beginning, and the current u, v (m/s) there then;
+    `limits` are the lowest and the highest speed. Evenly spaced speeds are tried first, then speeds
+    halfway to those beside the best, and so on.
     """
+    (begin, u, v), (low, high) = departed, limits
+    end = site_of(costs.table, leg.bx, leg.by)
     least, best, taken = np.inf, low, np.inf
-    ratio = (high / low) ** (1.0 / (tries - 1))
+    ratio = (high / low) ** (1.0 / (_TRIES - 1))
     step, centre = math.sqrt(ratio), low
-    for at in range(tries + 2 * halvings):
-        if at < tries:
+    for at in range(_TRIES + 2 * halvings):
+        if at < _TRIES:
             speed = min(low * ratio**at, high)
-        elif (at - tries) % 2 == 0:
+        elif (at - _TRIES) % 2 == 0:
             centre = best
             speed = centre / step
         else:
@@ -217,8 +212,7 @@ def _best_speed(
             step = math.sqrt(step)
         if not low <= speed <= high:
             continue
-        polar = sailing_at(speed, costs.crab, costs.most)
-        time = leg_time_from(leg, u, v, end, begin, table, polar, costs.step)
+        time = leg_time_from(leg, u, v, end, begin, stream_at(speed, begin, costs))
         if time < np.inf:
             cost = speed**costs.exponent * time + _cost_from(begin + time, to_go, costs)
             if cost < least:

@@ -21,16 +21,17 @@ import numpy as np
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Segment
-from renew.kernels.cheapest_chain import CostModel
-from renew.kernels.current_table import CurrentTable, site_of, velocity_there
-from renew.kernels.ground_speed import sailing_at
+from renew.kernels.cheapest_chain import CostModel, stream_at
+from renew.kernels.current_table import site_of, velocity
 from renew.kernels.viterbi import leg_time_from
 
-# Steps of differences, as shares of the speed and of the time over a leg.
-_OF_SPEED, _OF_TIME = 1e-4, 1e-2
+# Change of a leg's speed for ∂d/∂v, as a share of the speed.
+_OF_SPEED = 1e-4
+# Change of a leg's beginning for ∂d/∂t, as a share of the time over the leg.
+_OF_TIME = 1e-2
 
 
-class Sailed(NamedTuple):
+class SailedLegs(NamedTuple):
     """Times (n,), s, at the points of a path, and derivatives of the time over each leg.
 
     `by_begin` (n - 1,), s/s, is ∂d/∂t and `by_speed` (n - 1,), s/(m/s), is ∂d/∂v. Times are
@@ -43,45 +44,40 @@ class Sailed(NamedTuple):
 
 
 @kernel
-def sailed(
-    path: FloatArray, speeds: FloatArray, departure: float, table: CurrentTable, costs: CostModel
-) -> Sailed:
+def sailed(path: FloatArray, speeds: FloatArray, departure: float, costs: CostModel) -> SailedLegs:
     """Sail a path (n, 2) at speeds (n - 1,) through water, m/s, from a departure (s) on."""
     legs = len(path) - 1
     times, by_begin, by_speed = np.full(legs + 1, np.inf), np.zeros(legs), np.zeros(legs)
     times[0] = departure
     for k in range(legs):
         now, speed = times[k], speeds[k]
-        time = _leg_time(path, k, now, speed, table, costs)
+        time = _leg_time(path, k, now, speed, costs)
         if time == np.inf:
             break
         times[k + 1] = now + time
         step = _OF_SPEED * speed
-        more = _leg_time(path, k, now, speed + step, table, costs)
-        less = _leg_time(path, k, now, speed - step, table, costs)
+        more = _leg_time(path, k, now, speed + step, costs)
+        less = _leg_time(path, k, now, speed - step, costs)
         by_speed[k] = (more - less) / (2 * step) if less < np.inf else (more - time) / step
         step = _OF_TIME * time
-        later = _leg_time(path, k, now + step, speed, table, costs)
-        sooner = _leg_time(path, k, now - step, speed, table, costs)
+        later = _leg_time(path, k, now + step, speed, costs)
+        sooner = _leg_time(path, k, now - step, speed, costs)
         if step > 0.0 and later < np.inf and sooner < np.inf:
             by_begin[k] = (later - sooner) / (2 * step)
-    return Sailed(times, by_begin, by_speed)
+    return SailedLegs(times, by_begin, by_speed)
 
 
 @kernel
-def _leg_time(
-    path: FloatArray, k: int, begin: float, speed: float, table: CurrentTable, costs: CostModel
-) -> float:
+def _leg_time(path: FloatArray, k: int, begin: float, speed: float, costs: CostModel) -> float:
     """Return the time (s) over the k-th leg, begun at a time and sailed at a speed (m/s)."""
     (ax, ay), (bx, by) = path[k], path[k + 1]
-    u, v = velocity_there(table, site_of(table, ax, ay), begin)
-    polar = sailing_at(speed, costs.crab, costs.most)
-    leg, end = Segment(ax, ay, bx, by), site_of(table, bx, by)
-    return leg_time_from(leg, u, v, end, begin, table, polar, costs.step)
+    u, v = velocity(costs.table, ax, ay, begin)
+    leg, end = Segment(ax, ay, bx, by), site_of(costs.table, bx, by)
+    return leg_time_from(leg, u, v, end, begin, stream_at(speed, begin, costs))
 
 
 @kernel
-def slopes(speeds: FloatArray, made: Sailed, price: float, exponent: float) -> FloatArray:
+def slopes(speeds: FloatArray, made: SailedLegs, price: float, exponent: float) -> FloatArray:
     """Return the slopes (n - 1,) of fuel + price × arrival, over α, by each leg's speed."""
     times, by_begin, by_speed = made
     found = np.empty(len(speeds))
@@ -93,13 +89,18 @@ def slopes(speeds: FloatArray, made: Sailed, price: float, exponent: float) -> F
     return found
 
 
-# Number of changes that are remembered, and largest number of costs that are asked for.
-_MEMORY, _MAX_COSTS = 12, 300
-# Share of the decrease along the slope that a step has to make, and least share of a step.
-_ENOUGH, _SHORTEST = 1e-4, 1e-8
-# The descent ends when this number of steps in a row (the second) each lower the cost by less than
-# this share (the first).
-_LITTLE, _LAST_ONES = 1e-9, 2
+# Number of steps, with their changes of the slopes, that are remembered.
+_MEMORY = 12
+# The descent ends once the cost has been computed this number of times.
+_MAX_COSTS = 300
+# A step is taken if it lowers the cost by this share of what the slope promises.
+_ENOUGH = 1e-4
+# A step is halved until it is this share of its first length.
+_SHORTEST = 1e-8
+# A step that lowers the cost by no more than this share lowers it too little.
+_LITTLE = 1e-9
+# The descent ends after this number of successive steps that lower the cost too little.
+_LAST_ONES = 2
 # Cost of speeds that make no way, as a multiple of a path's usual cost.
 _NO_WAY = 1e3
 
@@ -119,7 +120,6 @@ class SpeedProblem(NamedTuple):
     low: FloatArray
     high: FloatArray
     departure: float
-    table: CurrentTable
     costs: CostModel
     deadline: float
     price: float
@@ -197,7 +197,7 @@ def _cost(problem: SpeedProblem, scaled: FloatArray, slope: FloatArray) -> float
     speeds = np.empty(len(legs))
     for k in range(len(legs)):
         speeds[k] = scaled[legs[k]] / scale[legs[k]]
-    made = sailed(problem.path, speeds, problem.departure, problem.table, problem.costs)
+    made = sailed(problem.path, speeds, problem.departure, problem.costs)
     if not math.isfinite(made.times[-1]):
         return _NO_WAY
     late = made.times[-1] - problem.deadline

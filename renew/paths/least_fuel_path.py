@@ -23,7 +23,7 @@ from renew.kernels.viterbi import Stream, quickest_chain
 from renew.paths.corridor import SLACK, Corridor
 from renew.paths.newton import straightened
 from renew.paths.sections import (
-    Water,
+    WaterAround,
     points_beside,
     refined_on_transversals,
     with_transversals,
@@ -33,14 +33,21 @@ from renew.paths.speed_profile import SpeedProfile
 from renew.paths.speeds_by_clock import TimedPath
 from renew.voyage.voyage import shares
 
-# Sections of the first part: spacing as a share of the midline, angle in a fan (rad), and points on
-# each. With few sections of many points, legs can take almost any course.
-_COARSE_SPACING, _COARSE_ANGLE, _COARSE_POINTS = 1 / 14, math.radians(30), 41
-# Spacing and angle if legs that long can't round a corner of V, or cross overpowered water.
-_SHORT_SPACING, _SHORT_ANGLE = 1 / 64, math.radians(9)
-# A turn from this angle (rad) on is a bend: each pass halves the legs beside it, until their
-# transversals are closer than this share of v/ω.
-BEND, MIN_SPACING = math.radians(5), 0.25
+# Spacing of the first part's sections, as a share of the midline. With few sections of many points,
+# legs can take almost any course.
+_COARSE_SPACING = 1 / 14
+# Angle between these sections in a fan, rad.
+_COARSE_ANGLE = math.radians(30)
+# Number of points on each of these sections.
+_COARSE_POINTS = 41
+# Spacing if legs that long can't round a corner of V, or cross overpowered water.
+_SHORT_SPACING = 1 / 64
+# Angle in that case, rad.
+_SHORT_ANGLE = math.radians(9)
+# A turn from this angle (rad) on is a bend: each pass halves the legs beside it.
+BEND = math.radians(5)
+# Distance of transversals at which these legs are not halved any more, as a share of v/ω.
+MIN_SPACING = 0.25
 
 
 class _Pass(NamedTuple):
@@ -56,10 +63,12 @@ class _Pass(NamedTuple):
 
 
 # Half-widths of the passes, as shares of the path, down to 1/4,000: 4 cm on the single gyre. Wider
-# passes have more points, so that their legs can take almost any course. Transversals are close
-# together only in the last passes, which move points little.
+# passes have more points, so that their legs can take almost any course.
 _WINDOWS = tuple(0.15 * 0.45**step for step in range(9))
-_APART, _CLOSE = 1 / 60, 1 / 80
+# Least distance of transversals in the first passes, as a share of the path.
+_APART = 1 / 60
+# Their distance in the last passes, which move points little.
+_CLOSE = 1 / 80
 _WIDE = tuple(
     _Pass(window, max(_APART, window / 4), points, math.inf)
     for window, points in zip(_WINDOWS, (17, 13, 9), strict=False)
@@ -159,7 +168,7 @@ def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> F
     path = corridor.straight_in_soft_ends(path)
     length = length_of(path)
     closest = MIN_SPACING * corridor.voyage.vessel.turning_radius
-    water = Water(corridor.stream, corridor.search_capsules)
+    water = WaterAround(corridor.stream, corridor.search_capsules)
     # A pass moves the path by at most its window. Windows shrink: their sum is twice the first.
     within = capsules_near(water.capsules, path, 2 * passes[0].window * length)
     water, exempt = water.near(within), corridor.exempt[:, within]
@@ -180,7 +189,7 @@ def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> F
 def _straightened(corridor: Corridor, path: FloatArray) -> FloatArray:
     """Return a path (n, 2) with long stretches turned to their fastest course."""
     farthest = _FARTHEST * length_of(path)
-    water = Water(corridor.stream, corridor.search_capsules)
+    water = WaterAround(corridor.stream, corridor.search_capsules)
     water = water.near(capsules_near(water.capsules, path, farthest))
     return straightened(path, farthest, water, np.asarray(corridor.exempt.any(axis=1)))
 
@@ -259,7 +268,7 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
     keep_whole = np.asarray(corridor.exempt.any(axis=1))
     mean = length_of(profile.path) / float(profile.times[-1] - profile.times[0])
     polar = sailing_at(min(mean, voyage.vessel.speed), voyage.drift == "crab", voyage.vessel.speed)
-    water = Water(Stream(voyage.table, polar, voyage.clock), corridor.search_capsules)
+    water = WaterAround(Stream(voyage.table, polar, voyage.clock), corridor.search_capsules)
     schedule = shares(profile.path), profile.times
     path = without_detours(
         profile.path, 2 * _TIMED_PASSES[0].spacing * length_of(profile.path), water

@@ -17,16 +17,22 @@ from renew._types import BoolArray, FloatArray
 from renew.kernels.capsules import Segment, legs_are_clear
 from renew.kernels.current_table import Site, site_of, velocity_there
 from renew.kernels.viterbi import Stream, arrivals, leg_time, leg_time_from
-from renew.paths.sections import Water
+from renew.paths.sections import WaterAround
 
-# Step of the differences, as a share of the shorter leg beside a point, and the shortest leg that
-# counts, as a share of the path.
-_STEP, _SHORTEST = 0.05, 1e-6
-# Number of iterations, and of tries in each with more damping or more points held.
-_ITERATIONS, _TRIES = 12, 6
-# Damping of the first try, as a share of the mean second derivative; its factor from try to try;
-# and the share below which damping is 0.
-_DAMPING, _MORE, _LEAST_DAMPING = 0.05, 8.0, 1e-4
+# Step of the differences, as a share of the shorter leg beside a point.
+_STEP = 0.05
+# Shortest leg that counts for that step, as a share of the path.
+_SHORTEST = 1e-6
+# Largest number of iterations.
+_ITERATIONS = 12
+# Number of tries in each iteration, with more damping or more points held.
+_TRIES = 6
+# Damping of the first try, as a share of the mean second derivative.
+_DAMPING = 0.05
+# Factor of the damping from try to try.
+_MORE = 8.0
+# Share of the mean second derivative up to which damping becomes 0 when it falls.
+_LEAST_DAMPING = 1e-4
 # Gain of an iteration, as a share of the duration, below which it is the last one.
 _GAIN = 3e-6
 
@@ -45,7 +51,7 @@ class _Quadratic(NamedTuple):
 
 @kernel
 def straightened(
-    path: FloatArray, farthest: float, water: Water, keep_whole: BoolArray
+    path: FloatArray, farthest: float, water: WaterAround, keep_whole: BoolArray
 ) -> FloatArray:
     """Return a path (n, 2), not slower, whose points have moved at most `farthest` m sideways.
 
@@ -203,8 +209,7 @@ def _place(x: float, y: float, time: float, stream: Stream) -> _Place:
 def _time_between(a: _Place, b: _Place, begin: float, stream: Stream) -> float:
     """Return the time (s) over a leg, which begins at a given time (s)."""
     leg = Segment(a.x, a.y, b.x, b.y)
-    table, polar, clock = stream
-    return leg_time_from(leg, a.u, a.v, b.site, begin, table, polar, clock.step)
+    return leg_time_from(leg, a.u, a.v, b.site, begin, stream)
 
 
 @kernel
@@ -234,7 +239,7 @@ def _newton_step(
 
 
 @kernel
-def _hold(movable: BoolArray, path: FloatArray, moved: FloatArray, water: Water) -> bool:
+def _hold(movable: BoolArray, path: FloatArray, moved: FloatArray, water: WaterAround) -> bool:
     """Mark as immovable each point (n,) whose shift, or a leg there, touches a capsule.
 
     Returns whether any point was newly marked.

@@ -22,8 +22,10 @@ from renew.voyage.voyage import Voyage
 
 # Ratio of the highest to the lowest speed within a leg: costs less than 0.05 % more fuel.
 _SAME_SPEED = 1.04
-# Number of steps to find a price, and largest early arrival, as a share of the duration.
-_PRICE_STEPS, _EARLY = 60, 1e-9
+# Largest number of steps to find a price.
+_PRICE_STEPS = 60
+# How early a vessel may arrive at the price that is found, as a share of the duration.
+_EARLY = 1e-9
 # Number of prices for which a trade-off is computed.
 _PRICES = 97
 

@@ -19,27 +19,37 @@ import numpy as np
 
 from renew._compiled import for_kernels
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.kernels.cheapest_chain import Chain, CostModel, cheapest_chain
-from renew.kernels.cheapest_speeds import Sailed, SpeedProblem, cheapest_speeds, sailed
+from renew.kernels.cheapest_chain import Chain, CostModel, Rows, cheapest_chain
+from renew.kernels.cheapest_speeds import SailedLegs, SpeedProblem, cheapest_speeds, sailed
 from renew.kernels.ground_speed import sailing_at
 from renew.kernels.viterbi import Stream, arrivals
 from renew.paths.speed_profile import SpeedProfile, alike_legs
 from renew.voyage.fuel import passage
 from renew.voyage.voyage import Voyage
 
-# Minimum and maximum number of rows of a path, and number of clock steps between two rows.
-_ROWS, _MAX_ROWS, _STEPS_A_ROW = 96, 400, 3.0
-# Number of times at which the least fuel is known in a row, and of speeds tried per leg.
-_TIMES, _TRIES = 48, 6
+# Least number of rows of a path.
+_ROWS = 96
+# Largest number of rows of a path.
+_MAX_ROWS = 400
+# Number of clock steps between two rows.
+_STEPS_A_ROW = 3.0
+# Number of times at which the least fuel is known in a row.
+_TIMES = 48
 # Least width of a window of times, as a share of the duration at the highest speed.
 _NARROWEST = 1e-6
 # Price of lateness, as a multiple of k vᵏ at the highest speed v: so high that lateness never pays.
 _LATE = 3.0
-# Number of rounds to find the multiplier; lateness that is allowed when it changes for the first
-# and for the last time, as shares of the duration.
-_ROUNDS, _FIRST_LATE, _LATE_AT_LAST = 12, 0.02, 1e-7
-# Number of constant speeds tried, and of halvings between two of them.
-_CONSTANT, _HALVINGS = 24, 30
+# Largest number of rounds to find the multiplier.
+_ROUNDS = 12
+# Lateness that is allowed when the multiplier changes for the first time, as a share of the
+# duration.
+_FIRST_LATE = 0.02
+# The same when it changes for the last time.
+_LATE_AT_LAST = 1e-7
+# Number of constant speeds tried.
+_CONSTANT = 24
+# Number of halvings between the two of them beside the speed that is looked for.
+_HALVINGS = 30
 
 
 class TimedPath:
@@ -69,6 +79,7 @@ class TimedPath:
         """Return the cost model, with a deadline (s) or with the last useful arrival."""
         vessel, voyage = self._voyage.vessel, self._voyage
         return CostModel(
+            voyage.table,
             vessel.speed,
             voyage.drift == "crab",
             vessel.fuel_exponent,
@@ -145,9 +156,8 @@ class TimedPath:
         limits.
         """
         times[0] = self._voyage.departure
-        table, costs = self._voyage.table, self.costs(deadline)
-        rows = (for_kernels(points), clear, for_kernels(times), for_kernels(speeds))
-        return Chain(*cheapest_chain(*rows, _TRIES, table, costs))
+        rows = Rows(for_kernels(points), clear, for_kernels(times), for_kernels(speeds))
+        return Chain(*cheapest_chain(rows, self.costs(deadline)))
 
     @property
     def can_be_made(self) -> bool:
@@ -167,10 +177,10 @@ class TimedPath:
         late = np.minimum(early + slack, self.arrivals(least))
         return early, np.maximum(late, early + _NARROWEST * (early[-1] - early[0]))
 
-    def sailed(self, speeds: FloatArray) -> Sailed:
+    def sailed(self, speeds: FloatArray) -> SailedLegs:
         """Sail the rows at speeds (r,), m/s."""
         voyage = self._voyage
-        return Sailed(*sailed(self.rows, speeds, voyage.departure, voyage.table, self.costs()))
+        return SailedLegs(*sailed(self.rows, speeds, voyage.departure, self.costs()))
 
     def fuel(self, speeds: FloatArray) -> float:
         """Return the fuel at speeds (r,), m/s."""
@@ -215,7 +225,6 @@ class TimedPath:
                 low,
                 high,
                 self._voyage.departure,
-                self._voyage.table,
                 self.costs(),
                 deadline,
                 price,
@@ -230,12 +239,17 @@ class TimedPath:
         return speeds, price
 
 
-# Rounds that adjust the table's deadline so that the real current meets the real one, and largest
-# early arrival, as a share of the duration.
-_CLOCK_ROUNDS, _EARLY = 6, 1e-6
-# Number of arrivals for which a trade-off is computed, rounds for each, and number of arrivals at
-# which it is returned.
-_ARRIVALS, _QUICK_ROUNDS, _GIVEN = 13, 2, 97
+# Number of rounds that adjust the deadline in the table, so that the vessel meets its own deadline
+# in the current itself.
+_CLOCK_ROUNDS = 6
+# How early the vessel may arrive, as a share of the duration.
+_EARLY = 1e-6
+# Number of arrivals for which a trade-off is computed.
+_ARRIVALS = 13
+# Number of rounds to find the multiplier for each of them.
+_QUICK_ROUNDS = 2
+# Number of arrivals at which the trade-off is returned.
+_GIVEN = 97
 
 
 def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:

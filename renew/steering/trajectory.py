@@ -21,9 +21,13 @@ _ARC_STEP = math.radians(2)
 # Number of samples on all straight legs: the heading follows a changing current.
 _LEG_SAMPLES = 256
 # Factor by which arcs are wider than the corner itself needs, because the current changes along
-# them. An arc on which the heading turns faster than ω gets a radius larger by that excess times
-# the second factor, repeatedly, up to the third number of times.
-_MARGIN, _RADIUS_GROWTH, _MAX_GROWTHS = 1.05, 1.003, 20
+# them.
+_MARGIN = 1.05
+# An arc on which the heading turns faster than ω gets a radius larger by that excess times this
+# factor.
+_RADIUS_GROWTH = 1.003
+# Largest number of times that radii grow so.
+_MAX_GROWTHS = 20
 # Length of a leg that counts as 0, as a share of the path.
 _NO_LENGTH = 1e-9
 # Largest turn (rad), from rounding, at a point where only the speed changes.

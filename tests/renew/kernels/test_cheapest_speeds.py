@@ -32,7 +32,7 @@ def test_no_optimizer_finds_cheaper_speeds(seed: int, legs: np.ndarray) -> None:
     count, deadline, price = legs[-1] + 1, 100.0 + 20 * seed, 2.0
     scale = np.sqrt(np.bincount(legs) / 40)
     low, high = 0.6 * scale, 3.0 * scale
-    costs = CostModel(3.0, IS_CRAB, 2.0 + seed % 2, 2.0, math.inf, 1.0)
+    costs = CostModel(turning_tide(seed), 3.0, IS_CRAB, 2.0 + seed % 2, 2.0, math.inf, 1.0)
     problem = SpeedProblem(
         path,
         legs,
@@ -40,7 +40,6 @@ def test_no_optimizer_finds_cheaper_speeds(seed: int, legs: np.ndarray) -> None:
         low,
         high,
         3.0,
-        turning_tide(seed),
         costs,
         deadline,
         price,
@@ -69,10 +68,9 @@ def test_speeds_that_make_no_way_stay() -> None:
     axis, times = np.array([0.0, 100.0]), np.array([0.0, 1e3])
     uv = np.zeros((2, 2, 2, 2))
     uv[..., 0] = 2.0
-    costs = CostModel(1.0, IS_CRAB, 2.0, 2.0, math.inf, 1.0)
+    table = table_of(axis, axis, uv, times=times)
+    costs = CostModel(table, 1.0, IS_CRAB, 2.0, 2.0, math.inf, 1.0)
     ones = np.ones(10)
-    problem = SpeedProblem(
-        path, np.arange(10), ones, 0.5 * ones, ones, 0.0, table_of(axis, axis, uv, times=times),
-        costs, 200.0, 1.0, 1.0, 100.0,
-    )  # fmt: skip
+    limits = 0.5 * ones, ones
+    problem = SpeedProblem(path, np.arange(10), ones, *limits, 0.0, costs, 200.0, 1.0, 1.0, 100.0)
     np.testing.assert_array_equal(cheapest_speeds(problem, 0.8 * ones), 0.8 * ones)

@@ -13,7 +13,7 @@ from renew._types import FloatArray
 from renew.kernels.capsules import Capsules, legs_are_clear
 from renew.kernels.viterbi import arrivals
 from renew.paths.sections import (
-    Water,
+    WaterAround,
     refined_on_transversals,
     with_transversals,
     without_detours,
@@ -22,7 +22,7 @@ from tests.renew.paths.waters import CALM, NOTHING_WHOLE, water_beside
 from tests.strategies import SIZE, seeds
 
 
-def time_of(path: FloatArray, water: Water) -> float:
+def time_of(path: FloatArray, water: WaterAround) -> float:
     """Time (s) along a path, leg by leg."""
     return float(arrivals(path, water.stream)[-1])
 

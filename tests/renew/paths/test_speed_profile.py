@@ -14,7 +14,7 @@ from renew._types import FloatArray
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.options import Drift
 from renew.paths.speed_profile import speed_profile, trade_off
-from renew.voyage.voyage import SpeedChoice, Voyage, Waters
+from renew.voyage.voyage import SpeedRange, Voyage, Waters
 from tests.speed_oracle import least_fuel
 from tests.strategies import StreamFunctionCurrent
 
@@ -38,7 +38,7 @@ def _voyage(
     speeds: tuple[float, float] = (0.1, 3.0),
 ) -> Voyage:
     vessel = renew.Vessel(speed=speeds[1], turn_rate=1.0, fuel_exponent=exponent)
-    choice = SpeedChoice(speeds[0], deadline=deadline)
+    choice = SpeedRange(speeds[0], deadline=deadline)
     return Voyage(Waters(CHART, as_field(current)), vessel, path[0], path[-1], drift, choice=choice)
 
 

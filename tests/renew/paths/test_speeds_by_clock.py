@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 
 from renew._types import FloatArray
 from renew.paths.speeds_by_clock import constant_speed, speeds_by_clock, trade_off_by_clock
-from renew.voyage.voyage import SpeedChoice, Voyage, Waters
+from renew.voyage.voyage import SpeedRange, Voyage, Waters
 from tests.moving_waters import moving_scene
 from tests.speed_clock_oracle import CostModel
 from tests.strategies import PAPER_VESSEL
@@ -24,7 +24,7 @@ def voyage_and_path(seed: int, exponent: float, under_way: float) -> tuple[Voyag
     scene = moving_scene(seed)
     middle = (scene.start + scene.goal) / 2 + np.array([6.0, -6.0])
     vessel = replace(PAPER_VESSEL, speed=SPEEDS[1], fuel_exponent=exponent)
-    choice = SpeedChoice(SPEEDS[0], deadline=scene.departure + under_way)
+    choice = SpeedRange(SPEEDS[0], deadline=scene.departure + under_way)
     voyage = Voyage(
         Waters(scene.chart, scene.current),
         vessel,
