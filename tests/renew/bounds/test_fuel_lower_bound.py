@@ -20,7 +20,7 @@ from renew.inputs.options import Drift
 from renew.voyage.fuel import ground_speed
 from renew.voyage.voyage import Voyage, Waters
 from tests.compiler import uncompiled
-from tests.renew.bounds.fields import CORNER, FIELDS, OPPOSITE
+from tests.renew.bounds.test_grids import CORNER, FIELDS, OPPOSITE
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre, voyage_on
 
 CELLS = 16_000

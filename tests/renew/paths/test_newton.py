@@ -15,7 +15,7 @@ from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream, arrivals
 from renew.paths.newton import _newton_step, _Quadratic, straightened
 from renew.paths.sections import Water
-from tests.renew.paths.waters import CALM, NO_LAND, NOTHING_WHOLE, water_beside
+from tests.renew.paths.scenes import CALM, NO_LAND, NOTHING_WHOLE, water_beside
 from tests.strategies import SIZE, seeds
 
 
