@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 import renew
 from experiments.environments.model import Case, EnvironmentSpec
-from pipeline.nightly.request.config import CaseSpec, DepartureSpec, NightSpec, VoyageSpec
+from pipeline.nightly.config import CaseSpec, DepartureSpec, NightSpec, VoyageSpec
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.tides.fit import CONSTITUENTS
 from pipeline.sources.tides.station import OwnConstant, OwnStation

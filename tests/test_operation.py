@@ -177,13 +177,14 @@ def test_the_crontabs_line_has_no_fault(tmp_path: Path) -> None:
 def programs(tmp_path: Path) -> dict[str, str]:
     """Give an environment in which `renew` prints its arguments and ends with the code of a file.
 
-    `srun` runs what it is given, as on a machine of one node: SLURM itself can't be had here.
+    `dask` says its address as a scheduler, and `srun` does nothing: Slurm itself can't be had here.
     """
     folder = tmp_path / "programs"
     folder.mkdir()
     for name, body in (
         ("renew", f'echo "$@"; exit "$(cat {tmp_path}/code)"'),
-        ("srun", 'shift; exec "$@"'),
+        ("srun", "exec sleep 60"),
+        ("dask", 'echo \'{"address": "tcp://10.0.0.1:8786"}\' > "$6"; exec sleep 60'),
     ):
         (folder / name).write_text(f"#!/bin/sh\n{body}\n")
         (folder / name).chmod(0o755)
@@ -194,21 +195,24 @@ CODES = [(0, 0), (10, 0), (1, 1), (2, 2), (5, 5)]
 
 
 @pytest.mark.parametrize(("code", "ends_with"), CODES)
-def test_the_array_plans_a_share_and_exit_code_10_is_no_failure(
+def test_the_job_hands_a_night_to_its_scheduler_and_exit_code_10_is_no_failure(
     tmp_path: Path, programs: dict[str, str], code: int, ends_with: int
 ) -> None:
     (tmp_path / "code").write_text(str(code))
+    output = tmp_path / "out"
     done = subprocess.run(
-        ["/bin/bash", OPERATION / "nightly.slurm", "my night.toml", "/shared/out", "--yes"],
-        env=programs | {"SLURM_ARRAY_TASK_ID": "3", "SLURM_ARRAY_TASK_COUNT": "64"},
+        ["/bin/bash", OPERATION / "nightly.slurm", "my night.toml", output, "--only", "a"],
+        env=programs | {"SLURM_JOB_ID": "7"},
         capture_output=True,
         text=True,
         check=False,
     )
     assert (done.returncode, done.stderr) == (ends_with, "")
     assert done.stdout == (
-        "nightly run --config my night.toml --output /shared/out --part 3/64 --yes\n"
+        f"nightly run --config my night.toml --output {output} "
+        "--scheduler tcp://10.0.0.1:8786 --only a\n"
     )
+    assert list(output.iterdir()) == []
 
 
 @pytest.mark.parametrize(("code", "ends_with"), CODES)

@@ -32,15 +32,6 @@ def clearance_m(route: FloatArray, polygons: Sequence[Polygon]) -> float:
     return least
 
 
-def over_land_m(route: FloatArray, polygons: Sequence[Polygon]) -> float:
-    """Metres of a route (n, 2) inside polygons, by its straight steps in degrees."""
-    line = shapely.LineString(route)
-    land = np.array(polygons, dtype=object)
-    crossed = land[shapely.STRtree(land).query(line, predicate="intersects")]
-    inside = shapely.intersection(line, shapely.union_all(crossed))
-    return float(_GEOD.geometry_length(inside)) if len(crossed) else 0.0
-
-
 def _pieces(route: FloatArray) -> Iterator[FloatArray]:
     """Yield a route piece by piece."""
     steps = _GEOD.line_lengths(route[:, 0], route[:, 1])

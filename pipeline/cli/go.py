@@ -1,4 +1,4 @@
-"""The commands `renew go` and `renew replan`: plan a voyage from options, from its table."""
+"""The commands made from tables of options: `renew go`, `renew replan` and `renew serve`."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -9,7 +9,9 @@ import typer
 
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
-from pipeline.errors import Faults
+from pipeline.cli.terminal import say
+from pipeline.errors import Faults, StageError
+from pipeline.serve.options import ServerOptions
 from pipeline.underway.request import UnderWayRequest
 from pipeline.voyage.positions import EXAMPLES, halves
 from pipeline.voyage.request import VoyageRequest, read_voyage
@@ -75,3 +77,30 @@ def replan(
         beside = expanded(results, at.results).absolute().parent
         run = partial(run_scenario, scenario, beside, offline=request.offline, said=notes)
         run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
+
+
+@options.with_options(ServerOptions)
+def serve(**given: Any) -> None:  # noqa: ANN401 - the options of a server
+    """Serve a page on this machine where voyages are planned on a map; needs the extra `web`.
+
+    It answers to 127.0.0.1 only, and to whom has the address that it prints.
+    """
+    with reported_errors():
+        try:
+            from pipeline.serve.start import serve as serve_page
+        except ImportError as error:
+            raise StageError(
+                f"renew serve needs the extra `web` ({error}): pip install fastapi uvicorn"
+            ) from error
+
+        serve_page(read(ServerOptions, given, spelling(ServerOptions, "command")), on_ready=_say)
+
+
+def _say(address: str) -> None:
+    """Print the first address."""
+    typer.echo(address)
+    say(
+        "Open it in a browser on this machine. Who has it may plan here, so keep it to yourself. "
+        "Ctrl-C ends.",
+        err=True,
+    )

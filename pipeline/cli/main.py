@@ -30,10 +30,9 @@ import typer
 
 from pipeline.cli import failures, options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.go import go, replan
+from pipeline.cli.go import go, replan, serve
 from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.qgis import app as qgis_app
-from pipeline.cli.serve import serve
 from pipeline.cli.terminal import say, still_at_work
 from pipeline.cli.tide import app as tide_app
 from pipeline.cli.usage import BriefRefusals, Command, GroupedCommand

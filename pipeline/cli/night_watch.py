@@ -30,9 +30,10 @@ _ENDINGS: dict[Ping, str] = {"start": "/start", "success": "", "failure": "/fail
 # Exit codes that are not reported: another job is running, and the currents are not available yet.
 # If no later run succeeds, the service gets no report and then sends an alert.
 _UNTOLD = frozenset({4, 5})
-# Time limits for each step of a connection, and for the whole, s: a name lookup has no limit of its
-# own.
-_TIMEOUT_S, _DEADLINE_S = 5.0, 10.0
+# Time limit for each step of a connection, s.
+_TIMEOUT_S = 5.0
+# Time limit for the whole, s: a name lookup has no limit of its own.
+_DEADLINE_S = 10.0
 SUCCESSES = frozenset({0, 10})
 """Exit codes of a night that published its cycle, or had nothing to do."""
 

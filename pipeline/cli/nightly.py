@@ -1,7 +1,6 @@
 """The commands `renew nightly check | run | status | show`: plan many cases, unattended."""
 
 import os
-import re
 from pathlib import Path
 from typing import Annotated
 
@@ -35,7 +34,6 @@ OnlyOption = Annotated[
         metavar="CASE", help="A case's name, or its first parts: only matching cases are planned."
     ),
 ]
-YesOption = Annotated[bool, typer.Option("--yes", help="Plan more than 100,000 cases.")]
 
 
 @app.command(cls=Command)
@@ -44,15 +42,14 @@ def check(
     config: ConfigOption = None,
     output: NightOutputOption = None,
     only: OnlyOption = None,
-    yes: YesOption = False,
 ) -> None:
     """List all faults of a night's file with their lines; write nothing."""
     with reported_errors(), still_at_work():
-        from pipeline.nightly.request.config import load_config
-        from pipeline.nightly.request.expansion import expand, pairs_on_land
+        from pipeline.nightly.cases import expand, pairs_on_land
+        from pipeline.nightly.config import load_config
 
         loaded = load_config(config, output)
-        cases = expand(loaded, only=only, yes=yes)
+        cases = expand(loaded, only=only)
         if faults := pairs_on_land(loaded, cases):
             raise RequestError(faults)
         sizes = ", ".join(f"{block.scenario.name} {block.size:,}" for block in cases.blocks)
@@ -68,12 +65,7 @@ def run(
     config: ConfigOption = None,
     output: NightOutputOption = None,
     only: OnlyOption = None,
-    part: Annotated[
-        str | None,
-        typer.Option(metavar="I/N", help="Plan one share of N, as in a job array: 3/64."),
-    ] = None,
     scheduler: options.Scheduler = None,
-    yes: YesOption = False,
     metrics: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Prometheus text file to replace at the end."),
@@ -92,8 +84,8 @@ def run(
     """Plan every case on the newest currents, and then point OUTPUT/latest at the results."""
     with reported_errors():
         from pipeline.cli.night_watch import night_progress, watched
+        from pipeline.nightly.config import load_config
         from pipeline.nightly.night import run_night
-        from pipeline.nightly.request.config import load_config
 
         _require_file(metrics)
         on_event = night_progress()
@@ -102,9 +94,7 @@ def run(
             lambda: run_night(
                 load_config(config, output),
                 only=only,
-                share=_share(part),
                 scheduler=scheduler,
-                yes=yes,
                 on_event=on_event,
             ),
             metrics=metrics,
@@ -119,7 +109,7 @@ def run(
 def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> None:
     """Print the latest cycle, whether a job is at work, and its progress."""
     with reported_errors():
-        from pipeline.nightly.request.config import load_config
+        from pipeline.nightly.config import load_config
         from pipeline.nightly.status import status_lines
 
         for line in status_lines(load_config(config, output).output):
@@ -135,7 +125,7 @@ def show(
 ) -> None:
     """Print a case of the last cycle: its route, and what changed."""
     with reported_errors():
-        from pipeline.nightly.request.config import load_config
+        from pipeline.nightly.config import load_config
         from pipeline.nightly.status import case_lines
 
         for line in case_lines(load_config(config, output).output, case):
@@ -148,13 +138,3 @@ def _require_file(metrics: Path | None) -> None:
     if metrics is None or not os.path.exists(metrics) or metrics.is_file() or metrics.is_dir():  # noqa: PTH110
         return
     raise RequestError(f"--metrics: {shown(metrics)} is no file; name one to replace")
-
-
-def _share(text: str | None) -> tuple[int, int]:
-    """Read `--part` I/N as (i, n)."""
-    if text is None:
-        return 1, 1
-    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
-    if found is None or not 1 <= int(found[1]) <= int(found[2]):
-        raise RequestError(f"--part = {text!r} is no share; give it as 3/64, from 1/64 to 64/64")
-    return int(found[1]), int(found[2])

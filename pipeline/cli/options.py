@@ -60,14 +60,14 @@ def _info(table: type[Any], one: Option) -> Any:  # noqa: ANN401 - typer's argum
         "metavar": one.metavar or None,
         "min": one.least,
         "max": one.limit,
-        "autocompletion": _known_names(one.section) if one.section else None,
+        "autocompletion": known_names(one.section) if one.section else None,
     }
     if not one.group:
         return typer.Argument(**known)
     return typer.Option(*filter(None, (one.typed, one.short)), rich_help_panel=one.group, **known)
 
 
-def _known_names(section: str) -> Callable[[str], list[str]]:
+def known_names(section: str) -> Callable[[str], list[str]]:
     """Return a function that completes names of a catalogue section in a shell."""
 
     def completed(incomplete: str) -> list[str]:
@@ -91,7 +91,7 @@ Scenario = Annotated[
     str,
     typer.Argument(
         help="A name in the catalogue (`renew list`) or the path of a TOML file.",
-        autocompletion=_known_names("scenarios"),
+        autocompletion=known_names("scenarios"),
     ),
 ]
 Quiet = Annotated[

@@ -21,15 +21,10 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-# Number of days listed by default, and largest number.
-_DAYS, _MOST_DAYS = 7, 3660
-
-
-def _stations(incomplete: str) -> list[str]:
-    """Complete the name of a station in a shell."""
-    from pipeline.scenario import catalogue
-
-    return [name for name in catalogue.stations() if name.startswith(incomplete)]
+# Number of days listed by default.
+_DAYS = 7
+# Largest number of days: ten years are a long list.
+_MOST_DAYS = 3660
 
 
 @app.command(cls=Command)
@@ -38,7 +33,7 @@ def show(
         str,
         typer.Argument(
             help="A station of the catalogue (boston) or the path of a station's file.",
-            autocompletion=_stations,
+            autocompletion=options.known_names("stations"),
         ),
     ],
     *,

@@ -245,16 +245,12 @@ def rows(points: Waypoints, departure: datetime | None) -> list[Row]:
     to_go = np.append(np.cumsum(points.length_m[:-1][::-1])[::-1], 0.0) / NAUTICAL_MILE_M
     found = []
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        seconds = float(points.time_s[index])
-        passed = f"+ {duration_text(seconds)}"
-        if departure is not None:
-            passed = f"{to_minute(time_after(departure, seconds)):%Y-%m-%d %H:%M}"
         row = Row(
             name=points.names[index],
             latitude=position(float(latitude), "NS", 2),
             longitude=position(float(longitude), "EW", 3),
             to_go_nm=f"{to_go[index]:.1f}",
-            passed=passed,
+            passed=_moment_cell(float(points.time_s[index]), departure),
         )
         if index:
             nearest = _nearest_land(drawn.xy[drawn.leg == index - 1], case.water)

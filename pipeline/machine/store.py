@@ -323,7 +323,9 @@ def _git(*words: str) -> str:
     return done.stdout.strip()
 
 
-_PACKAGES, _PLANNER_INPUTS = frozenset({"pipeline", "renew"}), "renew.inputs."
+_PACKAGES = frozenset({"pipeline", "renew"})
+# Modules of the planner whose classes are inputs, which may hold arrays.
+_PLANNER_INPUTS = "renew.inputs."
 _VALUES = (str, enum.Enum, BaseException, BaseModel)
 # Names that NumPy, shapely and the standard library need to build values, by module. `distributed`
 # makes errors picklable by `tblib`.

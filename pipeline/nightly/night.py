@@ -15,21 +15,18 @@ from typing import TYPE_CHECKING
 from pipeline.errors import RequestError, StageError
 from pipeline.machine.files import file_lock
 from pipeline.machine.store import MAX_STORE_BYTES, Store, prune, remove_unfinished
-from pipeline.nightly import outcome
-from pipeline.nightly.cycle import results
-from pipeline.nightly.cycle.folders import LATEST, Cycles, night_lock, writing
-from pipeline.nightly.cycle.forecasts import Forecasts
-from pipeline.nightly.cycle.part_files import Partial, gaps
+from pipeline.nightly import outcome, records as results
+from pipeline.nightly.cases import Cases, expand, pairs_on_land, request_hash
+from pipeline.nightly.config import NightConfig
+from pipeline.nightly.cycles import LATEST, Cycles, Partial, night_lock, writing
+from pipeline.nightly.forecasts import Forecasts
+from pipeline.nightly.newest_currents import Newest, base_of, newest_currents
 from pipeline.nightly.outcome import NightEvent, NightEventHandler, NightOutcome, NightStage
-from pipeline.nightly.request.cases import Cases, request_hash
-from pipeline.nightly.request.config import NightConfig
-from pipeline.nightly.request.expansion import expand, pairs_on_land
-from pipeline.nightly.request.newest_currents import Newest, base_of, newest_currents
 from pipeline.nightly.voyages import VOYAGES_FILE, SailedVoyage, planned_again, write_voyages
 from pipeline.texts import clean
 
 if TYPE_CHECKING:
-    from pipeline.nightly.planning.planning import Planning
+    from pipeline.nightly.planning import Planning
 
 _ONLY = "only"
 _HOUR_S = 3600.0
@@ -39,9 +36,7 @@ def run_night(
     config: NightConfig,
     *,
     only: str | None = None,
-    share: tuple[int, int] = (1, 1),
     scheduler: str | None = None,
-    yes: bool = False,
     on_event: NightEventHandler | None = None,
 ) -> NightOutcome:
     """Plan a night's cases on the newest currents, and publish them as a cycle.
@@ -52,13 +47,9 @@ def run_night(
         The request.
     only
         A case's name, or its first parts: only matching cases are planned, in `OUTPUT/only/`.
-    share
-        (i, n): this job plans the i-th of n shares; the job that ends last publishes.
     scheduler
         Address of a Dask scheduler whose workers have access to the same files; default:
-        DASK_SCHEDULER_ADDRESS, or else a cluster on this machine.
-    yes
-        Allow more than 100,000 cases.
+        DASK_SCHEDULER_ADDRESS, or else processes of this machine.
     on_event
         Called with the events of every stage.
 
@@ -75,9 +66,8 @@ def run_night(
     """
     return _Night(
         config,
-        expand(config, only=only, yes=yes),
+        expand(config, only=only),
         only,
-        share,
         scheduler,
         on_event or (lambda _: None),
     ).run()
@@ -90,7 +80,6 @@ class _Night:
     config: NightConfig
     cases: Cases
     only: str | None
-    share: tuple[int, int]
     scheduler: str | None
     handler: NightEventHandler
     started: datetime = field(default_factory=lambda: datetime.now(UTC))
@@ -121,16 +110,13 @@ class _Night:
             if faults := pairs_on_land(self.config, self.cases):
                 raise RequestError(faults)
             self._note(f"{len(self.cases):,} cases on the currents of {self.newest.cycle}")
-        is_alone = self.share[1] == 1
-        with self._alone(shared=not is_alone):
+        with self._alone():
             if (settled := self._settled() or self._named()) is not None:
                 return settled
-            planning = self._planning(is_alone=is_alone)
+            planning = self._planning()
             if results.faults_of(planning.partial.folder):
                 self._plan(planning)
-            if is_alone:
-                return self._publish(planning)
-        return self._publish_if_last(planning)
+            return self._publish(planning)
 
     @cached_property
     def request(self) -> str:
@@ -182,13 +168,13 @@ class _Night:
         return None
 
     @contextlib.contextmanager
-    def _alone(self, *, shared: bool) -> Iterator[None]:
-        """Hold the locks of the output folder and its store; if not `shared`, remove leftovers."""
+    def _alone(self) -> Iterator[None]:
+        """Hold the locks of the output folder and its store, and remove leftovers."""
         output = self.cycles.output
         with writing(output):
             output.mkdir(parents=True, exist_ok=True)
         store = output / ".artefacts"
-        with night_lock(output, shared=shared), contextlib.ExitStack() as held:
+        with night_lock(output), contextlib.ExitStack() as held:
             with writing(store):
                 shares = held.enter_context(
                     file_lock(store / "store.lock", shared=True, wait_s=60.0)
@@ -197,16 +183,14 @@ class _Night:
                 raise outcome.BusyError(
                     f"another program is cleaning {store}: wait until it has ended"
                 )
-            if not shared:
-                self.cycles.remove_leftovers()
-                remove_unfinished(store, "nightly")
+            self.cycles.remove_leftovers()
+            remove_unfinished(store, "nightly")
             yield
 
-    def _planning(self, *, is_alone: bool) -> "Planning":
+    def _planning(self) -> "Planning":
         """Open the cycle's folder, and return the planning of its cases."""
         from pipeline.machine.cluster import own_identity
-        from pipeline.nightly.planning.planning import Planning
-        from pipeline.nightly.planning.worker import Rules
+        from pipeline.nightly.planning import Planning
 
         latest = self.cycles.latest
         if base_of(latest) == self.newest.cycle:
@@ -220,23 +204,19 @@ class _Night:
         partial = Partial.opened(
             self.cycles.partial(self.newest.cycle),
             f"{own_identity()} {self.request} {self.newest.digest} {compared}",
-            is_alone=is_alone,
         )
-        earlier = None
+        earlier = {}
         if compared:
-            earlier = results.EarlierRoutes(
-                compared, self.cycles.folder(compared) / results.CASES_FILE
-            )
+            cases_path = self.cycles.folder(compared) / results.CASES_FILE
+            earlier = results.earlier_routes(compared, cases_path)
         return Planning(
             self.cases,
             self.newest,
             Store(self.cycles.output / ".artefacts", "nightly"),
             partial,
-            Rules(
-                self.config.spec.look_percent,
-                self.newest.stale_reason(partial.started, self.config.spec.stale_hours),
-            ),
             earlier,
+            self.config.spec.look_percent,
+            self.newest.stale_reason(partial.started, self.config.spec.stale_hours),
             Forecasts(self.config.output),
             self._progress,
             self._check_time,
@@ -245,12 +225,10 @@ class _Night:
     # --- the work ---
 
     def _plan(self, planning: "Planning") -> None:
-        """Prepare charts and currents, and plan the cases that no part file contains yet."""
-        from pipeline.nightly.planning.planning import Share
-        from pipeline.nightly.planning.work import night_workers
+        """Prepare charts and currents, and plan the cases that have no rows yet."""
+        from pipeline.nightly.planning import night_workers
 
-        total = len(self.cases)
-        if not gaps(planning.partial.parts(), 0, total):
+        if not planning.partial.missing(0, len(self.cases)):
             return
         with night_workers(
             self.scheduler,
@@ -262,40 +240,21 @@ class _Night:
                 planning.forecasts.keep(self.cases, self.newest, prune=self.only is None)
                 planning.prepare(workers)
             with self._stage("plan"):
-                planning.plan(workers, Share.of_night(total, *self.share))
-
-    def _publish_if_last(self, planning: "Planning") -> NightOutcome:
-        """Publish if all shares are done; otherwise leave it to the job that ends last."""
-        i, n = self.share
-        if not gaps(planning.partial.parts(), 0, len(self.cases)):
-            with contextlib.suppress(outcome.BusyError), self._alone(shared=False):
-                if (settled := self._settled()) is not None:
-                    return settled
-                return self._publish(planning)
-        message = f"share {i}/{n} is done; the last job to end publishes the cycle"
-        return self._outcome(
-            self.cycles.latest,
-            outcome.DONE,
-            dict.fromkeys(outcome.OUTCOMES, 0),
-            message,
-            fresh=False,
-        )
+                planning.plan(workers)
 
     def _publish(self, planning: "Planning") -> NightOutcome:
         """Write the cycle's files, check them, and point `latest` at them."""
-        from pipeline.nightly.publishing.publishing import RESULTS, Publishing
+        from pipeline.nightly.publishing import RESULTS, check_files, write_files
 
         partial = planning.partial
         if results.faults_of(partial.folder):
             with self._stage("publish"):
                 voyages = self._voyages(partial.folder)
                 warnings = tuple(one.sentence for one in voyages if one.outcome != outcome.SAME)
-                publishing = Publishing(
-                    planning, partial.folder, self._look_back, self._revises, warnings
-                )
-                published = publishing.write()
+                notes = (*filter(None, [self._revises]), *warnings, *self._look_back.notes)
+                counted = write_files(partial.folder, planning, self._look_back, notes)
             with self._stage("check"):
-                publishing.check()
+                check_files(partial.folder, len(self.cases))
             results.write_record(
                 partial.folder,
                 (*RESULTS, *([VOYAGES_FILE] if voyages else ())),
@@ -307,12 +266,10 @@ class _Night:
                     "request": self.request,
                     "currents": self.newest.digest,
                     "cases": len(self.cases),
-                    "cases_by_status": published.by_status,
-                    "planning_seconds": round(published.planning_s, 3),
+                    **counted,
                     "begun": partial.started.isoformat(timespec="seconds"),
                     "seconds_by_stage": {k: round(s, 3) for k, s in self.seconds.items()},
                 },
-                published.by_outcome,
                 (*warnings, *self._look_back.notes),
             )
         partial.clear()

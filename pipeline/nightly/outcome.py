@@ -7,12 +7,17 @@ from typing import Literal
 
 from pipeline.errors import StageError
 
-DONE, LOOK_CODE = 0, 10
-"""Exit codes: done; published, and an operator should look at some cases or notes."""
-
-SAME, LOOK, ACT = "same", "look", "act"
+DONE = 0
+"""Exit code of a night that has nothing to tell."""
+LOOK_CODE = 10
+"""Exit code of a night that published, and an operator should look at some cases or notes."""
+SAME = "same"
+"""Outcome of a case: yesterday's way is still the best, or nearly."""
+LOOK = "look"
+"""Outcome of a case that an operator should look at."""
+ACT = "act"
+"""Outcome of a case: yesterday's way can't be sailed any more, or there is no route."""
 OUTCOMES = (SAME, LOOK, ACT)
-"""Outcomes of a case; an operator should look at the last two."""
 
 NightStage = Literal["look", "prepare", "plan", "publish", "check"]
 

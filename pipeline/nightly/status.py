@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
+import pyarrow.parquet as pq
+
 from pipeline.errors import RequestError, StageError
-from pipeline.nightly.cycle.folders import Cycles, holder_of, is_busy
-from pipeline.nightly.cycle.part_files import covering, parts_in
-from pipeline.nightly.cycle.results import CASES_FILE, record_of
+from pipeline.nightly.cases import matches
+from pipeline.nightly.cycles import Cycles, holder_of, is_busy, rows_of_parts
 from pipeline.nightly.outcome import OUTCOMES
-from pipeline.nightly.publishing.tables import rows_of
-from pipeline.nightly.request.cases import matches
+from pipeline.nightly.records import CASES_FILE, record_of
 
 # Largest number of cases that `show` prints.
 _MAX_SHOWN = 20
@@ -33,9 +33,9 @@ def status_lines(output: Path) -> Iterator[str]:
     else:
         yield f"latest: none in {output}"
     for cycle in cycles.partials():
-        parts = parts_in(cycles.partial(cycle) / "parts")
-        done = sum(end - first for _, first, end in covering(parts))
-        yield f"under way: {cycle}, {done:,} cases done"
+        parts = rows_of_parts(cycles.partial(cycle))
+        done = {row["index"] for rows in parts for row in rows}
+        yield f"under way: {cycle}, {len(done):,} cases done"
     yield f"at work: {holder_of(output)}" if is_busy(output) else "at work: nobody"
     yield f"kept: {', '.join(cycles.finished()) or 'none'}"
 
@@ -64,7 +64,7 @@ def case_lines(output: Path, asked: str) -> Iterator[str]:
     if not cycles.latest:
         raise RequestError(f"{output} has no finished cycle; `renew nightly run` makes one")
     folder, found = cycles.folder(cycles.latest), 0
-    for row in rows_of(folder / CASES_FILE, _SHOWN):
+    for row in pq.read_table(folder / CASES_FILE, columns=list(_SHOWN)).to_pylist():
         if not matches(row["case"], asked):
             continue
         found += 1

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from pipeline.errors import PipelineError, RequestError
+from pipeline.nightly.config import NightConfig, VoyageSpec
 from pipeline.nightly.outcome import ACT, LOOK, SAME
-from pipeline.nightly.request.config import NightConfig, VoyageSpec
 from pipeline.scenario.strict import looks_like_path
 from pipeline.texts import cell
 from pipeline.underway.reports import Fix, last_fix

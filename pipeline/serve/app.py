@@ -3,29 +3,48 @@
 import asyncio
 import contextlib
 import io
+import re
 import zipfile
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Path as InPath, Query, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 
 from pipeline.errors import PipelineError, RequestError, StageError
+from pipeline.formats.palette import style_colours
+from pipeline.formats.report import assets
 from pipeline.scenario import catalogue
-from pipeline.serve.files import MAX_FILE_BYTES, GivenFiles, TooLargeError, too_large
 from pipeline.serve.guard import FILES, Guard, Keys, refused
-from pipeline.serve.page import REPORT_POLICY, page_files
-from pipeline.serve.plans import BusyError, Plan, Plans
-from pipeline.serve.request import PlanRequest
+from pipeline.serve.plans import AskedPlan, FullQueueError, Plans
+from pipeline.serve.request import (
+    ASKED,
+    MAX_FILE_BYTES,
+    GivenFiles,
+    PlanRequest,
+    TooLargeError,
+    too_large,
+)
 from pipeline.voyage.positions import read_position
 
 _Identity = Annotated[str, InPath(pattern=r"^[0-9a-f]{32}$")]
 _TYPES = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
 # Seconds that a browser may keep a tile of the land.
 _TILE_S = 86_400
+_HERE = Path(__file__).parent
+# A name that a script of the report defines at its top level.
+_DEFINED = re.compile(r"^(?:async )?(?:function|class|const) (\w+)", re.MULTILINE)
+
+REPORT_POLICY = (
+    f"sandbox allow-scripts allow-popups; default-src 'none'; "
+    f"script-src '{assets.content_hash(assets.script())}'; style-src 'unsafe-inline'; "
+    "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""What a report may do: run its own script, in an origin of its own."""
 
 
 def make_app(keys: Keys, plans: Plans, files: GivenFiles) -> FastAPI:
@@ -81,12 +100,14 @@ def _add_errors(app: FastAPI) -> None:
 
 
 _GONE = 404, "there is no such file; if it was removed, plan the voyage again"
-_ANY, _POLICY = "application/octet-stream", "content-security-policy"
+# What a browser saves and does not open.
+_ANY = "application/octet-stream"
+_POLICY = "content-security-policy"
 # The status of each error's answer, the particular ones first.
 _STATUS: dict[type[PipelineError], int] = {
     TooLargeError: 413,
     RequestError: 422,
-    BusyError: 429,
+    FullQueueError: 429,
     StageError: 507,
     PipelineError: 500,
 }
@@ -101,6 +122,48 @@ def _add_pages(app: FastAPI) -> None:
     for path, content in page_files(app.openapi()).items():
         kind = _TYPES[path.rpartition(".")[2] if "." in path else "html"]
         app.add_api_route(path, answer(content, kind), include_in_schema=False)
+
+
+def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return the content of each path of the page, and of that of an interface in OpenAPI."""
+    packages = ("pipeline.serve", "pipeline.formats.report")
+    templates = Environment(
+        loader=ChoiceLoader([PackageLoader(one) for one in packages]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    style = "\n".join(
+        (
+            assets.leaflet_style(),
+            *(
+                templates.get_template(name).render(style_colours())
+                for name in ("report.css", "explorer.css")
+            ),
+            (_HERE / "templates" / "plan.css").read_text("utf-8"),
+        )
+    )
+    own = {
+        f"/static/{path.name}": path.read_text("utf-8")
+        for path in sorted((_HERE / "scripts").glob("*.js"))
+    }
+    files = {
+        "/": templates.get_template("plan.html.jinja").render(
+            options={one.field: one for one in ASKED}
+        ),
+        "/api": templates.get_template("api.html.jinja").render(api=interface),
+        "/static/style.css": style,
+        "/static/leaflet.js": assets.leaflet(),
+        "/static/text.js": _as_module(assets.own_script("text")),
+        **own,
+    }
+    return {path: content.encode() for path, content in files.items()}
+
+
+def _as_module(script: str) -> str:
+    """Return a script of the report as a module that exports all that it defines."""
+    return f"{script}\nexport {{ {', '.join(_DEFINED.findall(script))} }};\n"
 
 
 def _add_names(app: FastAPI) -> None:
@@ -186,7 +249,7 @@ def _unknown() -> Response:
     return refused(404, "there is no such plan; the server keeps the latest ones only")
 
 
-def _brief(plan: Plan) -> dict[str, Any]:
+def _brief(plan: AskedPlan) -> dict[str, Any]:
     """Return a plan's row in a list."""
     return {
         "id": plan.id,
@@ -197,7 +260,7 @@ def _brief(plan: Plan) -> dict[str, Any]:
     }
 
 
-def told(plans: Plans, plan: Plan) -> dict[str, Any]:
+def told(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
     """Return all that is known of a plan."""
     return {
         **_brief(plan),

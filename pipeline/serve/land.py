@@ -21,11 +21,14 @@ TILE_PX = 512
 MAX_ZOOM = 14
 """The closest view: a pixel is some 5 m at the equator, and the coast is accurate to 60 m."""
 
-# Zoom of tiles of 512 pixels up to which the coarse copy is taken, and the coarse copy's detail,
-# degrees: half a pixel then.
-_COARSE_ZOOM, _COARSE_DEG = 4, 0.02
-# Room around a tile so that outlines along the cut are not seen, pixels; steps to a pixel.
-_ROOM_PX, _STEPS = 8, 4
+# Zoom of tiles of 512 pixels up to which the coarse copy is taken.
+_COARSE_ZOOM = 4
+# Detail of the coarse copy, degrees: half a pixel at that zoom.
+_COARSE_DEG = 0.02
+# Room around a tile so that outlines along the cut are not seen, pixels.
+_ROOM_PX = 8
+# Steps to a pixel in the answer.
+_STEPS = 4
 # Latitude at which the square map ends, degrees.
 _MAX_LATITUDE = 85.0511287
 # Tiles are made one at a time, so that a map that is moved leaves a core to the plans.

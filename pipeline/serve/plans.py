@@ -16,10 +16,14 @@ from pipeline.serve.workers import ServingWorker
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
-# Largest number of plans that wait, and of plans that are kept, oldest first out.
-_MAX_WAITING, _MAX_KEPT = 8, 50
-# Largest number of notes that are kept of a plan, and of draft routes.
-_MAX_NOTES, _MAX_DRAFTS = 50, 40
+# Largest number of plans that wait: at the usual time limit the last waits up to 80 minutes.
+_MAX_WAITING = 8
+# Largest number of plans that are kept, oldest first out.
+_MAX_KEPT = 50
+# Largest number of notes that are kept of a plan.
+_MAX_NOTES = 50
+# Largest number of draft routes that are kept of a plan.
+_MAX_DRAFTS = 40
 # Memory, bytes, above which a worker that has planned is replaced by the spare one.
 _MAX_IDLE_BYTES = 700_000_000
 _LIVE = {"waiting", "running"}
@@ -27,12 +31,12 @@ _LIVE = {"waiting", "running"}
 _PREPARING = "preparing"
 
 
-class BusyError(StageError):
+class FullQueueError(StageError):
     """So many plans wait that no other is taken."""
 
 
 @dataclass
-class Plan:
+class AskedPlan:
     """A plan: what was asked, and what is known of it so far.
 
     `stages` are those begun, in order; `detail` is what happens in the last. `drafts` are the ways
@@ -114,9 +118,9 @@ class Plans:
         self._pairs = [
             (ServingWorker(memory_bytes), ServingWorker(memory_bytes)) for _ in range(workers)
         ]
-        self._plans: dict[str, Plan] = {}
+        self._plans: dict[str, AskedPlan] = {}
         # None asks for the voyage in `_ahead` to be prepared.
-        self._waiting: asyncio.Queue[Plan | None] = asyncio.Queue()
+        self._waiting: asyncio.Queue[AskedPlan | None] = asyncio.Queue()
         self._ahead: Mapping[str, Any] | None = None
         self._work: dict[str, asyncio.Task[None]] = {}
         self._loops: list[asyncio.Task[None]] = []
@@ -133,12 +137,12 @@ class Plans:
             for worker in (worker for pair in self._pairs for worker in pair):
                 worker.kill()
 
-    def add(self, request: PlanRequest, options: Mapping[str, Any]) -> Plan:
+    def add(self, request: PlanRequest, options: Mapping[str, Any]) -> AskedPlan:
         """Return a new plan, or that of the same options unless it failed.
 
         Raises
         ------
-        BusyError
+        FullQueueError
             Too many plans wait.
         """
         same = json.dumps(options, sort_keys=True)
@@ -149,10 +153,10 @@ class Plans:
             ):
                 return known
         if sum(one.state == "waiting" for one in self._plans.values()) >= _MAX_WAITING:
-            raise BusyError(
+            raise FullQueueError(
                 f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one"
             )
-        plan = Plan(request, options)
+        plan = AskedPlan(request, options)
         ends = ("start", "goal")
         if self._ahead is not None and any(self._ahead[one] != options[one] for one in ends):
             self._stop_preparing()
@@ -173,21 +177,21 @@ class Plans:
         if (task := self._work.pop(_PREPARING, None)) is not None:
             task.cancel()
 
-    def get(self, identity: str) -> Plan | None:
+    def get(self, identity: str) -> AskedPlan | None:
         """Return a plan by its id; None if it is not known."""
         return self._plans.get(identity)
 
-    def all(self) -> tuple[Plan, ...]:
+    def all(self) -> tuple[AskedPlan, ...]:
         """Return all plans that are kept, the latest first."""
         return tuple(reversed(self._plans.values()))
 
-    def command(self, plan: Plan) -> str:
+    def command(self, plan: AskedPlan) -> str:
         """Return the command line of a plan; empty until its name is known."""
         if not plan.name:
             return ""
         return command_line(plan.options, plan.name, self.output, offline=self._offline)
 
-    def cancel(self, plan: Plan) -> None:
+    def cancel(self, plan: AskedPlan) -> None:
         """Cancel a plan that waits or is at work; one that ended stays as it is."""
         if plan.state in _LIVE:
             plan.fail([], "cancelled")
@@ -228,7 +232,7 @@ class Plans:
         with contextlib.suppress(PipelineError):
             await worker.start()
 
-    async def _plan(self, worker: ServingWorker, plan: Plan) -> None:
+    async def _plan(self, worker: ServingWorker, plan: AskedPlan) -> None:
         """Plan with a worker; whatever happens, the plan ends."""
         plan.state, plan.begun = "running", time.monotonic()
         plan.version += 1

@@ -12,10 +12,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.errors import RequestError
 from pipeline.serve.app import make_app
-from pipeline.serve.files import GivenFiles
 from pipeline.serve.guard import Keys
 from pipeline.serve.options import ServerOptions
 from pipeline.serve.plans import Plans
+from pipeline.serve.request import GivenFiles
 
 HOST = "127.0.0.1"
 """The one address that the server listens at: nobody else's machine reaches it."""

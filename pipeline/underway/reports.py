@@ -34,8 +34,10 @@ _FIELDS = re.compile(
 _MODE = 11
 # The end of the last year that a date can have, s since 1970.
 _LAST = datetime(9999, 12, 31, tzinfo=UTC).timestamp()
-# The kind of gpsd's JSON that has a position, and the least mode in which it has one.
-_GPSD, _GPSD_MODE = "TPV", 2
+# The kind of gpsd's JSON that has a position.
+_GPSD = "TPV"
+# The least mode in which it has one.
+_GPSD_MODE = 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ class VoyageRequest:
     depart: Annotated[
         datetime | None,
         _time(
-            label="Departure, with its zone",
+            label="Departure",
             example="2026-11-22T06:00Z",
             help="Departure with its time zone, as 2026-11-22T06:00Z, in place of {months}. The "
             "currents then change during the voyage, with the time steps of {currents} or with "

@@ -234,7 +234,8 @@ class _Voyage(_Algorithm):
         parameters = []
         for option in self.voyage_options():
             parameter = _parameter(option, required=option["name"] in self.REQUIRED)
-            parameter.setHelp(option["help"])
+            several = " Several are separated by ';'." if option["several"] else ""
+            parameter.setHelp(f"{option['help']}{several}")
             if option["name"] not in _FIRST:
                 advanced = QgsProcessingParameterDefinition.FlagAdvanced
                 parameter.setFlags(parameter.flags() | advanced)
@@ -250,8 +251,10 @@ class _Voyage(_Algorithm):
                 places.append(text)
             elif option["kind"] == "flag":
                 command += [option["option"]] if text else []
-            elif text:
-                command += [option["option"], text]
+            else:
+                texts = text.split(";") if option["several"] else [text]
+                given = [part.strip() for part in texts if part.strip()]
+                command += [word for part in given for word in (option["option"], part)]
         return ["go", *places, *command]
 
     def text(self, option, parameters, context, feedback):

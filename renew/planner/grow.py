@@ -9,7 +9,7 @@ import contextlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol, TypeAlias, TypeVar
+from typing import TypeAlias
 
 import numpy as np
 import shapely
@@ -27,48 +27,12 @@ from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified
 from renew.turns.padding_model import PaddingModel
 from renew.turns.verification import colliding_edges, passage_windows, risky_edges
 from renew.voyage.voyage import Voyage
-from renew.watching import Step, tell
 
 _Shortfall: TypeAlias = tuple[IntArray, FloatArray]
 """Constrained edges, and the amount by which the padding of each is too small (m)."""
 
 Shortfalls: TypeAlias = tuple[_Shortfall | None, ...]
 """Shortfall of padding on each part of the voyage, between stops; None if there is none."""
-
-
-class _HasCorridor(Protocol):
-    """A path with its corridor."""
-
-    @property
-    def corridor(self) -> Corridor:
-        """Its corridor."""
-        ...
-
-
-_Path = TypeVar("_Path", bound=_HasCorridor)
-
-
-def grown_until_clear(
-    found: _Path,
-    shortfall: Callable[[_Path], Shortfalls | None],
-    plan_again: Callable[[Corridor, _Path], _Path],
-    most: int,
-    turns: str = "hard-over turns",
-) -> _Path:
-    """Grow a path's padding until it is enough; `plan_again` plans near the last path.
-
-    Raises InfeasibleError if padding is still too small after `most` rounds.
-    """
-    for rounds_left in reversed(range(most)):
-        short = shortfall(found)
-        if short is None:
-            return found
-        if rounds_left:
-            tell(Step("padding"))
-            found = plan_again(grown(found.corridor, short), found)
-    raise InfeasibleError(
-        f"its path is still not clear of {turns} in the last of {most} rounds of growing padding"
-    )
 
 
 def grown(corridor: Corridor, shortfall: Shortfalls) -> Corridor:

@@ -20,8 +20,9 @@ from renew.paths.least_fuel_path import check_straits, refined_path
 from renew.paths.speed_profile import SpeedProfile, speed_profile
 from renew.planner.grow import (
     PaddingGrowth,
+    Shortfalls,
     attempts,
-    grown_until_clear,
+    grown,
     near_rough,
     path_from,
     steered_as_it_is,
@@ -35,6 +36,7 @@ from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.turns.padding_model import PaddedEdges, PaddingModel, region_of
 from renew.turns.verification import passage_windows
 from renew.voyage.voyage import Voyage
+from renew.watching import Step, tell
 
 # Other attempts are made if a path needs this many times as much fuel after steering as before.
 _DEAR = 1.01
@@ -332,6 +334,29 @@ class ClassPlanner:
             if found is not None:
                 return found._replace(harmonic_mean=class_mean)
         raise first or InfeasibleError("no chain was found")
+
+
+def grown_until_clear(
+    found: ClassPath,
+    shortfall: Callable[[ClassPath], Shortfalls | None],
+    plan_again: Callable[[Corridor, ClassPath], ClassPath],
+    most: int,
+    turns: str = "hard-over turns",
+) -> ClassPath:
+    """Grow a path's padding until it is enough; `plan_again` plans near the last path.
+
+    Raises InfeasibleError if padding is still too small after `most` rounds.
+    """
+    for rounds_left in reversed(range(most)):
+        short = shortfall(found)
+        if short is None:
+            return found
+        if rounds_left:
+            tell(Step("padding"))
+            found = plan_again(grown(found.corridor, short), found)
+    raise InfeasibleError(
+        f"its path is still not clear of {turns} in the last of {most} rounds of growing padding"
+    )
 
 
 def as_drawn(planner: ClassPlanner, path: FloatArray, channel: Channel) -> ClassPath | None:

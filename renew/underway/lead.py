@@ -7,8 +7,9 @@ Dubins path of an arc and a line.)
 
 import contextlib
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -234,16 +235,12 @@ def _is_clear(track: FloatArray, voyage: Voyage) -> bool:
 
 # Angle (rad) by which a heading may differ from the one that is needed without an arc.
 _STRAIGHT = 1e-6
-# A route is good enough if it is later than the quickest arc by at most this share of a full turn.
+# No further arc is tried once a route arrives within this share of a full turn of the quickest arc.
 _LATE = 0.25
 
 
-class Follow(Protocol):
-    """Finds the best path of the class of a way ahead (n, 2)."""
-
-    def __call__(self, planner: ClassPlanner, ahead: FloatArray) -> ClassPath:
-        """Return the path; raise InfeasibleError if there is none."""
-        ...
+Follow: TypeAlias = Callable[[ClassPlanner, FloatArray], ClassPath]
+"""Finds the best path of the class of a way ahead (n, 2); raises InfeasibleError without one."""
 
 
 def led_in(
@@ -256,19 +253,20 @@ def led_in(
 ) -> Route:
     """Return a route begun on the heading (rad) that the vessel has, if one is given.
 
-    If the vessel is in the soft no-go zone, the route first leaves it by a short straight leg,
-    unless the plan `is_proven` for the vessel there. Raises InfeasibleError if there is no room.
+    A vessel inside the soft no-go zone first leaves it on a short straight leg. `is_proven`: the
+    plan was verified from this very place, so no leg is added. Raises InfeasibleError if there is
+    no room.
     """
     out = None if is_proven else _way_out(route, planner)
-    rows, tail, now = np.empty((0, 4)), route, planner
+    exit_rows, route_after, planner_there = np.empty((0, 4)), route, planner
     if out is not None:
         with contextlib.suppress(InfeasibleError):
-            rows, tail, now = _led_out(out, route, planner, heading, follow)
-    heading = float(rows[-1, 3]) if len(rows) else heading
-    if heading is not None and abs(wrapped(tail.trajectory[0, 3] - heading)) > _STRAIGHT:
-        arc, tail = _turned(tail.path, now, heading, follow)
-        rows = np.vstack([rows[:-1], arc])
-    begun = _joined(rows, tail, planner) if len(rows) else tail
+            exit_rows, route_after, planner_there = _led_out(out, route, planner, heading, follow)
+    heading = float(exit_rows[-1, 3]) if len(exit_rows) else heading
+    if heading is not None and abs(wrapped(route_after.trajectory[0, 3] - heading)) > _STRAIGHT:
+        arc, route_after = _turned(route_after.path, planner_there, heading, follow)
+        exit_rows = np.vstack([exit_rows[:-1], arc])
+    begun = _joined(exit_rows, route_after, planner) if len(exit_rows) else route_after
     if planner.problem.word(begun.path) != planner.problem.word(route.path):
         raise InfeasibleError("from {0} the vessel can only turn into another class", route.path[0])
     return begun

@@ -42,8 +42,8 @@ from renew.paths.speeds_by_clock import (
     trade_off_by_clock,
 )
 from renew.planner.classes import ClassSearch, no_class_error, plan_classes
-from renew.planner.grow import Shortfalls, grown_until_clear, steered_with_room
-from renew.planner.one_class import ClassPath, ClassPlanner
+from renew.planner.grow import Shortfalls, steered_with_room
+from renew.planner.one_class import ClassPath, ClassPlanner, grown_until_clear
 from renew.planner.plan import plan_around, planner_of
 from renew.planner.problem import check_current_at_endpoints
 from renew.request import Request

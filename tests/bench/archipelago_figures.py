@@ -1,14 +1,12 @@
-"""Figures on charts of many islands: a real archipelago, and growth with the chart's vertices."""
+"""Figures on a chart of many islands: a real archipelago."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 import shapely
-from shapely import Polygon
 
 import renew
 from pipeline.geo.projection import Projection
@@ -16,11 +14,9 @@ from pipeline.model import planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.sources.land.osm import land_polygons
 from pipeline.stages.project import extent_polygon
-from renew._types import FloatArray
 from tests import yardstick
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
-from tests.strategies import PAPER_VESSEL
 
 ARCHIPELAGO_SEA = (20.8, 59.7, 22.9, 60.8)
 """Between Finland and Åland: west, south, east, north in degrees; some 25,000 islands."""
@@ -33,8 +29,6 @@ A_CHOICE_M = 2000.0
 """What a navigator takes for an island to pass on either side there (m)."""
 CLEARANCE_M, GRID_M = 50.0, 400.0
 """Of the plan that stands beside a grid search, and the grid's spacing (m)."""
-SIZES = (100, 300, 1000, 3000, 10_000)
-"""Vertices of the charts whose times are fitted."""
 
 
 def islands() -> Iterator[Figure]:
@@ -70,29 +64,6 @@ def islands() -> Iterator[Figure]:
         yield at_most(f"{name}: {what}", ours, round(limit, 3), digits=3)
 
 
-def growth() -> Iterator[Figure]:
-    """Yield the exponent by which time grows with the chart's vertices, and the times."""
-    sizes, times = [], []
-    current = renew.GyreCurrent(0.5, 100.0, 100.0)
-    for wanted in SIZES:
-        chart, start, goal = _scattered(wanted)
-        run = partial(renew.plan, chart, current, PAPER_VESSEL, start, goal, classes=CLASSES)
-        took, _ = warm(run, times=1)
-        sizes.append(_vertices(chart))
-        times.append(took.cpu)
-    text = ", ".join(f"{size}: {1e3 * time:.0f}" for size, time in zip(sizes, times, strict=True))
-    yield Figure(f"growth: CPU time (ms) by vertices, k = {CLASSES}", "", text)
-    for first, of in ((0, "all sizes"), (-3, "the largest three")):
-        n = np.array(sizes[first:])
-        limit, exponent = _exponent(n, n * np.log(n)), _exponent(n, np.array(times[first:]))
-        yield Figure(
-            f"growth: exponent of time by vertices, {of}",
-            f"<= {limit:.2f} (n log n)",
-            f"{exponent:.2f}",
-            exponent <= limit,
-        )
-
-
 def _archipelago(projection: Projection) -> renew.Chart:
     """The largest islands as simple polygons with no point in common; of two that touch, one."""
     region = shapely.box(*ARCHIPELAGO_SEA)
@@ -103,25 +74,6 @@ def _archipelago(projection: Projection) -> renew.Chart:
     one, other = shapely.STRtree(largest).query(largest, predicate="intersects")
     largest = np.delete(largest, np.unique(np.maximum(one, other)[one != other]))
     return renew.Chart(extent_polygon(region, projection), largest[:ISLANDS].tolist())
-
-
-def _scattered(vertices: int) -> tuple[renew.Chart, FloatArray, FloatArray]:
-    """Random convex islands, one a cell of 40 m, as many as give so many vertices or a few more.
-
-    The water's area grows with the number of islands, so that any part of a large chart is like
-    a small one.
-    """
-    rng = np.random.default_rng(vertices)
-    cells = math.ceil(math.sqrt(vertices / 5))
-    found: list[Polygon] = []
-    for cell in rng.permutation(cells * cells):
-        centre = 40.0 * (np.array(divmod(int(cell), cells)) + rng.uniform(0.4, 0.6, 2))
-        angle = np.arange(5) * 2 * np.pi / 5 + rng.uniform(0, 1, 5)
-        radius = rng.uniform(5, 15)
-        found.append(Polygon(centre + radius * np.column_stack([np.cos(angle), np.sin(angle)])))
-    side = 40.0 * cells
-    chart = renew.Chart(shapely.box(-20, -20, side + 20, side + 20), found)
-    return chart, np.array([-10.0, -10.0]), np.array([side + 10, side + 10])
 
 
 def _gridded(
@@ -137,8 +89,3 @@ def _gridded(
 def _vertices(chart: renew.Chart) -> int:
     """Vertices of the chart's land."""
     return sum(len(polygon.exterior.coords) - 1 for polygon in chart.no_go)
-
-
-def _exponent(n: FloatArray, time: FloatArray) -> float:
-    """Slope of a line through times over n, both as logarithms."""
-    return float(np.polyfit(np.log(n), np.log(time), 1)[0])

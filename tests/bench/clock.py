@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from tests.conftest import ROOT
@@ -41,20 +40,15 @@ class Ran(NamedTuple):
     peak: float
 
 
-def ran(*words: str, log: Path | None = None) -> Ran:
-    """Run Python with these words, and the processes that it starts.
-
-    Its log lines go into a file, where one is named. RuntimeError where it fails.
-    """
+def ran(*words: str) -> Ran:
+    """Run Python with these words, and the processes that it starts; RuntimeError if it fails."""
     begin = time.perf_counter()
     command = [sys.executable, *words]
     # Modules are compiled once and kept, as on a user's machine.
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-    with Path(log or os.devnull).open("w", encoding="utf-8") as heard:
-        child = subprocess.Popen(
-            command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=heard
-        )
-        _, status, usage = os.wait4(child.pid, 0)
+    unheard = subprocess.DEVNULL
+    child = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=unheard, stderr=unheard)
+    _, status, usage = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:
         raise RuntimeError(f"{' '.join(words)} ended with {child.returncode}")

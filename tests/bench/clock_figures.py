@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+
+import numpy as np
 
 import renew
 from renew._types import FloatArray
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.voyage.voyage import Voyage
-from tests.bench import departure_figures
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import PERIODS, moving_scene
@@ -23,6 +25,12 @@ BOUNDED = 200
 FLOWN = range(12)
 """Seeds of the scenes whose turns are flown."""
 
+SWEPT = 48
+"""Number of departures that are planned at once, and one by one."""
+
+# Scene whose departures are planned, and the window (s) in which they lie.
+_DEPARTING = 7
+_WINDOW_S = 600.0
 # Largest gaps asked for by the current's period, in voyages, %.
 _GAPS = dict(zip(PERIODS, (12.0, 7.0, 4.0), strict=True))
 # Strongest current (m/s) of the rough scenes: in places it outruns the vessel.
@@ -35,7 +43,7 @@ def figures() -> Iterator[Figure]:
     yield from _bounded()
     yield from _turns()
     yield from _times()
-    yield from departure_figures.figures()
+    yield from _departures()
 
 
 def _exact() -> Iterator[Figure]:
@@ -113,6 +121,23 @@ def _times() -> Iterator[Figure]:
     assert isinstance(at_rest, Voyage)
     still_bound, _ = warm(lambda: fuel_lower_bound(at_rest))
     yield at_most("changing bound beside a steady one, CPU", bound.cpu / still_bound.cpu, 5)
+
+
+def _departures() -> Iterator[Figure]:
+    """CPU time of departures planned at once beside that of as many plans, and the fuel of both."""
+    scene = moving_scene(_DEPARTING)
+    given = np.linspace(0.0, _WINDOW_S, SWEPT)
+    scene.plan_departures(given[:2])
+    begin = time.process_time()
+    found = scene.plan_departures(given)
+    at_once = time.process_time() - begin
+    scene.plan(departure=0.0)
+    begin = time.process_time()
+    single = np.array([scene.plan(departure=t).best.fuel for t in given.tolist()])
+    one_by_one = time.process_time() - begin
+    name = f"{SWEPT} departures beside as many plans"
+    yield at_most(f"{name}, CPU", at_once / one_by_one, 0.5)
+    yield at_most(f"{name}, dearest", float((found.fuels / single).max()), 1.001, digits=5)
 
 
 class _Frozen(renew.CurrentField):

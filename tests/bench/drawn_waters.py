@@ -16,18 +16,25 @@ from numpy.random import Generator
 import renew
 from pipeline._types import FloatArray
 from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import Projection
+from pipeline.model import Land
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.current_field import LandMask
 from pipeline.sources.land import osm
 from pipeline.stages.choose import offing_m
+from pipeline.stages.project import extent_polygon
 from pipeline.stages.simplify import simplify_land
 from pipeline.stages.water_grid import DirectLine, choose_region
-from tests.bench.sea_figures import PEAK_M_S, Water
+from tests.eddies import eddies
 from tests.oracles import leg_times
 
 KNOT = 1852 / 3600
 PLACES = 500
 """Number of transversals along a path of the rival."""
+PEAK_M_S = 0.8
+"""Strongest current."""
+WAVES = 6
+"""Half-waves of the current along the longer side."""
 
 _WORLD = (-360.0, -89.0, 360.0, 89.0)
 # Half the side of the box in which a coast is drawn, degrees of latitude; tries at each end.
@@ -38,11 +45,65 @@ _CUT = math.cos(math.pi / 4 / _QUAD_SEGMENTS)
 
 
 @dataclass(frozen=True)
-class DrawnWater(Water):
-    """A water drawn by a seed, with the vessel that sails there."""
+class DrawnWater:
+    """A water drawn by a seed, with the vessel that sails there.
 
+    It has a region (west, south, east, north) and two places in it, lon/lat degrees.
+    """
+
+    name: str
+    bounds: tuple[float, float, float, float]
+    start: tuple[float, float]
+    goal: tuple[float, float]
     spec: VesselSpec
     leaves_out: bool
+
+    @cached_property
+    def projection(self) -> Projection:
+        """The plane of the region."""
+        return Projection.for_region(shapely.box(*self.bounds))
+
+    @cached_property
+    def land(self) -> Land:
+        """The land as it is charted."""
+        return osm.land_polygons(shapely.box(*self.bounds))
+
+    @cached_property
+    def extent(self) -> shapely.Polygon:
+        """The region in the plane."""
+        return extent_polygon(shapely.box(*self.bounds), self.projection)
+
+    @cached_property
+    def ends(self) -> tuple[FloatArray, FloatArray]:
+        """Start and goal in the plane."""
+        first, last = self.projection.to_plane(np.array([self.start, self.goal]))
+        return first, last
+
+    @cached_property
+    def raw(self) -> renew.Chart:
+        """The land as it is, in the plane."""
+        planar = self.projection.geometry_to_plane(np.array(self.land.polygons, dtype=object))
+        return renew.Chart(self.extent, shapely.get_parts(shapely.make_valid(planar)).tolist())
+
+    @cached_property
+    def current(self) -> renew.GriddedCurrent:
+        """A current of large eddies, the same whenever it is asked for."""
+        xmin, ymin, xmax, ymax = self.extent.bounds
+        side = max(xmax - xmin, ymax - ymin)
+        field = eddies(np.random.default_rng(7), WAVES, side)
+        x, y = np.linspace(0, xmax - xmin, 200), np.linspace(0, ymax - ymin, 200)
+        uv = field(np.stack(np.meshgrid(x, y), axis=-1))
+        uv *= PEAK_M_S / np.linalg.norm(uv, axis=-1).max()
+        return renew.GriddedCurrent(x + xmin, y + ymin, uv[..., 0], uv[..., 1])
+
+    def plane(self, lonlat: FloatArray) -> FloatArray:
+        """A place (2,) in the plane."""
+        return np.asarray(self.projection.to_plane(lonlat))
+
+    def over_land(self, route: renew.Route) -> float:
+        """Metres of a route inside the land as it is."""
+        way = shapely.LineString(route.path)
+        return float(shapely.intersection(way, self.raw.hard_no_go).length)
 
     @cached_property
     def vessel(self) -> renew.Vessel:

@@ -22,9 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.nightly.request.cases import Cases
-from pipeline.nightly.request.config import load_config
-from pipeline.nightly.request.expansion import expand
+from pipeline.nightly.cases import expand
+from pipeline.nightly.config import load_config
 from tests.bench.figure import Figure, at_most
 from tests.pipeline.nightly.nights import rows, write_night
 from tests.pipeline.processes import descendants
@@ -37,26 +36,25 @@ _PALAWAN_PAIRS = min(20, _PLANS)
 _PLAIN = """
 import sys, time
 from pathlib import Path
-from pipeline.nightly.planning.worker import Rules
-from pipeline.nightly.request.config import load_config
-from pipeline.nightly.request.expansion import expand
-from pipeline.nightly.request.newest_currents import newest_currents
-from pipeline.nightly.cycle.part_files import Partial
-from pipeline.nightly.planning.planning import Planning
-from pipeline.nightly.planning.worker import plan_case
+from pipeline.nightly.config import load_config
+from pipeline.nightly.cases import expand
+from pipeline.nightly.newest_currents import newest_currents
+from pipeline.nightly.cycles import Partial
+from pipeline.nightly.planning import Planning
 from pipeline.machine.store import Store
 from datetime import UTC, datetime
 config = load_config(Path(sys.argv[1]), Path(sys.argv[2]))
 cases = expand(config)
 now = datetime.now(UTC)
 planning = Planning(cases, newest_currents(cases, now), Store(config.output / ".artefacts"),
-    Partial(config.output, now), Rules(3.0), None, "", print, print)
+    Partial(config.output, now, {}), {}, 3.0, "", None, print, print)
 half = int(sys.argv[3])
-tasks = [planning._case_task(cases[i]) for i in range(len(cases)) if i * 2 // len(cases) == half]
-plan_case(tasks[0], planning.chart_path(cases[tasks[0].index]), Rules(3.0), None)
+own = [i for i in range(len(cases)) if i * 2 // len(cases) == half]
+batches = [planning._batch(i, i + 1) for i in own]
+batches[0].make()
 begun, processor = time.perf_counter(), time.process_time()
-for task in tasks:
-    plan_case(task, planning.chart_path(cases[task.index]), Rules(3.0), None)
+for batch in batches:
+    batch.make()
 print(time.perf_counter() - begun, time.process_time() - processor)
 """
 
@@ -123,7 +121,7 @@ class _Peaks(NamedTuple):
 
 def _beside_plain(name: str, file: Path, output: Path, share: float) -> Iterator[Figure]:
     """Measure a night, and the same plans in two plain processes."""
-    count = len(Cases(expand(load_config(file, output)).blocks))
+    count = len(expand(load_config(file, output)))
     rounds, peaks = list[_Measured](), list[_Peaks]()
     for _ in range(_ROUNDS):
         _forget_cycles(output)

@@ -26,15 +26,10 @@ def figures() -> Iterator[Figure]:
         yield from _of_results(Path(folder) / "palawan-season")
 
 
-def run_scenario(
-    name: str, folder: Path, *options: str, log: Path | None = None
-) -> tuple[float, float]:
-    """Run a scenario as a user does; wall time (s) and the process's largest memory (GB).
-
-    Its log lines go into a file, where one is named.
-    """
+def run_scenario(name: str, folder: Path, *options: str) -> tuple[float, float]:
+    """Run a scenario as a user does; wall time (s) and the process's largest memory (GB)."""
     words = ("-m", "pipeline.cli.main", "run", name, *options, "--output", str(folder))
-    taken = ran(*words, log=log)
+    taken = ran(*words)
     return taken.wall, taken.peak
 
 

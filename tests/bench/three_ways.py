@@ -2,10 +2,9 @@
 
 `python -m tests.bench.three_ways 1000` runs it.
 
-One machine; a scheduler and workers by the commands of kubernetes.yaml, as plain processes; the job
-array by its own script, where `srun` runs what it is given, two parts at a time. RENEW_KERNELS is
-the folder that `renew warm` has filled for it; else its parts compile. It prints the rows of the
-page's table.
+One machine; a scheduler and workers by the commands of kubernetes.yaml, as plain processes; the
+Slurm job by its own script, where `srun` runs what it is given twice. RENEW_KERNELS is the folder
+that `renew warm` has filled for it; else its workers compile. It prints a row for each.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ import json
 import os
 import re
 import resource
-import subprocess
 import sys
 import tempfile
 import time
@@ -28,12 +26,12 @@ from tests.pipeline.nightly.nights import rows
 from tests.pipeline.processes import ROOT, started, wait_until
 
 _OPERATION = ROOT / "catalog" / "operation"
-_PARTS, _AT_ONCE = 4, 2
+_WORKERS = 2
 _LONG_S = 7200.0
 
 
 def one_machine(file: Path, output: Path) -> str:
-    """Plan on a local cluster."""
+    """Plan by processes of this machine."""
     _run(*night(file, output))
     return "`renew nightly run`"
 
@@ -60,35 +58,36 @@ def cluster(file: Path, output: Path) -> str:
     return "`renew nightly run --scheduler`, 2 workers"
 
 
-def job_array(file: Path, output: Path) -> str:
-    """Plan in parts by the script of the job array."""
+def slurm_job(file: Path, output: Path) -> str:
+    """Plan by the script of the Slurm job."""
     programs = file.with_name("programs")
     programs.mkdir()
-    (programs / "srun").write_text('#!/bin/sh\nshift\nexec "$@"\n')
-    (programs / "renew").write_text(f'#!/bin/sh\nexec {sys.executable} -m pipeline.cli.main "$@"\n')
-    for program in programs.iterdir():
-        program.chmod(0o755)
-    script = (str(_OPERATION / "nightly.slurm"), str(file), str(output))
-    waiting, working = list(range(1, _PARTS + 1)), list[subprocess.Popen[bytes]]()
-    while waiting or working:
-        while waiting and len(working) < _AT_ONCE:
-            variables = {
-                "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}",
-                "PYTHONPATH": str(ROOT),
-                "SLURM_ARRAY_TASK_ID": str(waiting.pop(0)),
-                "SLURM_ARRAY_TASK_COUNT": str(_PARTS),
-                "RENEW_KERNELS": os.environ.get("RENEW_KERNELS", str(file.parent / "kernels")),
-            }
-            working.append(subprocess.Popen(["/bin/bash", *script], env=os.environ | variables))
-        if (code := working.pop(0).wait()) != 0:
-            raise RuntimeError(f"a part ended with {code}")
-    return f"`nightly.slurm`, {_PARTS} parts, {_AT_ONCE} at a time"
+    for name, command in (
+        # As `srun`, it ends its tasks when it is told to end.
+        ("srun", "trap 'kill $(jobs -p)' TERM\n" + '"$@" &\n' * _WORKERS + "wait"),
+        ("dask", f'exec {sys.executable} -m dask "$@"'),
+        ("renew", f'exec {sys.executable} -m pipeline.cli.main "$@"'),
+    ):
+        (programs / name).write_text(f"#!/bin/sh\n{command}\n")
+        (programs / name).chmod(0o755)
+    variables = {
+        "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+        "SLURM_JOB_ID": "1",
+        "RENEW_KERNELS": os.environ.get("RENEW_KERNELS", str(file.parent / "kernels")),
+    }
+    script = ("/bin/bash", str(_OPERATION / "nightly.slurm"), str(file), str(output))
+    with started(*script, variables=variables) as process:
+        _, errors = process.communicate(timeout=_LONG_S)
+    if process.returncode:
+        raise RuntimeError(f"the job ended with {process.returncode}: {errors[-1000:]}")
+    return f"`nightly.slurm`, {_WORKERS} workers"
 
 
 WAYS: dict[str, Callable[[Path, Path], str]] = {
     "one machine": one_machine,
     "cluster": cluster,
-    "job array": job_array,
+    "Slurm job": slurm_job,
 }
 
 
@@ -109,7 +108,7 @@ def _cpu_s() -> float:
 def _tried(way: str, count: int) -> str:
     """Try a way; return its row."""
     with tempfile.TemporaryDirectory() as folder:
-        file, output = gyre_night(Path(folder), count, workers=1 if way == "job array" else 2)
+        file, output = gyre_night(Path(folder), count, workers=_WORKERS)
         begun, processor = time.perf_counter(), _cpu_s()
         command = WAYS[way](file, output)
         wall_s, used_s = time.perf_counter() - begun, _cpu_s() - processor

@@ -30,11 +30,10 @@ from pipeline.stages.water_grid import (
     DirectLine,
     widened_by,
 )
-from tests.bench.drawn_waters import KNOT, PLACES, DrawnWater, drawn
+from tests.bench.drawn_waters import KNOT, PEAK_M_S, PLACES, DrawnWater, drawn
 from tests.bench.figure import Figure, at_most
 from tests.bench.islands_between import largest_between, sides
 from tests.bench.record import record
-from tests.bench.sea_figures import PEAK_M_S
 from tests.oracles import grid_dijkstra, tighten
 
 SEEDS = range(3)

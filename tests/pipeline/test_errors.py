@@ -37,13 +37,13 @@ def test_what_is_too_many_is_counted() -> None:
 
 
 def test_long_faults_keep_their_place_and_their_remedy() -> None:
-    (said,) = RequestError([f"--part = {'x' * 5000!r} is no share; give it as 3/64"]).faults
-    assert said.startswith("--part = 'xxx")
-    assert said.endswith("xxx' is no share; give it as 3/64")
+    (said,) = RequestError([f"--only = {'x' * 5000!r} is no case; give its name"]).faults
+    assert said.startswith("--only = 'xxx")
+    assert said.endswith("xxx' is no case; give its name")
     assert len(said) < 250
-    (said,) = RequestError([f"--part = {'x y ' * 2000!r} is no share; give it as 3/64"]).faults
-    assert said.startswith("--part = 'x y")
-    assert said.endswith("x y ' is no share; give it as 3/64")
+    (said,) = RequestError([f"--only = {'x y ' * 2000!r} is no case; give its name"]).faults
+    assert said.startswith("--only = 'x y")
+    assert said.endswith("x y ' is no case; give its name")
     assert len(said) == 800
     (line,) = str(StageError(f"{'a' * 900}; free some space")).splitlines()
     assert line.endswith("; free some space")

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from pipeline.errors import PipelineError
-from pipeline.nightly.request.cases import read_pairs
+from pipeline.nightly.cases import read_pairs
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.cf.dataset import open_dataset
 from pipeline.sources.land.s57_cells import Objects

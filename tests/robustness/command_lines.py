@@ -74,7 +74,6 @@ _LIKELY: dict[str, tuple[str, ...]] = {
     "--scheduler": ("tcp://127.0.0.1:1", "127.0.0.1:1", "http://127.0.0.1:1"),
     "--ping": ("http://127.0.0.1:1", "file:///etc/passwd", "http://127.0.0.1:1/" + "x" * 5000),
     "--metrics": ("metrics.prom", "folder", "read-only/m.prom", "/dev/full", "pipe"),
-    "--part": ("1/2", "0/0", "2/1", "1/999999", "\u0661/\u0662", "1/-2"),
     "--only": ("quick", "quick/still/p0001", "single-gyre"),
     "--speed": ("10kn", "5m/s", "4kn..9kn", "9kn..4kn", "1e400kn", "0kn", "-1kn", "10"),
     "--length": ("20m", "300ft", "0m", "1e9km"),

@@ -27,7 +27,7 @@ from tests.robustness.limits import limit_memory
 _LOADED = (
     *("dask.array", "distributed", "matplotlib.pyplot", "netCDF4", "pyogrio", "xarray", "zarr"),
     *("pipeline.cli.main", "pipeline.cli.plot", "pipeline.nightly.night", "pipeline.run"),
-    *("pipeline.nightly.request.expansion", "pipeline.voyage.one_line"),
+    *("pipeline.nightly.cases", "pipeline.voyage.one_line"),
 )
 # Without a word for longer than this, a run counts as hung, s.
 MAX_SILENCE_S = 60.0

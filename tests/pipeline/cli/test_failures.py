@@ -274,7 +274,6 @@ def test_clean_says_what_it_freed(
         ["plot", "quick", "--format", "x" * 5000],
         ["run", "x" * 5000],
         ["show", "x" * 200 + "/" + "x" * 200 + ".toml"],
-        ["nightly", "run", "--part", "x" * 5000],
         ["nightly", "check", "--only", "x" * 5000],
         ["clean", "--older", "9" * 5000],
         ["go", "x" * 5000, "y" * 5000],

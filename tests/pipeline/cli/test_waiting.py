@@ -33,7 +33,7 @@ def _slow(*_: object, **__: object) -> str:
     ("arguments", "slow"),
     [
         (["check", "single-gyre"], "pipeline.stages.region.endpoints_on_land"),
-        (["nightly", "check"], "pipeline.nightly.request.expansion.pairs_on_land"),
+        (["nightly", "check"], "pipeline.nightly.cases.pairs_on_land"),
         (["clean"], "pipeline.cli.upkeep.freed"),
         (["warm"], "pipeline.cli.upkeep.warm"),
         (["doctor", "--offline"], "pipeline.cli.upkeep.examine"),

@@ -176,17 +176,8 @@ def workers_of(pid: int) -> set[int]:
 
 def cases_done(output: Path) -> int:
     """Return the number of cases in the parts of a cycle under way."""
-    return _cases([path.stem for path in output.glob("*.partial/parts/*.part")])
-
-
-def cases_at_work(output: Path) -> int:
-    """Return the number of cases in the batches that workers have begun."""
-    return _cases([path.name for path in output.glob("*.partial/marks/*")])
-
-
-def _cases(names: list[str]) -> int:
-    """Return the number of cases in batches, whose names begin with the first and the end."""
-    return sum(int(end) - int(first) for first, end, *_ in (name.split("-") for name in names))
+    names = [path.stem.split("-") for path in output.glob("*.partial/parts/*.part")]
+    return sum(int(end) - int(first) for first, end in names)
 
 
 def leftovers(output: Path) -> list[str]:

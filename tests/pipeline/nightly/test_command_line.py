@@ -168,17 +168,14 @@ def test_pairs_on_land_are_named_by_their_row(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_too_many_cases_need_yes(tmp_path: Path) -> None:
-    cases = (
-        'scenario = "single-gyre"\ndepartures = { first = "00:00Z", every = "1min", count = 9000 }'
-    )
+def test_too_many_cases_are_refused(tmp_path: Path) -> None:
+    departures = 'departures = { first = "00:00Z", every = "1min", count = 9000 }'
     rows = "".join(f"{10 + i},10,90,90,p{i}\n" for i in range(12))
     (tmp_path / "pairs.csv").write_text(f"start_x,start_y,goal_x,goal_y,name\n{rows}")
-    file = write_night(tmp_path, f'{cases}\npairs = "pairs.csv"\n')
-    result = renew("check", "--config", file)
+    cases = f'scenario = "single-gyre"\n{departures}\npairs = "pairs.csv"\n'
+    result = renew("check", "--config", write_night(tmp_path, cases))
     assert result.exit_code == 2
-    assert "there are 108,000 (single-gyre 108,000), more than 100,000; give --yes" in result.stderr
-    assert renew("check", "--config", file, "--yes").exit_code == 0
+    assert "there are 108,000 (single-gyre 108,000), more than 20,000; divide" in result.stderr
 
 
 @pytest.mark.parametrize("kind", ["a FIFO", "a device"])
@@ -189,13 +186,6 @@ def test_metrics_that_are_no_file(tmp_path: Path, kind: str) -> None:
     result = renew("run", "--config", plane_night(tmp_path), "--metrics", metrics)
     assert result.exit_code == 2
     assert faults(result) == [f"--metrics: {metrics} is no file; name one to replace"]
-
-
-@pytest.mark.parametrize("part", ["0/3", "4/3", "1", "a/b"])
-def test_an_invalid_share_is_refused(tmp_path: Path, part: str) -> None:
-    result = renew("run", "--output", tmp_path / "out", "--part", part)
-    assert result.exit_code == 2
-    assert "give it as 3/64" in result.stderr
 
 
 def test_currents_not_there_yet_ask_to_come_again(tmp_path: Path) -> None:

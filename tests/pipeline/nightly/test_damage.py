@@ -12,9 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.errors import PipelineError
+from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import NightOutcome
-from pipeline.nightly.request.config import load_config
 from tests.pipeline.nightly.nights import REFERENCE, region_night, rows, write_forecast
 
 _TABLES = ("cases.parquet", "history.parquet")

@@ -13,13 +13,13 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.findings.ensembles import ENSEMBLE_FIGURES, ensemble_figures, side_shares
 from pipeline.machine.store import load_artefact
-from pipeline.nightly.cycle.forecasts import Forecasts
+from pipeline.nightly.cases import expand
+from pipeline.nightly.charts import NightCurrent
+from pipeline.nightly.config import NightConfig, load_config
+from pipeline.nightly.forecasts import Forecasts
+from pipeline.nightly.newest_currents import newest_currents
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
-from pipeline.nightly.planning.chart import NightCurrent
-from pipeline.nightly.request.config import NightConfig, load_config
-from pipeline.nightly.request.expansion import expand
-from pipeline.nightly.request.newest_currents import newest_currents
 from pipeline.scenario.loading import load_scenario
 from pipeline.sources.current_field import Field
 from tests.pipeline.nightly.nights import REFERENCE, plane_night, region_night, rows

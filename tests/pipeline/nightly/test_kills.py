@@ -15,7 +15,6 @@ from tests.pipeline.nightly.killed_nights import (
     Reader,
     Undisturbed,
     Victim,
-    cases_at_work,
     killed,
     leftovers,
     night,
@@ -88,7 +87,7 @@ def test_a_scheduler_that_dies_and_returns(second_night: Undisturbed, tmp_path: 
             address = external.address
             command = night(second_night.file, output, "--scheduler", address)
             with started(*command) as process:
-                wait_until(lambda: cases_at_work(output))
+                wait_until(lambda: list(output.glob("*.partial/parts/*.part")))
                 external.processes["scheduler"][0].kill()
                 _, errors = process.communicate(timeout=300)
             assert process.returncode == 1

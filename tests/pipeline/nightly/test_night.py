@@ -17,15 +17,14 @@ import shapely
 
 import renew
 from pipeline.errors import RequestError, StageError
-from pipeline.nightly.cycle.results import LookBack
+from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
-from pipeline.nightly.request.config import load_config
+from pipeline.nightly.publishing import check_files
 from pipeline.nightly.status import case_lines, status_lines
 from pipeline.scenario.loading import load_scenario
 from tests.pipeline.nightly.nights import (
     REFERENCE,
-    contents,
     plane_night,
     region_night,
     rows,
@@ -232,18 +231,6 @@ def test_a_case_alone_has_an_output_of_its_own(tmp_path: Path, cluster: str) -> 
         run_night(config, only="quick/still/p9", scheduler=cluster)
 
 
-def test_the_last_part_of_a_job_array_publishes(
-    tmp_path: Path, cluster: str, finished: Path
-) -> None:
-    config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
-    first = run_night(config, share=(1, 2), scheduler=cluster)
-    assert "share 1/2 is done" in first.message
-    assert not (tmp_path / "out" / "latest").exists()
-    second = run_night(config, share=(2, 2), scheduler=cluster)
-    assert second.fresh
-    assert contents(tmp_path / "out") == contents(finished)
-
-
 def test_what_is_left_between_the_last_two_renames(tmp_path: Path, cluster: str) -> None:
     config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
     cycle = run_night(config, scheduler=cluster).cycle
@@ -266,21 +253,15 @@ def test_status_and_show(tmp_path: Path, finished: Path) -> None:
 
 
 def test_damage_is_found_before_anything_is_published(tmp_path: Path, finished: Path) -> None:
-    from pipeline.nightly.publishing.publishing import Publishing
-
     folder = tmp_path / "cycle"
     shutil.copytree(finished / "latest", folder)
-    from types import SimpleNamespace
-
-    publishing = Publishing(SimpleNamespace(cases=range(6)), folder, LookBack())  # type: ignore[arg-type]
-    publishing.check()
-    publishing = Publishing(SimpleNamespace(cases=range(7)), folder, LookBack())  # type: ignore[arg-type]
+    check_files(folder, 6)
     with pytest.raises(StageError, match="6 rows for 7 cases"):
-        publishing.check()
+        check_files(folder, 7)
     with sqlite3.connect(folder / "routes.gpkg") as database:
         database.execute("DROP TABLE routes")
     with pytest.raises(StageError, match="a file does not open"):
-        Publishing(SimpleNamespace(cases=range(6)), folder, LookBack()).check()  # type: ignore[arg-type]
+        check_files(folder, 6)
 
 
 def test_the_file_of_a_night_says_when_it_was_made(finished: Path) -> None:
@@ -291,8 +272,8 @@ def test_the_file_of_a_night_says_when_it_was_made(finished: Path) -> None:
 
 @pytest.mark.parametrize("says_reference", [True, False])
 def test_a_cycle_is_named_by_its_currents(tmp_path: Path, says_reference: bool) -> None:
-    from pipeline.nightly.request.expansion import expand
-    from pipeline.nightly.request.newest_currents import newest_currents
+    from pipeline.nightly.cases import expand
+    from pipeline.nightly.newest_currents import newest_currents
 
     file = region_night(tmp_path)
     write_forecast(tmp_path / "currents" / "m1.nc", says_reference=says_reference)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 
 from pipeline.cli.main import app
 from pipeline.machine.files import file_lock
-from pipeline.nightly.cycle.folders import LOCK
+from pipeline.nightly.cycles import LOCK
 from tests.pipeline.nightly.nights import plane_night
 from tests.pipeline.nightly.ping_service import Service
 

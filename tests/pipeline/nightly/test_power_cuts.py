@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
-from pipeline.nightly.request.config import load_config
 from tests.pipeline.nightly.killed_nights import leftovers, night
 from tests.pipeline.nightly.nights import REFERENCE, contents, region_night, write_forecast
 from tests.robustness.disk import has_strace

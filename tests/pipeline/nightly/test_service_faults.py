@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from distributed import LocalCluster
 
+from pipeline.nightly.config import NightConfig, load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
-from pipeline.nightly.request.config import NightConfig, load_config
 from pipeline.scenario import catalogue
 from tests.loopback_store import world
 from tests.loopback_store.ocean import Ocean

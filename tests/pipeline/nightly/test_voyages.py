@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import RequestError
+from pipeline.nightly.cases import expand
+from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
-from pipeline.nightly.request.config import load_config
-from pipeline.nightly.request.expansion import expand
 from pipeline.nightly.voyages import planned_again
 from pipeline.underway.reports import last_fix
 from tests.pipeline.nightly.nights import plane_night

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.nightly import night as night_module
+from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError, NightOutcome
-from pipeline.nightly.request.config import load_config
 from tests.pipeline.nightly.nights import (
     REFERENCE,
     plane_night,

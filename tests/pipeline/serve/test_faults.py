@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.serve import files
-from pipeline.serve.files import GivenFiles
+from pipeline.serve import request as files
+from pipeline.serve.request import GivenFiles
 from tests.pipeline.serve.client import Server, serving
 
 

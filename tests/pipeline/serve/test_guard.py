@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.serve.files import MAX_FILE_BYTES
 from pipeline.serve.guard import MAX_BODY_BYTES
+from pipeline.serve.request import MAX_FILE_BYTES
 from tests.pipeline.serve.client import VOYAGE, Server
 
 PATHS = (

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.serve.page import REPORT_POLICY
+from pipeline.serve.app import REPORT_POLICY
 from tests.pipeline.processes import descendants, ends_within, renew, wait_until
 from tests.pipeline.serve.client import AREA, LONG, VOYAGE, Server, serving
 

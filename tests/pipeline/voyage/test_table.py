@@ -10,7 +10,7 @@ import pytest
 
 import pipeline
 from pipeline.errors import RequestError
-from pipeline.serve.page import page_files
+from pipeline.serve.app import page_files
 from pipeline.serve.request import ASKED, PlanRequest
 from pipeline.voyage.quantities import VesselFigures
 from pipeline.voyage.request import VoyageRequest

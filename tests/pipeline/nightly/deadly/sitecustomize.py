@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
-_MODULE = "pipeline.nightly.planning.worker"
+_MODULE = "pipeline.nightly.worker"
 
 
 class _Deadly(importlib.abc.MetaPathFinder):
-    """Replaces `plan_case` once its module has been loaded."""
+    """Replaces `rows_of` once its module has been loaded."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -42,7 +42,7 @@ class _Deadly(importlib.abc.MetaPathFinder):
 
 def _arm(module: Any) -> None:  # noqa: ANN401 - a module's functions have no types here
     """Let one case kill the process that plans it."""
-    plan_case = module.plan_case
+    rows_of = module.rows_of
     name, _, how = os.environ["RENEW_TEST_DEADLY"].partition(" ")
 
     def deadly(case: Any, *rest: Any) -> Any:  # noqa: ANN401 - as above
@@ -50,11 +50,11 @@ def _arm(module: Any) -> None:  # noqa: ANN401 - a module's functions have no ty
             if how == "crash":
                 os.kill(os.getpid(), signal.SIGSEGV)
             held = []
-            while True:  # until the nanny ends it at its limit
+            while True:  # until it is ended at its limit
                 held.append(bytearray(os.urandom(1 << 20)) * 16)
-        return plan_case(case, *rest)
+        return rows_of(case, *rest)
 
-    module.plan_case = deadly
+    module.rows_of = deadly
 
 
 if "RENEW_TEST_DEADLY" in os.environ:

@@ -1,7 +1,12 @@
-"""Prepare the charts and currents of a night, and then plan its cases in batches."""
+"""Prepare the charts and currents of a night, and then plan its cases in batches.
 
+Batches last about 40 seconds; one that kills its worker is halved. The duration of a case is
+measured on the first batch of its chart. Results do not depend on how the cases are cut.
+"""
+
+import contextlib
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -9,50 +14,44 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import MachineError, PipelineError, StageError
-from pipeline.machine.cluster import Fleet
+from pipeline.machine.cluster import Fleet, fleet
+from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Store, artefact_key, read_checked
 from pipeline.machine.workers import LocalWorkers
-from pipeline.nightly.cycle.forecasts import Forecasts
-from pipeline.nightly.cycle.part_files import Partial, gaps, part_path, write_part
-from pipeline.nightly.cycle.results import EarlierRoutes
+from pipeline.nightly import worker
+from pipeline.nightly.cases import Cases, NightCase
+from pipeline.nightly.charts import STAGE, ChartTask, CurrentTask, chart_key
+from pipeline.nightly.cycles import Partial, Row
+from pipeline.nightly.forecasts import Forecasts
+from pipeline.nightly.newest_currents import Newest, named_currents
 from pipeline.nightly.outcome import ComeAgainError
-from pipeline.nightly.planning import worker
-from pipeline.nightly.planning.chart import STAGE, ChartTask, CurrentTask, chart_key
-from pipeline.nightly.planning.work import BatchWork
-from pipeline.nightly.request.cases import Case, Cases
-from pipeline.nightly.request.newest_currents import Newest, named_currents
+from pipeline.nightly.records import EarlierRoute
+from pipeline.nightly.worker import NightCaseTask, PlanBatch
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import CYCLES, Currents, Season
 from pipeline.scenario.strict import Point
 from pipeline.stages.fetch import with_max_hours
 from pipeline.texts import clean
 
-# Largest number of cases in a slice; neighbours stay together, because they share a current.
-_LARGEST_SLICE = 64
+# Duration at which a batch aims, s: a killed job loses the batches that are unfinished.
+_TARGET_S = 40.0
+# Largest share of one worker's part of the remaining work in a batch: at the end no worker should
+# wait long for another.
+_SHARE = 1 / 8
+# Least duration at which a batch aims, s: handing it out costs some of it.
+_LEAST_S = 2.0
+# Number of cases in a batch until the duration of a case is known.
+_FIRST_CASES = 1
+# Number of workers that a single case may kill before it is recorded as broken.
+_DEATHS = 2
+# Each local worker has one core.
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 # What begins a failure that is not about the data.
 _BROKEN = "broken: "
 _DIED = (
     "its worker died (out of memory, which memory_gb limits for local workers, or a crash of the "
     "interpreter)"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Share:
-    """One job's share of a night: every `of`-th slice from `number` on, with `slice` cases each."""
-
-    number: int
-    of: int
-    slice: int
-
-    @classmethod
-    def of_night(cls, count: int, number: int = 1, of: int = 1) -> "Share":
-        """Return a share of `count` cases; slices are so small that all shares have equal size."""
-        return cls(number, of, max(1, min(_LARGEST_SLICE, count // (4 * of))))
-
-    def has(self, index: int) -> bool:
-        """Whether a case belongs to the share."""
-        return index // self.slice % self.of == self.number - 1
 
 
 @dataclass
@@ -100,19 +99,24 @@ class Preparation:
 
 @dataclass
 class Planning:
-    """Prepares the charts and currents of a night's cases, and plans the cases in batches."""
+    """Prepares the charts and currents of a night's cases, and plans the cases in batches.
+
+    `earlier` has yesterday's routes by the case; `look_percent` and `stale` are those of
+    `PlanBatch`. `on_progress` is called with the numbers of tasks or cases that are done, and of
+    all; `check` is called regularly and may end the night.
+    """
 
     cases: Cases
     newest: Newest
     store: Store
     partial: Partial
-    rules: worker.Rules
-    earlier: EarlierRoutes | None
+    earlier: dict[str, EarlierRoute]
+    look_percent: float
+    stale: str
     forecasts: Forecasts
     on_progress: Callable[[int, int], None]
     check: Callable[[], None]
     failures: dict[Path, str] = field(default_factory=dict)
-    planning_s: float = 0.0
     batches_s: float = 0.0
     _chart_paths: dict[tuple[int, str], Path] = field(default_factory=dict)
     _current_paths: dict[tuple[Path, object], Path] = field(default_factory=dict)
@@ -169,33 +173,29 @@ class Planning:
                 raise StageError(f"no current could be prepared: {reasons}")
             raise ComeAgainError(f"no currents are there yet: {reasons}")
 
-    def plan(self, workers: Fleet | LocalWorkers, share: Share) -> None:
-        """Plan the cases of a share that no part file contains yet."""
-        parts = self.partial.parts()
-        charts = [
-            [piece for gap in gaps(parts, first, end) for piece in _pieces(*gap, share)]
-            for first, end in self.cases.chart_ranges()
-        ]
+    def plan(self, workers: Fleet | LocalWorkers) -> None:
+        """Plan the cases that have no rows yet."""
+        charts = [self.partial.missing(first, end) for first, end in self.cases.chart_ranges()]
         total = sum(end - first for ranges in charts for first, end in ranges)
         done = 0
 
-        def progress(report: worker.BatchReport) -> None:
+        def keep(batch: PlanBatch, rows: list[Row], seconds: float) -> None:
             nonlocal done
-            done += report.end - report.first
-            self.planning_s += report.planning_s
-            self.batches_s += report.seconds
+            self.partial.add(batch.first, batch.end, rows)
+            done += batch.end - batch.first
+            self.batches_s += seconds
             self.on_progress(done, total)
 
-        workers.run(BatchWork(charts, self._batch, self._write_broken, progress), self.check)
+        workers.run(BatchWork(charts, self._batch, self._keep_broken, keep), self.check)
 
-    def chart_path(self, case: Case) -> Path:
+    def chart_path(self, case: NightCase) -> Path:
         """Return the path of a case's chart."""
         if case.chart not in self._chart_paths:
             path = self.store.path("night-chart", chart_key(_scenario(case), _ends(case)))
             self._chart_paths[case.chart] = path
         return self._chart_paths[case.chart]
 
-    def current_path(self, case: Case) -> Path:
+    def current_path(self, case: NightCase) -> Path:
         """Return the path of a case's current; all runs of a cycle use the same file."""
         chart = self.chart_path(case)
         key = (chart, case.current)
@@ -206,7 +206,7 @@ class Planning:
             )
         return self._current_paths[key]
 
-    def season(self, case: Case) -> Season:
+    def season(self, case: NightCase) -> Season:
         """Return a case's season, with the case's departure and usable currents."""
         update: dict[str, object] = {}
         if case.member is not None or self.newest.ahead:
@@ -226,42 +226,37 @@ class Planning:
         season = case.season.model_copy(update=update)
         return with_max_hours(season, _longest(case)) if season.is_changing else season
 
-    def leaves(self, case: Case) -> datetime | None:
+    def leaves(self, case: NightCase) -> datetime | None:
         """Return a case's departure; None if neither the night nor the season gives one."""
         if case.departure is None:
             return case.season.departure
         start = self.newest.departures_from
         return None if start is None else case.departure.after(start)
 
-    def _usable_currents(self, case: Case) -> tuple[Currents, ...]:
+    def _usable_currents(self, case: NightCase) -> tuple[Currents, ...]:
         """Return the sources of a case's currents, without those dated in the future."""
         named = named_currents(case.season, case.member)
         return tuple(one for one in named if one not in self.newest.ahead)
 
-    def _current_examples(self) -> list[Case]:
+    def _current_examples(self) -> list[NightCase]:
         """Return one case for each current of each chart."""
-        found: dict[Path, Case] = {}
+        found: dict[Path, NightCase] = {}
         for first, end in self.cases.chart_ranges():
             pairs = len(self.cases[first].block.pairs)
             for index in range(first, end, pairs):
                 found.setdefault(self.current_path(self.cases[index]), self.cases[index])
         return list(found.values())
 
-    def _batch(self, first: int, end: int) -> worker.PlanBatch:
+    def _batch(self, first: int, end: int) -> PlanBatch:
         """Return the batch of a range of cases."""
         cases = [self.cases[index] for index in range(first, end)]
-        return worker.PlanBatch(
-            tuple(map(self._case_task, cases)),
-            self.chart_path(cases[0]),
-            part_path(self.partial.parts_folder, first, end),
-            self.rules,
-            self.earlier,
-        )
+        tasks = tuple(map(self._case_task, cases))
+        return PlanBatch(tasks, self.chart_path(cases[0]), self.look_percent, self.stale)
 
-    def _case_task(self, case: Case) -> worker.CaseTask:
+    def _case_task(self, case: NightCase) -> NightCaseTask:
         """Return the task of a case."""
         pair, current, chart = case.pair, self.current_path(case), self.chart_path(case)
-        return worker.CaseTask(
+        return NightCaseTask(
             case.index,
             case.name,
             case.names,
@@ -269,38 +264,32 @@ class Planning:
             None if pair is None else pair.start,
             None if pair is None else pair.goal,
             self.leaves(case),
-            -1 if self.earlier is None else self.earlier.row(case.name),
+            self.earlier.get(case.name),
             failure=self.failures.get(chart) or self.failures.get(current) or "",
         )
 
-    def _write_broken(self, index: int) -> None:
-        """Write the part file of a case that killed its workers."""
-        batch = self._batch(index, index + 1)
-        earlier = {} if self.earlier is None else self.earlier.read([batch.cases[0].earlier_row])
-        row = worker.failed_row(
-            batch.cases[0],
-            f"broken: {_DIED}, twice",
-            self.rules,
-            earlier.get(batch.cases[0].earlier_row),
-            status=worker.BROKEN,
-        )
-        write_part(batch.part_path, [row])
+    def _keep_broken(self, index: int) -> None:
+        """Keep the row of a case that killed its workers."""
+        task = self._case_task(self.cases[index])
+        reason = f"broken: {_DIED}, twice"
+        row = worker.failed_row(task, reason, self.stale, status=worker.BROKEN)
+        self.partial.add(index, index + 1, [row])
         self.on_progress(0, 0)
 
 
-def _scenario(case: Case) -> Scenario:
+def _scenario(case: NightCase) -> Scenario:
     """Return a case's scenario with the case's vessel."""
     scenario = case.block.scenario
     return scenario if case.vessel is None else scenario.model_copy(update={"vessel": case.vessel})
 
 
-def _ends(case: Case) -> tuple[Point, ...]:
+def _ends(case: NightCase) -> tuple[Point, ...]:
     """Return start and goal of all pairs on a case's chart; the chart keeps them in water."""
     pairs = (pair for pair in case.block.pairs if pair is not None)
     return tuple(end for pair in pairs for end in (pair.start, pair.goal))
 
 
-def _longest(case: Case) -> Scenario:
+def _longest(case: NightCase) -> Scenario:
     """Return a case's scenario with the pair of its block that lies farthest apart."""
     scenario, pairs = _scenario(case), [one for one in case.block.pairs if one is not None]
     if not pairs:
@@ -312,16 +301,129 @@ def _longest(case: Case) -> Scenario:
     return scenario.model_copy(update={"start": farthest.start, "goal": farthest.goal})
 
 
-def _pieces(first: int, end: int, share: Share) -> Iterator[tuple[int, int]]:
-    """Yield the parts of a range that belong to a share; adjoining slices are joined."""
-    begin: int | None = None
-    at = first
-    while at < end:
-        if share.has(at):
-            begin = at if begin is None else begin
-        elif begin is not None:
-            yield begin, at
-            begin = None
-        at = min(end, (at // share.slice + 1) * share.slice)
-    if begin is not None:
-        yield begin, end
+@dataclass
+class _Waiting:
+    """Waiting cases of one chart as ranges, and the seconds per case (None: not known yet)."""
+
+    ranges: deque[tuple[int, int]]
+    seconds: float | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of waiting cases."""
+        return sum(end - first for first, end in self.ranges)
+
+
+@dataclass
+class BatchWork:
+    """The batches of a night, as the fleet's `Work`.
+
+    Parameters
+    ----------
+    charts
+        The ranges of cases to plan on each chart.
+    batch
+        Returns the batch of a range of cases.
+    on_broken
+        Called with the index of a case that has killed _DEATHS workers.
+    on_done
+        Called with each batch, its rows, and its duration, s.
+    """
+
+    charts: Sequence[Sequence[tuple[int, int]]]
+    batch: Callable[[int, int], PlanBatch]
+    on_broken: Callable[[int], None]
+    on_done: Callable[[PlanBatch, list[Row], float], None]
+    _waiting: list[_Waiting] = field(init=False)
+    _deaths: dict[int, int] = field(default_factory=dict)
+    # Halves of batches whose worker died.
+    _suspects: deque[tuple[int, int]] = field(default_factory=deque)
+
+    def __post_init__(self) -> None:
+        """Queue all cases."""
+        self._waiting = [_Waiting(deque(ranges)) for ranges in self.charts]
+
+    def next_task(self, workers: int) -> PlanBatch | None:
+        """Return the next batch; halves of a batch that killed its worker come first."""
+        if self._suspects:
+            return self.batch(*self._suspects.popleft())
+        for waiting in self._waiting:
+            if waiting.ranges:
+                return self.batch(*_cut(waiting, workers))
+        return None
+
+    def done(self, task: PlanBatch, result: tuple[list[Row], float]) -> None:
+        """Update the seconds per case from a finished batch, and report the batch."""
+        rows, seconds = result
+        for waiting, ranges in zip(self._waiting, self.charts, strict=True):
+            if any(first <= task.first < end for first, end in ranges):
+                waiting.seconds = seconds / (task.end - task.first)
+        self.on_done(task, rows, seconds)
+
+    def died(self, task: PlanBatch, reason: str) -> None:
+        """Halve a batch; a single case is tried once more, and then recorded as broken."""
+        del reason  # the row says what it may have been
+        if task.end - task.first > 1:
+            middle = (task.first + task.end) // 2
+            self._suspects.extend([(task.first, middle), (middle, task.end)])
+            return
+        self._deaths[task.first] = self._deaths.get(task.first, 0) + 1
+        if self._deaths[task.first] < _DEATHS:
+            self._suspects.append((task.first, task.end))
+        else:
+            self.on_broken(task.first)
+
+    def failed(self, task: PlanBatch, error: Exception) -> None:
+        """End the night: a batch fails for reasons such as a full disk, not because of a case."""
+        del task
+        raise error
+
+
+def _cut(waiting: _Waiting, workers: int) -> tuple[int, int]:
+    """Remove a range of cases for the next batch from the waiting ones."""
+    count = _FIRST_CASES
+    if waiting.seconds is not None:
+        share_s = _SHARE * waiting.count * waiting.seconds / max(workers, 1)
+        count = max(1, round(max(_LEAST_S, min(_TARGET_S, share_s)) / max(waiting.seconds, 1e-6)))
+    first, end = waiting.ranges.popleft()
+    middle = min(end, first + count)
+    if middle < end:
+        waiting.ranges.appendleft((middle, end))
+    return first, middle
+
+
+@contextlib.contextmanager
+def night_workers(
+    scheduler: str | None, *, workers: int | None, memory_gb: float, shared: Path
+) -> Iterator[Fleet | LocalWorkers]:
+    """Yield the workers of a scheduler or of this machine.
+
+    Parameters
+    ----------
+    scheduler
+        Address of a Dask scheduler; default: DASK_SCHEDULER_ADDRESS, or else processes of this
+        machine.
+    workers
+        Number of local workers; default: one per core.
+    memory_gb
+        Memory limit of a local worker, GB.
+    shared
+        A file in the output folder that all workers must be able to read.
+
+    Raises
+    ------
+    StageError
+        There are no workers, or a worker can't plan.
+    """
+    import dask
+
+    address = scheduler or dask.config.get("scheduler-address", None)
+    if address is not None:
+        with fleet(address, shared) as dask_workers:
+            yield dask_workers
+    else:
+        memory = int(memory_gb * 1e9)
+        with LocalWorkers(
+            workers or cores(), resident_bytes=memory, variables=_ONE_THREAD
+        ) as local_workers:
+            yield local_workers

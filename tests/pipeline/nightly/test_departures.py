@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from pipeline.nightly.request.config import DepartureSpec
+from pipeline.nightly.config import DepartureSpec
 
 
 def leaves(spec: DepartureSpec, reference: datetime) -> list[str]:

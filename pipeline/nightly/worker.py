@@ -1,4 +1,4 @@
-"""A batch of cases on one chart, which a worker plans and writes to one part file.
+"""A batch of cases on one chart, which a worker plans.
 
 Chart and currents are loaded from their paths and cached. Yesterday's route, sailed in tonight's
 current, is compared with tonight's best route.
@@ -18,19 +18,21 @@ from pipeline.errors import one_line
 from pipeline.findings.columns import figures
 from pipeline.findings.ensembles import ensemble_figures, flips_text, sides_text
 from pipeline.findings.way_names import way_names
-from pipeline.machine.store import read_checked
 from pipeline.model import Case, CaseResult, RouteMetrics
-from pipeline.nightly.cycle.part_files import Row, write_part
-from pipeline.nightly.cycle.results import EarlierRoute, EarlierRoutes
+from pipeline.nightly.charts import NightCurrent, case_of, loaded_chart, loaded_current
+from pipeline.nightly.cycles import Row
 from pipeline.nightly.outcome import ACT, LOOK, SAME
-from pipeline.nightly.planning.chart import NightCurrent, case_of, loaded_chart, loaded_current
+from pipeline.nightly.records import EarlierRoute
 from pipeline.scenario.strict import Point
 from pipeline.stages.choose import with_offing
 from pipeline.stages.plan_case import plan_case
 from renew import Route
 from renew.inputs.options import Drift
 
-PLANNED, FAILED, BROKEN = "planned", "failed", "broken"
+PLANNED = "planned"
+FAILED = "failed"
+BROKEN = "broken"
+"""Status of a case: the worker that planned it has died, twice."""
 # If start or goal moved by more than this share of the route's length, routes are not compared.
 _SAME_END = 1e-6
 # If yesterday's route is cheaper by more than this percentage, that is reported; the planner's
@@ -41,12 +43,12 @@ _DENSIFY = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class CaseTask:
+class NightCaseTask:
     """One case for a worker.
 
     `names` are the six parts of its name; `leaves` is its departure. Start and goal are None if the
-    case uses those of the scenario. `earlier_row` is its row in yesterday's cases, or -1. `failure`
-    is the reason why the case can't be planned, or "".
+    case uses those of the scenario. `earlier` is yesterday's route. `failure` is the reason why the
+    case can't be planned, or "".
     """
 
     index: int
@@ -56,29 +58,22 @@ class CaseTask:
     start: Point | None
     goal: Point | None
     leaves: datetime | None
-    earlier_row: int = -1
+    earlier: EarlierRoute | None = None
     failure: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class BatchReport:
-    """Duration of a batch, s: of planning alone, and in total with reading and writing."""
-
-    first: int
-    end: int
-    planning_s: float
-    seconds: float
-
-
-@dataclass(frozen=True, slots=True)
 class PlanBatch:
-    """Neighbouring cases on one chart, with the path of the part file."""
+    """Neighbouring cases on one chart, with what says which of them somebody should look at.
 
-    cases: tuple[CaseTask, ...]
+    `look_percent` is the smallest saving over yesterday's route that should be looked at. `stale`
+    says why the currents are too old, or "".
+    """
+
+    cases: tuple[NightCaseTask, ...]
     chart_path: Path
-    part_path: Path
-    rules: "Rules"
-    earlier: EarlierRoutes | None
+    look_percent: float
+    stale: str
 
     @property
     def first(self) -> int:
@@ -90,40 +85,26 @@ class PlanBatch:
         """Index after the last case."""
         return self.cases[-1].index + 1
 
-    def make(self) -> BatchReport:
-        """Plan the cases, write their part file, and return the time that this took.
+    def make(self) -> tuple[list[Row], float]:
+        """Plan the cases; return their rows, and the seconds that all took.
 
-        Raises
-        ------
-        StageError
-            The part can't be written, or the chart can't be read.
+        The row of a case has the seconds that planning it took.
         """
-        begun = time.perf_counter()
-        if read_checked(self.part_path) is not None:
-            # Planned before, but the worker died before it could report.
-            return BatchReport(self.first, self.end, 0.0, 0.0)
-        places = [case.earlier_row for case in self.cases]
-        earlier = self.earlier.read(places) if self.earlier is not None else {}
+        batch_begun = time.perf_counter()
         rows: list[Row] = []
-        planning_s = 0.0
         for case in self.cases:
-            case_begun = time.perf_counter()
-            rows += rows_of(case, self.chart_path, self.rules, earlier.get(case.earlier_row))
-            seconds = time.perf_counter() - case_begun
-            rows[-1]["seconds"] = seconds
-            planning_s += seconds
-        write_part(self.part_path, rows)
-        return BatchReport(self.first, self.end, planning_s, time.perf_counter() - begun)
+            begun = time.perf_counter()
+            rows += rows_of(case, self)
+            rows[-1]["seconds"] = time.perf_counter() - begun
+        return rows, time.perf_counter() - batch_begun
 
 
-def rows_of(
-    case: CaseTask, chart_path: Path, rules: "Rules", earlier: EarlierRoute | None
-) -> list[Row]:
+def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
     """Plan a case; return the rows of its routes, then the row of the case itself."""
     if case.failure:
-        return [failed_row(case, case.failure, rules, earlier)]
+        return [failed_row(case, case.failure, batch.stale)]
     try:
-        chart = loaded_chart(chart_path)
+        chart = loaded_chart(batch.chart_path)
         current = loaded_current(case.current_path)
         voyage = case_of(case.names[1], (case.start, case.goal), chart, current)
         if not current.current.is_steady:
@@ -133,9 +114,9 @@ def rows_of(
         planned = way_names(voyage.water, [planned], ()).name(planned)
         figures = planned.measures.routes
     except Exception as error:  # noqa: BLE001 - the other cases continue
-        return [failed_row(case, one_line(error), rules, earlier)]
+        return [failed_row(case, one_line(error), batch.stale)]
     if planned.plan is None:
-        row = failed_row(case, planned.failure, rules, earlier)
+        row = failed_row(case, planned.failure, batch.stale)
         return [row | _described(current)]
     routes = [
         _route_row(case, voyage, route, figure)
@@ -153,19 +134,13 @@ def rows_of(
         "routes": len(routes),
         "rejected": len(planned.plan.rejected),
     }
-    if earlier is not None:
-        row |= compared(earlier, voyage, planned, drift=options.drift, leaves=case.leaves)
-    outcome, why = judged(row, planned, rules, earlier)
+    if case.earlier is not None:
+        row |= compared(case.earlier, voyage, planned, drift=options.drift, leaves=case.leaves)
+    outcome, why = judged(row, planned, case.earlier, batch)
     return [*routes, row | {"outcome": outcome, "why": why}]
 
 
-def failed_row(
-    case: CaseTask,
-    reason: str,
-    rules: "Rules",
-    earlier: EarlierRoute | None = None,
-    status: str = FAILED,
-) -> Row:
+def failed_row(case: NightCaseTask, reason: str, stale: str, status: str = FAILED) -> Row:
     """Return the row of a case without a route."""
     row = _row_of(case, 0) | {
         "status": status,
@@ -177,14 +152,14 @@ def failed_row(
         "rejected": 0,
         "seconds": 0.0,
     }
-    if earlier is not None:
-        row |= earlier.columns()
-    if rules.stale:
-        row["why"] += f"; {rules.stale}"
+    if case.earlier is not None:
+        row |= case.earlier.columns()
+    if stale:
+        row["why"] += f"; {stale}"
     return row
 
 
-def _row_of(case: CaseTask, rank: int) -> Row:
+def _row_of(case: NightCaseTask, rank: int) -> Row:
     """Return the columns that identify a row: the case's name and the route's rank."""
     names = ("scenario", "season", "pair", "departure", "vessel", "member")
     named = dict(zip(names, case.names, strict=True))
@@ -201,7 +176,7 @@ def _described(current: NightCurrent) -> Row:
     }
 
 
-def _route_row(case: CaseTask, voyage: Case, route: Route, figure: RouteMetrics) -> Row:
+def _route_row(case: NightCaseTask, voyage: Case, route: Route, figure: RouteMetrics) -> Row:
     """Return a route's row."""
     lonlat = voyage.projection.to_lonlat(np.asarray(route.path))
     return _row_of(case, figure.rank) | {
@@ -219,14 +194,6 @@ def _known(figure: object) -> object:
 def _arrival(leaves: datetime | None, duration_s: float) -> datetime | None:
     """Return the arrival, to the second; None without a departure."""
     return None if leaves is None else leaves + timedelta(seconds=round(duration_s))
-
-
-@dataclass(frozen=True, slots=True)
-class Rules:
-    """Rules for "look": the smallest saving, percent; why currents are stale, or ""."""
-
-    look_percent: float
-    stale: str = ""
 
 
 def compared(
@@ -268,7 +235,7 @@ def compared(
 
 
 def judged(
-    row: Row, planned: CaseResult, rules: Rules, earlier: EarlierRoute | None
+    row: Row, planned: CaseResult, earlier: EarlierRoute | None, batch: PlanBatch
 ) -> tuple[str, str]:
     """Return a planned case's outcome, and the reasons if it is not "same"."""
     act, look = list[str](), list[str]()
@@ -288,10 +255,10 @@ def judged(
                 f"yesterday's route would need {-saving:.1f} % less, but no longer keeps the "
                 "clearance that tonight's current asks for"
             )
-        if saving is not None and saving > rules.look_percent:
+        if saving is not None and saving > batch.look_percent:
             look.append(f"changing the route saves {saving:.1f} %")
-    if rules.stale:
-        look.append(rules.stale)
+    if batch.stale:
+        look.append(batch.stale)
     if row.get("stand_in"):
         look.append(row["stand_in"])
     outcome = ACT if act else LOOK if look else SAME

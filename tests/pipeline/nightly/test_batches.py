@@ -7,8 +7,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from pipeline.nightly.planning.work import BatchWork
-from pipeline.nightly.planning.worker import BatchReport
+from pipeline.nightly.planning import BatchWork
 
 
 def work(
@@ -16,12 +15,12 @@ def work(
 ) -> tuple[list[tuple[int, int]], list[int], int]:
     """Do all batches on four workers; return those done, the broken cases, and the deaths."""
     broken: list[int] = []
-    reports: list[BatchReport] = []
+    reports: list[Any] = []
     batches = BatchWork(
         charts,
         lambda first, end: SimpleNamespace(first=first, end=end),  # type: ignore[arg-type, return-value]
         broken.append,
-        reports.append,
+        lambda batch, rows, took: reports.append(batch),  # noqa: ARG005 - as it is called
     )
     deaths = 0
     while (task := batches.next_task(4)) is not None:
@@ -30,7 +29,7 @@ def work(
             batches.died(task, "killed")
         else:
             took = seconds * (task.end - task.first)
-            batches.done(task, BatchReport(task.first, task.end, took, took))
+            batches.done(task, ([], took))
     return [(one.first, one.end) for one in reports], broken, deaths
 
 
@@ -80,7 +79,7 @@ def test_what_is_unknown_begins_with_one_case() -> None:
         [[(0, 100)]],
         lambda begin, end: first.append((begin, end)),  # type: ignore[arg-type, return-value]
         lambda _: None,
-        lambda _: None,
+        lambda *_: None,
     )
     batches.next_task(2)
     assert first == [(0, 1)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.nightly.request.cases import read_pairs
+from pipeline.nightly.cases import read_pairs
 
 _HEAD = "start_lon,start_lat,goal_lon,goal_lat,name"
 _ROW = "119.90,10.00,120.24,9.96,a"

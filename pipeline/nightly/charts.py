@@ -30,8 +30,10 @@ _Stored = TypeVar("_Stored", "NightChart", "NightCurrent")
 
 
 _WIDTH = 480.0
-# Simplification tolerance of a map, and minimum area of an island on it, in units of its frame.
-_TOLERANCE, _LEAST_AREA = 0.4, 0.6
+# Tolerance to which lines of a map are simplified, in units of its frame.
+_TOLERANCE = 0.4
+# Least area of an island on a map, in square units of its frame: smaller ones can't be seen.
+_LEAST_AREA = 0.6
 
 
 @dataclass(frozen=True)

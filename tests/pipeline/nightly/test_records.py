@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import shapely
 
-from pipeline.nightly.cycle.results import EarlierRoutes
+from pipeline.nightly.records import earlier_routes
 
 
 def test_a_table_of_an_earlier_version_without_islands_is_read(tmp_path: Path) -> None:
@@ -22,8 +22,7 @@ def test_a_table_of_an_earlier_version_without_islands_is_read(tmp_path: Path) -
         "geometry": shapely.to_wkb(shapely.LineString([(0, 0), (1, 2)])),
     }
     pq.write_table(pa.Table.from_pylist([row]), tmp_path / "cases.parquet")
-    routes = EarlierRoutes("2026-11-20T00Z", tmp_path / "cases.parquet")
-    found = routes.read([routes.row("quick/still"), routes.row("new/case")])
-    assert found[0].columns()["earlier_side"] == "west of Palawan"
-    assert found[0].island == ""
-    assert list(found) == [0]
+    routes = earlier_routes("2026-11-20T00Z", tmp_path / "cases.parquet")
+    assert list(routes) == ["quick/still"]
+    assert routes["quick/still"].columns()["earlier_side"] == "west of Palawan"
+    assert routes["quick/still"].island == ""

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from pipeline.errors import PipelineError
 from pipeline.model.inputs import Issue
+from pipeline.nightly.cases import Cases, Member
 from pipeline.nightly.outcome import ComeAgainError
-from pipeline.nightly.request.cases import Cases, Member
 from pipeline.scenario.season import Currents, Season, source_name
 from pipeline.sources.cf.dataset import fatal_files
 from pipeline.sources.registry import current_source

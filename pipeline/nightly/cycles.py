@@ -1,6 +1,7 @@
 """The folders of a night: finished cycles, the unfinished cycle, and the link `latest`.
 
-The folder `OUTPUT/<cycle>.partial/` is renamed to `OUTPUT/<cycle>/` when it is complete; after that
+The folder `OUTPUT/<cycle>.partial/` keeps the rows of each batch of cases as it ends, so that a
+night that was killed continues. When it is complete it is renamed to `OUTPUT/<cycle>/`; after that
 it is not changed. A second rename then replaces the link. If a job is killed between the two
 renames, the next job replaces the link. Damaged files, and anything in the link's place, are moved
 to `OUTPUT/damaged/`, never removed.
@@ -10,24 +11,41 @@ import contextlib
 import errno
 import json
 import os
+import pickle
 import secrets
 import shutil
 import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import groupby, pairwise
+from operator import itemgetter
 from pathlib import Path
+from typing import Any, Self
 
 from pipeline.errors import MachineError
-from pipeline.machine.files import file_lock, flush, flush_tree
+from pipeline.machine.files import (
+    UNFINISHED,
+    file_lock,
+    flush,
+    flush_tree,
+    needed,
+    write_whole,
+)
+from pipeline.machine.store import load_artefact, write_checked
+from pipeline.nightly.newest_currents import base_of, cycle_time, is_cycle, revision
 from pipeline.nightly.outcome import BusyError
-from pipeline.nightly.request.newest_currents import base_of, cycle_time, is_cycle, revision
 
+Row = dict[str, Any]
+"""A case's or a route's values by the names of their columns."""
 LATEST = "latest"
 PARTIAL = ".partial"
 DAMAGED = "damaged"
 RECORD = "night.json"
 """The file of a cycle that records when and from which inputs it was made."""
+# Files of an unfinished cycle: what its results are made from, and the rows of finished batches.
+_REQUEST = "request.json"
+_PARTS = "parts"
 _LINK = ".latest.link"
 _REMOVED = ".removed"
 # Remedies for errors of the file system; the remedy for all others is to free some space.
@@ -169,6 +187,109 @@ class Cycles:
             yield from (p for p in self.output.iterdir() if p.is_dir() and not p.is_symlink())
 
 
+@dataclass(frozen=True)
+class Partial:
+    """The folder of an unfinished cycle, and the rows that earlier runs have left in it.
+
+    `started` is the start of its first run (UTC). `rows` has those of each planned case by its
+    index: one for each route, the best first, and then that of the case.
+    """
+
+    folder: Path
+    started: datetime
+    rows: dict[int, list[Row]]
+
+    @classmethod
+    def opened(cls, folder: Path, request: str) -> Self:
+        """Create the folder, or open the one of an earlier run.
+
+        `request` identifies all inputs of the results: what another request has left is removed.
+
+        Raises
+        ------
+        StageError
+            Nothing can be written.
+        """
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            known = _request(folder / _REQUEST)
+            if known.get("request") != request:
+                for path in folder.iterdir():
+                    is_folder = path.is_dir() and not path.is_symlink()
+                    (shutil.rmtree if is_folder else Path.unlink)(path)
+                now = datetime.now(UTC).isoformat(timespec="seconds")
+                known = {"request": request, "started": now}
+                write_whole(folder / _REQUEST, json.dumps(known) + "\n")
+            (folder / _PARTS).mkdir(exist_ok=True)
+            for path in (folder / _PARTS).glob(f".*{UNFINISHED}"):
+                path.unlink(missing_ok=True)
+        partial = cls(folder, datetime.fromisoformat(known["started"]), {})
+        for rows in rows_of_parts(folder):
+            partial._take(rows)
+        return partial
+
+    @property
+    def request_file(self) -> Path:
+        """A file that all workers must be able to read."""
+        return self.folder / _REQUEST
+
+    def add(self, first: int, end: int, rows: list[Row]) -> None:
+        """Keep the rows of the cases from `first` to `end` - 1, in a part of their own.
+
+        Raises
+        ------
+        StageError
+            The part can't be written.
+        """
+        with needed(f"can't write in {self.folder}", "free some space and run again"):
+            write_checked(self.folder / _PARTS / f"{first:06}-{end:06}.part", pickle.dumps(rows))
+        self._take(rows)
+
+    def missing(self, first: int, end: int) -> list[tuple[int, int]]:
+        """Return the ranges of cases from `first` to `end` - 1 that have no rows yet."""
+        open_cases = [index for index in range(first, end) if index not in self.rows]
+        breaks = [at for at, (a, b) in enumerate(pairwise(open_cases), start=1) if b > a + 1]
+        return [
+            (open_cases[begin], open_cases[stop - 1] + 1)
+            for begin, stop in pairwise([0, *breaks, len(open_cases)])
+            if open_cases
+        ]
+
+    def forget_parts(self) -> None:
+        """Remove all parts, so that the next run plans all cases again."""
+        with contextlib.suppress(OSError):
+            shutil.rmtree(self.folder / _PARTS)
+
+    def clear(self) -> None:
+        """Remove everything except the results."""
+        with writing(self.folder):
+            shutil.rmtree(self.folder / _PARTS, ignore_errors=True)
+            (self.folder / _REQUEST).unlink(missing_ok=True)
+
+    def _take(self, rows: list[Row]) -> None:
+        """Sort rows by their case."""
+        for index, of_case in groupby(rows, itemgetter("index")):
+            self.rows[index] = list(of_case)
+
+
+def rows_of_parts(folder: Path) -> Iterator[list[Row]]:
+    """Yield the rows of each undamaged part; the cases of a damaged one are planned again."""
+    for path in sorted((folder / _PARTS).glob("*.part")):
+        rows = load_artefact(path, list)
+        if rows is not None:
+            yield rows
+
+
+def _request(path: Path) -> dict[str, str]:
+    """Read the file of the request; return {} if it is missing or damaged."""
+    try:
+        known = json.loads(path.read_text(encoding="utf-8"))
+        datetime.fromisoformat(known["started"])
+        return {key: str(known[key]) for key in ("request", "started")}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
 @contextlib.contextmanager
 def writing(folder: Path) -> Iterator[None]:
     """Turn an OSError in the `with` block into a MachineError with a remedy."""
@@ -191,8 +312,8 @@ def _age(path: Path) -> tuple[float, int, str]:
 
 
 @contextlib.contextmanager
-def night_lock(output: Path, *, shared: bool = False) -> Iterator[None]:
-    """Hold the lock of an output folder, alone or shared with the other jobs of a night.
+def night_lock(output: Path) -> Iterator[None]:
+    """Hold the lock of an output folder.
 
     Raises
     ------
@@ -204,7 +325,7 @@ def night_lock(output: Path, *, shared: bool = False) -> Iterator[None]:
     path = output / LOCK
     with contextlib.ExitStack() as held:
         with writing(output):
-            is_held = held.enter_context(file_lock(path, shared=shared, wait_s=_WAIT_S))
+            is_held = held.enter_context(file_lock(path, wait_s=_WAIT_S))
             if is_held:
                 now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
                 holder = {"pid": os.getpid(), "host": socket.gethostname(), "since": now}

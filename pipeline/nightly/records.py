@@ -9,7 +9,6 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +20,12 @@ from pipeline._types import FloatArray
 from pipeline.errors import StageError
 from pipeline.machine.files import flush_tree, write_whole
 from pipeline.machine.store import file_hash
-from pipeline.nightly.cycle.folders import RECORD, Cycles, writing
-from pipeline.nightly.cycle.part_files import Row
+from pipeline.nightly.cycles import RECORD, Cycles, Row, writing
 from pipeline.nightly.outcome import ACT, DONE, LOOK, LOOK_CODE, OUTCOMES
 from pipeline.texts import clean
 
 CASES_FILE = "cases.parquet"
-_COLUMNS = ["status", "side", "island", "class", "fuel", "arrival", "geometry"]
+_COLUMNS = ["case", "side", "island", "class", "fuel", "arrival", "geometry"]
 HISTORY_FILE = "history.parquet"
 _CONSEQUENCES = {
     CASES_FILE: "tonight is compared with an earlier night, if there is one",
@@ -39,7 +37,6 @@ def write_record(
     folder: Path,
     files: Sequence[str],
     made: Mapping[str, Any],
-    by_outcome: Mapping[str, int],
     notes: Sequence[str],
 ) -> None:
     """Flush a cycle's files to the disk, and then write its record.
@@ -49,20 +46,18 @@ def write_record(
     files
         Names of the cycle's files.
     made
-        The time and the inputs of the cycle.
-    by_outcome
-        Number of cases by outcome.
+        The time and the inputs of the cycle, and the numbers of its cases.
     notes
         Other matters that an operator should look at.
     """
     from pipeline.formats.records import versions
 
+    by_outcome = made["cases_by_outcome"]
     to_look_at = by_outcome[ACT] or by_outcome[LOOK] or notes
     with writing(folder):
         flush_tree(folder)
         content = {
             **made,
-            "cases_by_outcome": dict(by_outcome),
             "notes": list(notes),
             "exit_code": LOOK_CODE if to_look_at else DONE,
             "finished": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -192,54 +187,23 @@ class EarlierRoute:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class EarlierRoutes:
-    """Yesterday's routes: the name of their cycle, and the path of its table of cases."""
-
-    cycle: str
-    path: Path
-
-    def row(self, case: str) -> int:
-        """Return the row number of a case; -1 for a new one."""
-        return _row_numbers(self.path).get(case, -1)
-
-    def read(self, rows: Sequence[int]) -> dict[int, EarlierRoute]:
-        """Read the routes of rows; rows without a route, and row -1, are left out."""
-        wanted = sorted({row for row in rows if row >= 0})
-        found: dict[int, EarlierRoute] = {}
-        if not wanted:
-            return found
-        file = pq.ParquetFile(self.path)
-        begin = 0
-        for group in range(file.num_row_groups):
-            end = begin + file.metadata.row_group(group).num_rows
-            here = [row for row in wanted if begin <= row < end]
-            if here:
-                table = file.read_row_group(group, _COLUMNS).take([row - begin for row in here])
-                for row, one in zip(here, table.to_pylist(), strict=True):
-                    if one["geometry"] is not None:
-                        found[row] = self._route(one)
-            begin = end
-        return found
-
-    def _route(self, one: Row) -> EarlierRoute:
-        """Return the route of one row."""
-        return EarlierRoute(
-            self.cycle,
-            one["side"],
-            one.get("island", ""),  # an earlier version's table lacks the column
-            one["class"],
-            one["fuel"],
-            one["arrival"],
-            shapely.get_coordinates(shapely.from_wkb(one["geometry"])),
+def earlier_routes(cycle: str, path: Path) -> dict[str, EarlierRoute]:
+    """Return the routes in a cycle's table of cases by the case, without cases that have none."""
+    known = set(pq.read_schema(path).names)  # an earlier version's table lacks the island
+    table = pq.read_table(path, columns=[name for name in _COLUMNS if name in known])
+    return {
+        row["case"]: EarlierRoute(
+            cycle,
+            row["side"],
+            row.get("island", ""),
+            row["class"],
+            row["fuel"],
+            row["arrival"],
+            shapely.get_coordinates(shapely.from_wkb(row["geometry"])),
         )
-
-
-@lru_cache(maxsize=1)
-def _row_numbers(path: Path) -> dict[str, int]:
-    """Return the row number of each case of a table by its name."""
-    names = pq.read_table(path, columns=["case"])["case"].to_pylist()
-    return {name: row for row, name in enumerate(names)}
+        for row in table.to_pylist()
+        if row["geometry"] is not None
+    }
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from pipeline.errors import PipelineError
 from pipeline.machine.files import UNFINISHED, file_lock, flush_tree
-from pipeline.nightly.cycle.folders import writing
-from pipeline.nightly.request.cases import Cases
-from pipeline.nightly.request.newest_currents import Newest, named_currents
+from pipeline.nightly.cases import Cases
+from pipeline.nightly.cycles import writing
+from pipeline.nightly.newest_currents import Newest, named_currents
 from pipeline.scenario.season import Currents, Season
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.cf.contents import find_files

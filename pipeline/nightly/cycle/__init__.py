@@ -1,1 +1,0 @@
-"""A night's files on the disk: finished and unfinished cycles, the lock, yesterday's routes."""

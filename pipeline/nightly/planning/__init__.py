@@ -1,1 +1,0 @@
-"""The work: charts and currents, and batches of cases for the workers."""

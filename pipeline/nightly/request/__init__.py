@@ -1,1 +1,0 @@
-"""The request: the configuration, and the cases that it expands to."""
