@@ -34,3 +34,4 @@ def test_the_cores_reckoned_make_the_plans_in_time(case: million_plans.Case) -> 
 def test_commands_on_the_page_ask_for_the_cores_reckoned() -> None:
     number = million_plans.cores(million_plans.PALAWAN)
     assert f"--replicas={number}\n" in PAGE
+    assert f"--ntasks={number} " in PAGE

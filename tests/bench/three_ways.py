@@ -63,7 +63,8 @@ def slurm_job(file: Path, output: Path) -> str:
     programs = file.with_name("programs")
     programs.mkdir()
     for name, command in (
-        ("srun", " & ".join(['"$@"'] * _WORKERS) + "; wait"),
+        # As `srun`, it ends its tasks when it is told to end.
+        ("srun", "trap 'kill $(jobs -p)' TERM\n" + '"$@" &\n' * _WORKERS + "wait"),
         ("dask", f'exec {sys.executable} -m dask "$@"'),
         ("renew", f'exec {sys.executable} -m pipeline.cli.main "$@"'),
     ):
