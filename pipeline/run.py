@@ -37,8 +37,8 @@ from pipeline.stages.region import (
     require_covered,
     wider_region,
 )
-from pipeline.stages.seasons.task import Status
 from pipeline.stages.simplify import SimplifiedLand, simplify
+from pipeline.stages.tasks import Status
 from pipeline.stages.under_way import Sailed, case_sailed, scenario_before
 from pipeline.texts import clean
 from pipeline.write import load_libraries, write
@@ -411,7 +411,7 @@ class _Stages:
     def _say_case(self, status: Status) -> None:
         """Report how a case ended."""
         ended: Literal["failed", "done"] = "failed" if status.failure else "done"
-        self.on_event(Event("plan", ended, season=status.season, detail=status.failure))
+        self.on_event(Event("plan", ended, season=status.case, detail=status.failure))
 
     def _say_file(self, name: str) -> None:
         """Report the file that is being written."""

@@ -22,25 +22,41 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import partial
-from typing import TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
 
+import renew
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError, StageError
-from pipeline.findings.text import season_text
-from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import Case, CaseResult, DepartureChoice, Note, Say, SpeedChoice, Water
+from pipeline.findings.text import planner_text, season_text
+from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
+from pipeline.model import (
+    Case,
+    CaseResult,
+    DepartureChoice,
+    Note,
+    Say,
+    SpeedChoice,
+    Water,
+    plan_options,
+)
 from pipeline.model.case import MIN_LATENESS_S, true_duration_s
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions, Scenario
-from pipeline.scenario.season import DepartureTimes, departure_name, named_departure
+from pipeline.scenario.season import (
+    DepartureTimes,
+    Season,
+    departure_name,
+    interval,
+    named_departure,
+)
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.plan_case import planned
-from pipeline.stages.seasons.running import run_tasks
-from pipeline.stages.seasons.sweep import SweepTask, sweep
-from pipeline.stages.seasons.task import Status
+from pipeline.stages.tasks import Status, run_tasks, status_of, stored_case
+from renew.errors import Moment
 from renew.inputs.openings import Opening
 
 _T = TypeVar("_T")
@@ -116,6 +132,7 @@ def in_thread(work: Callable[[], _T]) -> _T:
 _STEP_MIN = 10
 # Largest number of departures from the anchorage, roughly.
 _MOST = 48
+# No vessel departs to the second, s.
 _MINUTE_S = 60.0
 # Number of characters to which a season's name is cut before an addition.
 _NAME = 56
@@ -141,7 +158,6 @@ def _split(given: Chosen, first: Case, onward: Case, wait: timedelta) -> Chosen:
     if plan is None or first.departure is None:
         return given  # it is planned again, and says why
     arrival = true_duration_s(plan.best, first)
-    # No vessel departs to the second.
     shift = _MINUTE_S * math.ceil(arrival / _MINUTE_S)
     wait_s = max(0.0, wait.total_seconds() + arrival - shift)
     step_min = max(_STEP_MIN, math.ceil(wait_s / _MINUTE_S / _MOST))
@@ -308,12 +324,142 @@ def _narrows(water: Water, path: FloatArray, offing: float) -> Note | None:
     )
 
 
+# Number of plans between two progress notes.
+_PLANS_PER_NOTE = 5
+
+
+@dataclass(frozen=True, slots=True)
+class SweepTask:
+    """The inputs and result path to plan the departures of one case, and to choose among them."""
+
+    asked: Season
+    cases_path: Path
+    choice_path: Path
+    options: PlannerOptions
+    owner: str = ""
+
+    @property
+    def case(self) -> str:
+        """The case's name."""
+        return self.asked.name
+
+    def result(self) -> DepartureChoice | None:
+        """Load the choice from the store; None if it is missing or damaged."""
+        return load_artefact(self.choice_path, DepartureChoice)
+
+    def stored_failure(self) -> str | None:
+        """Return "" if the store has the choice, else None: failures are not stored."""
+        return None if self.result() is None else ""
+
+    def make(self) -> Status:
+        """Choose the departure; an error becomes a failure."""
+        return status_of(self.case, lambda: sweep(self))
+
+
+def _ignore(note: Note) -> None:
+    """Ignore a note."""
+    del note
+
+
+def sweep(task: SweepTask, say: Say = _ignore) -> str:
+    """Choose a case's departure, and store the choice; return why there is none, or ""."""
+    case = stored_case(task)
+    try:
+        choice = _choice(case, task.asked, task.options, say)
+    except renew.PlanningError as error:
+        reason = planner_text(error.text, case)
+        if case.follows:
+            reason += "; or let the vessel wait longer at its anchorage"
+        return reason
+    save_artefact(task.choice_path, choice, task.owner)
+    return ""
+
+
+def _choice(case: Case, season: Season, options: PlannerOptions, say: Say) -> DepartureChoice:
+    """Plan a case's departures, and choose the best or the latest that arrives in time."""
+    asked: dict[str, Any] = {
+        "options": plan_options(options, min_lateness=MIN_LATENESS_S),
+        **case.itinerary(0.0 if case.speeds is None else case.speeds.within_s),
+    }
+    given, first = (case.chart, case.current, case.vessel, case.start, case.goal), case.departure
+    if first is None:
+        raise ValueError(f"season {season.name!r} leaves a departure open without a clock")
+    by = math.inf
+    if season.arrive_by is not None and season.speed is None:
+        by = (season.arrive_by - first).total_seconds()
+    if season.departures is None:
+        return _latest(renew.plan(*given, **asked | {"arrive_by": by}).best, first, season)
+    times = season.departures.seconds
+    say(Note.of("departures-asked", count=len(times)))
+    within = None if season.to_within is None else interval(season.to_within).total_seconds()
+    # The plan stage plans all classes at the best departure, rounded to the second.
+    found = renew.plan_departures(
+        *given,
+        times,
+        **asked,
+        to_within=within,
+        spacing=_MINUTE_S,
+        progress=partial(_say_progress, len(times), say),
+        with_classes=False,
+    )
+    fuels = np.where(found.arrivals <= by, found.fuels, np.inf)
+    causes = [
+        _too_late(arrival, by) if cause is None and arrival > by else cause
+        for cause, arrival in zip(found.causes, found.arrivals, strict=True)
+    ]
+    if not np.isfinite(fuels).any():
+        raise _too_late(found.arrivals.min(), by)
+    return DepartureChoice(
+        season=season.name,
+        first=first,
+        departures_s=found.departures,
+        fuels=fuels,
+        durations_s=found.durations,
+        homotopies=found.homotopies,
+        reasons=tuple("" if cause is None else planner_text(cause.text, case) for cause in causes),
+        chosen_s=float(found.departures[fuels.argmin()]),
+        unproven_s=found.unproven,
+        has_speeds=season.speed is not None,
+    )
+
+
+def _too_late(arrival: float, by: float) -> renew.ArrivalError:
+    """Return the error of a departure whose route arrives after the latest arrival, s."""
+    return renew.ArrivalError("arrives at {0}, later than {1}", Moment(arrival), Moment(by))
+
+
+def _latest(route: renew.Route, first: datetime, season: Season) -> DepartureChoice:
+    """Return the departure of a route that arrives just in time, as the season's choice."""
+    begin = float(route.times[0])
+    return DepartureChoice(
+        season=season.name,
+        first=first,
+        departures_s=np.array([begin]),
+        fuels=np.array([route.fuel]),
+        durations_s=np.array([route.duration]),
+        homotopies=(route.homotopy,),
+        reasons=("",),
+        chosen_s=begin,
+        arrive_by=season.arrive_by,
+    )
+
+
+def _say_progress(asked: int, say: Say, count: int, unproven_s: float) -> None:
+    """Report progress after every few plans, first of the given departures, then of added ones."""
+    if count % _PLANS_PER_NOTE:
+        return
+    if count < asked:
+        say(Note.of("departures-planned", count=count, asked=asked))
+    elif count > asked:
+        say(Note.of("departures-refined", count=count, unproven_s=unproven_s))
+
+
 def choose_departures(
     given: Chosen, store: Store, say: Say, scheduler: str | None = None
 ) -> Chosen:
     """Choose the departure of every season that leaves it open, and store the new cases.
 
-    The seasons are independent tasks; see :mod:`pipeline.stages.seasons.running`.
+    The cases are independent tasks; see :mod:`pipeline.stages.tasks`.
 
     Raises
     ------
@@ -322,16 +468,16 @@ def choose_departures(
     StageError
         The same, because tasks crashed; or the scheduler can't be used.
     """
-    tasks = {task.season: task for task in _sweeps(given, store)}
+    tasks = {task.case: task for task in _sweeps(given, store)}
     waiting = [task for task in tasks.values() if task.result() is None]
     failures, crashed = dict[str, str](), set[str]()
 
     def report(status: Status) -> None:
-        failures[status.season] = status.failure
-        crashed.update({status.season} if status.crashed else ())
+        failures[status.case] = status.failure
+        crashed.update({status.case} if status.crashed else ())
 
     def work(task: SweepTask) -> str:
-        about = given.scenario.season_if_several(task.season)
+        about = given.scenario.season_if_several(task.case)
         return sweep(task, lambda note: say(note.about(*about)))
 
     if waiting:  # tasks load their case from the store

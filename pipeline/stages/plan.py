@@ -1,20 +1,70 @@
 """Fifth stage: plan every case and measure its routes, each in an independent task."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import renew
 from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.findings.text import seasons_text
 from pipeline.findings.way_names import class_names_text
-from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import CaseResult
+from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
+from pipeline.model import Case, CaseResult, Measures
+from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.choose import Chosen
 from pipeline.stages.cover import havens_in
-from pipeline.stages.plan_case import OnStep, ignore_step
+from pipeline.stages.measure import clock_worth, gap_shares, measured
+from pipeline.stages.plan_case import OnStep, ignore_step, planned
 from pipeline.stages.project import scene_inputs
-from pipeline.stages.seasons.running import run_tasks
-from pipeline.stages.seasons.task import CaseTask, Status
 from pipeline.stages.simplify import SimplifiedLand
+from pipeline.stages.tasks import Status, run_tasks, status_of, stored_case
+
+
+@dataclass(frozen=True, slots=True)
+class CaseTask:
+    """The inputs and result paths to plan and measure one case of those in a file.
+
+    `owner` is the scenario's name. With `explains_gap` the optimality gap is split into its causes.
+    Under way the vessel turns off to one of the `havens` if no way leads on.
+    """
+
+    case: str
+    cases_path: Path
+    plan_path: Path
+    measures_path: Path
+    options: PlannerOptions
+    owner: str = ""
+    explains_gap: bool = False
+    havens: tuple[renew.Haven, ...] = ()
+
+    def result(self) -> CaseResult | None:
+        """Load the result from the store; None if a part is missing or damaged."""
+        plan = load_artefact(self.plan_path, CaseResult)
+        measures = load_artefact(self.measures_path, Measures)
+        return None if plan is None or measures is None else replace(plan, measures=measures)
+
+    def stored_failure(self) -> str | None:
+        """Return why the stored plan has no route, or ""; None if the store has no result."""
+        found = self.result()
+        return None if found is None else found.failure
+
+    def make(self) -> Status:
+        """Plan and measure the case; an error becomes a failure."""
+        return status_of(self.case, lambda: self.planned(stored_case(self)).failure)
+
+    def planned(self, case: Case, on_step: OnStep = ignore_step) -> CaseResult:
+        """Plan and measure the task's case, and store both parts of the result."""
+        result = load_artefact(self.plan_path, CaseResult)
+        if result is None:
+            result = planned(case, self.options, on_step, self.havens)
+            save_artefact(self.plan_path, result, self.owner)
+        shares = gap_shares(case, result, self.options) if self.explains_gap else None
+        worth = clock_worth(case, result, self.options)
+        measures = replace(
+            measured(case, result, self.options), gap_shares=shares, clock_worth=worth
+        )
+        save_artefact(self.measures_path, measures, self.owner)
+        return replace(result, measures=measures)
 
 
 def plan_cases(
@@ -54,29 +104,29 @@ def plan_cases(
     """
     tasks = list(_tasks(chosen, land, store))
     cases = {case.name: case for case in chosen.cases.value}
-    done = {task.season: result for task in tasks if (result := task.result()) is not None}
-    waiting = [task for task in tasks if task.season not in done]
+    done = {task.case: result for task in tasks if (result := task.result()) is not None}
+    waiting = [task for task in tasks if task.case not in done]
     crashed = dict(chosen.data.failures)
 
     def report(status: Status) -> None:
         if status.crashed:
-            crashed[status.season] = status.failure
+            crashed[status.case] = status.failure
         on_case(status)
 
     def work(task: CaseTask) -> str:
-        done[task.season] = task.planned(cases[task.season].copy(), on_step)
-        return done[task.season].failure
+        done[task.case] = task.planned(cases[task.case].copy(), on_step)
+        return done[task.case].failure
 
     if waiting:
         meanwhile()
     run_tasks(waiting, scheduler, report, work, limit_s)
     for task in waiting:
-        if task.season in crashed or task.season in done:
+        if task.case in crashed or task.case in done:
             continue
         if (result := task.result()) is not None:
-            done[task.season] = result
+            done[task.case] = result
         else:
-            crashed[task.season] = "its result is missing from the store; run again"
+            crashed[task.case] = "its result is missing from the store; run again"
     names = [season.name for season in chosen.scenario.seasons]
     results = tuple(
         done[name] if name in done else CaseResult(name, None, crashed[name], 0.0) for name in names
@@ -125,8 +175,8 @@ def _tasks(chosen: Chosen, land: Artefact[SimplifiedLand], store: Store) -> Iter
         )
         measures_key = artefact_key("evaluate", plan_key, parts.land_key, explains_gap)
         yield CaseTask(
-            season=case.name,
-            scene_path=store.path("project", chosen.cases.key),
+            case=case.name,
+            cases_path=store.path("project", chosen.cases.key),
             plan_path=store.path("plan", plan_key),
             measures_path=store.path("evaluate", measures_key),
             options=options,

@@ -188,9 +188,7 @@ def _sampled_deviation(
                     continue
                 bends[i, j] = _bend_at(c, at, i, j, x, y)
                 if 0 < at < len(times) - 1:
-                    near = c[at - 1, i, j], c[at, i, j], c[at + 1, i, j]
-                    bend = _off_line(*near, times[at - 1 : at + 2])
-                    in_time[i, j] = max(in_time[i, j], bend)
+                    in_time[i, j] = max(in_time[i, j], _bend_in_time(c, at, i, j, times))
         for i in range(rows):
             for j in range(columns):
                 if cells[i, j]:
@@ -215,6 +213,12 @@ def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArra
     if y.size > 2:
         bend += _off_line(c[at, m - 1, j], c[at, m, j], c[at, m + 1, j], y[m - 1 : m + 2])
     return bend
+
+
+@small_kernel
+def _bend_in_time(c: FloatArray, at: int, i: int, j: int, times: FloatArray) -> float:
+    """How far a velocity is off the line through those at the node one slice before and after."""
+    return _off_line(c[at - 1, i, j], c[at, i, j], c[at + 1, i, j], times[at - 1 : at + 2])
 
 
 @small_kernel

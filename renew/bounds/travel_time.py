@@ -177,8 +177,8 @@ def solve(
     quickest way to a node may come through a node that is reached after it.
     """
     rows, columns = time.shape
-    segment = np.empty((2, 2)), np.empty(2)
-    front = time, dirty, stretch
+    legs, times = np.empty((2, 2)), np.empty(2)
+    front, segment = (time, dirty, stretch), (legs, times)
     queue = [(time[r, c], r, c) for r in range(rows) for c in range(columns) if dirty[r, c]]
     heapq.heapify(queue)
     while queue:
@@ -188,7 +188,7 @@ def solve(
         if not dirty[row, column] or now > time[row, column]:
             continue
         dirty[row, column] = False
-        segment[1][0] = now
+        times[0] = now
         own = node_velocity(grid.current, row, column, grid.departure + now)
         for way in range(8):
             to_row, to_column = row + _RING[way, 0], column + _RING[way, 1]

@@ -28,8 +28,14 @@ import numpy as np
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import Channel, RoughPath, Transition, is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
-from renew.classes.k_best_paths import k_best_paths, time_to_go, triangles_crossed
-from renew.classes.reduced_rows import MAX_FLOODED, RayColumns, SearchTask
+from renew.classes.k_best_paths import (
+    MAX_FLOODED,
+    RayColumns,
+    SearchTask,
+    k_best_paths,
+    time_to_go,
+    triangles_crossed,
+)
 from renew.classes.roadmap import (
     Resolution,
     Roadmap,

@@ -25,7 +25,7 @@ from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart import Chart
 from renew.kernels.capsules import Segment
-from renew.kernels.searches import number_up_to
+from renew.kernels.current_table import number_up_to
 
 Word: TypeAlias = tuple[int, ...]
 """Signed island numbers from 1: +i crosses island i's ray towards +x, -i towards -x.

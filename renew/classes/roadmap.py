@@ -20,8 +20,7 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import without_dead_ends
 from renew.classes.legs import Mesh, legs_between
 from renew.classes.triangulation import Triangulation
-from renew.kernels.current_table import CurrentTable
-from renew.kernels.searches import number_below, number_up_to
+from renew.kernels.current_table import CurrentTable, number_below, number_up_to
 from renew.voyage.voyage import Voyage
 
 # Number of cells in still water.

@@ -13,7 +13,14 @@ import numpy as np
 
 from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
+from renew.kernels.capsules import (
+    Capsules,
+    Segment,
+    capsule_bounds,
+    extremes,
+    intersects,
+    leg_is_clear,
+)
 from renew.kernels.current_table import (
     Bend,
     CurrentTable,
@@ -24,7 +31,6 @@ from renew.kernels.current_table import (
     velocity_there,
 )
 from renew.kernels.ground_speed import Polar, ground_speed
-from renew.kernels.searches import extremes
 
 # Squared ratio of current to vessel speed from which water counts as too strong at a point; between
 # two points on a leg the current may be a little stronger.

@@ -12,14 +12,14 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError, Length, TooSharpError
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.paths.corridor import Corridor
-from renew.steering.corners import (
+from renew.steering.trajectory import (
     corner_radius,
     course_changes,
     crowding,
     round_corners,
     sharp_corners,
+    steer,
 )
-from renew.steering.trajectory import steer
 from renew.voyage.voyage import Voyage
 
 # Size of a corner's disc at first, in multiples of the radius that can be steered at the corner:

@@ -14,7 +14,7 @@ import shapely
 
 import renew
 from renew._types import FloatArray
-from renew.bounds.haven_bound import HavenBound
+from renew.bounds.fuel_lower_bound import HavenBound
 from renew.request import Request
 from renew.voyage.voyage import Voyage, Waters
 from tests.bench.figure import Figure, at_most

@@ -1,10 +1,12 @@
-"""Routes with their soft no-go zone, and how a notebook shows a plan."""
+"""Routes with their soft no-go zone, how a notebook shows a plan, and the public names."""
 
 from __future__ import annotations
 
 import gc
+import inspect
 import pickle
 import re
+import typing
 import weakref
 from dataclasses import replace
 from xml.etree import ElementTree as ET
@@ -20,6 +22,7 @@ from renew.inputs.options import DistinctBy
 from renew.planner.plan import planner_of
 from renew.request import Request
 from renew.results import unite_soft_no_go
+from renew.watching import Step, watched
 from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre
 
@@ -204,3 +207,64 @@ def test_it_needs_nothing_from_elsewhere(plan: renew.Plan) -> None:
     html = plan._repr_html_()
     assert "<script" not in html
     assert re.findall(r"(?:src|href)=", html) == []
+
+
+ISLAND_CHART = renew.Chart(box(0, 0, 100, 100), [box(40, 30, 60, 70)])
+ISLAND_CURRENT = renew.UniformCurrent(0.2, 0.1)
+ISLAND_VESSEL = renew.Vessel(speed=1.0, turn_rate=0.6, length=2.0)
+
+
+def island_plan() -> renew.Plan:
+    return renew.plan(ISLAND_CHART, ISLAND_CURRENT, ISLAND_VESSEL, (10, 50), (90, 50))
+
+
+def test_every_route_was_told_as_a_path_after_its_class_was_begun() -> None:
+    steps: list[Step] = []
+    with watched(steps.append):
+        watched_plan = island_plan()
+    assert steps[0].kind == "class"
+    told = [step.path for step in steps if step.path is not None]
+    for route in watched_plan.routes:
+        assert any(np.array_equal(path, route.path) for path in told)
+    assert all((step.path is not None) == (step.kind == "path") for step in steps)
+
+
+def test_watching_changes_nothing_and_ends_with_its_block() -> None:
+    steps: list[Step] = []
+    with watched(steps.append):
+        with watched(None):
+            unseen = island_plan()
+        assert steps == []
+        seen = island_plan()
+    count = len(steps)
+    again = island_plan()
+    assert len(steps) == count
+    for one, other in ((unseen, seen), (seen, again)):
+        assert [route.fuel for route in one.routes] == [route.fuel for route in other.routes]
+
+
+PUBLIC = [getattr(renew, name) for name in renew.__all__]
+
+
+def callables(public: object) -> list[object]:
+    """A function, or a class with its public methods and properties."""
+    if not inspect.isclass(public):
+        return [public]
+    members = [
+        member.fget if isinstance(member, property) else getattr(member, "func", member)
+        for name, member in vars(public).items()
+        if not name.startswith("_")
+    ]
+    return [public, *(member for member in members if inspect.isfunction(member))]
+
+
+@pytest.mark.parametrize("public", PUBLIC, ids=renew.__all__)
+def test_type_hints_can_be_evaluated(public: object) -> None:
+    for one in callables(public):
+        typing.get_type_hints(one)
+
+
+@pytest.mark.parametrize("public", PUBLIC, ids=renew.__all__)
+def test_everything_public_is_documented(public: object) -> None:
+    for one in callables(public):
+        assert inspect.getdoc(one), one

@@ -17,7 +17,7 @@ from pipeline.model import CaseResult, Credit, CurrentGrid
 from pipeline.stages.compare import waiting_notes
 from pipeline.stages.fetch import overpowering_notes
 from tests.pipeline.formats import small_run
-from tests.renew.planner.test_overpowered_hours import STRAIT, tide
+from tests.renew.planner.test_hindrances import STRAIT, tide
 from tests.strategies import PAPER_VESSEL
 
 REGION = shapely.box(130.0, 30.0, 140.0, 40.0)

@@ -20,7 +20,7 @@ from renew.inputs.options import Drift
 from renew.voyage.fuel import ground_speed
 from renew.voyage.voyage import Voyage, Waters
 from tests.compiler import uncompiled
-from tests.renew.bounds.fields import CORNER, FIELDS, OPPOSITE
+from tests.renew.bounds.test_grids import CORNER, FIELDS, OPPOSITE
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre, voyage_on
 
 CELLS = 16_000
@@ -105,7 +105,7 @@ def test_no_direction_at_any_place_breaks_the_inequality(name: str, drift: Drift
         front.advance(grid.wet)
         front.relax()
     front.advance(grid.wet)
-    time, rate = front.known, front.rates
+    time, rate = front.rise.time, front.rates
     angle = np.linspace(0, 2 * np.pi, 180, endpoint=False)
     tangents = np.column_stack([np.cos(angle), np.sin(angle)])
     shares = rng.dirichlet(np.ones(3), 12)

@@ -1,4 +1,4 @@
-"""The k best paths against Dijkstra's algorithm over pairs of (node, reduced row of triangles)."""
+"""The k best paths, reduced rows and channels against networkx and Dijkstra's algorithm."""
 
 from __future__ import annotations
 
@@ -12,20 +12,30 @@ import numpy as np
 import pytest
 import shapely
 from hypothesis import given, settings
-from shapely import box
+from shapely import Polygon, box
 
 import renew
 from renew._types import FloatArray, IntArray
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import dual_graph, visits
 from renew.classes.h_signature import Rays
-from renew.classes.k_best_paths import k_best_paths, time_to_go
-from renew.classes.reduced_rows import RayColumns, SearchTask
+from renew.classes.k_best_paths import (
+    RayColumns,
+    SearchTask,
+    first_row,
+    k_best_paths,
+    no_words,
+    number_of_classes,
+    row_after,
+    time_to_go,
+    triangles_of,
+)
 from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
 from renew.classes.triangulation import Triangulation, triangulate
+from renew.inputs.options import Order
 from renew.kernels.viterbi import Stream
 from renew.voyage.voyage import Voyage
-from tests.strategies import StreamFunctionCurrent, examples, seeds, voyage_on
+from tests.strategies import StreamFunctionCurrent, examples, seeds, single_gyre, voyage_on
 
 FEW = Resolution(144, 2)
 
@@ -146,3 +156,111 @@ def test_a_channel_is_in_the_class_of_the_path_that_found_it(order: str, seed: i
         inner = shapely.buffer(shapely.polygons(triangulation.corners), -1e-6)
         crossed = shapely.intersects(inner, shapely.LineString(channel.found_by.points))
         assert set(crossed.nonzero()[0].tolist()) <= set(channel.found_by.triangles.tolist())
+
+
+def task_of(seed: int) -> tuple[SearchTask, Triangulation]:
+    """Three random islands, which may touch."""
+    rng = np.random.default_rng(seed)
+    islands = [box(x, y, x + 12, y + 9) for x, y in rng.uniform(18, 70, (3, 2))]
+    chart = renew.Chart(box(0, 0, 100, 100), islands)
+    voyage, triangulation = voyage_on(chart, (9.7, 10.3), (90.2, 89.8)), triangulate(chart)
+    graph = roadmap(
+        voyage, triangulation, voyage.table, clearance=0.0, resolution=Resolution(400, 2)
+    )
+    rays = Rays.of(chart)
+    none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
+    return SearchTask(graph, RayColumns(rays.x, rays.y, rays.island), none), triangulation
+
+
+@examples(4, 10)
+@given(seed=seeds)
+def test_the_row_of_a_walk_is_what_is_left_of_its_triangles(seed: int) -> None:
+    task, triangulation = task_of(seed)
+    # Words that the compiled code adds don't come back from one call for the next one.
+    nowhere = np.empty(0)
+    task = task._replace(rays=RayColumns(nowhere, nowhere, np.empty(0, dtype=np.int64)))
+    graph, rng = task.graph, np.random.default_rng(seed)
+    rows, words, used, row, node = first_row(task), no_words(), 1, 0, START
+    expected = [int(graph.triangle[START])]
+    for _ in range(200):
+        leg = int(rng.integers(graph.first[node], graph.first[node + 1]))
+        other = int(graph.head[leg])
+        after, rows, used = row_after(task, words, rows, used, row, leg)
+        if after < 0:  # it would enter a triangle twice, or lead astray
+            continue
+        crossed = visits(graph.points[[node, other]], triangulation.corners).triangle.tolist()
+        for triangle in [*crossed, int(graph.triangle[other])]:
+            if len(expected) > 1 and triangle == expected[-2]:
+                expected.pop()
+            elif triangle != expected[-1]:
+                expected.append(triangle)
+        assert triangles_of(rows, after).tolist() == expected
+        row, node = after, other
+
+
+@examples(8, 20)
+@given(seed=seeds)
+def test_the_number_of_classes_is_that_of_simple_paths(seed: int) -> None:
+    task, triangulation = task_of(seed)
+    ends = task.graph.triangle[:2].tolist()
+    paths = len(list(nx.all_simple_paths(dual_graph(triangulation), *ends)))
+    paths = paths if ends[0] != ends[1] else 1
+    for most in (3, 1000):
+        found, _, _ = number_of_classes(task, no_words(), first_row(task), most)
+        assert found == min(paths, most)
+
+
+LAKE = box(20, 20, 80, 80).difference(box(40, 40, 60, 60))
+
+
+def chart_of(islands: list[Polygon]) -> renew.Chart:
+    return renew.Chart(box(0, 0, 100, 100), islands)
+
+
+def enumerator_on(
+    chart: renew.Chart, *, min_size: float = 0.0, order: Order = "length"
+) -> tuple[Triangulation, ClassEnumerator]:
+    triangulation = triangulate(chart)
+    rays = Rays.of(chart)
+    rays = rays.only(rays.size >= min_size)
+    return triangulation, ClassEnumerator.of(voyage_on(chart), triangulation, rays, order)
+
+
+def test_both_orders_find_every_simple_path_once() -> None:
+    chart, _ = single_gyre()
+    triangulation, enumerator = enumerator_on(chart)
+    endpoints = (triangulation.locate(np.array([x, x])) for x in (10.0, 90.0))
+    expected = {tuple(path) for path in nx.all_simple_paths(dual_graph(triangulation), *endpoints)}
+    found = [tuple(c.triangles.tolist()) for c in enumerator.channels(1000)]
+    depth_first = [
+        tuple(c.triangles.tolist())
+        for c in enumerator_on(chart, order="depth-first")[1].channels(1000)
+    ]
+    assert len(found) == len(set(found))
+    assert set(found) == set(depth_first) == expected
+
+
+def test_channels_around_islands_without_a_ray_are_one_class() -> None:
+    islets = [box(x, y, x + 1, y + 1) for x, y in ((30, 25), (45, 50), (60, 55), (72, 70))]
+    chart = chart_of([*islets, box(35, 60, 60, 85)])
+    assert len(enumerator_on(chart)[1].channels(100)) > 8
+    names = [c.name for c in enumerator_on(chart, min_size=5.0)[1].channels(100)]
+    assert sorted(names) == ["e", "s1"]
+
+
+def test_a_blocked_transition_gives_the_next_channel_of_the_class() -> None:
+    islets = [box(x, y, x + 1, y + 1) for x, y in ((30, 25), (45, 50), (60, 55))]
+    _, enumerator = enumerator_on(chart_of([*islets, box(35, 60, 60, 85)]), min_size=5.0)
+    first = enumerator.channels(1)[0]
+    blocked = {first.transitions[len(first.transitions) // 2]}
+    again = next(c for c in enumerator.channels(10, blocked) if c.word == first.word)
+    assert again.triangles.tolist() != first.triangles.tolist()
+    assert blocked.isdisjoint(again.transitions)
+
+
+def test_a_goal_in_a_lake_is_unreachable() -> None:
+    chart = chart_of([LAKE])
+    triangulation = triangulate(chart)
+    voyage = voyage_on(chart, (5.0, 5.0), (50.0, 50.0))
+    with pytest.raises(renew.UnreachableError, match="separates them"):
+        ClassEnumerator.of(voyage, triangulation, Rays.of(chart), "length")

@@ -1,11 +1,15 @@
-"""Segments and capsules against shapely and dense sampling."""
+"""Segments and capsules against shapely and dense sampling; angles folded into one turn."""
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
+import numba
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given, settings, strategies as st
 
 from renew.kernels.capsules import (
     Capsules,
@@ -17,6 +21,7 @@ from renew.kernels.capsules import (
     segment_distance,
     segments_near,
     tracks_touch,
+    wrapped,
 )
 from tests.compiler import uncompiled
 from tests.strategies import seeds
@@ -111,3 +116,26 @@ def test_segments_near_and_touching_tracks_match_shapely(seed: int) -> None:
         if shapely.dwithin(lines[2 * i + turn], edges[h], 0.2)
     }
     assert set(zip(track.tolist(), segment.tolist(), strict=True)) == expected
+
+
+def in_kernel(angle: float) -> float:
+    return wrapped(angle)
+
+
+COMPILED: Any = numba.njit(in_kernel)
+
+
+@given(st.floats(-1e3, 1e3))
+def test_a_wrapped_angle_is_the_same_direction_within_half_a_turn(angle: float) -> None:
+    folded = wrapped(angle)
+    assert -math.pi <= folded <= math.pi
+    turns = (angle - folded) / (2 * math.pi)
+    assert turns == pytest.approx(round(turns), abs=1e-9)
+    assert wrapped(np.array([angle, angle])) == pytest.approx(folded)
+    assert COMPILED(angle) == folded
+
+
+def test_a_half_turn_counts_to_starboard() -> None:
+    assert wrapped(math.pi) == -math.pi
+    assert wrapped(-math.pi) == -math.pi
+    assert wrapped(1.5 * math.pi) == pytest.approx(-math.pi / 2)

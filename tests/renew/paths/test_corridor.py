@@ -13,7 +13,7 @@ from renew.errors import InfeasibleError
 from renew.inputs.options import Padding
 from renew.paths.corridor import SLACK
 from renew.paths.least_fuel_path import path_through_sections
-from tests.renew.paths.corridors import corridor_in_scene, corridor_of
+from tests.renew.paths.scenes import corridor_in_scene, corridor_of
 from tests.strategies import PAPER_VESSEL, voyage_on
 
 STRAIT = renew.Chart(box(0, 0, 100, 100), [box(0, 45, 47, 55), box(53, 45, 100, 55)])

@@ -15,7 +15,7 @@ from shapely import box
 
 import renew
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
-from tests.renew.paths.corridors import corridor_in_scene, corridor_of
+from tests.renew.paths.scenes import corridor_in_scene, corridor_of
 from tests.strategies import (
     PAPER_VESSEL,
     SIZE,

@@ -13,9 +13,9 @@ from renew.kernels.capsules import legs_are_clear
 from renew.kernels.current_table import table_of
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream, arrivals
-from renew.paths.newton import _newton_step, _Quadratic, straightened
+from renew.paths.least_fuel_path import _newton_step, _Quadratic, straightened
 from renew.paths.sections import WaterAround
-from tests.renew.paths.waters import CALM, NO_LAND, NOTHING_WHOLE, water_beside
+from tests.renew.paths.scenes import CALM, NO_LAND, NOTHING_WHOLE, water_beside
 from tests.strategies import SIZE, seeds
 
 

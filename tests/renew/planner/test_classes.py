@@ -1,16 +1,23 @@
-"""Classes planned one after the other: routes, and the rejected ones with their reasons."""
+"""Classes of a plan: what they share, which are rejected and why, and what is suggested then."""
 
 from __future__ import annotations
 
 import math
 import pickle
+import re
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from shapely import box
+import shapely
+from shapely import Point, Polygon, box
 
 import renew
-from tests.strategies import PAPER_VESSEL, single_gyre
+from renew.classes import class_enumerator, roadmap
+from renew.planner import classes
+from renew.planner.problem import Problem
+from tests.bounded_scenes import bounded_scene
+from tests.strategies import PAPER_VESSEL, single_gyre, voyage_on
 
 STILL = renew.UniformCurrent(0.0, 0.0)
 # A strait of 6 m between two walls; the way round leads past the end of one of them.
@@ -60,3 +67,152 @@ def test_routes_come_by_fuel_and_a_class_is_either_planned_or_rejected() -> None
     assert len(names) == len(set(names))
     few = renew.plan(chart, gyre, PAPER_VESSEL, (10, 10), (90, 90), classes=2)
     assert len(few.routes) == 2
+
+
+# A strait of 6 m between two walls is the only way.
+BLOCKED = [box(0, 45, 47, 55), box(53, 45, 100, 55)]
+
+
+def chart_of(islands: list[Polygon]) -> renew.Chart:
+    return renew.Chart(box(0, 0, 100, 100), islands)
+
+
+def test_where_a_fixed_padding_blocks_all_the_adaptive_one_is_suggested_first() -> None:
+    # The strait is 10 m wide: still water needs 3.3 m on each side, a padding of 6 m blocks it.
+    walls = [box(0, 45, 45, 55), box(55, 45, 100, 55)]
+    with pytest.raises(renew.UnreachableError, match=r"the gap is 10\.00 m wide") as caught:
+        renew.plan(chart_of(walls), STILL, PAPER_VESSEL, START, GOAL, padding=6.0)
+    text = str(caught.value)
+    assert set(caught.value.text.class_names) == {"e"}
+    adaptive = re.search(r'"adaptive" would leave one, class \S+ for a fuel of ([\d.]+)', text)
+    assert adaptive
+    assert float(adaptive[1]) == pytest.approx(
+        renew.plan(chart_of(walls), STILL, PAPER_VESSEL, START, GOAL).best.fuel, rel=1e-3
+    )
+    suggested = float(re.search(r"padding = ([\d.]+) \(planar m\) would leave one", text)[1])  # type: ignore[index]
+    assert text.index("adaptive") < text.rindex("padding = ")
+    assert renew.plan(chart_of(walls), STILL, PAPER_VESSEL, START, GOAL, padding=suggested).routes
+    # The largest one: half of the gap, less the slack with which a path is planned.
+    assert 4.6 < suggested < 5
+    with pytest.raises(renew.UnreachableError):
+        renew.plan(chart_of(walls), STILL, PAPER_VESSEL, START, GOAL, padding=1.03 * 5)
+
+
+def test_where_a_clearance_blocks_all_the_largest_padding_is_suggested() -> None:
+    with pytest.raises(renew.UnreachableError) as caught:
+        renew.plan(
+            chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL, padding="none", clearance=8.0
+        )
+    suggested = float(re.search(r"padding = ([\d.]+) \(planar m\) would", str(caught.value))[1])  # type: ignore[index]
+    assert 2.7 < suggested < 3
+
+
+def test_where_adaptive_padding_blocks_all_the_largest_fixed_one_is_suggested() -> None:
+    with pytest.raises(renew.UnreachableError) as caught:
+        renew.plan(chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL)
+    text = str(caught.value)
+    assert "a risk of 0.5 would leave none of the widest ways" in text
+    assert re.search(r"padding = 2\.\d+ \(planar m\) would leave one", text)
+    assert "widest way through has a gap of 6.00 m" in text
+    assert text.startswith("the only class was rejected: class e: blocked at (50, 45) m")
+    # Where a planar metre is a kilometre, only what the option takes stays in planar metres.
+    at_scale = caught.value.located(str, length=lambda one: f"{one.metres:.2f} km")
+    assert "widest way through has a gap of 6.00 km" in at_scale
+    assert re.search(r"padding = 2\.\d+ \(planar m\) would leave one, .* 3\.00 km clear", at_scale)
+
+
+def test_a_gap_in_the_soft_zone_of_an_end_hides_no_risk_that_leaves_a_route(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # The start lies between two walls, whose padding holds it; only the strait ahead needs less.
+    # Between the walls the current runs east and west in turn: a larger risk needs less padding.
+    monkeypatch.setattr(classes, "_RISK_STEP", 0.5)
+    walls = [box(0, 28, 15, 32), box(25, 28, 40, 32), box(0, 9, 18.5, 11), box(21.5, 9, 40, 11)]
+    chart = renew.Chart(box(0, 6, 40, 46), walls)
+
+    y = np.linspace(6.0, 46.0, 81)
+    u = np.repeat(0.35 * np.sin(y / 0.7)[:, None], 2, axis=1)
+    swirl = renew.GriddedCurrent(np.array([0.0, 40.0]), y, u, 0.0 * u)
+    with pytest.raises(renew.UnreachableError, match=r"a risk of 0\.5 would leave one"):
+        renew.plan(chart, swirl, PAPER_VESSEL, (20, 10), (20, 42), risk=0.01)
+
+
+def test_a_reason_that_classes_share_is_given_once() -> None:
+    islands = [*BLOCKED, box(20, 20, 30, 30), box(60, 20, 70, 30), box(60, 70, 70, 80)]
+    with pytest.raises(renew.UnreachableError) as caught:
+        renew.plan(chart_of(islands), STILL, PAPER_VESSEL, START, GOAL, classes=8)
+    text = str(caught.value)
+    assert text.count("the gap is 6.00 m wide") == 1
+    named = re.match(
+        r"all (\d+) classes were rejected: classes \S+, \S+, \S+ and (\d+) more: ", text
+    )
+    assert named
+    assert int(named[1]) == 3 + int(named[2])
+    assert "more reason" not in text
+
+
+def test_names_of_classes_among_hundreds_of_islands_are_shortened() -> None:
+    x, y = np.meshgrid(np.linspace(12, 88, 14), np.linspace(12, 88, 14))
+    islands = [box(a - 2.2, b - 2.2, a + 2.2, b + 2.2) for a, b in zip(x.flat, y.flat, strict=True)]
+    with pytest.raises(renew.UnreachableError) as caught:
+        renew.plan(chart_of(islands), STILL, PAPER_VESSEL, (18, 50), (82, 50), classes=2)
+    assert len(str(caught.value)) < 2000
+
+
+def test_remedies_are_tried_in_the_ways_that_were_refused_without_another_roadmap(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    built = Mock(wraps=roadmap.roadmap)
+    monkeypatch.setattr(class_enumerator, "roadmap", built)
+    with pytest.raises(renew.UnreachableError, match="would leave one"):
+        renew.plan(chart_of(BLOCKED), STILL, PAPER_VESSEL, START, GOAL)
+    assert built.call_count <= 2
+
+
+CHART = renew.Chart(box(0, 0, 100, 100), [Point(20, 20).buffer(4), Point(80, 80).buffer(1)])
+
+
+class Race(renew.CurrentField):
+    """2 m/s in the middle of the chart."""
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        distance = np.linalg.norm(points - 50, axis=-1)
+        speed = 2 * np.exp(-((distance / 15) ** 4))
+        return np.stack([speed, np.zeros_like(speed)], axis=-1)
+
+
+def test_parts_are_computed_once_and_triangles_leave_overpowered_water_out() -> None:
+    problem = Problem(voyage_on(CHART, (10, 50), (90, 50), Race()), renew.PlanOptions())
+    assert problem.triangulation is problem.triangulation
+    assert problem.fuel_bound is problem.fuel_bound
+    closed = problem.overpowered_water
+    assert closed.contains(Point(50, 50))
+    covered = shapely.union_all(shapely.polygons(problem.triangulation.corners))
+    assert covered.intersection(closed).area < 1e-3
+    assert covered.area == pytest.approx(CHART.water.area - closed.area)
+    # Two islands and the closed water each have a ray.
+    assert len(problem.rays.island) == 3
+
+
+def test_islands_below_the_least_size_name_no_class() -> None:
+    problem = Problem(voyage_on(CHART), renew.PlanOptions(distinct_by=5.0))
+    assert len(problem.rays.island) == 1
+    assert problem.rays.omits_islands
+    assert len(problem.enumerator(0.0).channels(20)) == 2
+
+
+@pytest.mark.parametrize("seed", [126, 322, 498])
+def test_finds_the_way_that_a_coarse_roadmap_misses(seed: int) -> None:
+    """Thin walls, with the current from still to strong; without it: 41, 17 and 32 % dearer."""
+    scene = bounded_scene(seed)
+    found = renew.plan(
+        scene.chart,
+        scene.current,
+        PAPER_VESSEL,
+        scene.start,
+        scene.goal,
+        drift=scene.drift,
+        padding="none",
+        classes=1,
+    )
+    assert found.best.fuel < 1.03 * scene.oracle()

@@ -11,7 +11,7 @@ from renew.paths.least_fuel_path import path_near, path_through_sections, refine
 from renew.planner.grow import PaddingGrowth, grown
 from renew.planner.problem import Problem
 from renew.turns.padding_model import PaddedEdges, PaddingModel
-from tests.renew.paths.corridors import corridor_in_scene
+from tests.renew.paths.scenes import corridor_in_scene
 
 
 def growth_of(corridor: Corridor, padding: Padding = "adaptive") -> PaddingGrowth:

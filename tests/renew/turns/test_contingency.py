@@ -1,4 +1,4 @@
-"""Hard-over turns flown along a route, against SciPy's integrator, NumPy and hand counts."""
+"""Hard-over turns flown along a route, and the place where it is nearest to land."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from scipy.integrate import solve_ivp
 from shapely import box
@@ -14,8 +15,8 @@ from shapely import box
 import renew
 from renew.inputs.current import TabulatedCurrent
 from renew.turns.contingency import TurnsBegun, fly_turns, perturbations, stations
-from renew.turns.turn_reach import MAX_DEVIATIONS
-from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds
+from renew.turns.turn_reach import MAX_DEVIATIONS, turn_reach
+from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene, seeds
 
 BOUNDS = (0.0, 0.0, SIZE, SIZE)
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -131,3 +132,53 @@ def test_perturbations_follow_the_spread_of_the_current_around_a_point() -> None
     offsets = np.concatenate([[0.0], radius * np.sin(angle), 2 * radius * np.sin(angle)])
     assert speed_change == pytest.approx(np.array([[0.0, np.std(0.05 * offsets)]]))
     assert direction_change == pytest.approx(np.zeros((1, 2)))
+
+
+@pytest.fixture(scope="module")
+def planned() -> tuple[renew.Route, renew.CurrentField, renew.Tightest]:
+    chart, current, start, goal = random_scene(5)
+    route = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=1).best
+    found = renew.tightest(route, current, PAPER_VESSEL)
+    assert found is not None
+    return route, current, found
+
+
+def test_it_is_where_the_route_is_nearest_to_land(
+    planned: tuple[renew.Route, renew.CurrentField, renew.Tightest],
+) -> None:
+    route, _, found = planned
+    way = shapely.LineString(route.path)
+    assert found.gap == pytest.approx(shapely.LineString(found.edge).distance(way))
+    assert found.gap == pytest.approx(route.clearance, abs=0.3 * PAPER_VESSEL.turning_radius)
+    assert shapely.Point(found.point).distance(way) < 1e-9
+    assert shapely.Point(found.point).distance(shapely.LineString(found.edge)) == pytest.approx(
+        found.gap
+    )
+    # The path lies outside the soft no-go zone.
+    assert found.gap >= found.padding
+
+
+def test_turns_reach_no_further_than_the_risk_allows(
+    planned: tuple[renew.Route, renew.CurrentField, renew.Tightest],
+) -> None:
+    route, current, found = planned
+    assert found.reaches.shape == (4096,)
+    assert (found.reaches > found.gap).mean() <= 0.06
+    # Begun on the course in the mean current, a turn reaches no further than most draws do.
+    triangle = next(
+        t
+        for t in route.corners
+        if shapely.Polygon(t).buffer(1e-9).contains(shapely.Point(found.point))
+    )
+    mean = current.statistics(triangle[None]).mean[0]
+    away = found.edge.mean(axis=0) - found.point
+    normal = np.array([found.edge[0, 1] - found.edge[1, 1], found.edge[1, 0] - found.edge[0, 0]])
+    normal = normal / np.linalg.norm(normal) * np.sign(normal @ away)
+    reach = turn_reach(PAPER_VESSEL, np.asarray(found.heading), mean, normal)
+    assert found.reaches.min() < reach < np.quantile(found.reaches, 0.95)
+
+
+def test_a_route_without_padding_has_no_such_place() -> None:
+    chart, current, start, goal = random_scene(5)
+    route = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=1, padding="none").best
+    assert renew.tightest(route, current, PAPER_VESSEL) is None

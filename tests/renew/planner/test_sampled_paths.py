@@ -1,18 +1,49 @@
-"""Shortened chains: clear of V, in their class, and never slower than what they came from."""
+"""The paper's random chains: in free water, shortened in their class, and the class they choose."""
 
 from __future__ import annotations
+
+import statistics
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, strategies as st
 from shapely import box
 
 import renew
 from renew.classes.h_signature import Rays
 from renew.errors import InfeasibleError
-from renew.planner.sampled_paths import each_shortened, random_chains, with_shortcuts
-from tests.renew.paths.corridors import corridor_in_scene, corridor_of
-from tests.strategies import voyage_on
+from renew.planner.sampled_paths import (
+    chosen_class,
+    each_shortened,
+    harmonic_mean,
+    random_chains,
+    with_shortcuts,
+)
+from tests.renew.paths.scenes import corridor_in_scene, corridor_of
+from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
+
+
+@pytest.mark.parametrize("scene", [0, 1, 2])
+def test_chains_cross_each_passing_edge_and_no_point_lies_in_the_padding(scene: int) -> None:
+    corridor = corridor_in_scene(scene, 2.0)
+    chains = random_chains(corridor, 200, np.random.default_rng(0))
+    channel, padded = corridor.channel, corridor.padded
+    assert chains.shape == (200, len(channel.left) + 2, 2)
+    assert (chains[:, 0] == corridor.voyage.start).all()
+    assert (chains[:, -1] == corridor.voyage.goal).all()
+    edges = shapely.linestrings(np.stack([channel.left, channel.right], axis=1))
+    points = shapely.points(chains[:, 1:-1])
+    assert shapely.distance(points, edges).max() < 1e-9
+    land = shapely.linestrings(np.stack([padded.start, padded.end], axis=1))
+    assert (shapely.distance(points[..., None], land) >= padded.padding).all()
+    # Another seed gives other chains, the same seed the same.
+    again, other = (random_chains(corridor, 200, np.random.default_rng(seed)) for seed in (0, 1))
+    assert (again == chains).all()
+    assert (other != chains).any()
 
 
 @pytest.mark.parametrize("scene", [0, 1, 3])
@@ -69,3 +100,27 @@ def test_in_still_water_a_zigzag_around_an_island_is_drawn_taut() -> None:
     short = with_shortcuts(corridor, Rays.of(chart), zigzag.astype(float))
     taut = 2 * np.hypot(30, 30) + 20
     assert taut <= shapely.LineString(short).length < 1.02 * taut
+
+
+@given(st.lists(st.floats(0.1, 1e6), min_size=1, max_size=20))
+def test_it_is_that_of_the_standard_library(fuels: list[float]) -> None:
+    assert harmonic_mean(np.array(fuels)) == pytest.approx(statistics.harmonic_mean(fuels))
+
+
+def test_a_path_that_cannot_be_made_counts_as_infinite_fuel() -> None:
+    assert harmonic_mean(np.array([10.0, np.inf])) == pytest.approx(20)
+
+
+def test_the_class_with_the_least_mean_is_chosen() -> None:
+    routes = [SimpleNamespace(harmonic_mean=mean) for mean in (5.0, 3.0, 4.0)]
+    assert chosen_class(cast("Sequence[renew.Route]", routes)) == 1
+
+
+def test_the_sampled_method_may_choose_another_class_than_that_of_the_cheapest_path() -> None:
+    chart, current, start, goal = random_scene(2)
+    plan = renew.plan(
+        chart, current, PAPER_VESSEL, start, goal, padding="none", method="sampled", samples=60
+    )
+    means = [route.harmonic_mean for route in plan.routes]
+    assert plan.best.harmonic_mean == min(means)
+    assert all(route.harmonic_mean >= route.fuel for route in plan.routes)

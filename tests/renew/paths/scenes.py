@@ -1,19 +1,41 @@
-"""Waters in which paths are refined: still and open, or a current with capsules beside a path."""
+"""Corridors padded as a plan would pad them, and waters in which paths are refined."""
 
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import shapely
 
 from renew._types import FloatArray
+from renew.inputs.options import Padding, PlanOptions
 from renew.kernels.capsules import Capsules
 from renew.kernels.current_table import STILL_WATER
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream
+from renew.paths.corridor import Corridor
 from renew.paths.sections import WaterAround
-from tests.strategies import SIZE, StreamFunctionCurrent
+from renew.planner.one_class import ClassPlanner
+from renew.planner.problem import Problem
+from renew.voyage.voyage import Voyage
+from tests.strategies import SIZE, StreamFunctionCurrent, random_scene, voyage_on
+
+
+@cache
+def corridor_in_scene(seed: int, padding: Padding = "adaptive") -> Corridor:
+    """Corridor of the first class in a random scene."""
+    chart, current, start, goal = random_scene(seed)
+    return corridor_of(voyage_on(chart, start, goal, current), padding)
+
+
+def corridor_of(voyage: Voyage, padding: Padding = "adaptive", *, place: int = 0) -> Corridor:
+    """Corridor of a class of a voyage, by its place in the order of fuel."""
+    options = PlanOptions(padding=padding)
+    problem = Problem(voyage, options)
+    channel = problem.enumerator(0.0).channels(place + 1)[place]
+    return ClassPlanner(problem).corridor(channel)
+
 
 NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
 AT_ONCE = Clock(0.0, math.inf)

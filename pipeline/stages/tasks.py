@@ -1,9 +1,14 @@
-"""Run tasks of seasons: in threads or processes here, or on the workers of a Dask scheduler."""
+"""Tasks that each do something for one case: in threads or processes here, or on a Dask scheduler.
+
+A task has paths instead of arrays, because Dask can't transfer large arguments reliably. Results
+are stored as soon as they are complete; the next run after a killed one loads them.
+"""
 
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -11,24 +16,25 @@ from typing import Protocol, TypeVar
 from pipeline.errors import StageError, one_line
 from pipeline.machine.cluster import fleet
 from pipeline.machine.interpreters import cores
+from pipeline.machine.store import load_artefact
 from pipeline.machine.workers import LocalWorkers, WorkerTask
-from pipeline.stages.seasons.task import Status, status_of
+from pipeline.model import Case
 
-# Number of tries of a season on a scheduler: lack of memory, for one, may occur on one worker only.
+# Number of tries of a task on a scheduler: lack of memory, for one, may occur on one worker only.
 _TRIES = 2
 
 
 class StoredTask(WorkerTask, Protocol):
-    """A task of a season that reads its case from the store, and saves its result there."""
+    """A task that reads its case from a file of the store, and saves its result in the store."""
 
     @property
-    def season(self) -> str:
-        """The season's name."""
+    def case(self) -> str:
+        """The case's name."""
         ...
 
     @property
-    def scene_path(self) -> Path:
-        """The file of its case."""
+    def cases_path(self) -> Path:
+        """The file that has the case, among others."""
         ...
 
     def stored_failure(self) -> str | None:
@@ -37,6 +43,37 @@ class StoredTask(WorkerTask, Protocol):
 
 
 TaskT = TypeVar("TaskT", bound=StoredTask)
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """How a case's task ended; `failure` is "" if the case has a plan.
+
+    `crashed`: the task itself failed, so that the store has no result for the case.
+    """
+
+    case: str
+    failure: str
+    crashed: bool
+
+
+def status_of(case: str, result: Callable[[], str]) -> Status:
+    """Call `result` and return how the task ended; an exception becomes a failure."""
+    try:
+        return Status(case, result(), crashed=False)
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other cases continue
+        return Status(case, one_line(error), crashed=True)
+
+
+def stored_case(task: StoredTask) -> Case:
+    """Load a task's case; StageError if this machine can't read the file."""
+    cases: tuple[Case, ...] | None = load_artefact(task.cases_path, tuple)
+    if cases is None:
+        raise StageError(
+            f"this worker can't read {task.cases_path}: give all workers access to the same output "
+            "folder"
+        )
+    return next(case for case in cases if case.name == task.case)
 
 
 def run_tasks(
@@ -73,7 +110,7 @@ def run_tasks(
         _run_on_scheduler(tasks, address, on_status, limit)
     elif limit_s is not None:
         with LocalWorkers(min(len(tasks), cores()), limit_s=limit) as workers:
-            workers.run(_Seasons(tasks, on_status, tries=1))
+            workers.run(_Tasks(tasks, on_status, tries=1))
     else:
         # Even a single task runs in a thread: a signal handler may raise in the main one, and
         # compiled code, called from C, can't handle an exception.
@@ -86,7 +123,7 @@ def _run_in_threads(
     """Run tasks in threads of this process; a failure is returned as a status, not raised."""
     pool = ThreadPoolExecutor(min(len(tasks), cores()))
     try:
-        runs = [pool.submit(status_of, task.season, partial(work, task)) for task in tasks]
+        runs = [pool.submit(status_of, task.case, partial(work, task)) for task in tasks]
         for run in as_completed(runs):
             on_status(run.result())
     finally:
@@ -108,57 +145,57 @@ def _run_on_scheduler(
     StageError
         The scheduler can't be reached or has no workers, or a worker can't plan.
     """
-    seasons = _Seasons(tasks, on_status, tries=_TRIES)
-    with fleet(address, tasks[0].scene_path, limit_s) as workers:
+    waiting = _Tasks(tasks, on_status, tries=_TRIES)
+    with fleet(address, tasks[0].cases_path, limit_s) as workers:
         try:
-            workers.run(seasons)
+            workers.run(waiting)
         except StageError as error:
-            seasons.give_up(error)
+            waiting.give_up(error)
 
 
-class _Seasons:
-    """The seasons of a run, as `pipeline.machine.workers.Work`."""
+class _Tasks:
+    """The tasks of a run, as `pipeline.machine.workers.Work`."""
 
     def __init__(
         self, tasks: Sequence[StoredTask], on_status: Callable[[Status], None], *, tries: int
     ) -> None:
         self._waiting = deque(tasks)
-        self._tries = dict.fromkeys([task.season for task in tasks], tries)
-        self._open = {task.season: task for task in tasks}
+        self._tries = dict.fromkeys([task.case for task in tasks], tries)
+        self._open = {task.case: task for task in tasks}
         self._on_status = on_status
 
     def next_task(self, workers: int) -> StoredTask | None:
-        """Return the next season, or None if all are handed out."""
+        """Return the next task, or None if all are handed out."""
         del workers
         return self._waiting.popleft() if self._waiting else None
 
     def done(self, task: StoredTask, result: Status) -> None:
-        """Report how a season ended; one that crashed is tried again first."""
-        self._tries[task.season] -= 1
-        if result.crashed and self._tries[task.season]:
+        """Report how a task ended; one that crashed is tried again first."""
+        self._tries[task.case] -= 1
+        if result.crashed and self._tries[task.case]:
             self._waiting.append(task)
         else:
             self._end(result)
 
     def died(self, task: StoredTask, reason: str) -> None:
-        """Report a season as crashed."""
-        self._end(Status(task.season, reason, crashed=True))
+        """Report a task as crashed."""
+        self._end(Status(task.case, reason, crashed=True))
 
     def failed(self, task: StoredTask, error: Exception) -> None:
-        """Try a season again, or report its error."""
-        self.done(task, Status(task.season, one_line(error), crashed=True))
+        """Try a task again, or report its error."""
+        self.done(task, Status(task.case, one_line(error), crashed=True))
 
     def give_up(self, error: StageError) -> None:
-        """Report each open season: with its result if the store has one, otherwise as crashed."""
+        """Report each open task: with its result if the store has one, otherwise as crashed."""
         for task in tuple(self._open.values()):
             failure = task.stored_failure()
             self._end(
-                Status(task.season, str(error), crashed=True)
+                Status(task.case, str(error), crashed=True)
                 if failure is None
-                else Status(task.season, failure, crashed=False)
+                else Status(task.case, failure, crashed=False)
             )
 
     def _end(self, status: Status) -> None:
-        """Report a season's status."""
-        del self._open[status.season]
+        """Report a task's status."""
+        del self._open[status.case]
         self._on_status(status)
