@@ -148,12 +148,12 @@ def formats_of(result: RunResult) -> dict[str, Format]:
 
 
 def _current_formats(case: RunCase) -> dict[str, Format]:
-    """Return the files of a case's current; for a plotter only where its time is known."""
-    from pipeline.formats.records import fields_from, write_currents, write_grib
+    """Return the files of a case's current; for a plotter only if it can show any of it."""
+    from pipeline.formats.records import has_grib, write_currents, write_grib
 
     stem = f"{case.stem}-currents"
     found = {f"{stem}.nc": _of(write_currents, case)}
-    if fields_from(case) is not None:
+    if has_grib(case):
         found[f"{stem}.grb"] = _of(write_grib, case)
     return found
 

@@ -421,17 +421,11 @@ def write_grib(case: RunCase, path: Path) -> None:
     The nodes are a regular grid in degrees, with the planner's current there; those outside its
     chart, and those for which the source has no figure, have no value.
     """
-    begin, grid, planned = fields_from(case), case.source_grid, case.case
+    begin, projection, field = fields_from(case), case.case.projection, as_field(case.case.current)
     if begin is None:
         raise ValueError(f"the current of {case.name!r} has no time")
-    projection = planned.projection
-    lon, lat = _axes_mdeg(grid)
-    lonlat = np.stack(np.meshgrid(lon / 1000, lat / 1000), axis=-1)
+    lon, lat, lonlat, known = _nodes(case)
     xy = projection.to_plane(lonlat)
-    xmin, ymin, xmax, ymax = planned.chart.bounds
-    known = grid.cells.at(lonlat.reshape(-1, 2)).reshape(lonlat.shape[:2])
-    known &= ((xy >= (xmin, ymin)) & (xy <= (xmax, ymax))).all(axis=-1)
-    field = as_field(planned.current)
     with path.open("wb") as file:
         for seconds in field.slice_times:
             planar = field.velocity(xy, float(seconds))
@@ -439,6 +433,22 @@ def write_grib(case: RunCase, path: Path) -> None:
             time = begin + timedelta(minutes=round(float(seconds) / 60))
             for number, values in zip(_PARAMETERS, np.moveaxis(east_north, -1, 0), strict=True):
                 file.write(_message(number, time, lon, lat, values, known))
+
+
+def has_grib(case: RunCase) -> bool:
+    """Whether a case's current has a time, and a value at a node; a small chart may hold none."""
+    return fields_from(case) is not None and bool(_nodes(case)[-1].any())
+
+
+def _nodes(case: RunCase) -> tuple[IndexArray, IndexArray, FloatArray, BoolArray]:
+    """Return a case's nodes: both axes, millidegrees; lon/lat (ny, nx, 2); which have a value."""
+    lon, lat = _axes_mdeg(case.source_grid)
+    lonlat = np.stack(np.meshgrid(lon / 1000, lat / 1000), axis=-1)
+    xy = case.case.projection.to_plane(lonlat)
+    xmin, ymin, xmax, ymax = case.case.chart.bounds
+    known = case.source_grid.cells.at(lonlat.reshape(-1, 2)).reshape(lonlat.shape[:2])
+    known &= ((xy >= (xmin, ymin)) & (xy <= (xmax, ymax))).all(axis=-1)
+    return lon, lat, lonlat, known
 
 
 def _axes_mdeg(grid: CurrentGrid) -> tuple[IndexArray, IndexArray]:

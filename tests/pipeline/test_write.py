@@ -152,6 +152,14 @@ def test_files_of_a_season_that_is_no_longer_planned_go(result: RunResult, tmp_p
 
 
 @pytest.mark.usefixtures("plain_report")
+def test_a_season_without_a_current_has_no_files(result: RunResult, tmp_path: Path) -> None:
+    written = write(small_run.without_a_current(result), tmp_path)
+    names = {path.name for path in written}
+    assert {"routes.gpkg", "report.html", "small-run-summer.gpx"} <= names
+    assert not [name for name in names if "-winter" in name]
+
+
+@pytest.mark.usefixtures("plain_report")
 def test_a_manifest_that_names_files_elsewhere_takes_none_of_them_away(
     result: RunResult, tmp_path: Path
 ) -> None:

@@ -115,9 +115,11 @@ def case_waypoints(case: RunCase) -> tuple[Waypoints, ...]:
     """
     cached: dict[str, tuple[Waypoints, ...]] = case.run.kept.setdefault(_CACHE, {})
     if case.name not in cached:
-        unite_soft_no_go([ranked.route for ranked in case.routes])
-        obstacles = Obstacles(case.case)
-        cached[case.name] = tuple(waypoints(ranked, obstacles) for ranked in case.routes)
+        cached[case.name] = ()
+        if case.routes:
+            unite_soft_no_go([ranked.route for ranked in case.routes])
+            obstacles = Obstacles(case.case)
+            cached[case.name] = tuple(waypoints(ranked, obstacles) for ranked in case.routes)
     return cached[case.name]
 
 

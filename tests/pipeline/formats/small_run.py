@@ -231,6 +231,14 @@ def with_a_failed_season(result: RunResult) -> RunResult:
     return replace(result, results=tuple(results))
 
 
+def without_a_current(result: RunResult) -> RunResult:
+    """The same run, as if winter had no current, so that nothing was planned."""
+    failed = with_a_failed_season(result)
+    grids = tuple(grid for grid in result.fetched.currents if grid.season != "winter")
+    planned = {name: case for name, case in result.planned.items() if name != "winter"}
+    return replace(failed, fetched=replace(result.fetched, currents=grids), planned=planned)
+
+
 def without_stand_ins(result: RunResult) -> RunResult:
     """The same run, as if every current were the requested one."""
     grids = tuple(replace(grid, passed_over=()) for grid in result.fetched.currents)

@@ -20,7 +20,7 @@ from pipeline.findings.result import RunResult
 from pipeline.formats.records import (
     _ibm_below,
     _message,
-    fields_from,
+    has_grib,
     manifest,
     write_grib,
     write_manifest,
@@ -250,9 +250,19 @@ def test_a_current_without_a_time_has_no_file(result: RunResult) -> None:
     grid = result.case("summer").grid
     assert grid is not None
     undated = with_grids(result, replace(grid, valid="some time or other"))
-    assert fields_from(undated.case("summer")) is None
+    assert not has_grib(undated.case("summer"))
     names = {name for name in formats_of(undated) if "currents" in name}
     assert names == {"small-run-summer-currents.nc"}
+
+
+def test_a_current_without_a_value_in_the_chart_has_no_file(result: RunResult) -> None:
+    """Its nodes may be further apart than the chart is wide."""
+    grid = result.case("summer").grid
+    assert grid is not None
+    grids = (replace(grid, u=np.full_like(grid.u, np.nan)),)
+    empty = replace(result, fetched=replace(result.fetched, currents=grids))
+    assert not has_grib(empty.case("summer"))
+    assert not [name for name in formats_of(empty) if "summer" in name and name.endswith(".grb")]
 
 
 @pytest.mark.parametrize(
