@@ -20,10 +20,9 @@ from shapely import Polygon, affinity, box
 import renew
 from renew._types import FloatArray
 from renew.inputs.options import Drift
-from renew.voyage.voyage import Voyage, Waters
 from tests.eddies import PEAK_M_S, eddies
 from tests.oracles import Field, grid_dijkstra, leg_times, tighten
-from tests.strategies import PAPER_VESSEL
+from tests.strategies import PAPER_VESSEL, Scene
 
 SEEDS = range(400)
 """The scenes of the whole suite."""
@@ -47,27 +46,13 @@ _APART, _CLEAR = 70.0, 0.5
 
 
 @dataclass(frozen=True)
-class BoundedScene:
-    """A voyage of the paper's vessel, m."""
-
-    chart: renew.Chart
-    current: renew.CurrentField
-    start: FloatArray
-    goal: FloatArray
-    drift: Drift
-
-    @property
-    def voyage(self) -> Voyage:
-        """The voyage as the bound takes it."""
-        waters = Waters(self.chart, self.current)
-        return Voyage(waters, PAPER_VESSEL, self.start, self.goal, self.drift)
+class BoundedScene(Scene[renew.CurrentField]):
+    """A scene with an oracle."""
 
     def oracle(self) -> float:
         """Fuel of the cheapest path that a grid and string pulling find; inf if there is none."""
         scene = (self.chart, self.current, PAPER_VESSEL)
-        _, path = grid_dijkstra(
-            *scene, self.start, self.goal, _SPACING, drift=self.drift, radius=_RADIUS
-        )
+        _, path = grid_dijkstra(*self.asked, _SPACING, drift=self.drift, radius=_RADIUS)
         if not len(path):
             return math.inf
         _, path = tighten(path, *scene, drift=self.drift, spacing=_SPACING, width=2 * _SPACING)

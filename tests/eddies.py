@@ -15,7 +15,7 @@ from shapely import Polygon, affinity, box
 import renew
 from renew._types import FloatArray
 from tests.oracles import grid_dijkstra, tighten
-from tests.strategies import PAPER_VESSEL
+from tests.strategies import Scene
 
 PEAK_M_S = 0.85
 """Strongest current, m/s."""
@@ -57,47 +57,15 @@ class Eddies:
 
 
 @dataclass(frozen=True)
-class Scene:
-    """What :func:`renew.plan` takes, m."""
-
-    chart: renew.Chart
-    current: Eddies
-    start: FloatArray
-    goal: FloatArray
-
-    def plan(self, **options: object) -> renew.Plan:
-        """Plan in the paper's vessel."""
-        return renew.plan(
-            self.chart,
-            self.current,
-            PAPER_VESSEL,
-            self.start,
-            self.goal,
-            **options,  # type: ignore[arg-type]
-        )
+class EddyScene(Scene[Eddies]):
+    """A scene with an oracle."""
 
     def oracle(self, clearance: float = 0.0) -> tuple[float, FloatArray]:
         """Least fuel and path (n, 2) by a fine grid and string pulling."""
         spacing = _ORACLE_SPACING * self.current.side
-        _, path = grid_dijkstra(
-            self.chart,
-            self.current,
-            PAPER_VESSEL,
-            self.start,
-            self.goal,
-            spacing,
-            clearance,
-            radius=_ORACLE_RADIUS,
-        )
-        return tighten(
-            path,
-            self.chart,
-            self.current,
-            PAPER_VESSEL,
-            clearance,
-            spacing=spacing,
-            width=2 * spacing,
-        )
+        _, path = grid_dijkstra(*self.asked, spacing, clearance, radius=_ORACLE_RADIUS)
+        water = self.chart, self.current, self.vessel
+        return tighten(path, *water, clearance, spacing=spacing, width=2 * spacing)
 
 
 def eddies(rng: np.random.Generator, waves: int, side: float) -> Eddies:
@@ -119,7 +87,7 @@ def eddies(rng: np.random.Generator, waves: int, side: float) -> Eddies:
     return Eddies(side, terms, PEAK_M_S / float(peak))
 
 
-def eddy_scene(seed: int, waves: int, islands: int, side: float = 200.0) -> Scene:
+def eddy_scene(seed: int, waves: int, islands: int, side: float = 200.0) -> EddyScene:
     """Square of water with eddies and convex islands; start and goal in opposite corners."""
     rng = np.random.default_rng([seed, waves, islands])
     current = eddies(rng, waves, side)
@@ -136,10 +104,10 @@ def eddy_scene(seed: int, waves: int, islands: int, side: float = 200.0) -> Scen
         near = [*land, shapely.Point(start), shapely.Point(goal)]
         if island.area > 0.3 * radius**2 and shapely.distance(island, near).min() > apart:
             land.append(island)
-    return Scene(renew.Chart(shapely.box(0, 0, side, side), land), current, start, goal)
+    return EddyScene(renew.Chart(shapely.box(0, 0, side, side), land), current, start, goal)
 
 
-def walls(kind: str, seed: int) -> Scene:
+def walls(kind: str, seed: int) -> EddyScene:
     """Thin walls on 200 m by 200 m: a "serpentine", a "comb", a "spiral" or a "bay"."""
     side = 200.0
     rng = np.random.default_rng([seed, sum(map(ord, kind))])
@@ -166,4 +134,4 @@ def walls(kind: str, seed: int) -> Scene:
         start = np.array([100.0, 100.0])
     current = eddies(rng, int(rng.integers(2, 7)), side)
     current = replace(current, factor=current.factor / PEAK_M_S * rng.uniform(0.5, 0.9))
-    return Scene(renew.Chart(shapely.box(0, 0, side, side), land), current, start, goal)
+    return EddyScene(renew.Chart(shapely.box(0, 0, side, side), land), current, start, goal)

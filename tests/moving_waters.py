@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from shapely import box
@@ -12,7 +12,7 @@ from shapely import box
 import renew
 from renew._types import FloatArray
 from tests.clock_oracle import earliest_arrival, tighten
-from tests.strategies import PAPER_VESSEL, SIZE, random_islands
+from tests.strategies import SIZE, Scene, random_islands
 
 PERIODS = (0.5, 1.0, 3.0)
 """Periods of the currents, in voyages of about 200 s."""
@@ -24,63 +24,15 @@ _RADIUS = 7
 
 
 @dataclass(frozen=True)
-class MovingScene:
-    """What :func:`renew.plan` takes, m and s."""
-
-    chart: renew.Chart
-    current: renew.CurrentField
-    start: FloatArray
-    goal: FloatArray
-    drift: Literal["projected", "crab"]
-    departure: float
-
-    def plan(self, **options: object) -> renew.Plan:
-        """Plan in the paper's vessel."""
-        options = {"drift": self.drift, "departure": self.departure, **options}
-        return renew.plan(
-            self.chart,
-            self.current,
-            PAPER_VESSEL,
-            self.start,
-            self.goal,
-            **options,  # type: ignore[arg-type]
-        )
-
-    def plan_departures(self, departures: FloatArray, **options: object) -> renew.Departures:
-        """Plan departures (n,), s, in the paper's vessel."""
-        options = {"drift": self.drift, **options}
-        return renew.plan_departures(
-            self.chart,
-            self.current,
-            PAPER_VESSEL,
-            self.start,
-            self.goal,
-            departures,
-            **options,  # type: ignore[arg-type]
-        )
+class MovingScene(Scene[renew.CurrentField]):
+    """A scene with an oracle that runs the clock."""
 
     def oracle(self, spacing: float = 2.0) -> float:
         """Least fuel by a grid (m) and string pulling, with the clock running."""
-        arguments = self.current, PAPER_VESSEL
-        _, path = earliest_arrival(
-            self.chart,
-            *arguments,
-            self.start,
-            self.goal,
-            self.departure,
-            spacing=spacing,
-            drift=self.drift,
-            radius=_RADIUS,
-        )
-        least, _ = tighten(
-            path,
-            self.chart,
-            *arguments,
-            self.departure,
-            drift=self.drift,
-            spacing=spacing,
-            width=2 * spacing,
-        )
+        own: dict[str, Any] = {"drift": self.drift, "spacing": spacing}
+        _, path = earliest_arrival(*self.asked, self.departure, radius=_RADIUS, **own)
+        water = self.chart, self.current, self.vessel
+        least, _ = tighten(path, *water, self.departure, width=2 * spacing, **own)
         return least
 
 

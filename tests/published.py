@@ -11,13 +11,12 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from shapely import Polygon, box
 
 import renew
 from renew.inputs.options import Padding
-from tests.strategies import PAPER_VESSEL, single_gyre
-
-Point = tuple[float, float]
+from tests.strategies import Scene, single_gyre
 
 _FOUR_GYRE_ISLANDS = (
     ((80, 52), (75, 60), (61, 32), (86, 36)),
@@ -29,55 +28,44 @@ _FOUR_GYRE_ISLANDS = (
 
 
 @dataclass(frozen=True)
-class PublishedScene:
-    """A scene (m), the options of its plan, and the fuel asked of the sampled method."""
+class PublishedScene(Scene[renew.CurrentField]):
+    """A scene, the options of its plan, and the fuel asked of the sampled method."""
 
-    name: str
-    chart: renew.Chart
-    current: renew.CurrentField
-    start: Point
-    goal: Point
-    median: float
-    worst: float
+    name: str = ""
+    median: float = 0.0
+    worst: float = 0.0
     options: dict[str, Any] = field(default_factory=dict)
 
-    def plan(self, **options: object) -> renew.Plan:
-        """Plan in the paper's vessel."""
-        return renew.plan(
-            self.chart,
-            self.current,
-            PAPER_VESSEL,
-            self.start,
-            self.goal,
-            **(self.options | options),
-        )
+    def plan(self, **options: Any) -> renew.Plan:  # noqa: ANN401 - as `plan` has them
+        """Plan it with its options."""
+        return super().plan(**(self.options | options))
 
 
 def _ablation(case: str, degrees: float, padding: Padding, fuel: float) -> PublishedScene:
     """One case of the ablation: a current of 0.8 m/s towards a direction, past one rectangle."""
     angle = math.radians(degrees)
     return PublishedScene(
-        f"ablation {case}",
         renew.Chart(box(0, 0, 100, 100), [box(45.37, 32.15, 54.63, 47.23)]),
         renew.UniformCurrent(0.8 * math.cos(angle), 0.8 * math.sin(angle)),
-        (50.0, 10.0),
-        (50.0, 90.0),
-        fuel,
-        fuel,
-        {"padding": padding},
+        np.array([50.0, 10.0]),
+        np.array([50.0, 90.0]),
+        name=f"ablation {case}",
+        median=fuel,
+        worst=fuel,
+        options={"padding": padding},
     )
 
 
-GYRE = PublishedScene("single gyre", *single_gyre(), (10.0, 10.0), (90.0, 90.0), 97.0, 112.0)
+GYRE = PublishedScene(*single_gyre().parts, name="single gyre", median=97.0, worst=112.0)
 
 FOUR_GYRE = PublishedScene(
-    "4-gyre",
     renew.Chart(box(0, 0, 200, 200), [Polygon(corners) for corners in _FOUR_GYRE_ISLANDS]),
     renew.GyreCurrent(0.8, 200, 200, 2, 2),
-    (10.0, 10.0),
-    (190.0, 190.0),
-    202.25,
-    202.25,
+    np.array([10.0, 10.0]),
+    np.array([190.0, 190.0]),
+    name="4-gyre",
+    median=202.25,
+    worst=202.25,
 )
 
 ABLATION = (

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeAlias, TypeVar, cast
 
 import numpy as np
 import shapely
@@ -11,11 +14,15 @@ from shapely import Polygon, box
 
 import renew
 from renew._types import FloatArray
+from renew.inputs.current import as_field
 from renew.inputs.options import Drift
 from renew.voyage.voyage import Voyage, Waters
 
 SIZE = 200.0
 """Side of the random scenes (m)."""
+
+Point: TypeAlias = FloatArray | tuple[float, float]
+CurrentT = TypeVar("CurrentT", bound=Callable[[FloatArray], FloatArray])
 
 SINGLE_GYRE_ISLANDS = (
     ((28, 61.5), (36, 61.5), (36, 70), (30, 70)),
@@ -27,15 +34,67 @@ SINGLE_GYRE_ISLANDS = (
 PAPER_VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
 
 
+STILL = renew.UniformCurrent(0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Scene(Generic[CurrentT]):
+    """What :func:`renew.plan` takes, m and s."""
+
+    chart: renew.Chart
+    current: CurrentT
+    start: FloatArray
+    goal: FloatArray
+    drift: Drift = "projected"
+    departure: float = 0.0
+    vessel: renew.Vessel = PAPER_VESSEL
+
+    @property
+    def parts(self) -> tuple[renew.Chart, CurrentT, FloatArray, FloatArray]:
+        """Chart, current, start and goal."""
+        return self.chart, self.current, self.start, self.goal
+
+    @property
+    def asked(self) -> tuple[renew.Chart, CurrentT, renew.Vessel, FloatArray, FloatArray]:
+        """The first arguments of a plan."""
+        return self.chart, self.current, self.vessel, self.start, self.goal
+
+    @property
+    def voyage(self) -> Voyage:
+        """The voyage as parts of the planner take it."""
+        waters = Waters(self.chart, as_field(self.current))
+        return Voyage(waters, self.vessel, self.start, self.goal, self.drift, self.departure)
+
+    def in_current(self, current: renew.CurrentField) -> Scene[Any]:
+        """Return the scene in another current."""
+        return replace(cast("Scene[Any]", self), current=current)
+
+    def plan(self, **options: Any) -> renew.Plan:  # noqa: ANN401 - as `plan` has them
+        """Plan it."""
+        own = {"drift": self.drift, "departure": self.departure}
+        return renew.plan(*self.asked, **{**own, **options})
+
+    def plan_departures(self, departures: Any, **options: Any) -> renew.Departures:  # noqa: ANN401
+        """Plan departures (n,), s."""
+        return renew.plan_departures(*self.asked, departures, **{"drift": self.drift, **options})
+
+    def turns(self, route: renew.Route, **options: Any) -> renew.Contingency:  # noqa: ANN401
+        """Fly hard-over turns from along a route."""
+        given = self.chart, self.current, self.vessel
+        return renew.contingency(route, *given, **{"drift": self.drift, **options})
+
+
 def examples(gate: int, new: int) -> settings:
     """Give the number of examples that the gate draws, and that `make test-new-examples` does."""
     return settings(max_examples=gate if settings().derandomize else new)
 
 
-def single_gyre() -> tuple[renew.Chart, renew.GyreCurrent]:
-    """Return the published single gyre: its chart and its current."""
+def single_gyre() -> Scene[renew.GyreCurrent]:
+    """Return the published single gyre."""
     islands = [Polygon(corners) for corners in SINGLE_GYRE_ISLANDS]
-    return renew.Chart(box(0, 0, 100, 100), islands), renew.GyreCurrent(0.8, 100, 100)
+    chart = renew.Chart(box(0, 0, 100, 100), islands)
+    ends = np.array([10.0, 10.0]), np.array([90.0, 90.0])
+    return Scene(chart, renew.GyreCurrent(0.8, 100, 100), *ends)
 
 
 def random_islands(seed: int, count: int = 7) -> list[Polygon]:
@@ -74,25 +133,24 @@ class StreamFunctionCurrent(renew.CurrentField):
 
 def random_scene(
     seed: int, peak: float | None = None, islands: int = 7
-) -> tuple[renew.Chart, StreamFunctionCurrent, FloatArray, FloatArray]:
-    """Chart, current, start and goal of a random scene."""
+) -> Scene[StreamFunctionCurrent]:
+    """Return a random scene; its current peaks at 0.3 to 0.85 m/s, if no peak is given."""
     rng = np.random.default_rng([seed, 1])
     strongest = float(rng.uniform(0.3, 0.85)) if peak is None else peak
     chart = renew.Chart(box(0, 0, SIZE, SIZE), random_islands(seed, islands))
     current = StreamFunctionCurrent(seed, strongest)
-    return chart, current, np.array([10.0, 10.0]), np.array([SIZE - 10, SIZE - 10])
+    return Scene(chart, current, np.array([10.0, 10.0]), np.array([SIZE - 10, SIZE - 10]))
 
 
 def voyage_on(
     chart: renew.Chart,
-    start: tuple[float, float] | FloatArray = (10.0, 10.0),
-    goal: tuple[float, float] | FloatArray = (90.0, 90.0),
+    start: Point = (10.0, 10.0),
+    goal: Point = (90.0, 90.0),
     current: renew.CurrentField | None = None,
     drift: Drift = "projected",
 ) -> Voyage:
     """Return a voyage of the paper's vessel; in still water, if no current is given."""
-    waters = Waters(chart, current or renew.UniformCurrent(0.0, 0.0))
-    return Voyage(waters, PAPER_VESSEL, np.array(start), np.array(goal), drift)
+    return Scene(chart, current or STILL, np.array(start), np.array(goal), drift).voyage
 
 
 seeds = st.integers(0, 10_000)

@@ -38,14 +38,13 @@ def test_it_finds_the_way_round_an_island_on_each_side(side: int, beyond: float)
 
 
 def test_it_prices_a_current_as_the_oracle_does() -> None:
-    chart, current, start, goal = random_scene(1)
-    grid = Grid.over(
-        chart.extent, keep_out(chart.no_go, 0.0), current, PAPER_VESSEL.speed, start, goal, 4.0
-    )
-    path = grid.best()
+    scene = random_scene(1)
+    chart, current, start, goal = scene.parts
+    barred = keep_out(chart.no_go, 0.0)
+    path = Grid.over(chart.extent, barred, current, PAPER_VESSEL.speed, start, goal, 4.0).best()
     assert path is not None
     time = passage_time(path, current, PAPER_VESSEL.speed)
-    fuel, finer = grid_dijkstra(chart, current, PAPER_VESSEL, start, goal, 4.0, radius=5)
+    fuel, finer = grid_dijkstra(*scene.asked, 4.0, radius=5)
     assert passage_time(finer, current, PAPER_VESSEL.speed) == pytest.approx(fuel, rel=1e-3)
     assert time == pytest.approx(fuel, rel=1e-2)
 

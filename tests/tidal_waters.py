@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import shapely
@@ -15,7 +15,7 @@ from renew._types import BoolArray, FloatArray
 from renew.inputs.openings import ReliedOnTide
 from tests.clock_oracle import earliest_arrival, sailed, tighten
 from tests.oracles import STENCIL_RADIUS
-from tests.strategies import PAPER_VESSEL, random_scene
+from tests.strategies import PAPER_VESSEL, Scene, random_scene
 
 SCALE = 100.0
 """Metres of a tidal scene to a metre of a random one: a voyage takes about half a tide."""
@@ -43,29 +43,14 @@ class _Scaled(renew.CurrentField):
 
 
 @dataclass(frozen=True)
-class TidalScene:
-    """What :func:`renew.plan` takes, m and s."""
+class TidalScene(Scene[renew.CurrentField]):
+    """A scene with water that the tide opens and shuts."""
 
-    chart: renew.Chart
-    current: renew.CurrentField
-    vessel: renew.Vessel
-    start: FloatArray
-    goal: FloatArray
-    drift: Literal["projected", "crab"]
-    depth: renew.TidalDepth
-    departure: float
+    depth: renew.TidalDepth = field(kw_only=True)
 
-    def plan(self, **options: object) -> renew.Plan:
+    def plan(self, **options: Any) -> renew.Plan:  # noqa: ANN401 - as `plan` has them
         """Plan with the tide."""
-        given = {"drift": self.drift, "departure": self.departure, "depth": self.depth}
-        return renew.plan(
-            self.chart,
-            self.current,
-            self.vessel,
-            self.start,
-            self.goal,
-            **{**given, "lateness": LATENESS, **options},  # type: ignore[arg-type]
-        )
+        return super().plan(**{"depth": self.depth, "lateness": LATENESS, **options})
 
     def with_tide_raised(self, rise: float) -> TidalScene:
         """Return the scene with a tide that is higher by so many metres at all times."""
@@ -92,28 +77,16 @@ class TidalScene:
         A coarse stencil, tightened in fewer places, takes a fifth of the time. Its fuel, too, is
         that of a path that can be sailed: a bound above it is wrong.
         """
-        arguments = self.chart, self.current, self.vessel
-        common = {"drift": self.drift, "is_shut": self.is_shut}
+        common: dict[str, Any] = {"drift": self.drift, "is_shut": self.is_shut}
+        radius = 4 if is_coarse else STENCIL_RADIUS
         fuel, path = earliest_arrival(
-            *arguments,
-            self.start,
-            self.goal,
-            self.departure,
-            spacing=spacing,
-            radius=4 if is_coarse else STENCIL_RADIUS,
-            **common,  # type: ignore[arg-type]
+            *self.asked, self.departure, spacing=spacing, radius=radius, **common
         )
         if not len(path):
             return fuel, path
-        return tighten(
-            path,
-            *arguments,
-            self.departure,
-            spacing=(6.0 if is_coarse else 3.0) * SCALE,
-            width=6.0 * SCALE,
-            rounds=2 if is_coarse else 7,
-            **common,  # type: ignore[arg-type]
-        )
+        common |= {"spacing": (6.0 if is_coarse else 3.0) * SCALE, "width": 6.0 * SCALE}
+        water = self.chart, self.current, self.vessel
+        return tighten(path, *water, self.departure, rounds=2 if is_coarse else 7, **common)
 
     def too_shallow(self, route: renew.Route) -> tuple[int, int]:
         """Fly turns along a route: those with too little water somewhere, and all.
@@ -181,7 +154,7 @@ class TidalScene:
 def tidal_scene(seed: int) -> TidalScene:
     """Return a random scene with one to three bars across the way, each with a deeper part."""
     rng = np.random.default_rng([seed, 37])
-    chart, current, start, goal = random_scene(seed)
+    chart, current, start, goal = random_scene(seed).parts
     start, goal = start * SCALE, goal * SCALE
     bars = int(rng.integers(1, 4))
     areas, needs = [], []
@@ -207,12 +180,12 @@ def tidal_scene(seed: int) -> TidalScene:
             [shapely.transform(one, _scaled) for one in chart.no_go],
         ),
         _Scaled(current),
-        renew.Vessel(PAPER_VESSEL.speed, PAPER_VESSEL.turn_rate / SCALE, PAPER_VESSEL.length),
         start,
         goal,
         "crab" if seed % 2 else "projected",
-        renew.TidalDepth(areas, needs, tide, surge=_SURGE, lag=_LAG),
         float(rng.uniform(0, 12.42 * 3600)),
+        renew.Vessel(PAPER_VESSEL.speed, PAPER_VESSEL.turn_rate / SCALE, PAPER_VESSEL.length),
+        depth=renew.TidalDepth(areas, needs, tide, surge=_SURGE, lag=_LAG),
     )
 
 

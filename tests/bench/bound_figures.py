@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Iterator
+from typing import Any
 
-import renew
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
-from renew.voyage.voyage import Voyage
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.bounded_scenes import SEEDS, bounded_scene
 from tests.eddies import SCENES, eddy_scene
-from tests.strategies import PAPER_VESSEL, random_scene, single_gyre, voyage_on
+from tests.strategies import Scene, random_scene, single_gyre
 
 RANDOM = range(10)
 """Seeds of the random scenes whose gaps are measured."""
@@ -38,14 +37,9 @@ def _beside_oracle() -> Iterator[Figure]:
 
 def _gaps() -> Iterator[Figure]:
     """Gaps of the best routes without padding, and what a bound takes."""
-    chart, current = single_gyre()
-    gyre = voyage_on(chart, current=current)
     times: list[float] = []
-    yield at_most("single gyre: gap", _gap(gyre, times), 0.5, " %")
-    gaps = []
-    for seed in RANDOM:
-        chart, flow, start, goal = random_scene(seed)
-        gaps.append(_gap(voyage_on(chart, start, goal, flow), times))
+    yield at_most("single gyre: gap", _gap(single_gyre(), times), 0.5, " %")
+    gaps = [_gap(random_scene(seed), times) for seed in RANDOM]
     yield at_most("random scenes: median gap", statistics.median(gaps), 0.6, " %")
     yield at_most("random scenes: largest gap", max(gaps), 1.0, " %")
     yield at_most("these scenes: median CPU of a bound", statistics.median(times), 0.30, " s")
@@ -53,23 +47,9 @@ def _gaps() -> Iterator[Figure]:
     yield at_most(f"{len(SCENES)} scenes of small eddies: largest gap", max(gaps), 1.2, " %")
 
 
-def _gap(voyage: Voyage, times: list[float]) -> float:
+def _gap(scene: Scene[Any], times: list[float]) -> float:
     """Gap (%) of the best route without padding; appends the CPU time of the bound, s."""
-    best = _least_fuel(voyage)
-    time, bound = warm(lambda: fuel_lower_bound(voyage))
+    best = scene.plan(padding="none").best.fuel
+    time, bound = warm(lambda: fuel_lower_bound(scene.voyage))
     times.append(time.cpu)
     return 100 * (best / bound - 1)
-
-
-def _least_fuel(voyage: Voyage) -> float:
-    """Fuel of the best route without padding."""
-    plan = renew.plan(
-        voyage.chart,
-        voyage.current,
-        PAPER_VESSEL,
-        voyage.start,
-        voyage.goal,
-        padding="none",
-        drift=voyage.drift,
-    )
-    return plan.best.fuel

@@ -14,7 +14,7 @@ from renew.planner.one_class import ClassPlanner
 from tests.bench.figure import Figure, at_most
 from tests.class_oracle import paths_by_class
 from tests.eddies import SCENES, eddy_scene
-from tests.strategies import PAPER_VESSEL, SIZE, random_scene
+from tests.strategies import SIZE, random_scene
 
 CLASSES, FIRST = 8, 16
 """Classes of a scene that are compared, and number of first ones that are looked for."""
@@ -32,18 +32,8 @@ def each_class() -> Iterator[Figure]:
             continue
         scene = eddy_scene(*spec)
         unrounded, plan = _planned(*spec)
-        least = _least(
-            scene.chart,
-            paths_by_class(
-                scene.chart,
-                scene.current,
-                PAPER_VESSEL,
-                scene.start,
-                scene.goal,
-                spec[3] / CELLS,
-                labels=LABELS,
-            ),
-        )
+        found = paths_by_class(*scene.asked, spec[3] / CELLS, labels=LABELS)
+        least = _least(scene.chart, found)
         for route in plan.routes:
             if route.homotopy not in least:
                 missing += 1
@@ -69,14 +59,10 @@ def first_classes() -> Iterator[Figure]:
     for islands in (7, 25, 50):
         shared, unseen = [], []
         for seed in range(3):
-            chart, current, start, goal = random_scene(seed, islands=islands)
-            found = paths_by_class(
-                chart, current, PAPER_VESSEL, start, goal, SIZE / MORE_CELLS, labels=MORE_LABELS
-            )
-            least = _least(chart, found)
-            plan = renew.plan(
-                chart, current, PAPER_VESSEL, start, goal, padding="none", classes=FIRST
-            )
+            scene = random_scene(seed, islands=islands)
+            found = paths_by_class(*scene.asked, SIZE / MORE_CELLS, labels=MORE_LABELS)
+            least = _least(scene.chart, found)
+            plan = scene.plan(padding="none", classes=FIRST)
             ours = {route.homotopy: route.fuel for route in plan.routes}
             both = ours | least
             true = sorted(both, key=lambda one: both[one])[:FIRST]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,6 @@ from renew.voyage.voyage import Voyage
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import PERIODS, moving_scene
-from tests.strategies import PAPER_VESSEL
 
 SCENES = range(20)
 """Seeds of the scenes that are planned without padding beside the oracle."""
@@ -86,15 +86,7 @@ def _turns() -> Iterator[Figure]:
     for seed in FLOWN:
         scene = moving_scene(seed)
         for route in scene.plan().routes:
-            flown = renew.contingency(
-                route,
-                scene.chart,
-                scene.current,
-                PAPER_VESSEL,
-                spacing=0.5,
-                departure=scene.departure,
-                drift=scene.drift,
-            )
+            flown = scene.turns(route, spacing=0.5)
             trials, collisions = trials + flown.trials, collisions + flown.collisions
     text = f"{collisions} of {trials:,}"
     met = collisions == 0 and trials >= 100_000
@@ -104,20 +96,15 @@ def _turns() -> Iterator[Figure]:
 def _times() -> Iterator[Figure]:
     """CPU time of a plan in a changing current beside the same in that of its departure."""
     scene = moving_scene(4)
-    still = _Frozen(scene.current, scene.departure)
+    frozen = _Frozen(scene.current, scene.departure)
+    still = replace(scene.in_current(frozen), departure=0.0)
     changing, plan = warm(scene.plan)
-    steady, _ = warm(
-        lambda: renew.plan(
-            scene.chart, still, PAPER_VESSEL, scene.start, scene.goal, drift=scene.drift
-        )
-    )
+    steady, _ = warm(still.plan)
     yield at_most("changing plan beside a steady one, CPU", changing.cpu / steady.cpu, 3)
     moving = plan.best.fuel_bound.source
     assert isinstance(moving, Voyage)
     bound, _ = warm(lambda: fuel_lower_bound(moving))
-    at_rest = renew.plan(
-        scene.chart, still, PAPER_VESSEL, scene.start, scene.goal, drift=scene.drift
-    ).best.fuel_bound.source
+    at_rest = still.plan().best.fuel_bound.source
     assert isinstance(at_rest, Voyage)
     still_bound, _ = warm(lambda: fuel_lower_bound(at_rest))
     yield at_most("changing bound beside a steady one, CPU", bound.cpu / still_bound.cpu, 5)

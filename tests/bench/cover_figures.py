@@ -7,6 +7,7 @@ import resource
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -16,7 +17,6 @@ import renew
 from renew._types import FloatArray
 from renew.bounds.haven_bound import HavenBound
 from renew.request import Request
-from renew.voyage.voyage import Voyage, Waters
 from tests.bench.figure import Figure, at_most
 from tests.clock_oracle import earliest_arrival
 from tests.moving_waters import MovingScene, moving_scene
@@ -64,8 +64,7 @@ def _scene(seed: int) -> MovingScene:
     """Return a seeded scene; every second has a current that changes."""
     if seed % 2:
         return moving_scene(seed)
-    chart, current, start, goal = random_scene(seed)
-    return MovingScene(chart, current, start, goal, "projected", 0.0)
+    return MovingScene(*random_scene(seed).parts)
 
 
 def _havens(seed: int, chart: renew.Chart, count: int) -> list[renew.Haven]:
@@ -152,14 +151,10 @@ def _bound_above(seed: int, *, is_strong: bool) -> bool:
     """Whether the bound from a haven is above the oracle's time from some place of a scene."""
     scene = _scene(1000 + seed)
     if is_strong:
-        chart, current, start, goal = random_scene(1000 + seed, 1.4)
-        scene = MovingScene(chart, current, start, goal, "projected", 0.0)
+        scene = MovingScene(*random_scene(1000 + seed, 1.4).parts)
     haven, *places = _havens(1000 + seed, scene.chart, 4)
-    waters = Waters(scene.chart, scene.current)
     most = SIZE / PAPER_VESSEL.speed
-    voyage = Voyage(
-        waters, PAPER_VESSEL, scene.start, haven.place, scene.drift, departure=scene.departure
-    )
+    voyage = replace(scene, goal=haven.place).voyage
     bound = HavenBound.of(voyage, most, scene.departure + 2 * most)
     least = bound.at(np.array([one.place for one in places]))
     times = [_oracle(scene, one.place, haven, scene.departure, _COARSE_M) for one in places]

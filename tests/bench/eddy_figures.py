@@ -78,11 +78,8 @@ def order() -> Iterator[Figure]:
     """How often the best class is among the first four."""
     found, worst, count = 0, 1.0, 0
     for seed in range(110):
-        chart, current, start, goal = random_scene(seed, islands=ISLANDS[seed % len(ISLANDS)])
-        four, many = (
-            renew.plan(chart, current, PAPER_VESSEL, start, goal, padding="none", classes=k).best
-            for k in (4, 32)
-        )
+        scene = random_scene(seed, islands=ISLANDS[seed % len(ISLANDS)])
+        four, many = (scene.plan(padding="none", classes=k).best for k in (4, 32))
         count += 1
         found += four.fuel <= many.fuel * (1 + 1e-3)
         worst = max(worst, four.fuel / many.fuel)

@@ -58,7 +58,7 @@ def _bounds() -> Iterator[Figure]:
     """Yield how many bounds are above a candidate, or above the optimum over a lattice."""
     above, tightest = 0, list[float]()
     for seed in range(_ENSEMBLES):
-        chart, base, start, goal = random_scene(seed)
+        chart, base, start, goal = random_scene(seed).parts
         nodes = np.linspace(0, SIZE, 81)
         spread = 0.45 if seed < _STRONG else 0.2
         members = stirred(base, _MEMBERS, spread, [seed, 1], (nodes, nodes), 100.0)

@@ -11,7 +11,7 @@ from tests.bench import cover_figures, real_voyages
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most, quoted
 from tests.bench.palawan_figures import cases_of, fetched_data
-from tests.strategies import PAPER_VESSEL, single_gyre
+from tests.strategies import single_gyre
 from tests.under_way import Outcome, Sea, Waters, replanned, sailed
 
 VOYAGES = 100
@@ -21,8 +21,7 @@ VOYAGES = 100
 def figures(*, is_whole: bool = False) -> Iterator[Figure]:
     """Yield figures of havens, times of a plan under way, and what simulated voyages came to."""
     yield from cover_figures.figures(is_whole=is_whole)
-    chart, current = single_gyre()
-    gyre = renew.plan(chart, current, PAPER_VESSEL, (10.0, 10.0), (90.0, 90.0))
+    gyre = single_gyre().plan()
     yield from _replanned("single gyre", gyre, renew.GyreCurrent(0.75, 100, 100), 50.0)
     scenario = load_scenario("palawan-usv")
     (scene, other), options = cases_of(scenario, fetched_data(scenario)), scenario.planner

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Iterator, Sequence
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 import renew
-from renew._types import FloatArray
 from renew.turns.turn_reach import turn_reach
 from tests.bench.clock import Took, warm
 from tests.bench.figure import Figure, at_most, quoted
 from tests.oracles import grid_dijkstra, tighten
 from tests.published import ABLATION, FOUR_GYRE, GYRE
-from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
-
-Point: TypeAlias = FloatArray | tuple[float, float]
-Scene: TypeAlias = tuple[renew.Chart, renew.CurrentField, Point, Point]
+from tests.strategies import PAPER_VESSEL, Scene, random_scene, single_gyre
 
 Method: TypeAlias = Literal["optimal", "sampled"]
 
-START, GOAL = (10.0, 10.0), (90.0, 90.0)
 CURRENT_AT_EDGE = 0.255
 """The current (m/s) towards or away from an edge for which both published paddings are met."""
 SAMPLES = 500
@@ -50,35 +45,25 @@ def paddings() -> Iterator[Figure]:
 
 def single_gyre_fuel() -> Iterator[Figure]:
     """Fuel of the optimal method on the published single gyre (paper: 96.08)."""
-    chart, current = single_gyre()
-
-    def best(**options: object) -> renew.Route:
-        return renew.plan(chart, current, PAPER_VESSEL, START, GOAL, **options).best  # type: ignore[arg-type]
-
-    bare = best(padding="none")
+    scene = single_gyre()
+    bare = scene.plan(padding="none").best
     name = "single gyre, no padding"
     yield at_most(f"{name}: fuel", bare.fuel, 84.8, key="unpadded")
     gap = 100 * bare.optimality_gap
     yield at_most(f"{name}: optimality gap", gap, 3, " %", key="unpadded_gap")
     yield quoted("single gyre: bound", bound=bare.fuel / (1 + bare.optimality_gap))
-    route = best(padding="none", clearance=12.55)
+    route = scene.plan(padding="none", clearance=12.55).best
     yield at_most("single gyre, clearance 12.55 m: fuel", route.fuel, 89.6, key="at_12_55")
-    route = best()
+    route = scene.plan().best
     name = "single gyre, adaptive"
     yield at_most(f"{name}, risk 0.05: fuel", route.fuel, 88.5, key="fuel")
     yield quoted(f"{name}: length and clearance", length=route.length, clearance=route.clearance)
     yield quoted(f"{name}: optimality gap, %", gap=100 * route.optimality_gap)
-    yield quoted("single gyre, crab drift: fuel", crab=best(drift="crab").fuel)
-    yield _contingency(name, route, chart, current)
-
-
-def _contingency(
-    name: str, route: renew.Route, chart: renew.Chart, current: renew.CurrentField
-) -> Figure:
-    """Collisions of hard-over turns, over ten seeds of the draws."""
-    reports = [renew.contingency(route, chart, current, PAPER_VESSEL, seed=s) for s in range(10)]
+    yield quoted("single gyre, crab drift: fuel", crab=scene.plan(drift="crab").best.fuel)
+    # Hard-over turns, over ten seeds of the draws.
+    reports = [scene.turns(route, seed=seed) for seed in range(10)]
     collisions, trials = sum(r.collisions for r in reports), sum(r.trials for r in reports)
-    return Figure(
+    yield Figure(
         f"{name}: contingency collisions",
         "0",
         f"{collisions} of {trials}",
@@ -113,10 +98,10 @@ def random_scenes() -> Iterator[Figure]:
     """Fuel on twenty random scenes beside the oracle's, and the largest optimality gap."""
     dearer, gaps = [], []
     for seed in range(20):
-        chart, current, start, goal = random_scene(seed)
-        route = renew.plan(chart, current, PAPER_VESSEL, start, goal, padding="none").best
-        _, path = grid_dijkstra(chart, current, PAPER_VESSEL, start, goal, ORACLE_SPACING)
-        least, _ = tighten(path, chart, current, PAPER_VESSEL)
+        scene = random_scene(seed)
+        route = scene.plan(padding="none").best
+        _, path = grid_dijkstra(*scene.asked, ORACLE_SPACING)
+        least, _ = tighten(path, scene.chart, scene.current, PAPER_VESSEL)
         dearer.append(route.fuel / least)
         gaps.append(route.optimality_gap)
     name = "random scenes, no padding"
@@ -128,21 +113,16 @@ def random_scenes() -> Iterator[Figure]:
 
 def times() -> Iterator[Figure]:
     """Yield the time of a plan, warm, and its ratio to the sampled method's in the same run."""
-    yield from _time("single gyre, k = 16", 50, [(*single_gyre(), START, GOAL)])
+    yield from _time("single gyre, k = 16", 50, [single_gyre()])
     # The slowest of some scenes: one may be an easy one.
     yield from _time("7 islands, k = 16", 200, [random_scene(seed) for seed in range(3)])
 
 
-def _time(name: str, limit_ms: float, scenes: Sequence[Scene]) -> Iterator[Figure]:
+def _time(name: str, limit_ms: float, scenes: Sequence[Scene[Any]]) -> Iterator[Figure]:
     """Time of both methods on the scene that is slowest with the optimal one."""
 
-    def run(scene: Scene, method: Method) -> Took:
-        chart, current, start, goal = scene
-        return warm(
-            lambda: renew.plan(
-                chart, current, PAPER_VESSEL, start, goal, method=method, samples=SAMPLES
-            )
-        )[0]
+    def run(scene: Scene[Any], method: Method) -> Took:
+        return warm(lambda: scene.plan(method=method, samples=SAMPLES))[0]
 
     optimal, slowest = max(((run(scene, "optimal"), i) for i, scene in enumerate(scenes)))
     yield at_most(f"{name}: time of the optimal method", 1e3 * optimal.wall, limit_ms, " ms", 0)

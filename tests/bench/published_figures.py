@@ -84,11 +84,11 @@ def triangulators() -> Iterator[Figure]:
     """The best fuel as triangulated by GEOS beside that by Triangle."""
     off = []
     for seed in SCENES:
-        chart, current, start, goal = random_scene(seed)
+        scene = random_scene(seed)
         both = []
         for hidden in ({}, {"triangle": None}):
             with mock.patch.dict(sys.modules, hidden):
-                both.append(renew.plan(chart, current, PAPER_VESSEL, start, goal).best.fuel)
+                both.append(scene.plan().best.fuel)
         off.append(abs(both[1] / both[0] - 1))
     name = f"GEOS beside Triangle, {len(SCENES)} random scenes, %"
     yield quoted(name, geos_beside_triangle=100 * max(off))
@@ -137,9 +137,9 @@ def _from_a_point() -> float:
     """Largest share of drawn turns that reach land from a point of a route, %."""
     largest = 0.0
     for seed in SCENES:
-        chart, current, start, goal = random_scene(seed, PEAK_M_S)
-        plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=4, risk=_RISK)
+        scene = random_scene(seed, PEAK_M_S)
+        plan = scene.plan(classes=4, risk=_RISK)
         for route in plan.routes:
-            shares = shares_that_touch(route, chart, current)
+            shares = shares_that_touch(route, scene.chart, scene.current)
             largest = max(largest, float(shares.max(initial=0.0)))
     return 100 * largest

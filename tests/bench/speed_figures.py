@@ -128,18 +128,18 @@ def _turns() -> Iterator[Figure]:
     """Turns at the speeds sailed that touch land."""
     trials = collisions = 0
     for seed in FLOWN:
-        chart, current, start, goal = random_scene(seed)
-        by = 1.1 * math.dist(start, goal)
-        plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, speed=(0.9, 2.0), arrive_by=by)
+        scene = random_scene(seed)
+        by = 1.1 * math.dist(scene.start, scene.goal)
+        plan = scene.plan(speed=(0.9, 2.0), arrive_by=by)
         for route in plan.routes:
-            flown = renew.contingency(route, chart, current, PAPER_VESSEL, spacing=0.5)
+            flown = scene.turns(route, spacing=0.5)
             trials, collisions = trials + flown.trials, collisions + flown.collisions
     yield at_most(f"turns at chosen speeds that touch land, of {trials:,}", collisions, 0, digits=0)
 
 
 def _times() -> Iterator[Figure]:
     """CPU time beside that of a plan at constant speed."""
-    chart, current, start, goal = random_scene(3)
+    chart, current, start, goal = random_scene(3).parts
     constant, plan = warm(lambda: renew.plan(chart, current, PAPER_VESSEL, start, goal))
     by = plan.best.times[-1]
     chosen, _ = warm(

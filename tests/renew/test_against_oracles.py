@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,9 +20,8 @@ from tests.oracles import grid_dijkstra, tighten
 from tests.strategies import (
     PAPER_VESSEL,
     SIZE,
-    StreamFunctionCurrent,
+    Scene,
     examples,
-    random_islands,
     random_scene,
     seeds,
     single_gyre,
@@ -37,44 +36,25 @@ MOVED = 1e-3
 BESIDE = 0.01
 
 
-class Scene(NamedTuple):
-    """The first arguments of plan()."""
-
-    chart: renew.Chart
-    current: renew.CurrentField
-    vessel: renew.Vessel
-    start: FloatArray
-    goal: FloatArray
-
-
-def scene(seed: int, islands: int = 4, peak: float = 0.6) -> Scene:
+def small_scene(seed: int, peak: float = 0.6) -> Scene[Any]:
     """Random scene with few islands, which is planned in a fraction of the time."""
-    corners = np.array([[10.0, 10.0], [SIZE - 10, SIZE - 10]])
-    chart = renew.Chart(shapely.box(0, 0, SIZE, SIZE), random_islands(seed, islands))
-    return Scene(chart, StreamFunctionCurrent(seed, peak), PAPER_VESSEL, *corners)
+    return random_scene(seed, peak, islands=4)
 
 
-def best(scene: Scene, *, clearance: float = 0.0, classes: int = 6) -> renew.Route:
+def best(scene: Scene[Any], *, clearance: float = 0.0, classes: int = 6) -> renew.Route:
     """Best route with no padding except a clearance (m)."""
-    return renew.plan(*scene, padding="none", clearance=clearance, classes=classes).best
+    return scene.plan(padding="none", clearance=clearance, classes=classes).best
 
 
 # --- an independent search --------------------------------------------------------------------
 
 
 def least_by_oracle(
-    scene: Scene, clearance: float = 0.0, spacing: float = SIZE / 40, rounds: int = 4
+    scene: Scene[Any], clearance: float = 0.0, spacing: float = SIZE / 40, rounds: int = 4
 ) -> float:
     """Fuel of the oracle's path."""
-    _, path = grid_dijkstra(*scene, spacing, clearance)
-    chart, current, vessel, *_ = scene
-    return tighten(path, chart, current, vessel, clearance, rounds=rounds)[0]
-
-
-def full_scene(seed: int) -> Scene:
-    """Seven islands and a current that peaks at 0.3 to 0.85 m/s."""
-    chart, current, start, goal = random_scene(seed)
-    return Scene(chart, current, PAPER_VESSEL, start, goal)
+    _, path = grid_dijkstra(*scene.asked, spacing, clearance)
+    return tighten(path, scene.chart, scene.current, scene.vessel, clearance, rounds=rounds)[0]
 
 
 # Fuel of the oracle's paths: a search takes a second or more.
@@ -85,23 +65,22 @@ LEAST_IN_SHEAR = 239.3424849
 @pytest.mark.slow
 def test_the_fuels_kept_are_those_of_the_oracle() -> None:
     for seed, fuel in LEAST.items():
-        assert least_by_oracle(full_scene(seed)) == pytest.approx(fuel, rel=1e-6)
-    assert least_by_oracle(scene(963)) == pytest.approx(LEAST_IN_SHEAR, rel=1e-6)
+        assert least_by_oracle(random_scene(seed)) == pytest.approx(fuel, rel=1e-6)
+    assert least_by_oracle(small_scene(963)) == pytest.approx(LEAST_IN_SHEAR, rel=1e-6)
     assert eddy_scene(*SCENES[7]).oracle()[0] == pytest.approx(LEAST_AMONG_EDDIES, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", LEAST)
 def test_no_more_fuel_than_a_grid_search(seed: int) -> None:
-    assert best(full_scene(seed), classes=16).fuel <= ORACLE * LEAST[seed]
+    assert best(random_scene(seed), classes=16).fuel <= ORACLE * LEAST[seed]
 
 
 def test_corners_that_are_hard_to_steer_cost_little() -> None:
-    assert best(scene(963)).fuel <= ORACLE * LEAST_IN_SHEAR
+    assert best(small_scene(963)).fuel <= ORACLE * LEAST_IN_SHEAR
 
 
 def test_no_more_fuel_than_a_grid_search_at_the_published_clearance() -> None:
-    chart, current = single_gyre()
-    scene = Scene(chart, current, PAPER_VESSEL, np.array([10.0, 10.0]), np.array([90.0, 90.0]))
+    scene = single_gyre()
     route = best(scene, clearance=12.55, classes=16)
     assert route.fuel <= ORACLE * least_by_oracle(scene, 12.55, spacing=2.0)
 
@@ -109,12 +88,12 @@ def test_no_more_fuel_than_a_grid_search_at_the_published_clearance() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_no_more_fuel_than_a_fine_grid_search_or_the_sampled_method(seed: int) -> None:
-    scene = full_scene(seed)
+    scene = random_scene(seed)
     fuel = best(scene, classes=16).fuel
     assert fuel <= ORACLE * least_by_oracle(scene, spacing=2.0, rounds=7)
     for draws in range(3):
         try:
-            sampled = renew.plan(*scene, padding="none", method="sampled", seed=draws).best.fuel
+            sampled = scene.plan(padding="none", method="sampled", seed=draws).best.fuel
         except renew.UnreachableError:
             continue  # none of its chains can be steered
         assert fuel <= sampled
@@ -135,7 +114,7 @@ class Similarity:
         """Points (..., 2) after the move."""
         return np.asarray(self.scale * points @ np.array(self.turn).T + self.shift)
 
-    def moved(self, scene: Scene) -> Scene:
+    def moved(self, scene: Scene[Any]) -> Scene[Any]:
         """Scene with all lengths scaled and all times unchanged."""
         (a, b), (c, d) = np.array(self.turn) * self.scale
         chart, vessel = scene.chart, scene.vessel
@@ -145,9 +124,11 @@ class Similarity:
         return Scene(
             renew.Chart(extent, land),
             MovedCurrent(scene.current, self),
-            renew.Vessel(vessel.speed * self.scale, vessel.turn_rate, vessel.length * self.scale),
             self.points(scene.start),
             self.points(scene.goal),
+            vessel=renew.Vessel(
+                vessel.speed * self.scale, vessel.turn_rate, vessel.length * self.scale
+            ),
         )
 
 
@@ -182,7 +163,7 @@ SIMILARITIES = {
 @settings(max_examples=2)
 @given(seed=seeds, clearance=st.sampled_from([0.0, 2.0]))
 def test_a_moved_scene_has_the_moved_route(name: str, seed: int, clearance: float) -> None:
-    similarity, original = SIMILARITIES[name], scene(seed)
+    similarity, original = SIMILARITIES[name], small_scene(seed)
     route = best(original, clearance=clearance)
     moved = best(similarity.moved(original), clearance=clearance * similarity.scale)
     assert moved.duration == pytest.approx(route.duration, rel=MOVED)
@@ -193,7 +174,7 @@ def test_a_moved_scene_has_the_moved_route(name: str, seed: int, clearance: floa
 
 
 def test_the_side_of_a_corner_in_a_shear_makes_no_difference() -> None:
-    original = scene(949)
+    original = small_scene(949)
     mirrored = SIMILARITIES["mirrored"].moved(original)
     fuel = best(original, clearance=2.0, classes=1).fuel
     assert best(mirrored, clearance=2.0, classes=1).fuel == pytest.approx(fuel, rel=MOVED)
@@ -215,10 +196,9 @@ class ReversedCurrent(renew.CurrentField):
 def test_the_way_back_against_the_reversed_current_takes_the_same_fuel(
     seed: int, peak: float
 ) -> None:
-    there = scene(seed, peak=peak)
-    back = there._replace(
-        current=ReversedCurrent(there.current), start=there.goal, goal=there.start
-    )
+    there = small_scene(seed, peak)
+    reverse = ReversedCurrent(there.current)
+    back = replace(there, current=reverse, start=there.goal, goal=there.start)
     assert best(back).fuel == pytest.approx(best(there).fuel, rel=MOVED)
 
 
@@ -248,7 +228,7 @@ def test_a_stronger_following_current_never_costs_more_fuel(
     chart = renew.Chart(shapely.box(-100, -100, 100, 100))
     goal = 80 * np.array([math.cos(towards), math.sin(towards)])
     fuels = [
-        best(Scene(chart, Jets(peak, towards, wave_length, phase), PAPER_VESSEL, -goal, goal)).fuel
+        best(Scene(chart, Jets(peak, towards, wave_length, phase), -goal, goal)).fuel
         for peak in (0.0, 0.2, 0.5, 0.8)
     ]
     assert fuels[0] == pytest.approx(160)

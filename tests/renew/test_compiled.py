@@ -320,14 +320,12 @@ def test_ctrl_c_within_a_kernel_is_a_keyboard_interrupt(tmp_path: Path) -> None:
 INTERRUPTED_PLANS = """
 import random, signal
 import renew
-from tests.strategies import PAPER_VESSEL, single_gyre
+from tests.strategies import single_gyre
 
 def plan():
-    found = renew.plan(chart, gyre, PAPER_VESSEL, (10.0, 10.0), (90.0, 90.0), classes=4)
-    renew.contingency(found.best, chart, gyre, PAPER_VESSEL)
-    return found
+    scene.turns(scene.plan(classes=4).best)
 
-(chart, gyre), moments = single_gyre(), random.Random(1)
+scene, moments = single_gyre(), random.Random(1)
 plan()
 signal.signal(signal.SIGALRM, signal.default_int_handler)
 for _ in range(500):

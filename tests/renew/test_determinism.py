@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import renew
-from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
+from tests.strategies import random_scene, single_gyre
 
 # Variables that limit the threads of numerical libraries.
 THREAD_LIMITS = (
@@ -28,13 +28,11 @@ THREAD_LIMITS = (
 
 
 def gyre(**options: Any) -> renew.Plan:  # noqa: ANN401  # as plan() has them
-    chart, current = single_gyre()
-    return renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), **options)
+    return single_gyre().plan(**options)
 
 
 def islands(**options: Any) -> renew.Plan:  # noqa: ANN401
-    chart, current, start, goal = random_scene(2)
-    return renew.plan(chart, current, PAPER_VESSEL, start, goal, **options)
+    return random_scene(2).plan(**options)
 
 
 CASES: dict[str, Callable[[], renew.Plan]] = {

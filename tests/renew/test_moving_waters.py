@@ -133,16 +133,8 @@ def check_beside_the_oracle(seed: int, least: float) -> None:
 @pytest.mark.parametrize("seed", [1, 5])
 def test_turns_early_on_time_and_late_are_clear(seed: int) -> None:
     scene = moving_scene(seed)
-    routes = scene.plan(classes=3).routes
-    for route in routes:
-        flown = renew.contingency(
-            route,
-            scene.chart,
-            scene.current,
-            PAPER_VESSEL,
-            departure=scene.departure,
-            drift=scene.drift,
-        )
+    for route in scene.plan(classes=3).routes:
+        flown = scene.turns(route)
         assert flown.trials == 3 * 10 * len(flown.points)
         assert flown.collisions == 0
 
@@ -150,10 +142,9 @@ def test_turns_early_on_time_and_late_are_clear(seed: int) -> None:
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_steady_current_in_two_equal_slices_is_the_same_current(seed: int) -> None:
-    chart, current, start, goal = random_scene(seed)
-    steady = renew.plan(chart, current, PAPER_VESSEL, start, goal)
-    sliced = renew.VaryingCurrent([0.0, 1e5], [current, current])
-    again = renew.plan(chart, sliced, PAPER_VESSEL, start, goal)
+    scene = random_scene(seed)
+    steady = scene.plan()
+    again = scene.in_current(renew.VaryingCurrent([0.0, 1e5], [scene.current] * 2)).plan()
     assert {r.homotopy for r in again.routes} == {r.homotopy for r in steady.routes}
     for one, other in zip(again.routes, steady.routes, strict=True):
         assert one.fuel == pytest.approx(other.fuel, rel=1e-9)
@@ -187,12 +178,12 @@ def test_a_field_and_a_clock_that_are_shifted_together_give_the_same_route() -> 
 
 
 def test_an_arrival_after_the_end_of_the_currents_is_refused() -> None:
-    chart, current, start, goal = random_scene(3, 0.3)
-    short = renew.VaryingCurrent([0.0, 50.0], [current, current])
+    scene = random_scene(3, 0.3)
+    short = scene.in_current(renew.VaryingCurrent([0.0, 50.0], [scene.current] * 2))
     with pytest.raises(renew.UnreachableError, match=r"known until 50 s.*depart earlier$"):
-        renew.plan(chart, short, PAPER_VESSEL, start, goal, classes=2, padding="none")
+        short.plan(classes=2, padding="none")
     with pytest.raises(renew.ParameterError, match="departure = 60 s lies outside"):
-        renew.plan(chart, short, PAPER_VESSEL, start, goal, departure=60)
+        short.plan(departure=60)
 
 
 def test_a_gap_in_the_way_that_the_current_shuts_for_a_while_is_sailed_when_it_is_open() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,16 +20,15 @@ STILL = renew.UniformCurrent(0.0, 0.0)
 
 
 def gyre_plan(**options: object) -> renew.Plan:
-    chart, current = single_gyre()
-    return renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), **options)  # type: ignore[arg-type]
+    return single_gyre().plan(**options)
 
 
 def test_single_gyre_beats_the_published_route() -> None:
-    chart, current = single_gyre()
+    scene = single_gyre()
     best = gyre_plan().best
     assert best.fuel < 88.5
     assert gyre_plan(padding="none").best.fuel < 84.8
-    report = renew.contingency(best, chart, current, PAPER_VESSEL, seed=11)
+    report = scene.turns(best, seed=11)
     assert report.collisions == 0
     # With the published clearance as its floor the fuel is still far below the published one.
     floor = gyre_plan(padding="none", clearance=12.55).best
@@ -63,16 +63,10 @@ def test_the_same_seed_gives_the_same_plan() -> None:
 
 
 def test_more_classes_are_never_worse_and_more_padding_never_cheaper() -> None:
-    chart, current, start, goal = random_scene(12, 0.5)
-    fuels = [
-        renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=k, padding="none").best.fuel
-        for k in (1, 3, 6)
-    ]
+    scene = random_scene(12, 0.5)
+    fuels = [scene.plan(classes=k, padding="none").best.fuel for k in (1, 3, 6)]
     assert fuels == sorted(fuels, reverse=True)
-    wide = [
-        renew.plan(chart, current, PAPER_VESSEL, start, goal, padding=p, classes=3).best.fuel
-        for p in (0.0, 2.0, 4.0)
-    ]
+    wide = [scene.plan(padding=p, classes=3).best.fuel for p in (0.0, 2.0, 4.0)]
     assert all(later >= earlier * (1 - 1e-4) for earlier, later in itertools.pairwise(wide))
 
 
@@ -194,17 +188,11 @@ def test_start_and_goal_may_lie_on_the_edge_of_the_chart(point: tuple[float, flo
 
 
 def test_more_classes_keep_the_routes_of_fewer() -> None:
-    chart, current, start, goal = random_scene(12, 0.5)
+    scene = random_scene(12, 0.5)
     islets = [box(x, y, x + 1.5, y + 1.5) for x, y in ((90, 95), (105, 110), (60, 70))]
-    chart = renew.Chart(chart.extent, [*chart.no_go, *islets])
+    among = replace(scene, chart=renew.Chart(scene.chart.extent, [*scene.chart.no_go, *islets]))
     few, many = (
-        {
-            r.homotopy: r.fuel
-            for r in renew.plan(
-                chart, current, PAPER_VESSEL, start, goal, classes=k, distinct_by=5.0
-            ).routes
-        }
-        for k in (2, 6)
+        {r.homotopy: r.fuel for r in among.plan(classes=k, distinct_by=5.0).routes} for k in (2, 6)
     )
     assert few.items() <= many.items()
 

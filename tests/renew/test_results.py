@@ -28,16 +28,16 @@ from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single
 
 
 def gyre_plan() -> renew.Plan:
-    chart, current = single_gyre()
-    return renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90))
+    return single_gyre().plan()
 
 
 @examples(3, 6)
 @given(seed=seeds)
 def test_routes_are_what_their_figures_say(seed: int) -> None:
-    chart, current, start, goal = random_scene(seed)
+    scene = random_scene(seed)
+    chart, current, start, goal = scene.parts
     try:
-        plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=4)
+        plan = scene.plan(classes=4)
     except renew.UnreachableError as error:
         assert "were rejected" in str(error)  # noqa: PT017  (a crowded scene may have no safe class)
         return
@@ -53,8 +53,7 @@ def test_routes_are_what_their_figures_say(seed: int) -> None:
         if not route.starts_in_soft_no_go and not route.ends_in_soft_no_go:
             # V is drawn with polygons inside its round ends: exact to 0.5 % of the padding.
             assert line.intersection(route.soft_no_go.buffer(-1e-3)).length < 1e-6
-            report = renew.contingency(route, chart, current, PAPER_VESSEL, seed=seed)
-            assert report.collisions == 0
+            assert scene.turns(route, seed=seed).collisions == 0
         assert route.fuel == pytest.approx(renew.fuel(route.path, current, PAPER_VESSEL))
         assert route.fuel >= route.fuel_bound.value
         assert_sailable(route.trajectory, current, start, goal)
@@ -69,7 +68,7 @@ def test_shares_and_rates_follow_from_fuel_and_length() -> None:
 
 
 def test_plans_survive_pickling_though_a_current_may_not() -> None:
-    chart, gyre = single_gyre()
+    chart, gyre = single_gyre().parts[:2]
     walls = [box(0, 45, 47, 55), box(53, 45, 90, 55)]
     # A lambda can't be pickled: bound and rejected classes are pickled with their figures instead.
     plans = [
@@ -99,11 +98,11 @@ def test_plans_survive_pickling_though_a_current_may_not() -> None:
 def test_a_route_keeps_no_roadmap_and_a_plan_is_freed_without_a_search_for_cycles(
     distinct_by: DistinctBy,
 ) -> None:
-    chart, current, start, goal = random_scene(3, islands=5)
+    scene = random_scene(3, islands=5)
     gc.collect()
     gc.disable()
     try:
-        plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, distinct_by=distinct_by)
+        plan = scene.plan(distinct_by=distinct_by)
         request = plan.voyage
         assert isinstance(request, Request)
         problem = weakref.ref(planner_of(request).problem)
@@ -139,8 +138,7 @@ def test_a_plan_built_without_routes_has_no_best_one() -> None:
 
 
 def test_soft_no_go_zones_united_together_are_those_united_alone() -> None:
-    chart, current, start, goal = random_scene(5)
-    routes = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=6).routes
+    routes = random_scene(5).plan(classes=6).routes
     assert len(routes) > 2
     unite_soft_no_go(routes)
     for route in routes:
@@ -159,8 +157,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture(scope="module")
 def plan() -> renew.Plan:
-    chart, current, start, goal = random_scene(1, islands=3)
-    return renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=8)
+    return random_scene(1, islands=3).plan(classes=8)
 
 
 @pytest.fixture(scope="module")

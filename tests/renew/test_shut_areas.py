@@ -177,10 +177,10 @@ STILL_BUT_TIMED = renew.VaryingCurrent([0.0, 1000.0], [STILL, renew.UniformCurre
 
 
 def test_names_of_classes_keep_the_numbers_of_the_land() -> None:
-    chart, current = single_gyre()
-    free = renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), classes=4)
+    scene = single_gyre()
+    free = scene.plan(classes=4)
     area = renew.ShutArea(box(75, 70, 85, 80))
-    found = renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), classes=8, avoid=[area])
+    found = scene.plan(classes=8, avoid=[area])
     assert all(shapely.LineString(r.path).distance(area.polygon) > 0 for r in found.routes)
     names = {
         name.replace(".s4", "").replace(".p4", "") for name in (r.homotopy for r in found.routes)

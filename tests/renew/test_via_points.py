@@ -32,9 +32,7 @@ ROUND_TRIPS = [
 
 
 def gyre_plan(via: Sequence[tuple[float, float]], **options: Any) -> renew.Plan:  # noqa: ANN401
-    chart, current = single_gyre()
-    asked: dict[str, Any] = {"classes": 4, "via": via, **options}
-    return renew.plan(chart, current, PAPER_VESSEL, START, GOAL, **asked)
+    return single_gyre().plan(**{"classes": 4, "via": via, **options})
 
 
 def passed_in_order(line: FloatArray, via: Sequence[tuple[float, float]]) -> bool:
@@ -54,7 +52,7 @@ def passed_in_order(line: FloatArray, via: Sequence[tuple[float, float]]) -> boo
 def test_path_and_track_pass_the_points_in_order_and_turn_within_the_turn_rate(
     via: list[tuple[float, float]],
 ) -> None:
-    chart, current = single_gyre()
+    scene = single_gyre()
     for route in gyre_plan(via).routes:
         for line in (route.path, route.trajectory[:, 1:3]):
             assert passed_in_order(line, via)
@@ -63,8 +61,8 @@ def test_path_and_track_pass_the_points_in_order_and_turn_within_the_turn_rate(
         allowed = PAPER_VESSEL.turn_rate * np.diff(route.trajectory[:, 0])
         assert (turned <= allowed * (1 + 1e-6)).all()
         # Also at the via points themselves: every 0.2 m beside them.
-        assert renew.contingency(route, chart, current, PAPER_VESSEL, spacing=0.2).collisions == 0
-        assert route.fuel == pytest.approx(renew.fuel(route.path, current, PAPER_VESSEL))
+        assert scene.turns(route, spacing=0.2).collisions == 0
+        assert route.fuel == pytest.approx(renew.fuel(route.path, scene.current, PAPER_VESSEL))
         assert route.times[-1] == pytest.approx(route.duration)
 
 
@@ -74,7 +72,7 @@ def test_path_and_track_pass_the_points_in_order_and_turn_within_the_turn_rate(
 def test_the_best_needs_hardly_more_than_the_best_of_each_part(
     via: list[tuple[float, float]], padding: Padding
 ) -> None:
-    chart, current = single_gyre()
+    chart, current = single_gyre().parts[:2]
     best = gyre_plan(via, padding=padding).best
     parts = [
         renew.plan(chart, current, PAPER_VESSEL, *ends, padding=padding, classes=4).best.fuel
@@ -89,12 +87,12 @@ def test_the_best_needs_hardly_more_than_the_best_of_each_part(
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_way_through_a_point_is_better_by_an_independent_search(seed: int) -> None:
-    chart, current, start, goal = random_scene(seed)
+    scene = random_scene(seed)
     via = np.array([SIZE - 15.0, 15.0])
-    plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, via=[via], padding="none")
+    plan = scene.plan(via=[via], padding="none")
     least = sum(
-        grid_dijkstra(chart, current, PAPER_VESSEL, a, b, spacing=4.0)[0]
-        for a, b in itertools.pairwise([start, via, goal])
+        grid_dijkstra(scene.chart, scene.current, PAPER_VESSEL, a, b, spacing=4.0)[0]
+        for a, b in itertools.pairwise([scene.start, via, scene.goal])
     )
     # The grid's paths run in 32 directions: they are dearer by up to 1 %, and tighter at the point.
     assert plan.best.fuel <= 1.01 * least
@@ -132,23 +130,20 @@ def test_the_clock_runs_on_at_a_point(seed: int) -> None:
 def test_turns_are_safe_early_on_time_and_late_all_the_way() -> None:
     scene, via = moving_scene(4), np.array([0.9 * SIZE, 0.1 * SIZE])
     best = scene.plan(via=[via], min_lateness=10.0, classes=4).best
-    turns = renew.contingency(
-        best, scene.chart, scene.current, PAPER_VESSEL, min_lateness=10.0, drift=scene.drift
-    )
+    turns = scene.turns(best, min_lateness=10.0)
     assert turns.collisions == 0
     assert turns.trials > 3000
 
 
 def test_departures_and_arrivals_are_found_through_points_as_well() -> None:
     scene, via = moving_scene(4), [(0.9 * SIZE, 0.1 * SIZE)]
-    asked: dict[str, Any] = {"drift": scene.drift, "padding": "none", "classes": 2, "via": via}
-    ends = (scene.chart, scene.current, PAPER_VESSEL, scene.start, scene.goal)
-    found = renew.plan_departures(*ends, [0.0, 80.0], **asked)
+    asked: dict[str, Any] = {"padding": "none", "classes": 2, "via": via}
+    found = scene.plan_departures([0.0, 80.0], **asked)
     for departure, fuel in zip(found.departures.tolist(), found.fuels.tolist(), strict=True):
-        alone = renew.plan(*ends, departure=departure, **asked).best
+        alone = scene.plan(departure=departure, **asked).best
         assert fuel == pytest.approx(alone.fuel, rel=1e-3)
     by = float(found.arrivals[-1]) + 20.0
-    route = renew.plan(*ends, arrive_by=by, **asked).best
+    route = scene.plan(departure=0.0, arrive_by=by, **asked).best
     assert route.times[-1] <= by
     assert route.times[0] > 80.0
 

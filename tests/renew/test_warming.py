@@ -41,7 +41,7 @@ with event.install_recorder("numba:compile") as recorder:
         renew.tightest(plan.best, current, vessel)
         return sum(one.is_start for _, one in recorder.buffer[before:])
 
-    chart, gyre = single_gyre()
+    chart, gyre = single_gyre().parts[:2]
     axis = np.linspace(0, 100, 40)
     uv = gyre(np.stack(np.meshgrid(axis, axis), axis=-1))
     grid = renew.GriddedCurrent(axis, axis, uv[..., 0], uv[..., 1])
@@ -103,8 +103,8 @@ FIRST_PLAN = """
 import time
 began, used = time.perf_counter(), time.process_time()
 import renew
-from tests.strategies import PAPER_VESSEL, single_gyre
-renew.plan(*single_gyre(), PAPER_VESSEL, (10.0, 10.0), (90.0, 90.0))
+from tests.strategies import single_gyre
+single_gyre().plan()
 print(time.perf_counter() - began, time.process_time() - used)
 """
 FIRST_PLAN_S = 5.0

@@ -11,9 +11,8 @@ from types import ModuleType
 
 import pytest
 
-import renew
 from tests.renew import test_against_oracles, test_planner
-from tests.strategies import PAPER_VESSEL, single_gyre
+from tests.strategies import single_gyre
 
 
 @pytest.fixture(autouse=True)
@@ -38,8 +37,7 @@ globals().update(_quick_tests(test_planner) | _quick_tests(test_against_oracles)
 
 def gyre() -> str:
     """Classes and the best fuel of the published single gyre, as printed."""
-    chart, current = single_gyre()
-    plan = renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90))
+    plan = single_gyre().plan()
     return f"{sorted(route.homotopy for route in plan.routes)} {plan.best.fuel:.9f}"
 
 

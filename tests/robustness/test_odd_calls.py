@@ -14,7 +14,7 @@ import renew
 from tests.robustness.campaign import SEED, number
 from tests.robustness.limits import TooSlowError, cpu_limit, failure
 from tests.robustness.odd_calls import broken, odd_call
-from tests.strategies import PAPER_VESSEL, random_scene
+from tests.strategies import random_scene
 
 SAMPLE = 60
 # Longest time of a call, s: one with chosen speeds in a current that changes takes 20.
@@ -65,8 +65,7 @@ def _memory_kb() -> int:
 @pytest.mark.slow
 def test_memory_does_not_grow_over_many_plans() -> None:
     def plan(seed: int) -> None:
-        chart, current, start, goal = random_scene(seed % 10, islands=5)
-        renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=4)
+        random_scene(seed % 10, islands=5).plan(classes=4)
 
     for seed in range(_WARM_PLANS):
         plan(seed)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from renew.bounds.grids import wet_cells
 from renew.bounds.haven_bound import HavenBound
 from renew.bounds.march import march
 from renew.bounds.travel_time import TravelGrid
-from renew.voyage.voyage import Voyage, Waters
+from renew.voyage.voyage import Voyage
 from tests.bounded_scenes import SEEDS, bounded_scene, stored_fuels
 from tests.clock_oracle import earliest_arrival
 from tests.moving_waters import moving_scene
@@ -99,8 +100,7 @@ def is_above(seed: int) -> bool:
 
 
 def planned(gap_to: float) -> renew.Plan:
-    chart, current, start, goal = random_scene(4)
-    return renew.plan(chart, current, PAPER_VESSEL, start, goal, padding="none", gap_to=gap_to)
+    return random_scene(4).plan(padding="none", gap_to=gap_to)
 
 
 def test_a_gap_that_is_asked_for_is_reached_and_hardly_undercut() -> None:
@@ -146,13 +146,12 @@ RATE = PAPER_VESSEL.fuel_rate
 
 @pytest.mark.parametrize(("seed", "peak"), [(1, 0.7), (2, 1.4)])
 def test_no_grid_path_to_a_haven_is_quicker_than_the_bound(seed: int, peak: float) -> None:
-    chart, current, start, goal = random_scene(seed, peak)
-    voyage = Voyage(Waters(chart, current), PAPER_VESSEL, start, goal, "projected")
-    bound = HavenBound.of(voyage, MOST, MOST)
+    scene = random_scene(seed, peak)
+    bound = HavenBound.of(scene.voyage, MOST, MOST)
     places = np.array([[SIZE - 40, SIZE - 12], [SIZE - 12, SIZE - 60], [SIZE / 2, SIZE - 12]])
     times = []
     for place in places:
-        fuel, _ = grid_dijkstra(chart, current, PAPER_VESSEL, place, goal, 5.0)
+        fuel, _ = grid_dijkstra(scene.chart, scene.current, PAPER_VESSEL, place, scene.goal, 5.0)
         times.append(fuel / RATE)
     least = bound.at(places)
     assert (least <= times).all()
@@ -163,31 +162,20 @@ def test_no_grid_path_to_a_haven_is_quicker_than_the_bound(seed: int, peak: floa
 
 def test_in_a_current_that_changes_it_holds_for_any_departure() -> None:
     scene = moving_scene(4)
-    waters = Waters(scene.chart, scene.current)
-    voyage = Voyage(waters, PAPER_VESSEL, scene.start, scene.goal, scene.drift)
-    bound = HavenBound.of(voyage, MOST, 3 * MOST)
+    bound = HavenBound.of(replace(scene, departure=0.0).voyage, MOST, 3 * MOST)
     place = np.array([SIZE - 40.0, SIZE - 12.0])
     (least,) = bound.at(place[None])
     assert least > 0
     for departure in (0.0, 60.0, 150.0):
-        fuel, _ = earliest_arrival(
-            scene.chart,
-            scene.current,
-            PAPER_VESSEL,
-            place,
-            scene.goal,
-            departure,
-            spacing=5.0,
-            drift=scene.drift,
-        )
+        from_place = replace(scene, start=place)
+        fuel, _ = earliest_arrival(*from_place.asked, departure, spacing=5.0, drift=scene.drift)
         assert least <= fuel / RATE
 
 
 def test_off_the_chart_it_bounds_nothing() -> None:
-    chart, current, start, goal = random_scene(1, 0.7)
-    voyage = Voyage(Waters(chart, current), PAPER_VESSEL, start, goal, "projected")
-    bound = HavenBound.of(voyage, MOST, MOST)
-    xmin, ymin, xmax, ymax = chart.bounds
+    scene = random_scene(1, 0.7)
+    bound = HavenBound.of(scene.voyage, MOST, MOST)
+    xmin, ymin, xmax, ymax = scene.chart.bounds
     rounded = np.nextafter([xmax, ymax], np.inf)
-    places = np.array([[xmin - 1.0, start[1]], [start[0], ymin - 1.0], rounded])
+    places = np.array([[xmin - 1.0, scene.start[1]], [scene.start[0], ymin - 1.0], rounded])
     assert bound.at(places).tolist() == [0.0, 0.0, 0.0]

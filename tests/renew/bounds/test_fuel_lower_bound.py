@@ -47,7 +47,7 @@ def lower_bound(
 @given(seeds, st.integers(4, 60))
 @settings(max_examples=20)
 def test_cells_are_wet_that_meet_water(seed: int, count: int) -> None:
-    chart = random_scene(seed)[0]
+    chart = random_scene(seed).chart
     xmin, ymin, xmax, ymax = chart.bounds
     x, y = np.linspace(xmin, xmax, count + 1), np.linspace(ymin, ymax, count + 3)
     # One by one; shrunk by the same sliver.
@@ -61,8 +61,7 @@ def test_cells_are_wet_that_meet_water(seed: int, count: int) -> None:
 
 
 def test_a_bound_that_is_enough_is_made_no_better() -> None:
-    chart, current, start, goal = random_scene(4)
-    voyage = Voyage(Waters(chart, current), PAPER_VESSEL, start, goal, "projected")
+    voyage = random_scene(4).voyage
     best = fuel_lower_bound(voyage)
     first = fuel_lower_bound(voyage, enough=0.5 * best)
     assert 0.5 * best < first < best
@@ -252,7 +251,7 @@ def test_an_extremely_long_extent_has_no_larger_grid() -> None:
 
 @pytest.mark.parametrize(("drift", "best"), [("projected", 84.42), ("crab", 86.0)])
 def test_it_is_within_three_percent_on_the_single_gyre(drift: Drift, best: float) -> None:
-    bound = lower_bound(*single_gyre(), PAPER_VESSEL, CORNER, OPPOSITE, drift)
+    bound = lower_bound(*single_gyre().asked, drift)
     assert best / bound - 1 < 0.03
     assert bound < 84.2 if drift == "projected" else bound < 85.84
 
@@ -262,15 +261,14 @@ def test_it_is_within_three_percent_on_the_single_gyre(drift: Drift, best: float
     ("seed", "fuel"), [(0, 259.43), (1, 257.26), (2, 236.69), (5, 217.62), (6, 241.92)]
 )
 def test_it_is_within_five_percent_on_random_scenes(seed: int, fuel: float) -> None:
-    chart, current, start, goal = random_scene(seed)
-    excess = fuel / lower_bound(chart, current, PAPER_VESSEL, start, goal) - 1
+    excess = fuel / lower_bound(*random_scene(seed).asked) - 1
     assert 0 <= excess < 0.05
 
 
 @examples(6, 30)
 @given(seeds, st.sampled_from(DRIFTS), st.floats(0.1, 1.3))
 def test_no_path_needs_less(seed: int, drift: Drift, peak: float) -> None:
-    chart, current, start, goal = random_scene(seed, peak)
+    chart, current, start, goal = random_scene(seed, peak).parts
     bound = lower_bound(chart, current, PAPER_VESSEL, start, goal, drift)
     assert bound > 0
     rng = np.random.default_rng(seed)
@@ -287,30 +285,28 @@ def test_no_path_needs_less(seed: int, drift: Drift, peak: float) -> None:
 @pytest.mark.parametrize("seed", [3, 4])
 @pytest.mark.parametrize("drift", DRIFTS)
 def test_no_plan_needs_less(seed: int, drift: Drift) -> None:
-    chart, current, start, goal = random_scene(seed)
-    bound = lower_bound(chart, current, PAPER_VESSEL, start, goal, drift)
-    plan = renew.plan(
-        chart, current, PAPER_VESSEL, start, goal, padding="none", classes=4, drift=drift
-    )
+    scene = random_scene(seed)
+    bound = lower_bound(*scene.asked, drift)
+    plan = scene.plan(padding="none", classes=4, drift=drift)
     assert all(bound <= route.fuel < 1.6 * bound for route in plan.routes)
 
 
 @examples(2, 6)
 @given(seeds, st.sampled_from(DRIFTS))
 def test_the_way_back_in_the_reversed_current_has_the_same_bound(seed: int, drift: Drift) -> None:
-    chart, current, start, goal = random_scene(seed, 0.6)
+    scene = random_scene(seed, 0.6)
 
     class Reversed(renew.CurrentField):
         def __call__(self, points: FloatArray) -> FloatArray:
-            return -current(points)
+            return -scene.current(points)
 
-    there = lower_bound(chart, current, PAPER_VESSEL, start, goal, drift)
-    back = lower_bound(chart, Reversed(), PAPER_VESSEL, goal, start, drift)
+    there = lower_bound(*scene.asked, drift)
+    back = lower_bound(scene.chart, Reversed(), PAPER_VESSEL, scene.goal, scene.start, drift)
     assert there == pytest.approx(back, rel=0.02)
 
 
 def test_more_land_never_lowers_it_much_and_the_same_call_gives_the_same_bound() -> None:
-    chart, current, start, goal = random_scene(2)
+    chart, current, start, goal = random_scene(2).parts
     values = [
         lower_bound(renew.Chart(chart.extent, chart.no_go[:n]), current, PAPER_VESSEL, start, goal)
         for n in (0, 3, 7, 7)

@@ -123,7 +123,7 @@ def test_surroundings_go_with_a_path_that_bulges_out_of_its_row(seed: int, bulge
 @settings(max_examples=10)
 @given(seed=seeds)
 def test_each_passing_edge_is_shared_and_has_its_left_end_to_the_left(seed: int) -> None:
-    chart, _, start, goal = random_scene(seed)
+    chart, _, start, goal = random_scene(seed).parts
     triangulation = triangulate(chart)
     row = nx.shortest_path(
         dual_graph(triangulation), triangulation.locate(start), triangulation.locate(goal)
@@ -144,8 +144,7 @@ def test_each_passing_edge_is_shared_and_has_its_left_end_to_the_left(seed: int)
 
 
 def test_transitions_name_the_triangles_before_and_after() -> None:
-    chart, *_ = random_scene(0)
-    triangulation = triangulate(chart)
+    triangulation = triangulate(random_scene(0).chart)
     first = 0
     second = int(triangulation.neighbours[first].max())
     channel = Channel.of(triangulation, np.array([first, second]))
@@ -158,7 +157,7 @@ def test_transitions_name_the_triangles_before_and_after() -> None:
 def test_visits_are_the_pieces_into_which_triangles_cut_a_path(
     scene: int, seed: int, legs: int
 ) -> None:
-    chart = random_scene(scene)[0]
+    chart = random_scene(scene).chart
     corners = triangulate(chart).corners
     xmin, ymin, xmax, ymax = chart.bounds
     path = np.random.default_rng(seed).uniform((xmin, ymin), (xmax, ymax), (legs + 1, 2))

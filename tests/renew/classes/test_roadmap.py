@@ -16,7 +16,6 @@ import renew
 from renew.classes.k_best_paths import time_to_go
 from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
 from renew.classes.triangulation import triangulate
-from renew.inputs.current import as_field
 from renew.voyage.fuel import passage
 from renew.voyage.voyage import Voyage
 from tests.eddies import eddy_scene
@@ -44,10 +43,10 @@ def legs_of(graph: Roadmap) -> tuple[np.ndarray, np.ndarray]:
 @examples(4, 10)
 @given(seed=seeds, clearance=st.sampled_from([0.0, 1.0, 4.0]))
 def test_no_leg_touches_land(seed: int, clearance: float) -> None:
-    chart, current, start, goal = random_scene(seed)
-    graph = roadmap_of(voyage_on(chart, start, goal, current), clearance)
+    scene = random_scene(seed)
+    graph = roadmap_of(scene.voyage, clearance)
     legs = shapely.linestrings(np.stack(legs_of(graph), axis=1))
-    inside = shapely.buffer(chart.hard_no_go, -1e-6)
+    inside = shapely.buffer(scene.chart.hard_no_go, -1e-6)
     assert not shapely.intersects(legs, inside).any()
     # Nodes of the grid keep their distance from the shore of their triangle.
     assert len(graph.head) > 1000
@@ -56,39 +55,38 @@ def test_no_leg_touches_land(seed: int, clearance: float) -> None:
 @settings(max_examples=10)
 @given(seed=seeds)
 def test_legs_that_are_left_out_touch_land_or_lie_on_the_frame(seed: int) -> None:
-    chart, current, start, goal = random_scene(seed)
-    graph = roadmap_of(voyage_on(chart, start, goal, current))
+    scene = random_scene(seed)
+    graph = roadmap_of(scene.voyage)
     here = np.flatnonzero(
         np.linalg.norm(graph.points - graph.points[len(graph.points) // 2], axis=1) < 12
     )
     known = {
         (int(a), int(b)) for a in here for b in graph.head[graph.first[a] : graph.first[a + 1]]
     }
-    step = np.sqrt(chart.extent.area / CELLS.cells) * 1.01
+    step = np.sqrt(scene.chart.extent.area / CELLS.cells) * 1.01
     for a in here.tolist():
         for b in here.tolist():
             apart = np.linalg.norm(graph.points[a] - graph.points[b])
             if 0 < apart <= step and (a, b) not in known:
                 leg = shapely.LineString(graph.points[[a, b]])
-                assert leg.distance(chart.hard_no_go) < 1e-9
+                assert leg.distance(scene.chart.hard_no_go) < 1e-9
 
 
 def test_times_are_those_of_eq_4_both_ways() -> None:
-    chart, current, start, goal = random_scene(3, 0.5)
-    voyage = voyage_on(chart, start, goal, current)
+    scene = random_scene(3, 0.5)
+    voyage = scene.voyage
     graph = roadmap_of(voyage, resolution=Resolution(10_000, 2))
     tails, heads = legs_of(graph)
     for leg in range(0, len(tails), 997):
         for a, b, time in ((tails, heads, graph.time), (heads, tails, graph.back)):
             path = np.stack([a[leg], b[leg]])
-            exact = passage(path, current, PAPER_VESSEL).durations.sum()
+            exact = passage(path, scene.current, PAPER_VESSEL).durations.sum()
             assert time[leg] == pytest.approx(exact, rel=0.01)
 
 
 def test_times_of_long_legs_through_small_eddies_are_those_of_eq_4() -> None:
     scene = eddy_scene(32, 10, 3)
-    voyage = voyage_on(scene.chart, scene.start, scene.goal, as_field(scene.current))
-    graph = roadmap_of(voyage, resolution=Resolution(22_500, 4))
+    graph = roadmap_of(scene.voyage, resolution=Resolution(22_500, 4))
     tails, heads = legs_of(graph)
     long = np.flatnonzero(np.linalg.norm(heads - tails, axis=1) > 40)
     assert len(long) > 20
@@ -99,15 +97,14 @@ def test_times_of_long_legs_through_small_eddies_are_those_of_eq_4() -> None:
 
 
 def test_the_time_to_go_is_that_of_dijkstra() -> None:
-    graph = roadmap_of(voyage_on(*random_scene(1)[:1], *random_scene(1)[2:], random_scene(1)[1]))
+    graph = roadmap_of(random_scene(1).voyage)
     count = len(graph.points)
     there = csr_array((graph.back, graph.head, graph.first), shape=(count, count))
     assert time_to_go(graph) == pytest.approx(dijkstra(there, indices=GOAL))
 
 
 def test_what_a_leg_crosses_leads_from_its_triangle_to_the_other() -> None:
-    chart, current, start, goal = random_scene(2)
-    graph = roadmap_of(voyage_on(chart, start, goal, current))
+    graph = roadmap_of(random_scene(2).voyage)
     tail = np.repeat(np.arange(len(graph.points)), np.diff(graph.first))
     number = np.diff(graph.first_crossed)
     assert set(number.tolist()) > {0, 1, 2}

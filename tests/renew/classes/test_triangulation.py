@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
@@ -24,7 +24,15 @@ import renew
 from renew._types import FloatArray
 from renew.classes.dual_graph import dual_graph
 from renew.classes.triangulation import Backend, Triangulation, triangulate, triangulation_of
-from tests.strategies import PAPER_VESSEL, SIZE, random_islands, random_scene, seeds, single_gyre
+from tests.strategies import (
+    PAPER_VESSEL,
+    SIZE,
+    Scene,
+    random_islands,
+    random_scene,
+    seeds,
+    single_gyre,
+)
 
 Point: TypeAlias = tuple[float, float]
 Edge: TypeAlias = frozenset[Point]
@@ -204,7 +212,7 @@ def test_degenerate_charts_are_constrained_delaunay(
 
 
 def test_neighbours_share_the_edge_opposite_the_corner() -> None:
-    chart, _ = single_gyre()
+    chart = single_gyre().chart
     mesh = triangulate(chart)
     dual = dual_graph(mesh)
     for triangle, corner in itertools.product(range(len(mesh.triangles)), range(3)):
@@ -244,11 +252,6 @@ def test_both_give_the_same_triangles_where_no_four_vertices_lie_on_a_circle(see
         assert one.hazardous.sum() == other.hazardous.sum()
 
 
-def gyre_scene() -> tuple[renew.Chart, renew.CurrentField, FloatArray, FloatArray]:
-    chart, current = single_gyre()
-    return chart, current, np.array([10.0, 10.0]), np.array([90.0, 90.0])
-
-
 def is_barely_missed(route: renew.Route, plan: renew.Plan) -> bool:
     """Whether a plan misses a class as its last one costs about as much, or by an inch."""
     if route.fuel > plan.routes[-1].fuel * (1 - 1e-3):
@@ -263,18 +266,14 @@ def is_barely_missed(route: renew.Route, plan: renew.Plan) -> bool:
 @needs_triangle
 @pytest.mark.parametrize(
     "scene",
-    [gyre_scene, *(partial(random_scene, seed) for seed in (3, 8, 12))],
+    [single_gyre, *(partial(random_scene, seed) for seed in (3, 8, 12))],
     ids=["single gyre", "random 3", "random 8", "random 12"],
 )
 def test_plans_find_the_same_classes_for_the_same_fuel(
-    scene: Callable[[], tuple[renew.Chart, renew.CurrentField, FloatArray, FloatArray]],
-    monkeypatch: pytest.MonkeyPatch,
+    scene: Callable[[], Scene[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    chart, current, start, goal = scene()
-
     def plan() -> renew.Plan:
-        fresh = renew.Chart(chart.extent, chart.no_go)  # plans on one chart share its triangles
-        return renew.plan(fresh, current, PAPER_VESSEL, start, goal, classes=6)
+        return scene().plan(classes=6)  # on a chart of its own: plans on one share its triangles
 
     by_triangle = plan()
     monkeypatch.setitem(sys.modules, "triangle", None)
@@ -288,7 +287,7 @@ def test_plans_find_the_same_classes_for_the_same_fuel(
 
 
 def test_plans_on_one_chart_share_its_triangles_as_long_as_it_lives() -> None:
-    chart, current, start, goal = gyre_scene()
+    chart, current, start, goal = single_gyre().parts
     once = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=3)
     kept = triangulation_of(chart)
     assert (kept.corners == triangulate(chart).corners).all()
@@ -314,14 +313,14 @@ def test_plans_on_one_chart_share_its_triangles_as_long_as_it_lives() -> None:
 
 @needs_triangle
 def test_triangle_is_taken_where_it_is_installed() -> None:
-    chart, _ = single_gyre()
+    chart = single_gyre().chart
     assert (triangulate(chart).corners == triangulate(chart, "triangle").corners).all()
     assert (triangulate(chart).corners != triangulate(chart, "shapely").corners).any()
 
 
 def test_geos_is_taken_where_triangle_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "triangle", None)
-    chart, _ = single_gyre()
+    chart = single_gyre().chart
     assert (triangulate(chart).corners == triangulate(chart, "shapely").corners).all()
     with pytest.raises(renew.ParameterError, match="pip install triangle, or choose 'shapely'"):
         triangulate(chart, "triangle")
@@ -329,4 +328,4 @@ def test_geos_is_taken_where_triangle_is_not_installed(monkeypatch: pytest.Monke
 
 def test_an_unknown_backend_is_refused_with_the_known_ones() -> None:
     with pytest.raises(renew.ParameterError, match="'cgal' is not one of auto, triangle, shapely"):
-        triangulate(single_gyre()[0], "cgal")  # type: ignore[arg-type]
+        triangulate(single_gyre().chart, "cgal")  # type: ignore[arg-type]

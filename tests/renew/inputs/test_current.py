@@ -90,7 +90,7 @@ def test_a_callable_is_checked() -> None:
 
 def _polite(points: FloatArray) -> FloatArray:
     """Return the published single gyre's current."""
-    return single_gyre()[1](points)
+    return single_gyre().current(points)
 
 
 def _scribbling(points: FloatArray) -> FloatArray:
@@ -129,7 +129,7 @@ class _OwnField(renew.CurrentField):
 def _routes(current: object) -> list[tuple[object, ...]]:
     """Return what a plan in a current finds, exactly."""
     plan = renew.plan(
-        single_gyre()[0],
+        single_gyre().chart,
         current,  # type: ignore[arg-type]
         PAPER_VESSEL,
         np.array([10.0, 10.0]),
@@ -174,7 +174,7 @@ def _zero(times: FloatArray) -> float:
 
 def test_members_may_write_into_what_they_get() -> None:
     def planned(*members: object) -> renew.EnsemblePlan:
-        chart, start, goal = single_gyre()[0], np.array([10.0, 10.0]), np.array([90.0, 90.0])
+        chart, start, goal = single_gyre().chart, np.array([10.0, 10.0]), np.array([90.0, 90.0])
         return renew.plan_ensemble(chart, members, PAPER_VESSEL, start, goal, classes=2)  # type: ignore[arg-type]
 
     weak = renew.UniformCurrent(0.1, 0.0)

@@ -48,7 +48,7 @@ def test_all_faults_are_named_at_once_wherever_they_are_given() -> None:
     message = "(?s)classes = 0 .*samples = 0 .*order = 'x' .*"
     with pytest.raises(renew.ParameterError, match=message):
         ANY.PlanOptions(classes=0, samples=0, order="x")
-    chart, current = single_gyre()
+    chart, current = single_gyre().parts[:2]
     given = chart, current, PAPER_VESSEL, (10, 10), (90, 90)
     message += "departure = nan .*arrive_by needs method = 'optimal'"
     with pytest.raises(renew.ParameterError, match=message):
@@ -61,7 +61,7 @@ def test_all_faults_are_named_at_once_wherever_they_are_given() -> None:
 
 
 def test_options_as_an_object_and_by_name_give_one_plan() -> None:
-    chart, current = single_gyre()
+    chart, current = single_gyre().parts[:2]
     given = chart, current, PAPER_VESSEL, (10, 10), (90, 90)
     options = renew.PlanOptions(classes=3, padding="none", drift="crab")
     by_name = renew.plan(*given, classes=3, padding="none", drift="crab")
@@ -104,7 +104,7 @@ def test_bad_endpoints_are_refused(
         renew.plan(chart, STILL, PAPER_VESSEL, start, goal)
 
 
-CHART, GYRE = single_gyre()
+CHART, GYRE = single_gyre().parts[:2]
 """The API without its types."""
 
 
@@ -193,9 +193,9 @@ def test_objects_of_wrong_figures_are_refused(make: Callable[[], object], messag
     ],
 )
 def test_bad_options_are_refused(options: dict[str, object], message: str) -> None:
-    chart, current = single_gyre()
+    scene = single_gyre()
     with pytest.raises(renew.ParameterError, match=message):
-        renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), **options)  # type: ignore[arg-type]
+        scene.plan(**options)
 
 
 def test_a_current_too_strong_at_the_start_is_refused() -> None:

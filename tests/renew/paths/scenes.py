@@ -19,14 +19,13 @@ from renew.paths.sections import Water
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import Problem
 from renew.voyage.voyage import Voyage
-from tests.strategies import SIZE, StreamFunctionCurrent, random_scene, voyage_on
+from tests.strategies import SIZE, StreamFunctionCurrent, random_scene
 
 
 @cache
 def corridor_in_scene(seed: int, padding: Padding = "adaptive") -> Corridor:
     """Corridor of the first class in a random scene."""
-    chart, current, start, goal = random_scene(seed)
-    return corridor_of(voyage_on(chart, start, goal, current), padding)
+    return corridor_of(random_scene(seed).voyage, padding)
 
 
 def corridor_of(voyage: Voyage, padding: Padding = "adaptive", *, place: int = 0) -> Corridor:

@@ -17,13 +17,11 @@ import renew
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from tests.renew.paths.scenes import corridor_in_scene, corridor_of
 from tests.strategies import (
-    PAPER_VESSEL,
     SIZE,
     examples,
     random_islands,
     random_scene,
     seeds,
-    voyage_on,
 )
 
 NIMBLE = renew.Vessel(speed=1.0, turn_rate=math.radians(2000))
@@ -63,9 +61,7 @@ def test_a_long_way_over_open_still_water_is_straight() -> None:
 @examples(2, 5)
 @given(seed=seeds)
 def test_no_sampled_path_needs_less_than_the_least_fuel_path_of_its_class(seed: int) -> None:
-    chart, current, start, goal = random_scene(seed)
-    plan = partial(renew.plan, chart, current, PAPER_VESSEL, start, goal)
-    plan = partial(plan, padding="none", classes=4, drift="crab")
+    plan = partial(random_scene(seed).plan, padding="none", classes=4, drift="crab")
     optimal = plan()
     best = {route.homotopy: route.fuel for route in optimal.routes}
     try:
@@ -91,8 +87,7 @@ def test_the_refined_path_needs_no_more_than_the_rough_one_and_both_are_clear(sc
 
 @pytest.mark.parametrize("place", range(3))
 def test_bulging_out_of_the_channel_over_open_water_saves_fuel(place: int) -> None:
-    chart, current, start, goal = random_scene(2)
-    voyage = voyage_on(chart, start, goal, current)
+    voyage = random_scene(2).voyage
     corridor = corridor_of(voyage, "none", place=place)
     within = path_through_sections(corridor)
     bulging = refined_path(corridor, path_near(corridor, within))

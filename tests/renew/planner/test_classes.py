@@ -49,23 +49,23 @@ def test_a_blocked_class_names_its_strait_and_its_cost() -> None:
 
 
 def test_classes_blocked_by_the_padding_of_others_are_planned_for_themselves() -> None:
-    chart, gyre = single_gyre()
-    plan = renew.plan(chart, gyre, PAPER_VESSEL, (10, 10), (90, 90))
-    bare = renew.plan(chart, gyre, PAPER_VESSEL, (10, 10), (90, 90), padding="none")
+    scene = single_gyre()
+    plan = scene.plan()
+    bare = scene.plan(padding="none")
     known = {r.homotopy for r in plan.routes} | {r.homotopy for r in plan.rejected}
     assert known == {r.homotopy for r in bare.routes}
     assert all(math.isfinite(r.unpadded_fuel) for r in plan.rejected)
 
 
 def test_routes_come_by_fuel_and_a_class_is_either_planned_or_rejected() -> None:
-    chart, gyre = single_gyre()
-    plan = renew.plan(chart, gyre, PAPER_VESSEL, (10, 10), (90, 90))
+    scene = single_gyre()
+    plan = scene.plan()
     fuels = [route.fuel for route in plan.routes]
     assert fuels == sorted(fuels)
     names = [route.homotopy for route in plan.routes]
     names += [rejected.homotopy for rejected in plan.rejected]
     assert len(names) == len(set(names))
-    few = renew.plan(chart, gyre, PAPER_VESSEL, (10, 10), (90, 90), classes=2)
+    few = scene.plan(classes=2)
     assert len(few.routes) == 2
 
 

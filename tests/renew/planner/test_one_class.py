@@ -30,7 +30,7 @@ def planner_of(
 
 @pytest.mark.parametrize("method", ["optimal", "sampled"])
 def test_a_route_stays_in_its_class_and_padding_never_makes_it_cheaper(method: Method) -> None:
-    planner = planner_of(voyage_on(*_scene(0)), 1.5, method)
+    planner = planner_of(random_scene(0).voyage, 1.5, method)
     problem = planner.problem
     planned = 0
     for channel in problem.enumerator(1.5).channels(6):
@@ -48,7 +48,7 @@ def test_a_route_stays_in_its_class_and_padding_never_makes_it_cheaper(method: M
 
 
 def test_a_path_that_slips_out_of_its_class_is_a_route_of_its_own_class() -> None:
-    planner = planner_of(voyage_on(*_scene(0)), 1.5)
+    planner = planner_of(random_scene(0).voyage, 1.5)
     channel = planner.problem.enumerator(1.5).channels(1)[0]
     # No path in this channel has that word: as where a path slips past an islet.
     asked = replace(channel, word=(*channel.word, 99))
@@ -68,7 +68,7 @@ def test_a_path_that_slips_out_of_its_class_is_a_route_of_its_own_class() -> Non
 
 
 def test_padding_grows_until_turns_are_clear() -> None:
-    voyage = voyage_on(*_scene(3))
+    voyage = random_scene(3).voyage
     planner = planner_of(voyage)
     channel = planner.problem.enumerator(0.0).channels(1)[0]
     first = planner.corridor(channel).padded
@@ -110,12 +110,6 @@ def test_a_current_as_strong_as_the_vessel_on_every_path_is_refused() -> None:
     with pytest.raises(InfeasibleError, match=r"the current at \(50\.01, 50\) m runs at 1\.5 m/s"):
         planner.check_current(path)
     assert math.isfinite(shapely.LineString(planner.find(channel).path).length)
-
-
-def _scene(seed: int) -> tuple[renew.Chart, np.ndarray, np.ndarray, renew.CurrentField]:
-    """Random scene, as `voyage_on` takes it."""
-    chart, current, start, goal = random_scene(seed)
-    return chart, start, goal, current
 
 
 def test_a_path_that_padding_pushes_away_is_searched_for_elsewhere_in_its_class() -> None:

@@ -24,7 +24,7 @@ from renew.planner.sampled_paths import (
     with_shortcuts,
 )
 from tests.renew.paths.scenes import corridor_in_scene, corridor_of
-from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
+from tests.strategies import random_scene, voyage_on
 
 
 @pytest.mark.parametrize("scene", [0, 1, 2])
@@ -117,10 +117,7 @@ def test_the_class_with_the_least_mean_is_chosen() -> None:
 
 
 def test_the_sampled_method_may_choose_another_class_than_that_of_the_cheapest_path() -> None:
-    chart, current, start, goal = random_scene(2)
-    plan = renew.plan(
-        chart, current, PAPER_VESSEL, start, goal, padding="none", method="sampled", samples=60
-    )
+    plan = random_scene(2).plan(padding="none", method="sampled", samples=60)
     means = [route.harmonic_mean for route in plan.routes]
     assert plan.best.harmonic_mean == min(means)
     assert all(route.harmonic_mean >= route.fuel for route in plan.routes)

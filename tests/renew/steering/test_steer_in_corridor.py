@@ -12,7 +12,6 @@ from shapely import Polygon, box
 
 import renew
 from renew.errors import InfeasibleError
-from renew.inputs.current import as_field
 from renew.inputs.options import Padding
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified_in_places
@@ -39,7 +38,7 @@ def test_unpadded_corners_are_passed_closely_and_can_still_be_steered() -> None:
 @pytest.mark.parametrize("scene", [0, 1, 3, 5])
 @pytest.mark.parametrize("padding", ["none", "adaptive", 1.0])
 def test_a_steered_path_is_sailable_clear_and_little_longer(scene: int, padding: Padding) -> None:
-    chart, current, start, goal = random_scene(scene)
+    chart, current, start, goal = random_scene(scene).parts
     corridor = corridor_of(voyage_on(chart, start, goal, current, "crab"), padding)
     path = refined_path(corridor, path_near(corridor, path_through_sections(corridor)))
     steered, trajectory = steer_in_corridor(path, corridor)
@@ -55,8 +54,7 @@ def test_a_steered_path_is_sailable_clear_and_little_longer(scene: int, padding:
 @pytest.mark.parametrize("scene", [4, 12, 22])
 def test_convex_corners_close_together_are_rounded_at_next_to_no_cost(scene: int) -> None:
     # An island's corners of 15, 10 and 15 degrees, all within the arc of one.
-    chart, current, start, goal = random_scene(scene)
-    voyage = voyage_on(chart, start, goal, current)
+    voyage = random_scene(scene).voyage
     corridor = corridor_of(voyage, "none")
     assert corridor.channel.found_by is not None
     path = refined_path(corridor, path_near(corridor, corridor.channel.found_by.points))
@@ -72,7 +70,7 @@ def test_a_turn_round_the_end_of_a_thin_wall_costs_little_more_than_its_corners(
 ) -> None:
     # Its two corners are closer together than the discs round which the path turns there are large.
     scene = walls(kind, seed)
-    voyage = voyage_on(scene.chart, tuple(scene.start), tuple(scene.goal), as_field(scene.current))
+    voyage = scene.voyage
     corridor = corridor_of(voyage, "none")
     assert corridor.channel.found_by is not None
     path = refined_path(corridor, path_near(corridor, corridor.channel.found_by.points))

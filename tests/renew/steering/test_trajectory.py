@@ -18,8 +18,7 @@ STILL = renew.UniformCurrent(0.0, 0.0)
 
 
 def test_trajectory_takes_as_long_as_the_crab_model_says() -> None:
-    chart, current = single_gyre()
-    best = renew.plan(chart, current, PAPER_VESSEL, (10, 10), (90, 90), drift="crab").best
+    best = single_gyre().plan(drift="crab").best
     assert best.trajectory[-1, 0] == pytest.approx(best.fuel, rel=0.01)
 
 

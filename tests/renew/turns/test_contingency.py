@@ -133,11 +133,11 @@ def test_perturbations_follow_the_spread_of_the_current_around_a_point() -> None
 
 @pytest.fixture(scope="module")
 def planned() -> tuple[renew.Route, renew.CurrentField, renew.Tightest]:
-    chart, current, start, goal = random_scene(5)
-    route = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=1).best
-    found = renew.tightest(route, current, PAPER_VESSEL)
+    scene = random_scene(5)
+    route = scene.plan(classes=1).best
+    found = renew.tightest(route, scene.current, PAPER_VESSEL)
     assert found is not None
-    return route, current, found
+    return route, scene.current, found
 
 
 def test_it_is_where_the_route_is_nearest_to_land(
@@ -176,6 +176,6 @@ def test_turns_reach_no_further_than_the_risk_allows(
 
 
 def test_a_route_without_padding_has_no_such_place() -> None:
-    chart, current, start, goal = random_scene(5)
-    route = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=1, padding="none").best
-    assert renew.tightest(route, current, PAPER_VESSEL) is None
+    scene = random_scene(5)
+    route = scene.plan(classes=1, padding="none").best
+    assert renew.tightest(route, scene.current, PAPER_VESSEL) is None

@@ -65,7 +65,7 @@ def always(channel: Channel) -> FloatArray:
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("risk", [0.05, 0.2])
 def test_the_share_of_turns_beyond_the_padding_is_within_the_risk(seed: int, risk: float) -> None:
-    chart, current, start, goal = random_scene(seed)
+    chart, current, start, goal = random_scene(seed).parts
     triangulation = triangulate(chart)
     model = PaddingModel(triangulation, current, PAPER_VESSEL, PlanOptions(risk=risk))
     voyage = voyage_on(chart, start, goal)
@@ -122,13 +122,12 @@ def test_fixed_padding_and_clearance_are_as_asked(width: float) -> None:
 
 
 def test_less_risk_takes_more_padding() -> None:
-    chart, current, start, goal = random_scene(3)
-    triangulation = triangulate(chart)
-    voyage = voyage_on(chart, start, goal)
-    channel = ClassEnumerator.of(voyage, triangulation, Rays.of(chart), "length").channels(1)[0]
+    scene = random_scene(3)
+    triangulation, rays = triangulate(scene.chart), Rays.of(scene.chart)
+    channel = ClassEnumerator.of(scene.voyage, triangulation, rays, "length").channels(1)[0]
     widths = [
-        PaddingModel(triangulation, current, PAPER_VESSEL, PlanOptions(risk=risk))
-        .padded_edges(channel, start, goal, always(channel))
+        PaddingModel(triangulation, scene.current, PAPER_VESSEL, PlanOptions(risk=risk))
+        .padded_edges(channel, scene.start, scene.goal, always(channel))
         .padding.mean()
         for risk in (0.5, 0.2, 0.05, 0.01)
     ]

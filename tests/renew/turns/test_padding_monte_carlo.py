@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ import pytest
 import renew
 from renew._types import FloatArray
 from renew.turns.turn_reach import HEADING_SPREAD
-from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
+from tests.strategies import PAPER_VESSEL, Scene, random_scene, single_gyre
 
 # Number of drawn turns for each triangle and edge.
 DRAWS = 20_000
@@ -91,13 +91,9 @@ def shares_beyond(
             yield float((reaches(heading, drift, normal) > padding).mean())
 
 
-def check_risk(
-    scene: tuple[renew.Chart, renew.CurrentField, FloatArray, FloatArray],
-    risk: float,
-    classes: int,
-) -> None:
-    chart, current, start, goal = scene
-    plan = renew.plan(chart, current, PAPER_VESSEL, start, goal, classes=classes, risk=risk)
+def check_risk(scene: Scene[Any], risk: float, classes: int) -> None:
+    _, current, start, goal = scene.parts
+    plan = scene.plan(classes=classes, risk=risk)
     rng = np.random.default_rng(20_260_101)
     beyond = [
         share for route in plan.routes for share in shares_beyond(route, current, start, goal, rng)
@@ -110,8 +106,7 @@ def check_risk(
 
 @pytest.mark.parametrize("risk", [0.05, 0.2])
 def test_turns_in_the_single_gyre_are_within_the_risk_in_every_triangle(risk: float) -> None:
-    chart, current = single_gyre()
-    check_risk((chart, current, np.array([10.0, 10.0]), np.array([90.0, 90.0])), risk, classes=2)
+    check_risk(single_gyre(), risk, classes=2)
 
 
 # Paths that bulge out of their channels. In the second and third scene they pass edges on headings

@@ -167,13 +167,13 @@ def shares_that_touch(
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("seed", [18, 19])
 def test_from_no_point_more_turns_reach_land_than_the_risk_allows(seed: int) -> None:
-    chart, current, start, goal = random_scene(seed, 0.85)
+    scene = random_scene(seed, 0.85)
 
     def worst(risk_at: RiskAt) -> float:
-        plan = renew.plan(
-            chart, current, PAPER_VESSEL, start, goal, classes=4, risk=RISK, risk_at=risk_at
+        plan = scene.plan(classes=4, risk=RISK, risk_at=risk_at)
+        return float(
+            max(shares_that_touch(route, scene.chart, scene.current).max() for route in plan.routes)
         )
-        return float(max(shares_that_touch(route, chart, current).max() for route in plan.routes))
 
     # Three standard deviations of a share of as many draws.
     error = 3 * np.sqrt(RISK * (1 - RISK) / DRAWS)
@@ -182,6 +182,6 @@ def test_from_no_point_more_turns_reach_land_than_the_risk_allows(seed: int) -> 
 
 
 def test_a_risk_at_every_point_needs_adaptive_padding() -> None:
-    chart, current, start, goal = random_scene(0)
+    scene = random_scene(0)
     with pytest.raises(renew.ParameterError, match=r'needs padding = "adaptive", not 2\.0'):
-        renew.plan(chart, current, PAPER_VESSEL, start, goal, padding=2.0, risk_at="point")
+        scene.plan(padding=2.0, risk_at="point")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,15 +27,8 @@ def in_open_water(seed: int) -> MovingScene:
     return replace(moving_scene(seed), chart=renew.Chart(box(0, 0, SIZE, SIZE)))
 
 
-def plan_of(scene: MovingScene, vessel: renew.Vessel, **options: object) -> renew.Plan:
-    return renew.plan(
-        scene.chart,
-        scene.current,
-        vessel,
-        scene.start,
-        scene.goal,
-        **{"drift": scene.drift, "departure": scene.departure, **options},  # type: ignore[arg-type]
-    )
+def plan_of(scene: MovingScene, vessel: renew.Vessel, **options: Any) -> renew.Plan:  # noqa: ANN401
+    return replace(scene, vessel=vessel).plan(**options)
 
 
 def equal_slices(current: renew.CurrentField) -> renew.VaryingCurrent:
@@ -100,9 +94,7 @@ def test_one_speed_by_the_same_arrival_is_never_cheaper(seed: int) -> None:
     assert best.fuel <= constant.fuel * (1 + 1e-4)
     assert best.times[-1] <= constant.times[-1]
     for route in plan.routes:
-        flown = renew.contingency(
-            route, scene.chart, scene.current, PAPER_VESSEL, spacing=0.5, drift=scene.drift
-        )
+        flown = scene.turns(route, spacing=0.5)
         # Early, on time and late.
         assert flown.trials > 5000
         assert flown.collisions == 0
@@ -138,12 +130,10 @@ def test_the_trade_off_is_what_other_deadlines_come_to() -> None:
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 def test_two_equal_slices_give_the_steady_plan(exponent: float) -> None:
-    chart, current, start, goal = random_scene(3)
-    vessel = replace(PAPER_VESSEL, fuel_exponent=exponent)
-    slices = equal_slices(current)
+    still = replace(random_scene(3), vessel=replace(PAPER_VESSEL, fuel_exponent=exponent))
     options = {"speed": (0.9, 1.5), "arrive_by": 230.0, "classes": 2}
-    steady = renew.plan(chart, current, vessel, start, goal, **options)  # type: ignore[arg-type]
-    varying = renew.plan(chart, slices, vessel, start, goal, **options)  # type: ignore[arg-type]
+    steady = still.plan(**options)
+    varying = still.in_current(equal_slices(still.current)).plan(**options)
     assert [one.homotopy for one in varying.routes] == [one.homotopy for one in steady.routes]
     for route, same in zip(varying.routes, steady.routes, strict=True):
         assert route.fuel == pytest.approx(same.fuel, rel=1e-6)

@@ -18,7 +18,7 @@ from renew.inputs.options import Padding
 from renew.planner.classes import ClassSearch
 from renew.request import Request
 from renew.vary.departures import Sailings, in_order_of_arrival
-from renew.voyage.voyage import Voyage, Waters
+from renew.voyage.voyage import Voyage
 from tests.moving_waters import moving_scene
 from tests.strategies import PAPER_VESSEL
 
@@ -104,8 +104,7 @@ def test_no_path_gains_more_by_leaving_later_than_the_current_changes(
 ) -> None:
     scene = moving_scene(seed)
     path = scene.plan(padding="none", classes=1).best.path
-    waters = Waters(scene.chart, scene.current)
-    voyage = Voyage(waters, PAPER_VESSEL, scene.start, scene.goal, drift)
+    voyage = replace(scene, drift=drift, departure=0.0).voyage
     departures = np.arange(0.0, 120.0, 2.0)
     taken = np.array([voyage.leaving(t).fuel(path) for t in departures.tolist()])
     slope = 1 - math.exp(-voyage.speed_change * (taken.max() + 2.0))
@@ -129,16 +128,7 @@ def test_departures_are_planned_as_single_plans_and_in_order_of_arrival(
 ) -> None:
     scene = moving_scene(7)
     given = np.linspace(0.0, 300.0, 4)
-    found = renew.plan_departures(
-        scene.chart,
-        scene.current,
-        PAPER_VESSEL,
-        scene.start,
-        scene.goal,
-        given,
-        drift=scene.drift,
-        padding=padding,
-    )
+    found = scene.plan_departures(given, padding=padding)
     single = [scene.plan(departure=t, padding=padding).best for t in given.tolist()]
     assert found.fuels == pytest.approx([route.fuel for route in single], rel=2e-3)
     assert (np.diff(found.arrivals) >= -1e-6).all()
@@ -159,11 +149,10 @@ def test_a_few_classes_are_enough_to_find_the_best_one(
 ) -> None:
     """Beside a sweep that looks at all sixteen at each departure."""
     scene = moving_scene(seed)
-    given = scene.chart, scene.current, PAPER_VESSEL, scene.start, scene.goal
     departures = scene.departure + np.array([0.0, 40.0, 80.0])
-    found = renew.plan_departures(*given, departures, drift=scene.drift, with_classes=False)
+    found = scene.plan_departures(departures, with_classes=False)
     monkeypatch.setattr(ClassSearch, "find_best", ClassSearch.find_first)
-    every = renew.plan_departures(*given, departures, drift=scene.drift, with_classes=False)
+    every = scene.plan_departures(departures, with_classes=False)
     np.testing.assert_allclose(found.fuels, every.fuels, rtol=1e-4)
 
 

@@ -76,16 +76,15 @@ def test_against_a_current_with_time_free(exponent: float) -> None:
 
 
 def test_a_deadline_at_constant_speed_is_met_with_less_fuel() -> None:
-    chart, current, start, goal = random_scene(3)
-    given = (chart, current, PAPER_VESSEL, start, goal)
-    constant = renew.plan(*given, classes=4)
+    scene = random_scene(3)
+    constant = scene.plan(classes=4)
     by = constant.best.times[-1]
-    plan = renew.plan(*given, classes=4, speed=(0.9, 1.5), arrive_by=by)
+    plan = scene.plan(classes=4, speed=(0.9, 1.5), arrive_by=by)
     best = plan.best
     assert best.times[-1] <= by
     assert best.fuel < constant.best.fuel
     for route in plan.routes:
-        flown = renew.contingency(route, chart, current, PAPER_VESSEL, spacing=0.5)
+        flown = scene.turns(route, spacing=0.5)
         assert flown.trials > 1000
         assert flown.collisions == 0
         assert (route.speeds >= 0.9 - 1e-9).all()
@@ -98,7 +97,7 @@ def test_a_deadline_at_constant_speed_is_met_with_less_fuel() -> None:
     assert np.interp(by, trade_off.arrivals, trade_off.fuels) == pytest.approx(best.fuel, rel=2e-3)
     # Less time takes more fuel, by about as much as the curve says.
     sooner = by - 20.0
-    again = renew.plan(*given, classes=1, speed=(0.9, 1.5), arrive_by=sooner)
+    again = scene.plan(classes=1, speed=(0.9, 1.5), arrive_by=sooner)
     assert again.best.fuel > best.fuel
     told = np.interp(sooner, trade_off.arrivals, trade_off.fuels)
     assert again.best.fuel == pytest.approx(told, rel=0.02)
@@ -108,10 +107,10 @@ def test_a_deadline_at_constant_speed_is_met_with_less_fuel() -> None:
 
 
 def test_the_vessels_own_speed_alone_gives_the_same_routes() -> None:
-    chart, current, start, goal = random_scene(5)
+    scene = random_scene(5)
     own = PAPER_VESSEL.speed
-    given = renew.plan(chart, current, PAPER_VESSEL, start, goal)
-    chosen = renew.plan(chart, current, PAPER_VESSEL, start, goal, speed=(own, own), arrive_by=1e4)
+    given = scene.plan()
+    chosen = scene.plan(speed=(own, own), arrive_by=1e4)
     assert [route.homotopy for route in chosen.routes] == [one.homotopy for one in given.routes]
     for route, same in zip(chosen.routes, given.routes, strict=True):
         assert np.array_equal(route.path, same.path)
