@@ -285,7 +285,7 @@ def _unused_currents(outcome: Outcome) -> Iterator[str]:
     unused: dict[str, list[str]] = {}
     for grid in outcome.fetched.currents:
         for passed in grid.passed_over:
-            unused.setdefault(passed.reason, []).append(text.season_name(grid.season))
+            unused.setdefault(passed.reason, []).append(text.season_name(grid.case))
     if unused:
         reasons = (f"{', '.join(names)}: {reason}" for reason, names in unused.items())
         yield f"Currents NOT used: {'; '.join(reasons)}"

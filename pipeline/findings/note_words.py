@@ -32,7 +32,7 @@ MORE_CURRENTS = (
 
 def note_text(note: Note) -> str:
     """Return a note as a sentence, without a full stop."""
-    about = f"{', '.join(map(text.season_name, note.seasons))}: " if note.seasons else ""
+    about = f"{', '.join(map(text.season_name, note.cases))}: " if note.cases else ""
     words, values = WORDS[note.kind], dict(note.values)
     return about + (words(**values) if callable(words) else _FORMATTER.vformat(words, (), values))
 
@@ -48,7 +48,7 @@ def note_json(note: Note) -> dict[str, object]:
     return {
         "text": note_text(note),
         "kind": note.kind,
-        "seasons": list(note.seasons),
+        "seasons": list(note.cases),
         "values": values,
     }
 

@@ -18,7 +18,7 @@ from pipeline.findings.names import season_stem
 from pipeline.findings.text import capitalised, gap_figure, planner_text, season_name
 from pipeline.geo.projection import MAX_EDGE_M
 from pipeline.model import ShoreCrossing
-from pipeline.model.inputs import NOT_KNOWN, Note, Place, of_seasons
+from pipeline.model.inputs import NOT_KNOWN, Note, Place, of_cases
 from pipeline.model.result import NumberedIsland
 from pipeline.scenario.catalogue import has_world_land
 from pipeline.scenario.model import Scenario
@@ -174,7 +174,7 @@ class RunCase:
     @property
     def grid(self) -> model.CurrentGrid | None:
         """The current on its source's grid; None for a formula, or if not found."""
-        return next((one for one in self.run.fetched.currents if one.season == self.name), None)
+        return next((one for one in self.run.fetched.currents if one.case == self.name), None)
 
     @property
     def source_grid(self) -> model.CurrentGrid:
@@ -367,14 +367,14 @@ class RunResult:
         planned = [case for case in self.cases if case.measures.routes]
         found = (
             *_of_currents(planned),
-            *of_seasons(
+            *of_cases(
                 {
                     case.name: crossing_notes(case.measures.shore_crossings, self.scenario.chart)
                     for case in planned
                 }
             ),
             *_of_chart(self),
-            *of_seasons({case.name: route_notes(case.measures.routes) for case in planned}),
+            *of_cases({case.name: route_notes(case.measures.routes) for case in planned}),
             *strait_notes(self.straits),
         )
         said = (note for note in self.fetched.notes if note.kind in NOT_KNOWN)
@@ -384,12 +384,12 @@ class RunResult:
     def decisions(self) -> tuple[model.Note, ...]:
         """Notes on each case's current, and on what a name, an order or a default decided."""
         used = {
-            grid.season: [Note.of("current-used", source=grid.credit.name, valid=grid.valid)]
+            grid.case: [Note.of("current-used", source=grid.credit.name, valid=grid.valid)]
             for grid in self.fetched.currents
             if not grid.is_stand_in and not grid.is_left_out
         }
         decided = (note for note in self.fetched.notes if note.is_decision)
-        return (*addressed(of_seasons(used), self.scenario), *decided)
+        return (*addressed(of_cases(used), self.scenario), *decided)
 
     @property
     def credits(self) -> tuple[model.Credit, ...]:
@@ -468,7 +468,7 @@ def addressed(notes: Iterable[Note], scenario: Scenario) -> tuple[Note, ...]:
 def route_caveats(ranked: RankedRoute) -> tuple[Note, ...]:
     """Note how one route is not safe, what is not known about it, and what was decided for it."""
     name, found = ranked.case.name, ranked.case.run.decisions
-    decided = (note.about() for note in found if not note.seasons or name in note.seasons)
+    decided = (note.about() for note in found if not note.cases or name in note.cases)
     return (*unsafe_notes(ranked), *route_unknowns(ranked), *decided)
 
 
@@ -498,7 +498,7 @@ def route_unknowns(ranked: RankedRoute) -> tuple[Note, ...]:
     said = (
         note
         for note in case.run.fetched.notes
-        if note.kind in NOT_KNOWN and (not note.seasons or case.name in note.seasons)
+        if note.kind in NOT_KNOWN and (not note.cases or case.name in note.cases)
     )
     of_case = (*_of_currents([case]), *crossing_notes(crossings, case.scenario.chart))
     return (

@@ -109,7 +109,7 @@ def provenance(result: RunResult) -> dict[str, object]:
         "created_utc": result.created.isoformat(timespec="seconds"),
         "land_sources": [asdict(credit) for credit in result.fetched.land.credits],
         "current_sources": [
-            {"season": grid.season, "valid": grid.valid, **asdict(grid.credit)}
+            {"season": grid.case, "valid": grid.valid, **asdict(grid.credit)}
             for grid in result.fetched.currents
         ],
         "notes": note_texts(result.fetched.notes),
@@ -167,7 +167,7 @@ def _inputs(result: RunResult) -> dict[str, object]:
             "margin_m": result.simplified.margin_m,
         },
         "currents": {
-            grid.season: {
+            grid.case: {
                 "sha256": current_hash(grid),
                 "shape": list(grid.u.shape),
                 "valid": grid.valid,

@@ -23,7 +23,7 @@ from pipeline.model.inputs import (
     PlaceName,
     Say,
     Zone,
-    of_seasons,
+    of_cases,
 )
 from pipeline.model.result import (
     CaseResult,
@@ -73,7 +73,7 @@ __all__ = [
     "VoyageBefore",
     "Water",
     "Zone",
-    "of_seasons",
+    "of_cases",
     "plan_options",
     "planner_vessel",
 ]

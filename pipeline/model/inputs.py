@@ -46,12 +46,12 @@ class Note:
     kind : its subject, one of the kinds for which there are words.
     values : the figures by their names: numbers, names, places, dates, other notes, tuples of them;
         units are in the names.
-    seasons : the seasons that it is about; empty where it is about all.
+    seasons : the cases that it is about; empty where it is about all.
     """
 
     kind: str
     values: tuple[tuple[str, object], ...] = ()
-    seasons: tuple[str, ...] = ()
+    cases: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, kind: str, **values: object) -> "Note":
@@ -64,9 +64,9 @@ class Note:
         """Whether it says what a name, an order or a default decided."""
         return self.kind in DECIDED
 
-    def about(self, *seasons: str) -> "Note":
-        """Return the note about some seasons."""
-        return replace(self, seasons=seasons)
+    def about(self, *cases: str) -> "Note":
+        """Return the note about some cases."""
+        return replace(self, cases=cases)
 
 
 DECIDED = frozenset(
@@ -102,13 +102,13 @@ Say = Callable[[Note], None]
 """Reports a note while a stage is at work."""
 
 
-def of_seasons(notes: Mapping[str, Iterable[Note]]) -> tuple[Note, ...]:
-    """Merge notes by season: each note occurs once, and names all its seasons."""
-    seasons: dict[Note, list[str]] = {}
-    for season, own in notes.items():
+def of_cases(notes: Mapping[str, Iterable[Note]]) -> tuple[Note, ...]:
+    """Merge notes by case: each note occurs once, and names all its cases."""
+    cases: dict[Note, list[str]] = {}
+    for case, own in notes.items():
         for note in dict.fromkeys(own):
-            seasons.setdefault(note, []).append(season)
-    return tuple(note.about(*names) for note, names in seasons.items())
+            cases.setdefault(note, []).append(case)
+    return tuple(note.about(*names) for note, names in cases.items())
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,25 +215,25 @@ class MemberGrid:
 
 @dataclass(frozen=True, slots=True)
 class CurrentGrid:
-    """A season's surface current on a lon/lat grid, at one or several times.
+    """A case's surface current on a lon/lat grid, at one or several times.
 
     Attributes
     ----------
     lon, lat : (nx,) and (ny,), ascending, degrees.
     u, v : (nt, ny, nx), m/s to east and to north; NaN where the source has no water, which is the
         same at all times.
-    times_s : (nt,), ascending, seconds since the season's departure; of a steady current one.
+    times_s : (nt,), ascending, seconds since the case's departure; of a steady current one.
     valid : the time that the field is valid for, as the source names it.
     notes : about the field, for a reader.
     files : names and hashes of the files it came from.
-    climatology_for : the season's own time, if a climatology stands in for that time; else "".
+    climatology_for : the case's own time, if a climatology stands in for that time; else "".
     passed_over : the sources that the scenario prefers to this one, in its order.
     members : the fields of which this one is the mean, on the same nodes and at the same times.
     weak : (ny, nx), of tidal streams: where their constants explain too little of the variance of
         the currents that they were fitted to.
     """
 
-    season: str
+    case: str
     lon: FloatArray
     lat: FloatArray
     u: FloatArray
@@ -281,7 +281,7 @@ class CurrentGrid:
 
     @property
     def stand_in_notes(self) -> tuple[Note, ...]:
-        """The current that the season was planned in, if that is not its first choice."""
+        """The current that the case was planned in, if that is not its first choice."""
         source, valid, asked = self.credit.name, self.valid, self.climatology_for
         if asked:
             return (Note.of("climatology-stands-in", source=source, valid=valid, asked=asked),)
@@ -291,7 +291,7 @@ class CurrentGrid:
 
 @dataclass(frozen=True, slots=True)
 class Fetched:
-    """Data from the sources: land, and one current grid per season.
+    """Data from the sources: land, and one current grid per case.
 
     `currents` is empty for a plane scenario, which gives its current as numbers. `notes` are
     about preferred sources that were passed over, and about the others.
@@ -307,14 +307,14 @@ class Fetched:
     @property
     def stand_in_notes(self) -> tuple[Note, ...]:
         """Notes that only name a current used in place of a first choice."""
-        return of_seasons({grid.season: grid.stand_in_notes for grid in self.currents})
+        return of_cases({grid.case: grid.stand_in_notes for grid in self.currents})
 
 
 def current_notes(currents: Iterable[CurrentGrid]) -> tuple[Note, ...]:
-    """Notes on the currents of all seasons, and on the sources passed over for them."""
-    return of_seasons(
+    """Notes on the currents of all cases, and on the sources passed over for them."""
+    return of_cases(
         {
-            grid.season: (
+            grid.case: (
                 *[Note.of("current-changes", steps=len(grid.times_s))] * grid.changes,
                 *grid.notes,
                 *(

@@ -299,7 +299,7 @@ class StillWater(CurrentSource):
         west, south, east, north = region.bounds
         zeros = np.zeros((1, _NODES, _NODES))
         return CurrentGrid(
-            season=season.name,
+            case=season.name,
             lon=np.linspace(west, east, _NODES),
             lat=np.linspace(south, north, _NODES),
             u=zeros,

@@ -97,15 +97,15 @@ class Chosen:
                 cases.append(begun)
         grids = []
         for grid in fetched.currents:
-            is_it = grid.season == name
+            is_it = grid.case == name
             if keeps or not is_it:
                 grids.append(grid)
             if is_it:
-                grids.append(replace(grid, season=label, times_s=grid.times_s - shift))
+                grids.append(replace(grid, case=label, times_s=grid.times_s - shift))
         notes = fetched.notes
         if not keeps:
             notes = tuple(
-                one.about(*(label if of == name else of for of in one.seasons)) for one in notes
+                one.about(*(label if of == name else of for of in one.cases)) for one in notes
             )
         return replace(
             self,

@@ -77,7 +77,7 @@ def fetch(
 def _refuse_stand_ins(data: FetchedData) -> None:
     """Raise StageError if a season has no source, or would use another than its first."""
     faults = [
-        f"{season_text(grid.season)} would be {note_text(grid.stand_in_notes[0])}, which is not "
+        f"{season_text(grid.case)} would be {note_text(grid.stand_in_notes[0])}, which is not "
         "its first choice" + "".join(f"; {passed.reason}" for passed in grid.passed_over)
         for grid in data.fetched.currents
         if grid.is_stand_in
@@ -113,9 +113,7 @@ def _region_data(scenario: Scenario, store: Store, offline: bool) -> FetchedData
     overpowering = [
         note
         for grid in grids
-        for note in overpowering_notes(
-            grid, region, speeds_m_s[grid.season], begins.get(grid.season)
-        )
+        for note in overpowering_notes(grid, region, speeds_m_s[grid.case], begins.get(grid.case))
     ]
     avoided, about_avoided = avoided_zones(scenario, region)
     notes = (*fetcher.land.notes, *about_avoided, *current_notes(grids), *overpowering)
@@ -290,7 +288,7 @@ def overpowering_notes(
             )
             if departure
             else (),
-        ).about(grid.season)
+        ).about(grid.case)
 
 
 def _share(some: BoolArray, water: BoolArray, lat: FloatArray) -> float:

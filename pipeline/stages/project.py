@@ -120,7 +120,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> tup
         The no-go zone leaves no water.
     """
     water = water_of(scenario, fetched.land, simplified)
-    grids = {grid.season: grid for grid in fetched.currents}
+    grids = {grid.case: grid for grid in fetched.currents}
     shut = shut_polygons(scenario, fetched.land.zones, water.projection)
     tide = tidal_depth(scenario, fetched.land, simplified, water.chart.extent, water.projection)
     stops = planar_stops(scenario, water)

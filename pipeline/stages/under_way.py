@@ -84,7 +84,7 @@ def case_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
             f"plan, {departure.isoformat()}; give that one"
         )
     fetched = chosen.data.fetched
-    grids = tuple(one for one in fetched.currents if one.season == name)
+    grids = tuple(one for one in fetched.currents if one.case == name)
     now = {"land": land_hash(fetched.land), "current": current_hash(grids[0])}
     then = finished_season(Path(voyage.results), name).hashes
     if changed := [kind for kind in now if now[kind] != then[kind]]:
@@ -92,7 +92,7 @@ def case_sailed(voyage: UnderWay, chosen: Chosen) -> Chosen:
             f"{where} was planned with another {' and '.join(changed)} than its scenario finds "
             "now: give that plan's files their old content again, or plan from here by renew go"
         )
-    notes = tuple(one for one in fetched.notes if not one.seasons or name in one.seasons)
+    notes = tuple(one for one in fetched.notes if not one.cases or name in one.cases)
     alone = replace(fetched, currents=grids, notes=notes)
     return replace(
         chosen,
@@ -173,7 +173,7 @@ class Sailed:
         return replace(
             data,
             fetched=replace(
-                data.fetched, currents=(replace(grid, season=season.name, times_s=times_s),)
+                data.fetched, currents=(replace(grid, case=season.name, times_s=times_s),)
             ),
             current_keys={season.name: key},
         )

@@ -129,7 +129,7 @@ class CfFiles(CurrentSource):
             selected = stream_steps(contents, season, bounds, with_mean=self.with_mean)
         field, notes = read_checked_fields(contents, selected, bounds, region)
         current = CurrentGrid(
-            season=season.name,
+            case=season.name,
             lon=field.lon,
             lat=field.lat,
             u=field.u,

@@ -157,7 +157,7 @@ class Copernicus(CurrentSource):
             # Steps so long can't show the tide.
             notes = (Note.of("steps-are-means", step=self.spec.step), *notes)
         return CurrentGrid(
-            season=season.name,
+            case=season.name,
             lon=field.lon,
             lat=field.lat,
             u=field.u,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pipeline
 from pipeline.findings.note_words import WORDS, note_json, note_text
-from pipeline.model import Note, Place, of_seasons
+from pipeline.model import Note, Place, of_cases
 
 
 def made_notes() -> Iterator[tuple[str, set[str]]]:
@@ -100,5 +100,5 @@ def test_counts_take_their_nouns() -> None:
 
 def test_a_note_of_several_seasons_is_listed_once() -> None:
     tide, depth = Note.of("current-without-tide"), Note.of("current-at-depth", depth_m=5.0)
-    merged = of_seasons({"summer": (tide, depth, tide), "winter": (tide,)})
+    merged = of_cases({"summer": (tide, depth, tide), "winter": (tide,)})
     assert merged == (tide.about("summer", "winter"), depth.about("summer"))

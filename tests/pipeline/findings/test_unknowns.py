@@ -52,7 +52,7 @@ def test_shares_of_the_current_are_reported_for_the_best_and_the_worst() -> None
 def without_current(result: RunResult, season: str) -> RunResult:
     """Plan a season without a current, as in still water."""
     grids = tuple(
-        replace(grid, notes=(Note.of("still-water"),)) if grid.season == season else grid
+        replace(grid, notes=(Note.of("still-water"),)) if grid.case == season else grid
         for grid in result.fetched.currents
     )
     return replace(result, fetched=replace(result.fetched, currents=grids))

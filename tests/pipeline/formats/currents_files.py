@@ -26,8 +26,8 @@ def with_grids(result: RunResult, *grids: CurrentGrid) -> RunResult:
     """The same run, planned with other currents (but for its routes)."""
     water = result.water
     planned = {
-        grid.season: replace(
-            result.planned[grid.season],
+        grid.case: replace(
+            result.planned[grid.case],
             current=planar_current(grid, water.projection, water.chart.bounds),
         )
         for grid in grids

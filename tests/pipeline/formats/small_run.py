@@ -234,7 +234,7 @@ def with_a_failed_season(result: RunResult) -> RunResult:
 def without_a_current(result: RunResult) -> RunResult:
     """The same run, as if winter had no current, so that nothing was planned."""
     failed = with_a_failed_season(result)
-    grids = tuple(grid for grid in result.fetched.currents if grid.season != "winter")
+    grids = tuple(grid for grid in result.fetched.currents if grid.case != "winter")
     planned = {name: case for name, case in result.planned.items() if name != "winter"}
     return replace(failed, fetched=replace(result.fetched, currents=grids), planned=planned)
 

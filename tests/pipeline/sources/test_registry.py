@@ -80,7 +80,7 @@ def test_the_grid_has_every_row_at_its_place_and_nothing_else(name: str, step: f
     assert np.allclose(np.diff(grid.lon), step)
     assert np.allclose(np.diff(grid.lat), step)
     assert grid.credit.kind == "current"
-    assert grid.season == name
+    assert grid.case == name
 
 
 def test_it_covers_half_a_cell_beyond_its_nodes() -> None:
@@ -120,7 +120,7 @@ def test_a_season_that_is_named_by_its_month_has_the_monsoons_currents() -> None
     for month, monsoon in (("2024-07", "summer"), ("2031-12", "winter"), ("2024-01", "winter")):
         grid = table.current(region, named(month), NO_LAND, Path())
         same = table.current(region, season(monsoon), NO_LAND, Path())
-        assert grid.season == month
+        assert grid.case == month
         assert np.array_equal(grid.u, same.u, equal_nan=True)
         assert table.identity(named(month)) == table.identity(season(monsoon))
         assert table.covered_bounds(region, named(month)) == region.bounds

@@ -157,7 +157,7 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
     del data["departure"]
     season = Season.model_validate(data)
     scenario = result.scenario.model_copy(update={"seasons": (season,)})
-    fetched = replace(result.fetched, currents=(replace(grid, season=old),))
+    fetched = replace(result.fetched, currents=(replace(grid, case=old),))
     case = replace(result.planned["tide"], name=old)
     data = FetchedData(fetched, "land", {old: "current"}, {})
     notes: list[Note] = []
@@ -171,7 +171,7 @@ def test_a_season_without_a_name_of_its_own_is_named_by_the_chosen_departure(
     assert choice.asked == season
     assert [one.name for one in departed.cases.value] == [new]
     assert departed.case(new).departure == choice.chosen
-    assert [one.season for one in departed.data.fetched.currents] == [new]
+    assert [one.case for one in departed.data.fetched.currents] == [new]
     assert list(departed.data.current_keys) == [new]
 
 

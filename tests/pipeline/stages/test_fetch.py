@@ -49,7 +49,7 @@ def test_only_the_season_that_falls_back_is_a_stand_in(across_outputs: Path) -> 
     assert summer.stand_in_notes == ()
     used = f"winter: planned on {winter.credit.name}, valid {winter.valid}"
     assert note_texts(result.fetched.stand_in_notes) == [used]
-    about = [one for one in result.fetched.notes if one.seasons and one.kind != "room-kept"]
+    about = [one for one in result.fetched.notes if one.cases and one.kind != "room-kept"]
     assert note_texts(about) == [f"winter: {REASON}", used]
 
 
@@ -137,6 +137,6 @@ def test_a_season_without_a_source_fails_with_its_reasons(
     store = Store(across_outputs / ".artefacts")
     parts = fetch(scenario(sources["summer"], sources["winter"]), store, offline=True)
     assert parts.failures == {season: f"no source of currents could be used: {REASON}"}
-    assert [grid.season for grid in parts.fetched.currents] == [
+    assert [grid.case for grid in parts.fetched.currents] == [
         name for name in ("summer", "winter") if name != season
     ]

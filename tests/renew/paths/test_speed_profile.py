@@ -24,8 +24,7 @@ from renew.paths.speed_profile import (
 )
 from renew.voyage.voyage import SpeedRange, Voyage, Waters
 from tests.moving_waters import moving_scene
-from tests.speed_clock_oracle import CostModel
-from tests.speed_oracle import least_fuel
+from tests.speed_oracles import CostModel, least_fuel
 from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent
 
 DRIFTS = ("projected", "crab")

@@ -31,7 +31,7 @@ def renamed(result: RunResult, names: Mapping[str, str]) -> RunResult:
         scenario=result.scenario.model_copy(update={"seasons": seasons}),
         fetched=replace(
             result.fetched,
-            currents=tuple(replace(g, season=names[g.season]) for g in result.fetched.currents),
+            currents=tuple(replace(g, case=names[g.case]) for g in result.fetched.currents),
         ),
         planned={
             names[name]: replace(case, name=names[name]) for name, case in result.planned.items()

@@ -182,7 +182,7 @@ def test_a_following_current_makes_the_leg_faster(package: Path) -> None:
 def test_currents_are_the_sources_own(package: Path, result: RunResult) -> None:
     currents = layer(package, "currents")
     for grid in result.fetched.currents:
-        mine = currents[currents.season == grid.season]
+        mine = currents[currents.season == grid.case]
         assert len(mine) == np.isfinite(grid.u).sum() < grid.u.size
         for row in mine.itertuples():
             j = np.argmin(abs(grid.lat - row.geometry.y))

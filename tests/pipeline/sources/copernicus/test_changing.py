@@ -19,7 +19,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.sources.copernicus.adapter import Copernicus
 from pipeline.stages.fetch import fetch
 from tests.loopback_store import world
-from tests.loopback_store.ocean import Ocean
+from tests.loopback_store.datasets import Ocean
 from tests.loopback_store.server import Fault
 from tests.loopback_store.world import LAND, REGION, TOLERANCE_M_S, connected, spec
 from tests.pipeline.conftest import ACROSS_BOX
