@@ -46,16 +46,12 @@ class Problem:
 
     Parts that depend on neither departure nor speeds are taken from the `first` problem, so that
     classes keep their names. Roadmaps are taken from `base`, a problem at another departure.
-    Water `closed` is left out as overpowered water is; classes keep the names that they have in the
-    `whole` problem without it.
     """
 
     voyage: Voyage
     options: PlanOptions
     first: "Problem | None" = None
     base: "Problem | None" = None
-    closed: BaseGeometry | None = None
-    whole: "Problem | None" = None
 
     @cached_property
     def overpowered_water(self) -> BaseGeometry:
@@ -63,29 +59,18 @@ class Problem:
         return self.first.overpowered_water if self.first else overpowered_water(self.voyage)
 
     @cached_property
-    def closed_water(self) -> BaseGeometry:
-        """Water without triangles: overpowered, or closed."""
-        if self.closed is None:
-            return self.overpowered_water
-        return shapely.union(
-            self.overpowered_water, self.closed, grid_size=self.voyage.chart.precision
-        )
-
-    @cached_property
     def triangulation(self) -> Triangulation:
-        """Triangles of the water that is neither overpowered nor closed."""
+        """Triangles of the water that is not overpowered."""
         if self.first:
             return self.first.triangulation
-        chart, closed = self.voyage.chart, self.closed_water
-        return triangulation_of(chart) if closed.is_empty else triangulate(chart, closed=closed)
+        chart, shut = self.voyage.chart, self.overpowered_water
+        return triangulation_of(chart) if shut.is_empty else triangulate(chart, closed=shut)
 
     @cached_property
     def rays(self) -> Rays:
         """Rays that define the classes."""
         if self.first:
             return self.first.rays
-        if self.whole:
-            return replace(self.whole.rays, omits_islands=True)
         rays, options = self.all_rays, self.options
         if options.distinct_by != "auto":
             return rays.only(rays.size >= options.distinct_by)
@@ -100,7 +85,7 @@ class Problem:
         """Rays of all islands."""
         if self.first:
             return self.first.all_rays
-        return Rays.of(self.voyage.chart, self.closed_water)
+        return Rays.of(self.voyage.chart, self.overpowered_water)
 
     @cached_property
     def reach(self) -> TurnReach:
@@ -163,7 +148,7 @@ class Problem:
         try:
             return ClassEnumerator.of(voyage, water, rays, order, clearance=clearance + slack)
         except UnreachableError:
-            if self.closed is None and not self.overpowered_water.is_empty:
+            if not self.overpowered_water.is_empty:
                 # Where land separates the two, this raises the same error.
                 open_water = triangulation_of(voyage.chart)
                 ways = ClassEnumerator.of(voyage, open_water, rays, "length").channels(1)

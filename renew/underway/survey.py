@@ -116,14 +116,6 @@ class Survey:
         """Return the whole route in stretches."""
         return _joined(list(self._backwards())[::-1])
 
-    def first_gap(self) -> Stretch | None:
-        """Return a stretch that is not covered, None if there is none; quicker than all of them."""
-        if self.is_out.any():
-            least = self.least.min(axis=0)[:-1] - self.limit[:-1]
-            worst = int(least.argmax())
-            return self._stretch(worst, worst + 1, "uncovered")
-        return next((one for one in self._backwards() if one.state != "covered"), None)
-
     def _backwards(self) -> Iterator[Stretch]:
         """Yield stretches from the end backwards: each way helps to plan the one before it."""
         is_out = self.is_out
@@ -197,17 +189,6 @@ class Survey:
             if way is not None and self._is_within(way, time):
                 ways.append(way)
         return ways
-
-    def quickest(self, sample: int) -> Diversion | None:
-        """Return the way from a sample that gets to any haven soonest, whatever the limits."""
-        best: Diversion | None = None
-        for number in np.argsort(self.least[:, sample], kind="stable").tolist():
-            if best is not None and best.longest <= self.least[number, sample]:
-                break
-            way = self.planned(number, sample)
-            if way is not None and (best is None or way.longest < best.longest):
-                best = way
-        return best
 
     def planned(self, number: int, sample: int, *, is_thorough: bool = True) -> Diversion | None:
         """Return the way to a haven from a sample, near a known one if that is good enough.

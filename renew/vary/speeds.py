@@ -49,7 +49,7 @@ from renew.planner.one_class import ClassPath, ClassPlanner, grown_until_clear
 from renew.planner.plan import plan_around, planner_of
 from renew.planner.problem import check_current_at_endpoints
 from renew.request import Request
-from renew.results import Departed, Departures, Plan, Route, TradeOff
+from renew.results import Departures, Plan, Route, TradeOff
 from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.vary.departures import Progress, best_sailing, too_late_error
 from renew.voyage.voyage import Voyage
@@ -276,23 +276,22 @@ def departures_with_speeds(
             plans.append(error)
         if progress is not None:
             progress(len(plans), math.inf)
-    outcomes = [
-        Departed(departure, cause=one)
-        if isinstance(one, PlanningError)
-        else Departed(
-            departure,
-            float(one.best.times[-1]),
-            one.best.fuel,
-            one.best.path,
-            one.best.times,
-            one.best.homotopy,
-        )
-        for departure, one in zip(departures, plans, strict=True)
-    ]
-    chosen = plans[min(range(len(plans)), key=lambda at: outcomes[at].fuel)]
+    best = [None if isinstance(one, PlanningError) else one.best for one in plans]
+    fuels = np.array([math.inf if route is None else route.fuel for route in best])
+    chosen = plans[int(fuels.argmin())]
     if isinstance(chosen, PlanningError):
         raise chosen
-    return Departures.of(outcomes, math.inf, chosen)
+    return Departures(
+        departures=np.array(departures),
+        arrivals=np.array([math.inf if route is None else route.times[-1] for route in best]),
+        fuels=fuels,
+        paths=tuple(None if route is None else route.path for route in best),
+        times=tuple(None if route is None else route.times for route in best),
+        homotopies=tuple("" if route is None else route.homotopy for route in best),
+        causes=tuple(one if isinstance(one, PlanningError) else None for one in plans),
+        unproven=math.inf,
+        plan=chosen,
+    )
 
 
 def _plan_up_to(planner_up_to: _PlannerUpTo) -> Plan:
