@@ -177,6 +177,11 @@ class Rejected:
     ways: tuple[Channel, ...] = field(default=(), repr=False)
     fuel_source: float | Callable[[], float] = field(default=math.inf, repr=False)
 
+    @classmethod
+    def of_route(cls, route: Route, cause: PlanningError) -> "Rejected":
+        """Return the class of a route that was found, and can't be taken."""
+        return cls(route.homotopy, str(cause), route.channel, cause=cause, fuel_source=route.fuel)
+
     def __post_init__(self) -> None:
         """Drop tracebacks: they hold the variables of the search, of megabytes, and themselves."""
         error: BaseException | None = self.cause

@@ -31,6 +31,7 @@ from renew.errors import (
     UnreachableError,
     ViaInNoGoError,
 )
+from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField
 from renew.inputs.options import PlanOptions
 from renew.kernels.current_table import changes, overpowered_spells
@@ -167,6 +168,19 @@ class Problem:
 _MAX_PACE = 0.5
 
 
+def off_water(point: FloatArray, chart: Chart) -> tuple[str, FloatArray] | None:
+    """Say where a point (2,) lies that is not in the water, and the nearest one that is; or None.
+
+    Water is snapped to the chart's grid: a point on its edge may lie just outside.
+    """
+    here = shapely.Point(point)
+    if shapely.dwithin(chart.water, here, 4 * chart.precision):
+        return None
+    nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1]
+    where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
+    return where, nearest
+
+
 def check_endpoints(voyage: Voyage) -> None:
     """Refuse stops that are not in the water, all at once, and a departure without a current."""
     chart, stops = voyage.chart, voyage.stops
@@ -175,11 +189,8 @@ def check_endpoints(voyage: Voyage) -> None:
     faults, places = list[str](), list[FloatArray]()
     error: type[PlanningError] | None = None
     for name, kind, point in zip(names, kinds, stops, strict=True):
-        here = shapely.Point(point)
-        # Water is snapped to the chart's grid: a point on its edge may lie just outside.
-        if not shapely.dwithin(chart.water, here, 4 * chart.precision):
-            nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1].round(3)
-            where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
+        if off := off_water(point, chart):
+            where, nearest = off[0], off[1].round(3)
             faults.append(
                 f"{name} {{{len(places)}}} lies {where}, {math.dist(point, nearest):.4g} m from "
                 f"the nearest water at {{{len(places) + 1}}}; move it there or beyond"
