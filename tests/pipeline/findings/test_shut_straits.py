@@ -18,7 +18,7 @@ from pipeline.model import (
     Fetched,
     Land,
     ShutStrait,
-    Simplified,
+    SimplifiedLand,
 )
 from pipeline.scenario.model import Scenario
 from pipeline.stages.project import project
@@ -55,7 +55,7 @@ def atoll(mouth_m: float) -> list[shapely.Polygon]:
 
 def straits(
     land: list[shapely.Polygon], clearance: float, vessel: dict[str, float]
-) -> tuple[tuple[ShutStrait, ...], Case, Simplified]:
+) -> tuple[tuple[ShutStrait, ...], Case, SimplifiedLand]:
     """Plan round and between islands; return the straits that are shut, and the chart."""
     asked: Scenario = small_run.scenario(
         scale=1.0,
@@ -71,7 +71,7 @@ def straits(
         margin_m=MARGIN_M,
         tolerance_m=TOLERANCE_M,
         endpoints=(asked.start, asked.goal),
-    ).simplified
+    )
     lon, lat = np.linspace(118.8, 120.4, 9), np.linspace(8.8, 10.2, 8)
     still = np.zeros((8, 9))
     grid = CurrentGrid("still", lon, lat, still[None], still[None], "2024-07", small_run.STAND_IN)

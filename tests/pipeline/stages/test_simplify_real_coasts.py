@@ -31,7 +31,7 @@ def test_real_islands(busuanga: Land) -> None:
         turning_radius_m=17.0,
         endpoints=[MINDORO_SIDE, WEST_SIDE],
     )
-    simplified = result.simplified
+    simplified = result
     assert simplified.tolerance_m == simplified.margin_m == 60.0
     plane = Projection.for_region(BUSUANGA)
     extent = plane.geometry_to_plane(BUSUANGA)
@@ -61,7 +61,7 @@ def test_straits_of_the_cyclades_are_water() -> None:
         land.polygons, region, accuracy_m=land.accuracy_m, turning_radius_m=17.0, endpoints=ends
     )
     plane = Projection.for_region(region)
-    polygons = plane.geometry_to_plane(np.array(result.simplified.polygons, dtype=object))
+    polygons = plane.geometry_to_plane(np.array(result.polygons, dtype=object))
     water = shapely.get_parts(
         plane.geometry_to_plane(region).difference(shapely.union_all(polygons))
     )
@@ -70,4 +70,4 @@ def test_straits_of_the_cyclades_are_water() -> None:
     assert shapely.intersects(water[:, None], places).all(axis=1).sum() == 1
     # As wide as they are, less margin and tolerance.
     assert shapely.distance(polygons[:, None], places[2:]).min() > 4_000
-    assert len(result.simplified.inner_polygons) > 100
+    assert len(result.inner_polygons) > 100

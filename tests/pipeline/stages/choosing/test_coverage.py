@@ -11,7 +11,7 @@ from pipeline.errors import RequestError
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
-from pipeline.stages.region import Coverage, covered_by_currents, require_covered
+from pipeline.stages.region import covered_by_currents, require_covered
 from pipeline.stages.water_grid import DirectLine
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
@@ -30,7 +30,7 @@ def season(month: str, *currents: str | tuple[str, ...]) -> Season:
     return Season(name=month, valid=month, currents=currents)
 
 
-def covered(folder: Path, *seasons: Season, direct: DirectLine = PALAWAN) -> Coverage:
+def covered(folder: Path, *seasons: Season, direct: DirectLine = PALAWAN) -> SourceCoverage:
     return covered_by_currents(seasons, direct, folder, offline=False)
 
 
