@@ -39,7 +39,7 @@ from pipeline.stages.region import (
 )
 from pipeline.stages.simplify import simplify
 from pipeline.stages.tasks import Status
-from pipeline.stages.under_way import SailedVoyage, case_sailed, scenario_before
+from pipeline.stages.under_way import PlanSailed, case_sailed, scenario_before
 from pipeline.texts import clean
 from pipeline.write import load_libraries, write
 
@@ -302,7 +302,7 @@ class _Stages:
         self.on_result(made.value)
         return made
 
-    def _sailed(self, voyage: UnderWay | None) -> SailedVoyage | None:
+    def _sailed(self, voyage: UnderWay | None) -> PlanSailed | None:
         """Return the voyage that the vessel is on, from the store or made again; None if none.
 
         It may itself be a plan made under way, so all plans are made from the first one on.
@@ -313,20 +313,20 @@ class _Stages:
             before = scenario_before(voyage)
             plans.append((voyage, before))
             voyage = before.under_way
-        sailed: SailedVoyage | None = None
+        sailed: PlanSailed | None = None
         for way, scenario in reversed(plans):
             asked = scenario if sailed is None else sailed.ahead(scenario)
             chosen, land = quiet.chosen(asked, (), sailed)
             own = case_sailed(way, chosen)
             planned = quiet.planned(own, land)
-            sailed = SailedVoyage(way, own, land, planned.value[0], planned.key)
+            sailed = PlanSailed(way, own, land, planned.value[0], planned.key)
         return sailed
 
     def chosen(
         self,
         scenario: Scenario,
         region_notes: tuple[Note, ...] = (),
-        sailed: SailedVoyage | None = None,
+        sailed: PlanSailed | None = None,
     ) -> tuple[Chosen, Artefact[SimplifiedLand]]:
         """Run the stages before "plan"; of a voyage that is sailed, use what its plan used."""
         store = self.store

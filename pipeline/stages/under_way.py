@@ -111,7 +111,7 @@ _SAME_FUEL = 1e-6
 
 
 @dataclass(frozen=True)
-class SailedVoyage:
+class PlanSailed:
     """The case that the vessel sails, its land and plan, and a key that stands for the plan."""
 
     voyage: UnderWay

@@ -244,7 +244,7 @@ def clock_text(worth: ClockWorth) -> str:
         )
     )
     at = ", at speeds that bring the vessel to the goal in time" if worth.in_time else ""
-    sailed = f"SailedVoyage in the changing current from the same departure on{at}, {others}."
+    sailed = f"Sailed in the changing current from the same departure on{at}, {others}."
     if worth.best > (1 + text.USEFUL_GAP) * worth.bound:
         return f"{sailed} There is no useful bound on what a better route could save."
     return (

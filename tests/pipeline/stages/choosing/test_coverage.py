@@ -11,7 +11,7 @@ from pipeline.errors import RequestError
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
-from pipeline.stages.region import covered_by_currents, require_covered
+from pipeline.stages.region import SourceCoverage, covered_by_currents, require_covered
 from pipeline.stages.water_grid import DirectLine
 from tests.pipeline.synthetic_currents import dataset, sea, write
 
