@@ -162,11 +162,6 @@ def test_a_fault_beyond_the_chosen_region_loses_no_plan(
     assert (outcome.directory / "routes.gpkg").is_file()
 
 
-def test_a_missing_scheduler_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
-    with pytest.raises(StageError, match="leave --scheduler out"):
-        run(single_gyre(classes=1), tmp_path, scheduler="nonsense://nowhere")
-
-
 def test_a_folder_that_cannot_be_written_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RequestError, match=r"--output: .* is not a folder"):
@@ -270,47 +265,6 @@ def test_palawan_both_seasons(tmp_path: Path) -> None:
     begun = time.perf_counter()
     assert not run(scenario, tmp_path, offline=True).fresh
     assert time.perf_counter() - begun < 5
-
-
-def with_speeds(**season: object) -> Scenario:
-    """Return the catalogue's single gyre, whose vessel has a choice of speeds."""
-    table = read_toml(scenario_path("single-gyre"))
-    table["planner"] |= {"classes": 1}
-    table["seasons"][0] |= {
-        "departure": "2026-11-22T06:00:00Z",
-        "arrive_by": "2026-11-22T06:01:40Z",
-        "speed": {"least": 0.6, "most": 2.0},
-        **season,
-    }
-    return parse_scenario(table)
-
-
-@pytest.mark.usefixtures("plain_report")
-def test_a_run_with_a_choice_of_speeds_is_in_time(tmp_path: Path) -> None:
-    outcome = run(with_speeds(), tmp_path)
-    assert outcome.exit_code == 0
-    best = rows_of(outcome.result)[0]
-    assert 99.8 < best.duration_s <= 100
-    assert any("chosen from leg to leg among 0.6–2 m/s" in choice for choice in outcome.choices)
-    folder = tmp_path / outcome.scenario.name
-    with (folder / "trade-off.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    (chosen,) = (row for row in rows if row["is_chosen"] == "True")
-    assert float(chosen["fuel"]) == best.fuel
-    assert chosen["arrival"] == "2026-11-22T06:01:40Z"
-    # Another range of speeds is another plan, the same again none.
-    assert not run(with_speeds(), tmp_path).fresh
-    slower = run(with_speeds(speed={"least": 0.6, "most": 1.5}), tmp_path)
-    assert slower.fresh
-    assert rows_of(slower.result)[0].fuel >= best.fuel * (1 - 1e-3)
-
-
-def test_a_time_that_cannot_be_made_is_refused_with_season_and_dates(tmp_path: Path) -> None:
-    with pytest.raises(RequestError) as caught:
-        run(with_speeds(arrive_by="2026-11-22T06:00:20Z"), tmp_path)
-    (fault,) = caught.value.faults
-    assert "arrive_by = 2026-11-22 06:00:20 UTC can't be made" in fault
-    assert fault.startswith("season '")
 
 
 def test_the_text_of_an_outcome_is_a_line(tmp_path: Path) -> None:

@@ -245,17 +245,6 @@ def test_a_vessel_may_be_given_as_such() -> None:
     assert scenario_of(dict(PALAWAN, vessel="", **figures))[0].vessel.length_m == 12
 
 
-def test_every_fault_is_reported_at_once() -> None:
-    asked = {
-        "start": "here", "goal": "120.3,12.8", "vessel": "usv7", "month": ["July"],
-        "clearance": "-3",
-    }  # fmt: skip
-    with pytest.raises(RequestError) as caught:
-        scenario_of(asked)
-    starts = [fault.split()[0] for fault in caught.value.faults]
-    assert starts == ["start", "--vessel", "--month", "--clearance"]
-
-
 def test_an_order_is_questioned_only_where_the_other_one_is_water_too() -> None:
     voyage = {"vessel": "usv-7m", "currents": ("still",)}
     # The other way round: the desert of Arabia.

@@ -198,16 +198,6 @@ def test_odd_files_are_refused_without_reading_what_they_declare(tmp_path: Path,
     assert peak < 200e6
 
 
-@pytest.mark.parametrize("name", ["empty.nc", "text.nc", "folder", "folder/.zgroup"])
-def test_what_is_neither_netcdf_nor_zarr_is_refused(tmp_path: Path, name: str) -> None:
-    (tmp_path / "empty.nc").touch()
-    (tmp_path / "text.nc").write_text("u,v\n1,2\n")
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "folder" / ".zgroup").touch() if name.endswith(".zgroup") else None
-    path = tmp_path / name.partition("/")[0]
-    assert ("can't be read" if "/" in name else "neither NetCDF, Zarr nor GRIB") in refusal(path)
-
-
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
 @pytest.mark.parametrize("file_format", ["NETCDF4", "NETCDF3_64BIT"])
 def test_truncated_files_are_refused(tmp_path: Path, share: float, file_format: Any) -> None:  # noqa: ANN401
