@@ -124,6 +124,9 @@ def test_the_currents_that_were_used_and_not_used_stand_below_the_table(
     assert "- planned on Embedded " in below
     assert "- routes keep an offing of" in below
     assert "- no depths in this chart: the draught was not used" in result.stdout
+    assert "In report.html: 1 route." in result.stdout
+    assert "1 classes" not in result.stdout
+    assert "1 routes" not in result.stdout
 
 
 def test_choices_are_reported_and_no_land_was_missed(tmp_path: Path) -> None:
@@ -160,11 +163,3 @@ def test_quiet_and_json_take_the_tables_place(file: str, across_outputs: Path) -
     wrong = CliRunner().invoke(app, ["run", "palawan-saeson", "--quiet"])
     assert wrong.exit_code == 2
     assert "palawan-season" in wrong.stderr
-
-
-def test_a_single_class_is_not_plural(file: str, across_outputs: Path) -> None:
-    arguments = ["run", file, "--offline", "--output", str(across_outputs)]
-    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
-    assert "In report.html: 1 route." in result.stdout
-    assert "1 classes" not in result.stdout
-    assert "1 routes" not in result.stdout

@@ -111,13 +111,6 @@ def test_with_an_account_the_service_has_the_world(
     assert (south, north) == (-80, 89)
 
 
-def test_a_file_covers_half_a_cell_beyond_its_nodes(tmp_path: Path) -> None:
-    field = sea(np.arange(116, 121.1, 0.5), np.arange(7, 13.6, 0.5))
-    path = write(tmp_path / "field.nc", dataset(field))
-    found = covered(tmp_path, season("2024-07", (str(path),)))
-    assert found.bounds == pytest.approx((115.75, 6.75, 121.25, 13.75))
-
-
 def test_seasons_limit_the_region_together(tmp_path: Path) -> None:
     field = sea(np.arange(116, 121.1, 0.5), np.arange(6, 13.6, 0.5))
     path = write(tmp_path / "field.nc", dataset(field))

@@ -19,8 +19,7 @@ from renew.paths.speed_profile import speed_profile, trade_off
 from renew.paths.speeds_by_clock import constant_speed, speeds_by_clock, trade_off_by_clock
 from renew.voyage.voyage import SpeedChoice, Voyage, Waters
 from tests.moving_waters import moving_scene
-from tests.speed_clock_oracle import CostModel
-from tests.speed_oracle import least_fuel
+from tests.speed_oracles import CostModel, least_fuel
 from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent
 
 DRIFTS = ("projected", "crab")

@@ -17,7 +17,7 @@ from renew.planner.classes import ClassSearch
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import Problem
 from renew.voyage.voyage import Voyage
-from tests.eddies import SCENES, eddy_scene
+from tests.bounded_scenes import SCENES, eddy_scene
 from tests.strategies import random_scene, voyage_on
 
 

@@ -15,7 +15,7 @@ from renew.errors import InfeasibleError
 from renew.inputs.options import Padding
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified_in_places
-from tests.eddies import walls
+from tests.bounded_scenes import walls
 from tests.renew.paths.scenes import corridor_of
 from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, random_scene, voyage_on

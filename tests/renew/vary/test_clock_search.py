@@ -16,7 +16,7 @@ from renew.inputs.current import as_field
 from renew.vary import speeds
 from renew.vary.speeds import PriceSearch
 from tests.moving_waters import MovingScene, moving_scene
-from tests.speed_clock_oracle import CostModel, improved, least_fuel_in_table
+from tests.speed_oracles import CostModel, improved, least_fuel_in_table
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
 
 SPEEDS = (0.75, 1.6)

@@ -243,22 +243,6 @@ def test_damage_to_values_is_refused_when_they_are_read(tmp_path: Path, damage: 
         source.current(REGION, season, Land((), (), 0.0), tmp_path)
 
 
-def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "fifo.nc")
-    (tmp_path / "loop.nc").symlink_to("loop.nc")
-    (tmp_path / "dangling.nc").symlink_to("nowhere.nc")
-    for name, part in (
-        ("fifo.nc", "is a FIFO, not a file"),
-        ("loop.nc", "leads back to itself"),
-        ("dangling.nc", "link to nowhere.nc, which does not exist"),
-        ("absent.nc", "does not exist; give a NetCDF, GRIB or Zarr file"),
-        ("*.grib", "no file matches the pattern"),
-        ("x" * 300, "too long"),
-    ):
-        assert part in refusal(f"{tmp_path}/{name}")
-    assert "is a device" in refusal("/dev/zero")
-
-
 def test_a_folder_that_is_no_store_is_not_searched(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -27,9 +27,8 @@ from pipeline.sources.copernicus.adapter import Copernicus
 from pipeline.sources.copernicus.client import AnswerLog
 from pipeline.stages.fetch import fetch
 from tests.loopback_store import world
-from tests.loopback_store.fault_table import clients_of, inject
-from tests.loopback_store.ocean import Ocean
-from tests.loopback_store.rows import ROWS, Row
+from tests.loopback_store.datasets import Ocean
+from tests.loopback_store.fault_table import ROWS, Row, clients_of, inject
 from tests.loopback_store.server import PASSWORD, USERNAME, Fault
 from tests.loopback_store.world import LAND, REGION, TOLERANCE_M_S, connected, season, spec
 from tests.pipeline.conftest import ACROSS_BOX

@@ -511,14 +511,6 @@ def test_measured_coordinates_are_read(tmp_path: Path) -> None:
 # --- what is no file ----------------------------------------------------------------------------
 
 
-def test_what_would_block_or_never_end_is_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "fifo.geojson")
-    (tmp_path / "link.geojson").symlink_to("fifo.geojson")
-    for path in (tmp_path / "fifo.geojson", tmp_path / "link.geojson"):
-        assert "is a FIFO, not a file" in refusal(path)
-    assert "is a device, not a file" in refusal("/dev/zero")
-
-
 def test_a_sidecar_file_that_would_block_is_refused(tmp_path: Path) -> None:
     file = mutations.make_charts(tmp_path, None)[".shp"]
     file.with_suffix(".dbf").unlink()
