@@ -102,7 +102,7 @@ def test_an_output_that_cannot_be_a_folder(
     assert set(tmp_path.iterdir()) == before
 
 
-@pytest.mark.gate_share(12)
+@pytest.mark.gate_share(10)
 @pytest.mark.parametrize(
     ("path", "said"),
     [
@@ -113,7 +113,6 @@ def test_an_output_that_cannot_be_a_folder(
         ("/dev/null", "is a device"),
         ("./pipe", "is a FIFO"),
         ("./link", "is a FIFO"),
-        ("./dangling", "link to nowhere, which does not exist"),
         ("./loop", "leads back to itself"),
         ("./none", "does not exist"),
     ],
@@ -123,7 +122,7 @@ def test_a_path_in_a_scenario_that_cannot_be_read(
     tmp_path: Path, key: str, path: str, said: str
 ) -> None:
     os.mkfifo(tmp_path / "pipe")
-    for name, target in (("link", "pipe"), ("dangling", "nowhere"), ("loop", "loop")):
+    for name, target in (("link", "pipe"), ("loop", "loop")):
         (tmp_path / name).symlink_to(target)
     quoted, chart, currents = json.dumps(path), '"osm-land"', '"embedded-palawan"'
     if key.startswith("chart"):

@@ -243,6 +243,12 @@ def test_damage_to_values_is_refused_when_they_are_read(tmp_path: Path, damage: 
         source.current(REGION, season, Land((), (), 0.0), tmp_path)
 
 
+def test_a_link_to_nothing_is_refused_with_what_it_leads_to(tmp_path: Path) -> None:
+    (tmp_path / "dangling.nc").symlink_to("nowhere.nc")
+    said = refusal(tmp_path / "dangling.nc")
+    assert "link to nowhere.nc, which does not exist" in said
+
+
 def test_a_folder_that_is_no_store_is_not_searched(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
