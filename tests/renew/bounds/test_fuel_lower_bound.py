@@ -103,7 +103,7 @@ def test_no_direction_at_any_place_breaks_the_inequality(name: str, drift: Drift
         front.advance(grid.wet)
         front.relax()
     front.advance(grid.wet)
-    time, rate = front.known, front.rates
+    time, rate = front.rise.time, front.rates
     angle = np.linspace(0, 2 * np.pi, 180, endpoint=False)
     tangents = np.column_stack([np.cos(angle), np.sin(angle)])
     shares = rng.dirichlet(np.ones(3), 12)

@@ -19,14 +19,15 @@ from renew._types import FloatArray, IntArray
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import dual_graph, visits
 from renew.classes.h_signature import Rays
-from renew.classes.k_best_paths import k_best_paths, time_to_go
-from renew.classes.reduced_rows import (
+from renew.classes.k_best_paths import (
     RayColumns,
     SearchTask,
     first_row,
+    k_best_paths,
     no_words,
     number_of_classes,
     row_after,
+    time_to_go,
     triangles_of,
 )
 from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap

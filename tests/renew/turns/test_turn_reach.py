@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from renew.inputs.current import CurrentStatistics, TabulatedCurrent
-from renew.turns.contingency import fly_turns
+from renew.turns.contingency import TurnsBegun, fly_turns
 from renew.turns.turn_reach import (
     HEADING_SPREAD,
     MAX_DEVIATIONS,
@@ -125,9 +125,11 @@ def test_quantiles_far_in_the_tail_hold_for_millions_of_random_draws(risk: float
             np.sin(heading),
             speed * np.cos(towards),
             speed * np.sin(towards),
+            PAPER_VESSEL.speed,
+            PAPER_VESSEL.turn_rate,
         )
         reach = np.empty(draws)
-        reach_along(normals[at], turns, PAPER_VESSEL.speed, PAPER_VESSEL.turn_rate, reach)
+        reach_along(normals[at], turns, reach)
         share = float((reach > quantile[at]).mean())
         assert 0.4 * risk <= share <= risk + 3 * math.sqrt(risk / draws)
 
@@ -139,9 +141,10 @@ def test_no_turn_gets_further_than_its_bound(seed: int) -> None:
     table = StreamFunctionCurrent(seed, 0.9).table((0.0, 0.0, SIZE, SIZE))
     points, course = rng.uniform(0, SIZE, (100, 2)), rng.uniform(-math.pi, math.pi, 100)
     deviations = MAX_DEVIATIONS * rng.choice([-1.0, 0.0, 1.0], (100, 6, 2))
-    tracks = fly_turns(
-        points, course, TabulatedCurrent(table), PAPER_VESSEL, deviations, np.zeros(100)
+    begun = TurnsBegun(
+        points, course, np.zeros(len(points)), np.full(len(points), PAPER_VESSEL.speed)
     )
+    tracks = fly_turns(begun, TabulatedCurrent(table), PAPER_VESSEL, deviations)
     furthest = np.linalg.norm(tracks - points[:, None, None], axis=-1).max(axis=(1, 2))
     reach = TurnReach.of(table, PAPER_VESSEL)(points)
     assert (furthest <= reach).all()
