@@ -7,7 +7,6 @@ from hypothesis import given, strategies as st
 
 from pipeline.errors import RequestError
 from pipeline.voyage.positions import Position, halves, joined, read_position
-from tests.pipeline.voyage.waters import scenario_of
 
 longitudes = st.floats(-180, 180).map(lambda degrees: round(degrees, 6))
 latitudes = st.floats(-90, 90).map(lambda degrees: round(degrees, 6))
@@ -114,12 +113,6 @@ def test_minus_before_zero_degrees_counts() -> None:
 def test_what_can_not_be_read_says_why(text: str, reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         read_position(text)
-
-
-def test_both_positions_are_reported_at_once() -> None:
-    with pytest.raises(RequestError) as caught:
-        scenario_of({"start": "here", "goal": "120.3,95", "vessel": "usv-7m", "month": ["2024-07"]})
-    assert [fault.split(" =")[0] for fault in caught.value.faults] == ["start", "goal"]
 
 
 def ends(*words: str) -> tuple[Position, Position]:
