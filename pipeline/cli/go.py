@@ -13,7 +13,7 @@ from pipeline.cli.terminal import say
 from pipeline.errors import Faults, StageError
 from pipeline.serve.options import ServerOptions
 from pipeline.underway.request import UnderWayRequest
-from pipeline.voyage.positions import EXAMPLES, halves
+from pipeline.voyage.readers import EXAMPLES, halves
 from pipeline.voyage.request import VoyageRequest, read_voyage
 from pipeline.voyage.table import read, spelling
 
