@@ -20,27 +20,39 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import without_dead_ends
 from renew.classes.legs import Mesh, legs_between
 from renew.classes.triangulation import Triangulation
-from renew.kernels.current_table import CurrentTable
-from renew.kernels.searches import number_below, number_up_to
+from renew.kernels.current_table import CurrentTable, number_below, number_up_to
 from renew.voyage.voyage import Voyage
 
-# Numbers of cells: in still water; in small eddies; per triangle; at most; and the number from
-# which legs lead in more directions.
-_SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 22_500, 20, 40_000, 5_000
+# Number of cells in still water.
+_SMOOTH = 1_024
+# Least number of cells in small eddies.
+_EDDIES = 22_500
+# Number of cells per triangle.
+_PER_TRIANGLE = 20
+# Largest number of cells for many triangles.
+_MAX_CELLS = 40_000
+# Number of cells from which legs lead in more directions.
+_MANY = 5_000
 # In smooth currents, cells per node of the coarsest table that is fine enough.
 _PER_NODE = 0.1
-# For a finer search beside a path: factor by which nodes stand closer together, and half the width
-# of the tube of water around the path, in cells.
-_CLOSER, _TUBE = 4, 8.0
-START, GOAL = 0, 1
-"""Numbers of the start's and the goal's node."""
-# A passing edge shorter than the first number, in cells, has the second number of gates; a longer
-# edge has one, so that legs lead wherever triangles do. Number of nearest nodes to which a gate is
-# joined, itself included.
-_GATE_LENGTH, _GATES, _NEAREST = 3.0, 3, 17
-# Least number of cells between start and goal, and the factor by which cells grow from one to the
-# next outside, where the grid is coarser.
-_WAY_CELLS, _GROWTH = 16, 1.15
+# Factor by which nodes stand closer together in a finer search beside a path.
+_CLOSER = 4
+# Half the width of the tube of water around that path, in cells.
+_TUBE = 8.0
+START = 0
+"""Number of the start's node."""
+GOAL = 1
+"""Number of the goal's node."""
+# Length in cells below which a passing edge has _GATES gates; a longer edge has one, so that legs
+# lead wherever triangles do.
+_GATE_LENGTH = 3.0
+_GATES = 3
+# Number of nearest nodes to which a gate is joined, itself included.
+_NEAREST = 17
+# Least number of cells between start and goal.
+_WAY_CELLS = 16
+# Factor by which cells grow from one to the next outside of these, where the grid is coarser.
+_GROWTH = 1.15
 
 
 class Resolution(NamedTuple):

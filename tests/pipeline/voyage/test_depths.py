@@ -74,24 +74,6 @@ def test_routes_keep_off_shallow_cells_and_uncharted_depth_is_reported(
     assert metrics(again.directory) == rows
 
 
-def test_depths_need_a_draught_and_a_file_that_has_them(tmp_path: Path, chart: Path) -> None:
-    (tmp_path / "text.nc").write_text("no depths")
-    for draught, name, reason in (
-        ("", "text.nc", "vessel.draught_m is missing, and chart.depths needs it"),
-        ("2m", "absent.nc", "absent.nc' does not exist; give a GEBCO or EMODnet grid"),
-        ("2m", "text.nc", "chart.depths: text.nc: it is neither NetCDF, Zarr nor GRIB"),
-    ):
-        with pytest.raises(RequestError) as caught:
-            pipeline.go(
-                START, GOAL, vessel=VesselFigures("8kn", "12m", "40m", draught),
-                currents=("still",), charts=chart, depths=tmp_path / name,
-                output=tmp_path / "outputs",
-            )  # fmt: skip
-        (fault,) = caught.value.faults
-        assert reason in fault
-    assert not (tmp_path / "outputs").exists()
-
-
 def test_a_start_in_shallow_water_is_refused_with_the_nearest_deep_water(
     tmp_path: Path, chart: Path
 ) -> None:

@@ -133,12 +133,6 @@ def test_what_can_not_be_read_says_why(text: str, reason: str) -> None:
         read_position(text)
 
 
-def test_both_positions_are_reported_at_once() -> None:
-    with pytest.raises(RequestError) as caught:
-        scenario_of({"start": "here", "goal": "120.3,95", "vessel": "usv-7m", "month": ["2024-07"]})
-    assert [fault.split(" =")[0] for fault in caught.value.faults] == ["start", "goal"]
-
-
 def ends(*words: str) -> tuple[Position, Position]:
     start, goal = map(read_position, halves(words))
     return joined(start, goal)
