@@ -82,17 +82,6 @@ def test_padding_grows_until_turns_are_clear() -> None:
     )
 
 
-def test_a_blocked_class_has_no_route_but_a_cost_without_padding() -> None:
-    walls = [box(0, 45, 47, 55), box(53, 45, 100, 55)]
-    chart = renew.Chart(box(0, 0, 100, 100), walls)
-    planner = planner_of(voyage_on(chart, (50.0, 10.0), (50.0, 90.0)), 3.2)
-    [channel] = planner.problem.enumerator(0.0).channels(5)
-    with pytest.raises(InfeasibleError, match=r"the gap is 6\.00 m wide") as caught:
-        planner.find(channel)
-    assert caught.value.strait is not None
-    assert planner.unpadded_fuel(channel) == pytest.approx(80, rel=1e-3)
-
-
 def test_a_current_as_strong_as_the_vessel_on_every_path_is_refused() -> None:
     class Race(renew.CurrentField):
         """1.5 m/s against the passage in its middle, where the table's nodes see too little."""

@@ -93,20 +93,6 @@ def test_no_more_than_the_risk_exceed_the_quantile(seed: int, risk: float, count
     assert ((reaches >= found[:, None]).mean(axis=1) >= 0.8 * risk).all()
 
 
-def test_few_even_draws_spread_as_many_random_ones_do() -> None:
-    rng = np.random.default_rng(0)
-    few = np.quantile(TurnSampler(0, 4096).reaches(TURNS), 0.95, axis=1)
-    for row, normal, quantile in zip(ROW, NORMALS, few, strict=True):
-        draws = 100_000
-        speed = rng.normal(STATISTICS.speed[row], STATISTICS.speed_std[row], draws).clip(min=0)
-        towards = rng.normal(STATISTICS.direction[row], STATISTICS.direction_std[row], draws)
-        heading = COURSE[row] + rng.uniform(-HEADING_SPREAD, HEADING_SPREAD, draws)
-        current = speed[:, None] * np.column_stack([np.cos(towards), np.sin(towards)])
-        reach = turn_reach(PAPER_VESSEL, heading, current, normal)
-        tolerance = 0.02 * PAPER_VESSEL.turning_radius
-        assert quantile == pytest.approx(np.quantile(reach, 0.95), abs=tolerance)
-
-
 def test_draws_depend_on_the_seed_alone() -> None:
     one, same, other = (TurnSampler(seed, 100).reaches(TURNS) for seed in (1, 1, 2))
     assert (one == same).all()
