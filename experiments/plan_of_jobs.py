@@ -23,8 +23,10 @@ QUICK = ("single-gyre", "four-gyre")
 TIMED = "four-gyre"
 """Environment in which anytime planners also run with smaller budgets, for fuel against time."""
 
-# Share of an anytime planner's budget in a quick run, and the smaller ones of a full run.
-_QUICK_SHARE, _SHARES = 0.1, (0.03, 0.1, 0.3)
+# Share of an anytime planner's budget in a quick run.
+_QUICK_SHARE = 0.1
+# Smaller shares of its budget with which it also runs in a full run.
+_SHARES = (0.03, 0.1, 0.3)
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ from renew.vary.plan import plan, plan_departures
 from renew.voyage.fuel import fuel
 
 __version__ = "0.1.0"
-"""Also in pyproject.toml, CITATION.cff and the tag; tests/test_versions.py compares them."""
+"""Also in pyproject.toml, CITATION.cff and the tag; tests/test_architecture.py compares them."""
 
 __all__ = [
     "ArrivalError",

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from renew._types import FloatArray
-from renew.bounds.fuel_bound import FuelBound
+from renew.bounds.fuel_lower_bound import FuelBound
 from renew.classes.dual_graph import Channel, visits
 from renew.errors import (
     MomentSpelling,

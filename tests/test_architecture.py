@@ -1,9 +1,10 @@
-"""The walls of the house: who imports whom, what is declared, what the wheel holds."""
+"""The walls of the house: who imports whom, what is declared, what the wheel holds, its version."""
 
 from __future__ import annotations
 
 import itertools
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -14,7 +15,11 @@ from typing import Any
 
 import grimp
 import pytest
+import yaml
 from importlinter.cli import lint_imports
+
+import renew
+from tests.conftest import ROOT
 
 # Imported by none of our modules, and declared all the same.
 NEEDED_UNIMPORTED = {
@@ -153,3 +158,24 @@ def test_the_command_line_starts_without_the_heavy_libraries() -> None:
         [sys.executable, "-c", script], check=True, capture_output=True, text=True
     )
     assert set(done.stdout.split()) & HEAVY == set()
+
+
+def test_citation_and_changelog_have_the_version_and_its_date() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    releases = re.findall(
+        r"^## \[(\d+\.\d+\.\d+)\] - (\S+)$",
+        (ROOT / "CHANGELOG.md").read_text("utf-8"),
+        re.MULTILINE,
+    )
+    assert releases[0] == (renew.__version__, str(citation["date-released"]))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert citation["version"] == project["version"] == renew.__version__
+
+
+def test_a_tag_of_this_commit_is_the_version() -> None:
+    git = shutil.which("git")
+    if git is None or not (ROOT / ".git").exists():
+        pytest.skip("needs the repository")
+    command = [git, "tag", "--points-at", "HEAD", "--list", "v*"]
+    tags = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert set(tags.split()) <= {f"v{renew.__version__}"}

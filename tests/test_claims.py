@@ -1,32 +1,117 @@
-"""What the documents claim is what was measured, and what they name exists."""
+"""What the documents claim is what was measured, and what they name exists.
+
+Where each figure stands is in claims.toml, and what was measured in docs/figures/.
+"""
 
 from __future__ import annotations
 
 import csv
 import dataclasses
 import inspect
+import math
 import re
 import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from pydantic import BaseModel
 
 import renew
 from experiments.environments.model import Case, EnvironmentSpec
+from pipeline.findings.text import rounded_down, rounded_up
 from pipeline.nightly.config import CaseSpec, DepartureSpec, NightSpec, VoyageSpec
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.tides.fit import CONSTITUENTS
 from pipeline.sources.tides.station import OwnConstant, OwnStation
 from renew.inputs.options import Changes
-from tests import claims, column_reference, command_reference, scenario_reference
+from tests import column_reference, command_reference, scenario_reference
 from tests.bench.__main__ import SUITES
-from tests.bench.record import COLUMNS
+from tests.bench.figure import COLUMNS, FOLDER, recorded
+from tests.bench.history import HISTORY
 from tests.conftest import ROOT
-from tests.readme_table import BEGIN, END
+from tests.readme_table import BEGIN, END, METRICS
 from tests.test_docs import DOCUMENTS, FENCE, SHELL, SPAN
+
+QUOTES = tomllib.loads((ROOT / "tests" / "claims.toml").read_text("utf-8"))
+"""Texts (`quoted`) and figures that are measured by nobody (`given`), by page."""
+
+
+# Figures that are limits, by their names: the greatest that may be, and the least.
+_GREATEST = re.compile(r"gap|most|worst|above|dearest|beside|from_a_point|filled")
+_LEAST = re.compile(r"bound|clearance|least")
+
+
+class Limit(float):
+    """A figure that is written on its safe side: a greatest one rounded up, a least one down."""
+
+    is_greatest: bool
+
+    @classmethod
+    def of(cls, name: str, value: float) -> float:
+        """Return a figure as its name asks for it; as it is where it is no limit."""
+        if not (_GREATEST.search(name) or _LEAST.search(name)):
+            return value
+        limit = cls(value)
+        limit.is_greatest = _GREATEST.search(name) is not None
+        return limit
+
+    def __format__(self, spec: str) -> str:
+        """Write it with the decimals of a format such as .2f."""
+        digits = re.fullmatch(r",?\.(\d)f", spec)
+        if digits is None:
+            return format(float(self), spec)
+        rounded = rounded_up if self.is_greatest else rounded_down
+        return format(rounded(float(self), int(digits[1])), spec)
+
+
+def measured() -> list[Path]:
+    """Files of figures that a bench wrote for pages to quote."""
+    return [path for path in FOLDER.glob("*.csv") if path not in {METRICS, HISTORY}]
+
+
+def figures() -> dict[str, SimpleNamespace]:
+    """All recorded figures: by suite, and by their names in it."""
+    suites = {path.stem: recorded(path.stem) for path in measured()}
+    found = {
+        suite: SimpleNamespace(**{name: Limit.of(name, value) for name, value in rows.items()})
+        for suite, rows in suites.items()
+    }
+    return {**found, "palawan": _palawan(), "by_side": _by_side(recorded("sides"))}
+
+
+def _by_side(measured: dict[str, float]) -> SimpleNamespace:
+    """Of each case of `sides` the fuel west and east about, or "shut"; as `CASE_best` the side."""
+    texts: dict[str, str] = {}
+    for case in {name.rsplit("_", 1)[0] for name in measured if name.endswith("_west")}:
+        fuel = {side: measured.get(f"{case}_{side}", math.inf) for side in ("west", "east")}
+        shown = ["shut" if math.isinf(one) else _fuel(one) for one in fuel.values()]
+        texts |= {case: ", ".join(shown), f"{case}_best": min(fuel, key=fuel.__getitem__)}
+    return SimpleNamespace(**texts)
+
+
+def _fuel(value: float) -> str:
+    """Fuel with a digit behind the point, but for that at true scale."""
+    return f"{value:.1f}" if value < 1e4 else f"{value:,.0f}"
+
+
+def _palawan() -> SimpleNamespace:
+    """The routes of palawan-season by season and rank."""
+    with METRICS.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return SimpleNamespace(
+        **{
+            f"{row['season']}_{row['rank']}": SimpleNamespace(
+                side=row["way"].split()[0],
+                per_distance=float(row["fuel_per_distance"]),
+                filled=Limit.of("filled", 100 * float(row["filled_share"])),
+            )
+            for row in rows
+        }
+    )
+
 
 # A figure that needs a source: with a decimal point or a thousands separator, or a percentage.
 FIGURE = re.compile(r"(?<![\w.:/-])\d+(?:[.,]\d+)+(?:e-\d+)?|(?<![\w.])\d+(?= %)")
@@ -61,12 +146,10 @@ def _text(document: str) -> str:
     return re.sub(r"\s+", " ", (ROOT / document).read_text("utf-8"))
 
 
-@pytest.mark.parametrize(
-    "document", [page for page in claims.PAGES if "quoted" in claims.PAGES[page]]
-)
+@pytest.mark.parametrize("document", [page for page in QUOTES if "quoted" in QUOTES[page]])
 def test_figures_are_those_that_a_bench_wrote(document: str) -> None:
-    text, figures = _text(document), claims.figures()
-    expected = [quoted.format(**figures) for quoted in claims.PAGES[document]["quoted"]]
+    text, known = _text(document), figures()
+    expected = [quoted.format(**known) for quoted in QUOTES[document]["quoted"]]
     missing = [quoted for quoted in expected if quoted not in text]
     assert missing == [], "as measured (docs/figures/), and so to be written on the page"
 
@@ -89,21 +172,19 @@ def test_figures_are_those_that_a_bench_wrote(document: str) -> None:
 def test_limits_are_written_on_their_safe_side(
     name: str, value: float, spec: str, written: str
 ) -> None:
-    assert f"{claims.Limit.of(name, value):{spec}}" == written
+    assert f"{Limit.of(name, value):{spec}}" == written
 
 
 def test_no_limit_is_written_as_if_it_were_a_plain_figure() -> None:
     """Every figure behind such words on a page is a limit by its name."""
     words = r"(?:at most|at least|up to|no less than|less than|above|within) (?:the )?"
-    texts = [one for page in claims.PAGES.values() for one in page.get("quoted", ())]
+    texts = [one for page in QUOTES.values() for one in page.get("quoted", ())]
     named = [name for one in texts for name in re.findall(words + r"\{\w+\.(\w+):\.\d", one)]
     assert len(named) >= 5
-    assert [name for name in named if claims.Limit.of(name, 1.0).__class__ is float] == []
+    assert [name for name in named if Limit.of(name, 1.0).__class__ is float] == []
 
 
-@pytest.mark.parametrize(
-    "document", [page for page in claims.PAGES if "given" in claims.PAGES[page]]
-)
+@pytest.mark.parametrize("document", [page for page in QUOTES if "given" in QUOTES[page]])
 def test_no_figure_stands_there_without_a_source(document: str) -> None:
     """The given text is what is left without tables of runs, code and quoted texts."""
     text = (ROOT / document).read_text("utf-8")
@@ -111,17 +192,17 @@ def test_no_figure_stands_there_without_a_source(document: str) -> None:
         before, rest = text.split(BEGIN)
         text = before + rest.split(END, 1)[1]
     text = re.sub(r"\s+", " ", re.sub(r"\]\([^)]*\)", "]", FENCE.sub("", text)))
-    figures = claims.figures()
-    for quoted in claims.PAGES[document].get("quoted", ()):
-        text = text.replace(quoted.format(**figures), "")
-    given = {figure.removesuffix(" %") for figure in claims.PAGES[document]["given"]}
+    known = figures()
+    for quoted in QUOTES[document].get("quoted", ()):
+        text = text.replace(quoted.format(**known), "")
+    given = {figure.removesuffix(" %") for figure in QUOTES[document]["given"]}
     found = {figure.rstrip(".,") for figure in FIGURE.findall(text)}
     versions = {figure for figure in found if re.fullmatch(r"3\.1\d|\d{4}\.\d{5}", figure)}
     assert found - versions <= given, "give it in tests/claims.toml, or better measure it"
 
 
 def test_each_measured_figure_has_its_date_and_commit() -> None:
-    for path in claims.measured():
+    for path in measured():
         assert path.stem in SUITES
         with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
@@ -140,7 +221,7 @@ def test_claims_name_suites_tests_and_dates_that_exist() -> None:
     assert {name for names in suites for name in names.split()} <= SUITES.keys()
     for file, name in re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text):
         assert f"def {name}(" in (ROOT / file).read_text("utf-8"), f"{file}::{name}"
-    dates = {row["measured"] for path in claims.measured() for row in _rows(path)}
+    dates = {row["measured"] for path in measured() for row in _rows(path)}
     assert set(re.findall(r"\b20\d\d-\d\d-\d\d\b", text)) == dates
 
 

@@ -19,7 +19,7 @@ import pytest
 import shapely
 
 from pipeline.sources.current_field import Field
-from tests.bench.record import recorded
+from tests.bench.figure import recorded
 from tests.pipeline.sources.cf.grib_files import write_grib
 from tests.pipeline.synthetic_currents import dataset, sea
 

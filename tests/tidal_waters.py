@@ -14,6 +14,7 @@ import renew
 from renew._types import BoolArray, FloatArray
 from renew.inputs.openings import ReliedOnTide
 from tests.clock_oracle import earliest_arrival, sailed, tighten
+from tests.flights import positions
 from tests.oracles import STENCIL_RADIUS
 from tests.strategies import PAPER_VESSEL, Scene, random_scene
 
@@ -95,26 +96,17 @@ class TidalScene(Scene[renew.CurrentField]):
         to each side; the tide relied on must exceed the need wherever it is.
         """
         tide = ReliedOnTide(self.depth.tide, self.depth.surge, self.depth.lag)  # type: ignore[arg-type]
-        track, begin = route.trajectory, route.times[0]
-        along = np.arange(track[0, 0], track[-1, 0], 60.0)
-        place = np.stack([np.interp(along, track[:, 0], track[:, k]) for k in (1, 2, 3)], axis=1)
-        starts = [
-            (along + share * LATENESS * (along - begin), side)
-            for share in (-1.0, 0.0, 1.0)
-            for side in (1.0, -1.0)
-        ]
-        is_low = np.zeros((len(starts), len(along)), dtype=bool)
-        step = self.vessel.turn_period / 60
-        for low, (begun, side) in zip(is_low, starts, strict=True):
-            position, heading, time = place[:, :2].copy(), place[:, 2].copy(), begun.copy()
-            for _ in range(62):
+        begin, end = route.trajectory[[0, -1], 0]
+        along = np.arange(begin, end, 60.0)
+        late = LATENESS * (along - begin)
+        sides = list(itertools.product((-1.0, 0.0, 1.0), (1.0, -1.0)))
+        is_low = np.zeros((len(sides), len(along)), dtype=bool)
+        for low, (share, side) in zip(is_low, sides, strict=True):
+            flight = positions(route, self, along, share * late, side, self.vessel.turn_period / 60)
+            for position, time in flight:
                 heights = tide.heights(time)
                 for area, need in zip(self.depth.areas, self.depth.needs, strict=True):
                     low[shapely.contains_xy(area, position) & (heights < need - _ROUNDING)] = True
-                through = self.vessel.speed * np.column_stack([np.cos(heading), np.sin(heading)])
-                position = position + step * (through + self.current.velocity(position, time))
-                heading = heading + side * self.vessel.turn_rate * step
-                time += step
         return int(is_low.sum()), is_low.size
 
     def is_in_time_for_water(self, path: FloatArray) -> bool:

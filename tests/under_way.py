@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import shapely
@@ -33,54 +33,16 @@ RENEWED_S = 30.0
 _TRUE, _ERROR, _FULL_LEAD_S = 0.45, 0.3, 200.0
 # Time (s) between two slices of a current, and its nodes along either axis.
 _SLICE_S, _NODES = 20.0, 41
-
-
-@dataclass(frozen=True)
-class Pace:
-    """Scales of a voyage in s and m.
-
-    Steps of the clock and of a path; how far ahead the vessel looks along its path, how far its
-    place on it is looked for, and the distance at which the goal is reached; time between two
-    forecasts, and how long the voyage may take.
-    """
-
-    step_s: float = 0.25
-    along_m: float = 0.5
-    sight_m: float = 5.0
-    window_m: float = 25.0
-    arrived_m: float = 1.5
-    renewed_s: float = RENEWED_S
-    horizon_s: float = HORIZON_S
-
-
-class Sea(Protocol):
-    """A chart, a vessel, the true current as function and as field, and its forecasts."""
-
-    @property
-    def chart(self) -> renew.Chart:
-        """The chart."""
-
-    @property
-    def craft(self) -> renew.Vessel:
-        """The vessel."""
-
-    @property
-    def pace(self) -> Pace:
-        """The scales of the voyage."""
-
-    @property
-    def eddies(self) -> Flow:
-        """The true current at points (..., 2) and times (...), as it is sailed."""
-
-    @property
-    def truth(self) -> renew.CurrentField:
-        """The true current, on a grid as forecasts are."""
-
-    def forecast(self, issued: float) -> renew.CurrentField:
-        """Return the forecast issued at a time (s)."""
-
-    def plan(self, current: renew.CurrentField) -> renew.Plan:
-        """Plan the voyage at time 0."""
+# Step of the clock, s.
+_STEP_S = 0.25
+# Step of a path, m.
+_ALONG_M = 0.5
+# How far ahead the vessel looks along its path, m.
+_SIGHT_M = 5.0
+# How far ahead its place on its path is looked for, m.
+_WINDOW_M = 25.0
+# Distance at which the goal is reached, m.
+_ARRIVED_M = 1.5
 
 
 @dataclass(frozen=True)
@@ -90,8 +52,6 @@ class Waters:
     seed: int
     chart: renew.Chart
     eddies: Drifting
-    craft: renew.Vessel = PAPER_VESSEL
-    pace: Pace = Pace()
 
     @classmethod
     def of(cls, seed: int) -> Waters:
@@ -141,7 +101,7 @@ def _gridded(field: Flow) -> renew.VaryingCurrent:
 class Vessel:
     """Where the vessel is (2,), m, when, s, and on which heading, rad; with its track so far."""
 
-    sea: Sea
+    sea: Waters
     at: FloatArray
     time: float
     heading: float
@@ -149,7 +109,7 @@ class Vessel:
     has_arrived: bool = False
 
     @classmethod
-    def at_start(cls, sea: Sea, route: renew.Route) -> Vessel:
+    def at_start(cls, sea: Waters, route: renew.Route) -> Vessel:
         """Return the vessel where a route begins, on its first heading."""
         time, x, y, heading = route.trajectory[0]
         at = np.array([x, y])
@@ -157,22 +117,21 @@ class Vessel:
 
     def sail(self, path: FloatArray, until: float) -> None:
         """Follow a path (n, 2) in the true current until a time (s) or the goal."""
-        pace = self.sea.pace
-        line = shapely.segmentize(shapely.LineString(path), pace.along_m)
+        line = shapely.segmentize(shapely.LineString(path), _ALONG_M)
         points = shapely.get_coordinates(line)
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         place = 0
         while self.time < until and not self.has_arrived:
-            window = slice(place, int(np.searchsorted(along, along[place] + pace.window_m)) + 1)
+            window = slice(place, int(np.searchsorted(along, along[place] + _WINDOW_M)) + 1)
             place += int(np.linalg.norm(points[window] - self.at, axis=1).argmin())
-            ahead = int(np.searchsorted(along, along[place] + pace.sight_m))
+            ahead = int(np.searchsorted(along, along[place] + _SIGHT_M))
             self._steer(points[min(ahead, len(points) - 1)])
             self.track.append(self.at)
-            self.has_arrived = bool(np.linalg.norm(self.at - path[-1]) < pace.arrived_m)
+            self.has_arrived = bool(np.linalg.norm(self.at - path[-1]) < _ARRIVED_M)
 
     def _steer(self, towards: FloatArray) -> None:
         """Turn towards a point (2,), and move for one step of the clock."""
-        truth, craft, step_s = self.sea.eddies, self.sea.craft, self.sea.pace.step_s
+        truth, craft, step_s = self.sea.eddies, PAPER_VESSEL, _STEP_S
         course = (towards - self.at) / max(float(np.linalg.norm(towards - self.at)), 1e-9)
         current = truth(self.at, np.asarray(self.time))
         across = float(course[0] * current[1] - course[1] * current[0])
@@ -199,27 +158,27 @@ class Outcome:
     without_way: int = 0
 
 
-def sailed(sea: Sea, plan: renew.Plan) -> Outcome:
+def sailed(sea: Waters, plan: renew.Plan) -> Outcome:
     """Sail a plan's best path as it is, without planning again."""
     vessel = Vessel.at_start(sea, plan.best)
-    vessel.sail(plan.best.path, sea.pace.horizon_s)
+    vessel.sail(plan.best.path, HORIZON_S)
     return _outcome(vessel)
 
 
-def replanned(sea: Sea, plan: renew.Plan) -> Outcome:
+def replanned(sea: Waters, plan: renew.Plan) -> Outcome:
     """Sail a plan, and plan again in each new forecast."""
     vessel = Vessel.at_start(sea, plan.best)
     switches = without_way = 0
-    issued = sea.pace.renewed_s
+    issued = RENEWED_S
     vessel.sail(plan.best.path, issued)
-    while not vessel.has_arrived and issued < sea.pace.horizon_s - sea.pace.renewed_s:
+    while not vessel.has_arrived and issued < HORIZON_S - RENEWED_S:
         answer = renew.replan(
             plan, vessel.at, vessel.time, heading=vessel.heading, current=sea.forecast(issued)
         )
         switches += answer.answer == "switched"
         without_way += answer.answer == "no way"
         plan = answer.plan or plan
-        issued += sea.pace.renewed_s
+        issued += RENEWED_S
         vessel.sail(plan.best.path, issued)
     return _outcome(vessel, switches, without_way)
 

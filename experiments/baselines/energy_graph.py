@@ -20,10 +20,14 @@ from experiments.baselines.grid_a_star import shifted
 from experiments.baselines.with_fuel import quickest
 from renew._types import BoolArray, FloatArray, IntArray
 
-# Number of cells of the grid along the longer side, and of cells that a leg spans along an axis.
-_CELLS, _REACH = 150, 3
-# Places on a leg at which the current is taken: its ends and its middle, by Simpson's rule.
-_PLACES, _WEIGHTS = (0.0, 0.5, 1.0), (1 / 6, 4 / 6, 1 / 6)
+# Number of cells of the grid along the longer side.
+_CELLS = 150
+# Largest number of cells that a leg spans along an axis.
+_REACH = 3
+# Places on a leg at which the current is taken, by Simpson's rule: its ends and its middle.
+_PLACES = (0.0, 0.5, 1.0)
+# Their weights.
+_WEIGHTS = (1 / 6, 4 / 6, 1 / 6)
 
 
 def energy_graph(task: Task) -> list[Candidate]:

@@ -21,8 +21,10 @@ from renew.kernels.ground_speed import Polar
 
 # Number of cells of the grid along the longer side.
 _CELLS = 400
-# Length of a step back, in cells, and number of directions that are tried.
-_STEP, _DIRECTIONS = 2.0, 180
+# Length of a step back, in cells.
+_STEP = 2.0
+# Number of directions that are tried.
+_DIRECTIONS = 180
 # Number of steps, as a multiple of those straight across the chart, after which it gives up.
 _DETOUR = 20
 

@@ -10,10 +10,12 @@ from experiments.baselines.candidate import Baseline
 
 Group = Literal["ours", "paper", "fuel"]
 
-# Calls after which a tree gives up. OMPL has no index of poses, so the time of a tree of them grows
-# with its square: RRT*-D needs 3 to 20 s up to its first solution on real charts, 2,700 to 10,300
-# calls; with all of these some 25 s.
-_TREE, _DUBINS_TREE = 200_000, 12_000
+# Calls after which a tree of points gives up.
+_TREE = 200_000
+# Calls after which a tree of poses gives up. OMPL has no index of poses, so the time of such a tree
+# grows with its square: RRT*-D needs 3 to 20 s up to its first solution on real charts, 2,700 to
+# 10,300 calls; with all of these some 25 s.
+_DUBINS_TREE = 12_000
 
 
 @dataclass(frozen=True, slots=True)

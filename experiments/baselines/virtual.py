@@ -33,9 +33,11 @@ _pointer: Any = types.CPointer
 _typeof: Any = numba.typeof
 # A state of a vector space: a table of virtual functions, then its coordinates.
 _STATE = _pointer(_pointer(types.float64))
-# Words that are copied of a table: more than the classes here have. It begins with an offset and
-# the type, and objects refer to the first function.
-_TABLE, _HEAD = 64, 2
+# Words that are copied of a table: more than the classes here have.
+_TABLE = 64
+# Words at a table's beginning, an offset and the type: objects refer to the first function, behind
+# them.
+_HEAD = 2
 # Bytes of an object of nanobind before the C++ object, or before the pointer to it.
 _WRAPPER = 24
 # What OMPL refers to must outlive it; a process runs one job.

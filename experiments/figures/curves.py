@@ -18,9 +18,15 @@ from renew.turns.turn_reach import turn_reach
 
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00")
 
-# The current (m/s) of the example, at 45 degrees to the edge; its spread of speed (share) and of
-# direction (rad), and draws. Ours: the inputs of the published example are not in the paper.
-_SPEED, _SPEED_SPREAD, _DIRECTION_SPREAD, _DRAWS = 0.30, 0.1, np.radians(10), 20_000
+# The example's inputs are ours: those of the published one are not in the paper.
+# Its current at 45 degrees to the edge, m/s.
+_SPEED = 0.30
+# Spread of the current's speed, as a share of it.
+_SPEED_SPREAD = 0.1
+# Spread of the current's direction, rad.
+_DIRECTION_SPREAD = np.radians(10)
+# Number of draws.
+_DRAWS = 20_000
 _RISK = 0.05
 # Marks on the axis of fuel beside ours, percent.
 _PERCENTS = (-0.5, 0, 0.5, 1, 2, 5)

@@ -15,7 +15,7 @@ from pipeline.findings.text import distance, fuel
 from pipeline.formats.figures import chart_map, season_map
 from pipeline.formats.palette import COLOURS
 from renew.classes.triangulation import Triangulation, triangulate
-from renew.turns.contingency import fly_turns
+from renew.turns.contingency import TurnsBegun, fly_turns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,12 @@ CLASS_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 _CHANNEL_ALPHA = 0.3
 
 _MAX_WINDOWS = 3
-_GAP_PT, _BAR_PT, _CORNER_PT = 12.0, 26.0, 9.0
+# Gap between two windows.
+_GAP_PT = 12.0
+# Height of the bar below the windows.
+_BAR_PT = 26.0
+# Distance of a window's number from its corner.
+_CORNER_PT = 9.0
 # Half width of a window, as a factor on the padding and turns that it shows.
 _WINDOW_FACTOR = 1.4
 # Minimum distance between windows, as a share of the route: closer ones would show the same coast.
@@ -250,17 +255,15 @@ def _turns(ranked: RankedRoute, along: FloatArray) -> FloatArray:
         [_point_at(ranked.route, at + step) - _point_at(ranked.route, at - step) for at in along]
     )
     passed = np.cumsum(np.linalg.norm(np.diff(ranked.route.path, axis=0), axis=1))
-    return fly_turns(
+    leg = np.minimum(np.searchsorted(passed, along, "right"), len(passed) - 1)
+    begun = TurnsBegun(
         points,
         np.arctan2(ahead[:, 1], ahead[:, 0]),
-        ranked.case.case.current,
-        ranked.case.case.vessel,
-        np.zeros((1, 1, 2)),
         np.interp(along, np.append(0.0, passed), ranked.route.times),
-        speeds=ranked.route.speeds[
-            np.minimum(np.searchsorted(passed, along, "right"), len(passed) - 1)
-        ],
+        ranked.route.speeds[leg],
     )
+    case = ranked.case.case
+    return fly_turns(begun, case.current, case.vessel, np.zeros((1, 1, 2)))
 
 
 def _draw_number(axes: Axes, position: FloatArray, number: int) -> None:

@@ -15,9 +15,12 @@ from experiments.kernels.compiled import compiled
 from renew._types import FloatArray
 from renew.kernels.current_table import CurrentTable, velocity
 
-# Gauss-Legendre nodes and weights of a piece of a leg, and the largest number of pieces along the
-# longer side of the chart.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+_RULE = np.polynomial.legendre.leggauss(4)
+# Gauss-Legendre nodes of a piece of a leg, from -1 to 1.
+_NODES = _RULE[0]
+# Their weights.
+_WEIGHTS = _RULE[1]
+# Largest number of pieces along the longer side of the chart.
 _PIECES = 64
 
 

@@ -22,8 +22,11 @@ from renew.kernels.capsules import Segment, capsule_interval, segment_distance
 BARE = -1.0
 """Padding of an edge that may be passed at any distance, but not touched."""
 
-# Number of cells of the buckets' grid for each edge, and at most.
-_CELLS_PER_EDGE, _MAX_CELLS = 8, 1_000_000
+# Number of cells of the buckets' grid for each edge.
+_CELLS_PER_EDGE = 8
+# Largest number of cells of that grid.
+_MAX_CELLS = 1_000_000
+# Least number of cells of that grid.
 _MIN_CELLS = 400
 # Share of the distance of start or goal to an edge that its padding may have.
 _SHORT = 1 - 1e-6

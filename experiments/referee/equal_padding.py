@@ -18,7 +18,8 @@ from renew.voyage.voyage import Voyage
 
 Paddings: TypeAlias = dict[tuple[float, ...], float]
 
-_RISK, _SEED = renew.PlanOptions.risk, renew.PlanOptions.seed
+_RISK = renew.PlanOptions.risk
+_SEED = renew.PlanOptions.seed
 
 
 def equal_padding(plan: renew.Plan, voyage: Voyage, clearance: float = 0.0) -> FloatArray:

@@ -12,7 +12,7 @@ import renew
 from renew._types import FloatArray
 from renew.errors import InfeasibleError
 from renew.steering.trajectory import steer
-from renew.turns.contingency import contingency, fly_turns, stations
+from renew.turns.contingency import TurnsBegun, contingency, fly_turns, stations
 from renew.voyage.voyage import Voyage
 
 # Ends of a path may be off the voyage's by this share of its length: rounding.
@@ -125,7 +125,9 @@ def one_turn_a_station(
     points, course = stations(np.asarray(path, dtype=float), spacing)
     rng = np.random.default_rng(seed)
     side = rng.integers(0, 2, len(points))
-    tracks = fly_turns(points, course, current, vessel, np.zeros((1, 1, 2)), np.zeros(len(points)))
+    speeds = np.full(len(points), vessel.speed)
+    begun = TurnsBegun(points, course, np.zeros(len(points)), speeds)
+    tracks = fly_turns(begun, current, vessel, np.zeros((1, 1, 2)))
     flown = shapely.linestrings(tracks[np.arange(len(points)), side])
     if not chart.no_go:
         return 0, len(points)

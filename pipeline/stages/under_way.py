@@ -51,8 +51,13 @@ def scenario_before(voyage: UnderWay) -> Scenario:
     """
     finished = finished_season(Path(voyage.results), voyage.season)
     file, ran = finished.folder / "scenario.toml", finished.scenario
-    scenario = load_scenario(str(file))
-    now = json.loads(json.dumps(without_folders(json_value(scenario.model_dump(mode="json")))))
+    scenario = departed = load_scenario(str(file))
+    # The file leaves a departure open that the run has chosen.
+    for season, as_run in zip(scenario.seasons, ran["seasons"], strict=False):
+        if season.leaves_departure_open and as_run["departure"]:
+            begin = datetime.fromisoformat(as_run["departure"])
+            departed = departed.departing(season.name, begin, as_run["name"])
+    now = json.loads(json.dumps(without_folders(json_value(departed.model_dump(mode="json")))))
     if edited := [key for key in now if key not in _MAY_DIFFER and now[key] != ran.get(key)]:
         raise RequestError(
             f"RESULTS: {shown(file)} has another {', '.join(edited)} than the scenario that was "

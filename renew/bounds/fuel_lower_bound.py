@@ -83,10 +83,20 @@ is exact in free water. Where land is in the way, the grid's φ is mostly better
 counts.
 
 Currents above v are no obstacle here: such water may be crossed, at no less than its true cost.
+
+A lower bound on the time from any place of the water to a haven (`HavenBound`) is this bound from
+the haven outwards in the opposite current: a way there, sailed backwards. φ(x) is then a bound for
+every x at once. In a current that changes no such equation holds backwards, because the time of
+arrival is not known (Vladimirsky, 2006). There the current at a place may be any in a ball that
+holds its currents of all hours: no vessel is faster over ground than in the best of these.
+
+A haven's grids are refined where φ is below `most`. A quicker way never leaves that water, because
+φ of the grid before bounds it, too: so min(φ, `most`) is a bound on the finer grid, too.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -95,8 +105,17 @@ from renew._compiled import kernel, reading_kernel
 from renew._types import BoolArray, FloatArray
 from renew.bounds.grids import ROUNDING, halved, in_hours, turned_round, whole_grid
 from renew.bounds.march import LEVELS, march, set_bends
-from renew.bounds.travel_time import BEYOND, Place, TravelGrid, locate, mean_times, solve, source
+from renew.bounds.travel_time import (
+    BEYOND,
+    PointInCell,
+    TravelGrid,
+    locate,
+    mean_times,
+    solve,
+    source,
+)
 from renew.inputs.current import UniformCurrent
+from renew.kernels.current_table import table_of
 from renew.voyage.voyage import Voyage
 
 # Least number of cells of the grid that is refined first.
@@ -105,10 +124,14 @@ _COARSE = 2_000
 _MAX_NODES = 6_000_000
 # Share of these nodes for which a grid is planned.
 _SPARE = 0.9
-# U, as a multiple of the time in the mean current, on the first grid and on finer ones.
-_SLACK, _CLOSE = 1.02, 1.001
-# Number of rounds on the finest grid, and on coarser grids, which only tell which cells count.
-_ROUNDS, _ROUNDS_BEFORE = 3, 2
+# U on the first grid, as a multiple of the time in the mean current.
+_SLACK = 1.02
+# The same on finer grids.
+_CLOSE = 1.001
+# Number of rounds on the finest grid.
+_ROUNDS = 3
+# Number of rounds on coarser grids, which only tell which cells count.
+_ROUNDS_BEFORE = 2
 # A bound above this share of U counts as limited by U.
 _ALL = 1 - 1e-9
 
@@ -203,15 +226,20 @@ def _on_grid(
             if proven > wanted:
                 return proven
         if back:
-            drop(counts, there, back, most)
+            # Cells through which no route quicker than `most` leads don't count from now on: (2).
+            drop_cells(counts, grid.wet, there.rise, back.rise, most)
         if not counts.any():
             return most
     return proven
 
 
 class Rise(NamedTuple):
-    """φ (s) by u: `reached` at even levels of u from `low` to `top`, and constant beyond."""
+    """φ (s) by u: `reached` at even levels of u from `low` to `top`, and constant beyond.
 
+    `time` (ny, nx), s, is u at the nodes of a grid.
+    """
+
+    time: FloatArray
     low: float
     top: float
     reached: FloatArray
@@ -227,7 +255,6 @@ class Front:
     time: FloatArray = field(init=False)
     dirty: BoolArray = field(init=False)
     stretch: FloatArray = field(init=False)
-    known: FloatArray = field(init=False)
     rates: FloatArray = field(init=False)
     rise: Rise = field(init=False)
 
@@ -243,14 +270,14 @@ class Front:
         # Nodes far beyond the goal need no exact time: any φ will do that obeys (1).
         corners = at_goal.corners(self.time)
         top = BEYOND * float(corners[np.isfinite(corners)].max(initial=0.0))
-        self.known = np.minimum(self.time, top)
-        _, low = u_range(self.known, self.grid.wet, at_start)
-        self.rates, reached = march(self.known, self.grid, counts, low, top)
-        self.rise = Rise(low, top, reached)
+        known = np.minimum(self.time, top)
+        _, low = u_range(known, self.grid.wet, at_start)
+        self.rates, reached = march(known, self.grid, counts, low, top)
+        self.rise = Rise(known, low, top, reached)
         # No wet cells lead to the goal.
         if np.isinf(at_goal.values(self.time)).all():
             return math.inf
-        high, _ = u_range(self.known, self.grid.wet, at_goal)
+        high, _ = u_range(known, self.grid.wet, at_goal)
         levels = np.linspace(low, top, LEVELS + 1)
         return float(np.interp(high, levels, reached)) * (1 - ROUNDING)
 
@@ -260,7 +287,7 @@ class Front:
         self.time, self.dirty = source(self.grid, self.start)
 
 
-def u_range(known: FloatArray, wet: BoolArray, place: Place) -> tuple[float, float]:
+def u_range(known: FloatArray, wet: BoolArray, place: PointInCell) -> tuple[float, float]:
     """Bounds of u (ny, nx) at a place."""
     bends = np.empty(6)
     set_bends(bends, known, wet, place.row, place.column)
@@ -274,21 +301,8 @@ def _mean_time(grid: TravelGrid, start: FloatArray, goal: FloatArray) -> float:
     return float(locate(grid, goal).values(mean_times(grid, start, goal)).max())
 
 
-def drop(counts: BoolArray, there: Front, back: Front, most: float) -> None:
-    """Cells through which no route quicker than `most` (s) leads don't count from now on: (2)."""
-    drop_cells(counts, there.grid.wet, there.known, there.rise, back.known, back.rise, most)
-
-
 @kernel
-def drop_cells(
-    counts: BoolArray,
-    wet: BoolArray,
-    there: FloatArray,
-    rise: Rise,
-    back: FloatArray,
-    rise_back: Rise,
-    most: float,
-) -> None:
+def drop_cells(counts: BoolArray, wet: BoolArray, there: Rise, back: Rise, most: float) -> None:
     """Drop the cells in which linear functions that are nowhere above φₐ + φᵦ reach `most`."""
     rows, columns = counts.shape
     corners, bends = np.empty(5), np.empty(6)
@@ -297,28 +311,26 @@ def drop_cells(
             if not counts[r, c]:
                 continue
             corners[:] = 0.0
-            set_bends(bends, there, wet, r, c)
-            _add_least(corners, there, bends, r, c, rise)
-            set_bends(bends, back, wet, r, c)
-            _add_least(corners, back, bends, r, c, rise_back)
+            set_bends(bends, there.time, wet, r, c)
+            _add_least(corners, there, bends, r, c)
+            set_bends(bends, back.time, wet, r, c)
+            _add_least(corners, back, bends, r, c)
             counts[r, c] = corners.min() < most
 
 
 @reading_kernel
-def _add_least(
-    corners: FloatArray, time: FloatArray, bends: FloatArray, r: int, c: int, rise: Rise
-) -> None:
+def _add_least(corners: FloatArray, rise: Rise, bends: FloatArray, r: int, c: int) -> None:
     """Add a function that is nowhere above φ, at a cell's corners and its middle (5,).
 
     It is linear on the four triangles around the middle, along whichever diagonal u is cut. Between
     the levels of u that the cell spans, φ rises no more slowly than at its least slope there.
     """
+    time, low, top, reached = rise
     sw, se, nw, ne = time[r, c], time[r, c + 1], time[r + 1, c], time[r + 1, c + 1]
     lowest, largest = min(sw, se, nw, ne), max(sw, se, nw, ne)
     # u is off the linear function of its corners by two thirds of its bends at the most.
     least = lowest + 2 / 3 * min(bends.min(), 0.0)
     largest += 2 / 3 * max(bends.max(), 0.0)
-    low, top, reached = rise
     levels = len(reached) - 1
     step = (top - low) / levels
     if not step > 0.0 or not largest < np.inf:
@@ -381,3 +393,158 @@ def fuel_lower_bound(voyage: Voyage, cells: int = 0, enough: float = math.inf) -
         else:
             time += part.least_duration
     return voyage.cost_rate * time - voyage.price_of_all_time
+
+
+# Number of cells of the finest grid if a gap is asked for: four times the standard number.
+_FINE_CELLS = 512_000
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class FuelBound:
+    """The fuel that every route of a voyage needs at least, whatever its class.
+
+    It is computed from the voyage when first asked for, unless a number is given; once, also where
+    two threads ask. If `enough` (fuel units) is finite, the grid may be refined further, until the
+    bound is above it.
+    """
+
+    source: Voyage | float
+    enough: float = math.inf
+    _known: list[float] = field(default_factory=list, init=False)
+    # A `cached_property` has one lock for all instances before Python 3.12: threads that plan
+    # several voyages would wait for each other's bounds.
+    _lock: Lock = field(default_factory=Lock, init=False)
+
+    @property
+    def value(self) -> float:
+        """The bound on any route (fuel units); see :mod:`renew.bounds.fuel_lower_bound`."""
+        if not isinstance(self.source, Voyage):
+            return self.source
+        with self._lock:
+            if not self._known:
+                # With chosen speeds the bound is loose on any grid.
+                is_fine = self.enough < math.inf and not self.source.has_price
+                cells = _FINE_CELLS if is_fine else 0
+                self._known.append(fuel_lower_bound(self.source, cells, self.enough))
+            return self._known[0]
+
+    def __reduce__(self) -> "tuple[type[FuelBound], tuple[float]]":
+        """Pickle the bound instead of its source: a current may be any function."""
+        return FuelBound, (self.value,)
+
+    def gap(self, fuel: float) -> float:
+        """Share by which fuel exceeds the bound on any route, >= 0."""
+        return max(0.0, fuel / self.value - 1) if self.value > 0 else math.inf
+
+
+# Number of cells of the first grid.
+_FIRST_CELLS = 8_000
+# Largest number of cells that count on the finest grid.
+_MOST_CELLS = 40_000
+# Number of rounds on each grid.
+_HAVEN_ROUNDS = 5
+# Multiple of `most` up to which φ is solved for on the first grid, where it orders havens that are
+# farther.
+_FARTHER = 4.0
+# The same on finer grids.
+_BEYOND_HAVENS = 1.25
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """φ on one grid, proven up to `most` (s)."""
+
+    grid: TravelGrid
+    rise: Rise
+    most: float
+
+    def at(self, point: FloatArray) -> float:
+        """Return the bound (s) at a point (2,)."""
+        grid = self.grid
+        if not (grid.x[0] <= point[0] <= grid.x[-1] and grid.y[0] <= point[1] <= grid.y[-1]):
+            return self.most
+        least, _ = u_range(self.rise.time, grid.wet, locate(grid, point))
+        levels = np.linspace(self.rise.low, self.rise.top, LEVELS + 1)
+        return min(float(np.interp(least, levels, self.rise.reached)) * (1 - ROUNDING), self.most)
+
+
+@dataclass(frozen=True, eq=False)
+class HavenBound:
+    """Bounds on the time to a haven, on coarser and finer grids."""
+
+    _known: tuple[_Known, ...]
+
+    @classmethod
+    def of(cls, voyage: Voyage, most: float, until: float) -> "HavenBound":
+        """Return the bounds to a voyage's goal for the hours from its departure `until` (s).
+
+        They are close up to `most` (s). The voyage's start counts for nothing.
+        """
+        voyage = in_hours(replace(voyage, start=voyage.goal), until - voyage.departure)
+        grid = whole_grid(voyage, _FIRST_CELLS)
+        known = [_solved(_outwards(grid), grid.wet, voyage.goal, _FARTHER * most, np.inf)]
+        while True:
+            counts = _below(known[-1], most)
+            if not counts.any() or 4 * counts.sum() > _MOST_CELLS:
+                return cls(tuple(known))
+            grid, counts = halved(voyage, grid, counts)
+            known.append(_solved(_outwards(grid), counts, voyage.goal, _BEYOND_HAVENS * most, most))
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return bounds (n,), s, at points (n, 2), m; 0 off the chart."""
+        x, y = self._known[0].grid.x, self._known[0].grid.y
+        on = ((points >= (x[0], y[0])) & (points <= (x[-1], y[-1]))).all(axis=1)
+        least = np.zeros(len(points))
+        least[on] = [self._at(point) for point in points[on]]
+        return least
+
+    def _at(self, point: FloatArray) -> float:
+        """Return the bound (s) at a point (2,): of the finest grid, up to where that is close."""
+        first, finest = self._known[0], self._known[-1]
+        least = first.at(point)
+        return max(least, finest.at(point)) if least < finest.most else least
+
+
+def _outwards(grid: TravelGrid) -> TravelGrid:
+    """Return a grid in the opposite current; in all currents of its hours at once, if it changes.
+
+    Between nodes, and between slices, the current is within the ball of the corners' balls.
+    """
+    table = grid.current
+    if len(table.times) > 1:
+        uv = np.asarray(table.uv)
+        middle = (uv.min(axis=0) + uv.max(axis=0)) / 2
+        spread = np.linalg.norm(uv - middle, axis=-1).max(axis=0)
+        corners = np.maximum(spread[:-1], spread[1:])
+        grid = grid._replace(
+            current=table_of(grid.x, grid.y, middle[None], times=table.times[:1]),
+            deviation=grid.deviation + np.maximum(corners[:, :-1], corners[:, 1:]),
+        )
+    return turned_round(grid, grid.departure)
+
+
+def _solved(
+    grid: TravelGrid, counts: BoolArray, haven: FloatArray, top: float, most: float
+) -> _Known:
+    """Return the best bound of a few rounds on a grid: up to a `top` u, proven up to `most` (s)."""
+    stretch, place = np.ones(grid.wet.shape), locate(grid, haven)
+    found = list[_Known]()
+    # A view, as the kernel knows it: it ends a little after these times.
+    until = np.full((4, 4), top / BEYOND)[:2, :2]
+    for _ in range(_HAVEN_ROUNDS):
+        time, dirty = source(grid, haven)
+        solve(time, dirty, stretch, grid, until)
+        time = np.minimum(time, top)
+        _, low = u_range(time, grid.wet, place)
+        rates, reached = march(time, grid, counts, low, top)
+        found.append(_Known(grid, Rise(time, low, top, reached), most))
+        stretch = stretch / np.maximum(rates, 1.0)
+    return max(found, key=lambda one: float(one.rise.reached[-1]))
+
+
+def _below(known: _Known, most: float) -> BoolArray:
+    """Return the wet cells (ny - 1, nx - 1) that may hold a place with φ below `most` (s)."""
+    cells, wet = known.grid.wet.copy(), known.grid.wet
+    nothing = Rise(np.zeros(known.rise.time.shape), 0.0, 0.0, np.zeros(LEVELS + 1))
+    drop_cells(cells, wet, known.rise, nothing, most)
+    return cells

@@ -188,8 +188,7 @@ def _sampled_deviation(
                     continue
                 bends[i, j] = _bend_at(c, at, i, j, x, y)
                 if 0 < at < len(times) - 1:
-                    bend = _off_line(c, at, i, j, 1, 0, 0, times, at)
-                    in_time[i, j] = max(in_time[i, j], bend)
+                    in_time[i, j] = max(in_time[i, j], _bend_in_time(c, at, i, j, times))
         for i in range(rows):
             for j in range(columns):
                 if cells[i, j]:
@@ -208,9 +207,18 @@ def _sampled_deviation(
 def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArray) -> float:
     """How far a velocity is off lines through its neighbours; at an edge, the next inner node's."""
     m, n = min(max(i, 1), y.size - 2), min(max(j, 1), x.size - 2)
-    along_x = _off_line(c, at, i, n, 0, 0, 1, x, n) if x.size > 2 else 0.0
-    along_y = _off_line(c, at, m, j, 0, 1, 0, y, m) if y.size > 2 else 0.0
-    return along_x + along_y
+    bend = 0.0
+    if x.size > 2:
+        bend += _off_line(c[at, i, n - 1], c[at, i, n], c[at, i, n + 1], x[n - 1 : n + 2])
+    if y.size > 2:
+        bend += _off_line(c[at, m - 1, j], c[at, m, j], c[at, m + 1, j], y[m - 1 : m + 2])
+    return bend
+
+
+@small_kernel
+def _bend_in_time(c: FloatArray, at: int, i: int, j: int, times: FloatArray) -> float:
+    """How far a velocity is off the line through those at the node one slice before and after."""
+    return _off_line(c[at - 1, i, j], c[at, i, j], c[at + 1, i, j], times[at - 1 : at + 2])
 
 
 @small_kernel
@@ -221,27 +229,25 @@ def _largest(nodes: FloatArray, i: int, j: int) -> float:
 
 @small_kernel
 def _off_line(
-    c: FloatArray, at: int, i: int, j: int, slices: int, rows: int, columns: int,
-    axis: FloatArray, k: int,
-) -> float:  # fmt: skip
-    """Return how far a velocity is off the line through its two neighbours at given offsets.
+    before: FloatArray, velocity: FloatArray, after: FloatArray, along: FloatArray
+) -> float:
+    """Return how far a velocity (2,) is off the line through two others, before and after it.
 
-    `axis` has the coordinates, the node's own being `axis[k]`.
+    `along` (3,) are the coordinates of the three.
     """
-    part = (axis[k] - axis[k - 1]) / (axis[k + 1] - axis[k - 1])
-    u, v = c[at, i, j, 0], c[at, i, j, 1]
-    at, i, j = at - slices, i - rows, j - columns
-    u, v = u - (1 - part) * c[at, i, j, 0], v - (1 - part) * c[at, i, j, 1]
-    at, i, j = at + 2 * slices, i + 2 * rows, j + 2 * columns
-    u, v = u - part * c[at, i, j, 0], v - part * c[at, i, j, 1]
+    part = (along[1] - along[0]) / (along[2] - along[0])
+    u = velocity[0] - (1 - part) * before[0] - part * after[0]
+    v = velocity[1] - (1 - part) * before[1] - part * after[1]
     return math.sqrt(u * u + v * v)
 
 
 ROUNDING = 1e-6
 """Share by which a bound is lowered, for rounding and for routes that touch a shore by rounding."""
 
-# Least number of cells along the shorter side, and largest along the longer.
-_MIN_CELLS, _MAX_CELLS = 4, 50_000
+# Least number of cells along the shorter side.
+_MIN_CELLS = 4
+# Largest number of cells along the longer side.
+_MAX_CELLS = 50_000
 # Least distance, as a share of a cell, of the grid lines through start and goal from each other and
 # from the extent's sides.
 _NARROWEST = 0.2

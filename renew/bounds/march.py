@@ -14,6 +14,7 @@ See :mod:`renew.bounds.fuel_lower_bound` for what λ, Λ and φ are.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -167,22 +168,29 @@ _LEAST_RATE = 0.8
 _SMALLEST = 0.1
 
 
+class _Corners(NamedTuple):
+    """The corners of a triangle: their nodes (row, column), the gradient of u and the current."""
+
+    nodes: IntArray  # (3, 2)
+    slopes: FloatArray  # (3, 2), s/m
+    currents: FloatArray  # (3, 2), m/s
+
+
 @small_kernel
 def _rate_in_window(
-    slopes: FloatArray,
-    nodes: IntArray,
-    first: float,
-    last: float,
-    deviation: float,
-    grid: TravelGrid,
-    corner_currents: FloatArray,
+    corners: _Corners, deviation: float, grid: TravelGrid, window: tuple[float, float]
 ) -> float:
-    """λ of a triangle with nodes (3, 2) in a window of time, s: at its ends and slices between."""
-    largest, now = -math.inf, first
+    """λ of a triangle in a window of time, s: at its ends and at the slices between.
+
+    The currents at its corners are written to.
+    """
+    nodes, slopes, currents = corners
+    now, last = window
+    largest = -math.inf
     while True:
         for k in range(3):
-            corner_currents[k] = node_velocity(grid.current, nodes[k, 0], nodes[k, 1], now)
-        largest = max(largest, growth_rate(slopes, corner_currents, deviation, grid.polar))
+            currents[k] = node_velocity(grid.current, nodes[k, 0], nodes[k, 1], now)
+        largest = max(largest, growth_rate(slopes, currents, deviation, grid.polar))
         if now >= last or len(grid.current.times) == 1:
             return largest
         now = min(next_slice(grid.current, now), last)
@@ -208,8 +216,8 @@ def march(
     first, order = _by_level(time, grid.wet, counts, low, step)
     largest = np.zeros(LEVELS + 1)
     clock, k = 0.0, 0
-    corner_currents, nodes = np.empty((3, 2)), np.empty((3, 2), dtype=np.int64)
-    bends, slopes = np.empty(6), np.empty((3, 2))
+    corners = _Corners(np.empty((3, 2), dtype=np.int64), np.empty((3, 2)), np.empty((3, 2)))
+    bends = np.empty(6)
     for level in range(LEVELS + 1):
         while k < len(order) and first[order[k]] <= level:
             r, c = order[k] // columns, order[k] % columns
@@ -225,9 +233,7 @@ def march(
                 begin, end = grid.hours[0, r, c], grid.hours[1, r, c]
                 if end < begin:
                     continue
-            rates[r, c] = _cell_rate(
-                time, grid, r, c, begin, end, nodes, bends, slopes, corner_currents
-            )
+            rates[r, c] = _cell_rate(time, grid, (r, c), (begin, end), bends, corners)
             # One level more on either side covers rounding.
             last = math.floor((min(highest, high) - low) / step) + 1
             for above in range(level, min(last, LEVELS) + 1):
@@ -281,19 +287,16 @@ def _by_level(
 def _cell_rate(
     time: FloatArray,
     grid: TravelGrid,
-    r: int,
-    c: int,
-    first: float,
-    last: float,
-    nodes: IntArray,
+    cell: tuple[int, int],
+    window: tuple[float, float],
     bends: FloatArray,
-    slopes: FloatArray,
-    corner_currents: FloatArray,
+    corners: _Corners,
 ) -> float:
-    """λ of a cell, cut along its better diagonal, in a window of time, s.
+    """λ of a cell (row, column), cut along its better diagonal, in a window of time, s.
 
-    `nodes` (3, 2) and `corner_currents` (3, 2) are written to.
+    `corners` is room for those of a triangle.
     """
+    (r, c), (nodes, slopes, _) = cell, corners
     wide, high = grid.x[c + 1] - grid.x[c], grid.y[r + 1] - grid.y[r]
     best = np.inf
     # The diagonal along which u rises more is the better one, nearly always.
@@ -316,10 +319,7 @@ def _cell_rate(
             slopes[0, 0], slopes[0, 1] = (dx + 2 * along_x) / w, (dy + 2 * along_y) / h
             slopes[1, 0], slopes[1, 1] = (dx - 2 * along_x) / w, (dy + 2 * (across - along_x)) / h
             slopes[2, 0], slopes[2, 1] = (dx + 2 * (across - along_y)) / w, (dy - 2 * along_y) / h
-            rate = _rate_in_window(
-                slopes, nodes, first, last, grid.deviation[r, c], grid, corner_currents
-            )
-            worst = max(worst, rate)
+            worst = max(worst, _rate_in_window(corners, grid.deviation[r, c], grid, window))
             if worst >= best:
                 break
         best = min(best, worst)

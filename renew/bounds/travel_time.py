@@ -55,7 +55,7 @@ class TravelGrid(NamedTuple):
     hours: FloatArray = np.empty((2, 0, 0))
 
 
-class Place(NamedTuple):
+class PointInCell(NamedTuple):
     """A cell and a point in it: the mean of the corners SW, SE, NW and NE with `weights` (2, 4).
 
     Each row of the weights is for one of the two ways to cut the cell into triangles.
@@ -86,7 +86,7 @@ def source(grid: TravelGrid, start: FloatArray) -> tuple[FloatArray, BoolArray]:
     return time, dirty
 
 
-def locate(grid: TravelGrid, point: FloatArray) -> Place:
+def locate(grid: TravelGrid, point: FloatArray) -> PointInCell:
     """Cell that holds a point, one with water if there is any, and the point's place in it."""
     columns, rows = _beside(grid.x, point[0]), _beside(grid.y, point[1])
     row, column = max(itertools.product(rows, columns), key=lambda cell: bool(grid.wet[cell]))
@@ -94,13 +94,13 @@ def locate(grid: TravelGrid, point: FloatArray) -> Place:
     rising = [1 - max(s, t), max(s - t, 0.0), max(t - s, 0.0), min(s, t)]
     lower, upper = max(1 - s - t, 0.0), max(s + t - 1, 0.0)
     falling = [lower, s - upper, t - upper, upper]
-    return Place(row, column, np.array([rising, falling]))
+    return PointInCell(row, column, np.array([rising, falling]))
 
 
 def _beside(axis: FloatArray, at: float) -> list[int]:
     """Return the intervals of an axis that hold a place: two where it is on their border."""
-    found = (int(axis.searchsorted(at, side)) - 1 for side in _SIDES)
-    return sorted({min(max(one, 0), len(axis) - 2) for one in found})
+    intervals = (int(axis.searchsorted(at, side)) - 1 for side in _SIDES)
+    return sorted({min(max(interval, 0), len(axis) - 2) for interval in intervals})
 
 
 def _share(axis: FloatArray, interval: int, at: float) -> float:
@@ -110,7 +110,9 @@ def _share(axis: FloatArray, interval: int, at: float) -> float:
 
 
 @small_kernel
-def _passage(dx: float, dy: float, cx: float, cy: float, deviation: float, polar: Polar) -> float:
+def _passage(
+    dx: float, dy: float, current: tuple[float, float], deviation: float, polar: Polar
+) -> float:
     """Least time (s) along (dx, dy) m in a current c that may be off by a deviation (m/s).
 
     In the projected model a vessel may tack: below v/2 the polar v + c·T is not convex, and its
@@ -121,7 +123,7 @@ def _passage(dx: float, dy: float, cx: float, cy: float, deviation: float, polar
     # The deviation helps no more than the same increase of speed would. A vessel that chooses its
     # speed may not want more speed; for it the deviation is taken as a following current.
     following = deviation if polar.least < polar.speed else 0.0
-    cx, cy = cx + following * tx, cy + following * ty
+    cx, cy = current[0] + following * tx, current[1] + following * ty
     speed = ground_speed(cx, cy, tx, ty, polar)
     if not polar.crab and speed <= polar.speed / 2:
         speed = polar.speed * polar.speed / (4 * (polar.speed - speed))
@@ -135,8 +137,7 @@ def _passage(dx: float, dy: float, cx: float, cy: float, deviation: float, polar
 def _arrival(
     legs: FloatArray,
     times: FloatArray,
-    cx: float,
-    cy: float,
+    current: tuple[float, float],
     deviation: float,
     stretch: float,
     polar: Polar,
@@ -146,11 +147,11 @@ def _arrival(
     `legs` (2, 2) lead from the nodes to the place of arrival, m. A convex function of the place
     on the segment: a parabola finds its least value closely enough.
     """
-    first = times[0] + stretch * _passage(legs[0, 0], legs[0, 1], cx, cy, deviation, polar)
-    second = times[1] + stretch * _passage(legs[1, 0], legs[1, 1], cx, cy, deviation, polar)
+    first = times[0] + stretch * _passage(legs[0, 0], legs[0, 1], current, deviation, polar)
+    second = times[1] + stretch * _passage(legs[1, 0], legs[1, 1], current, deviation, polar)
     dx, dy = (legs[0, 0] + legs[1, 0]) / 2, (legs[0, 1] + legs[1, 1]) / 2
     middle = (times[0] + times[1]) / 2
-    middle += stretch * _passage(dx, dy, cx, cy, deviation, polar)
+    middle += stretch * _passage(dx, dy, current, deviation, polar)
     best = min(first, second, middle)
     # The lowest place of the parabola through these three.
     bend = first + second - 2 * middle
@@ -160,7 +161,7 @@ def _arrival(
     dx = (1 - s) * legs[0, 0] + s * legs[1, 0]
     dy = (1 - s) * legs[0, 1] + s * legs[1, 1]
     value = (1 - s) * times[0] + s * times[1]
-    value += stretch * _passage(dx, dy, cx, cy, deviation, polar)
+    value += stretch * _passage(dx, dy, current, deviation, polar)
     return float(min(best, value))
 
 
@@ -177,6 +178,7 @@ def solve(
     """
     rows, columns = time.shape
     legs, times = np.empty((2, 2)), np.empty(2)
+    front, segment = (time, dirty, stretch), (legs, times)
     queue = [(time[r, c], r, c) for r in range(rows) for c in range(columns) if dirty[r, c]]
     heapq.heapify(queue)
     while queue:
@@ -195,31 +197,30 @@ def solve(
             known = time[to_row, to_column]
             if known <= now:
                 continue
-            found = _reached(time, dirty, stretch, grid, row, column, way, own, legs, times)
-            if found < known and (known == np.inf or found < known - TOLERANCE * (known - now)):
-                time[to_row, to_column] = found
+            arrival = _reached(front, grid, (row, column), way, own, segment)
+            if arrival < known and (known == np.inf or arrival < known - TOLERANCE * (known - now)):
+                time[to_row, to_column] = arrival
                 dirty[to_row, to_column] = True
-                heapq.heappush(queue, (found, to_row, to_column))
+                heapq.heappush(queue, (arrival, to_row, to_column))
 
 
 @small_kernel
 def _reached(
-    time: FloatArray,
-    dirty: BoolArray,
-    stretch: FloatArray,
+    front: tuple[FloatArray, BoolArray, FloatArray],
     grid: TravelGrid,
-    row: int,
-    column: int,
+    node: tuple[int, int],
     way: int,
     own: tuple[float, float],
-    legs: FloatArray,
-    times: FloatArray,
+    segment: tuple[FloatArray, FloatArray],
 ) -> float:
-    """Earliest arrival (s) at a neighbour of the node (row, column), left at `times[0]`.
+    """Earliest arrival (s) at a neighbour of a node (row, column) with its `own` current.
 
-    It is reached from the two segments that join the node to the nodes next to both, if those nodes
-    are settled already, else straight from the node. `legs` (2, 2) and `times[1]` are written to.
+    The neighbour is the one on the `way`, a row of _RING. It is reached from the two segments that
+    join the node to the nodes next to both, if those nodes are settled already, else straight from
+    the node. `front` is what :func:`solve` knows; `segment` is room for the legs (2, 2) from a
+    segment's ends, and the times (2,) there, of which the first, the node's own, is filled in.
     """
+    (time, dirty, stretch), (row, column), (legs, times) = front, node, segment
     rows, columns = time.shape
     now = times[0]
     clock = grid.departure + now
@@ -243,14 +244,14 @@ def _reached(
             continue
         # The mean of the current on the way from the segment's middle.
         by = node_velocity(grid.current, by_row, by_column, clock)
-        cx, cy = (own[0] + by[0]) / 4 + to[0] / 2, (own[1] + by[1]) / 4 + to[1] / 2
+        current = (own[0] + by[0]) / 4 + to[0] / 2, (own[1] + by[1]) / 4 + to[1] / 2
         legs[1, 0] = grid.x[to_column] - grid.x[by_column]
         legs[1, 1] = grid.y[to_row] - grid.y[by_row]
-        found = _arrival(legs, times, cx, cy, grid.deviation[r, c], stretch[r, c], grid.polar)
-        arrival = min(arrival, found)
+        across = _arrival(legs, times, current, grid.deviation[r, c], stretch[r, c], grid.polar)
+        arrival = min(arrival, across)
     if straight < np.inf:
-        cx, cy = (own[0] + to[0]) / 2, (own[1] + to[1]) / 2
-        leg = _passage(legs[0, 0], legs[0, 1], cx, cy, deviation, grid.polar)
+        current = (own[0] + to[0]) / 2, (own[1] + to[1]) / 2
+        leg = _passage(legs[0, 0], legs[0, 1], current, deviation, grid.polar)
         arrival = min(arrival, now + straight * leg)
     return float(arrival)
 

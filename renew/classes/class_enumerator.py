@@ -12,8 +12,8 @@ enumerator gives the next channel of that class.
 Via points divide a voyage into parts; each part begins when the one before ends. An earlier arrival
 at a via point never means a later arrival at the next (FIFO). So the best route begins with the
 best path to each via point, and the k best combinations of classes are found part by part. Of two
-lists in ascending order the i-th of one and the j-th of the other can be among the k least sums
-only where i x j <= k, counted from 1.
+ascending lists the i-th of one and the j-th of the other, counted from 1, can give one of the k
+smallest sums only if i x j <= k: each of the i x j pairs up to there gives no larger sum.
 """
 
 import itertools
@@ -28,8 +28,14 @@ import numpy as np
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import Channel, RoughPath, Transition, is_connected, simple_paths
 from renew.classes.h_signature import Rays, Word
-from renew.classes.k_best_paths import k_best_paths, time_to_go, triangles_crossed
-from renew.classes.reduced_rows import MAX_FLOODED, RayColumns, SearchTask
+from renew.classes.k_best_paths import (
+    MAX_FLOODED,
+    RayColumns,
+    SearchTask,
+    k_best_paths,
+    time_to_go,
+    triangles_crossed,
+)
 from renew.classes.roadmap import (
     Resolution,
     Roadmap,
@@ -150,7 +156,7 @@ class ClassEnumerator:
 
     @property
     def has_many_triangles(self) -> bool:
-        """Whether there are too many triangles to count classes: the first may lack the best."""
+        """Whether the search is cut short on so large a chart: it may miss the best class."""
         return len(self._triangulation.triangles) > MAX_FLOODED
 
     def by_rays(self, rays: Rays) -> "ClassEnumerator":
@@ -183,7 +189,7 @@ class ClassEnumerator:
         return self._quickest(graph, np.asarray(time_to_go(graph)), self._rays, 1)
 
     def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
-        """Return the first `count` channels of paths beside others (n, 2), on a finer roadmap.
+        """Search again on a finer roadmap near given paths (n, 2); return `count` channels.
 
         They differ by islands that are wider than two cells; among smaller islets each path takes
         the best sides.

@@ -19,7 +19,7 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes import h_signature
 from renew.classes.h_signature import VIA, Word
 from renew.classes.triangulation import Triangulation
-from renew.kernels.searches import extremes
+from renew.kernels.capsules import extremes
 
 if TYPE_CHECKING:
     import networkx as nx

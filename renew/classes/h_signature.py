@@ -25,7 +25,7 @@ from renew._compiled import for_kernels, kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.inputs.chart import Chart
 from renew.kernels.capsules import Segment
-from renew.kernels.searches import number_up_to
+from renew.kernels.current_table import number_up_to
 
 Word: TypeAlias = tuple[int, ...]
 """Signed island numbers from 1: +i crosses island i's ray towards +x, -i towards -x.
@@ -41,9 +41,10 @@ IDENTITY = "e"
 
 # Longest name, in characters, that a sentence quotes whole.
 _MAX_LENGTH = 60
-# An island lies on the way if a detour to it lengthens the way by at most the first share, and it
-# matters if its size is at least the second share of the way's length.
-_DETOUR, _SIZE = 0.25, 1 / 50
+# An island lies on the way if a detour to it lengthens the way by at most this share.
+_DETOUR = 0.25
+# An island on the way matters if its size is at least this share of the way's length.
+_SIZE = 1 / 50
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,10 @@ Extremes: TypeAlias = tuple[CurrentTable, CurrentTable, bool]
 # Largest number of the table's columns or rows over which Simpson's rule is used once: about half
 # of the smallest eddy that the table holds.
 _PANEL = 20.0
-# Number of triangles that a leg may cross, and by how much of its length it may miss its end.
-_MAX_CROSSED, _ROUNDING = 4096, 1e-9
+# Largest number of triangles that a leg may cross.
+_MAX_CROSSED = 4096
+# Share of its length by which a leg may miss its end, by rounding.
+_ROUNDING = 1e-9
 # Lowest speed over ground, as a share of the vessel's: a straight leg may lead against a current
 # that the path itself avoids.
 _MIN_SPEED = 0.1
@@ -98,26 +100,28 @@ def least_times(
     for k in range(halves + 1):
         if k in (0, halves):
             u, v, more_u, more_v = here if k == 0 else there
+            low, high = (u, v), (more_u, more_v)
         else:
             x, y = leg.ax + k / halves * dx, leg.ay + k / halves * dy
-            u, v = velocity(least, x, y, 0.0)
-            more_u, more_v = (u, v) if are_equal else velocity(largest, x, y, 0.0)
+            low = velocity(least, x, y, 0.0)
+            high = low if are_equal else velocity(largest, x, y, 0.0)
         weight = _simpson_weight(k, halves)
-        time += weight / max(slowest, _fastest(u, v, more_u, more_v, tx, ty, polar))
-        back += weight / max(slowest, _fastest(u, v, more_u, more_v, -tx, -ty, polar))
+        time += weight / max(slowest, _fastest(low, high, tx, ty, polar))
+        back += weight / max(slowest, _fastest(low, high, -tx, -ty, polar))
     scale = length / (3 * halves)
     return time * scale, back * scale
 
 
 @kernel
 def _fastest(
-    low_u: float, low_v: float, high_u: float, high_v: float, tx: float, ty: float, polar: Polar
+    least: tuple[float, float], largest: tuple[float, float], tx: float, ty: float, polar: Polar
 ) -> float:
     """Return the largest speed over ground (m/s) along unit tangent t in currents of a range.
 
     It assumes a current that helps along t at least as much as any of these, and hinders across t
     no more than any.
     """
+    (low_u, low_v), (high_u, high_v) = least, largest
     along = max(tx * low_u, tx * high_u) + max(ty * low_v, ty * high_v)
     low = min(tx * low_v, tx * high_v) - max(ty * low_u, ty * high_u)
     high = max(tx * low_v, tx * high_v) - min(ty * low_u, ty * high_u)

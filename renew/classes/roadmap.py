@@ -20,27 +20,39 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.dual_graph import without_dead_ends
 from renew.classes.legs import Mesh, legs_between
 from renew.classes.triangulation import Triangulation
-from renew.kernels.current_table import CurrentTable
-from renew.kernels.searches import number_below, number_up_to
+from renew.kernels.current_table import CurrentTable, number_below, number_up_to
 from renew.voyage.voyage import Voyage
 
-# Numbers of cells: in still water; in small eddies; per triangle; at most; and the number from
-# which legs lead in more directions.
-_SMOOTH, _EDDIES, _PER_TRIANGLE, _MAX_CELLS, _MANY = 1_024, 22_500, 20, 40_000, 5_000
+# Number of cells in still water.
+_SMOOTH = 1_024
+# Least number of cells in small eddies.
+_EDDIES = 22_500
+# Number of cells per triangle.
+_PER_TRIANGLE = 20
+# Largest number of cells for many triangles.
+_MAX_CELLS = 40_000
+# Number of cells from which legs lead in more directions.
+_MANY = 5_000
 # In smooth currents, cells per node of the coarsest table that is fine enough.
 _PER_NODE = 0.1
-# For a finer search beside a path: factor by which nodes stand closer together, and half the width
-# of the tube of water around the path, in cells.
-_CLOSER, _TUBE = 4, 8.0
-START, GOAL = 0, 1
-"""Numbers of the start's and the goal's node."""
-# A passing edge shorter than the first number, in cells, has the second number of gates; a longer
-# edge has one, so that legs lead wherever triangles do. Number of nearest nodes to which a gate is
-# joined, itself included.
-_GATE_LENGTH, _GATES, _NEAREST = 3.0, 3, 17
-# Least number of cells between start and goal, and the factor by which cells grow from one to the
-# next outside, where the grid is coarser.
-_WAY_CELLS, _GROWTH = 16, 1.15
+# Factor by which nodes stand closer together in a finer search beside a path.
+_CLOSER = 4
+# Half the width of the tube of water around that path, in cells.
+_TUBE = 8.0
+START = 0
+"""Number of the start's node."""
+GOAL = 1
+"""Number of the goal's node."""
+# Length in cells below which a passing edge has _GATES gates; a longer edge has one, so that legs
+# lead wherever triangles do.
+_GATE_LENGTH = 3.0
+_GATES = 3
+# Number of nearest nodes to which a gate is joined, itself included.
+_NEAREST = 17
+# Least number of cells between start and goal.
+_WAY_CELLS = 16
+# Factor by which cells grow from one to the next outside of these, where the grid is coarser.
+_GROWTH = 1.15
 
 
 class Resolution(NamedTuple):
@@ -164,20 +176,20 @@ def roadmap(
     ends = np.stack([voyage.start, voyage.goal])
     holding = np.array([triangulation.locate(point) for point in ends])
     is_way = without_dead_ends(triangulation.neighbours, *holding.tolist())
-    gates = _gates(triangulation, clearance, _GATE_LENGTH * _coarsest(x, y), is_way)
+    gates, beside_gates = _gates(triangulation, clearance, _GATE_LENGTH * _coarsest(x, y), is_way)
     wanted = np.ones((len(y), len(x)), dtype=bool)
     if tube is not None:
-        inside = tube.holds(gates.points)
-        gates = _Gates(gates.points[inside], gates.triangles[inside])
+        inside = tube.holds(gates)
+        gates, beside_gates = gates[inside], beside_gates[inside]
         wanted = tube.holds_nodes(x, y)
     grid = _triangles_of(x, y, mesh, wanted)
     row, column = np.nonzero(grid >= 0)
-    points = np.concatenate([ends, gates.points, np.column_stack([x[column], y[row]])])
-    triangle = np.concatenate([holding, gates.triangles[:, 0], grid[row, column]])
-    loose = len(ends) + len(gates.points)
+    points = np.concatenate([ends, gates, np.column_stack([x[column], y[row]])])
+    triangle = np.concatenate([holding, beside_gates[:, 0], grid[row, column]])
+    loose = len(ends) + len(gates)
     node = np.full(grid.shape, -1)
     node[row, column] = np.arange(loose, len(points))
-    around = np.concatenate([np.stack([holding, holding], axis=1), gates.triangles])
+    around = np.concatenate([np.stack([holding, holding], axis=1), beside_gates])
     pairs = np.concatenate(
         [
             _grid_pairs(node, resolution.reach),
@@ -243,17 +255,13 @@ def _coarsest(x: FloatArray, y: FloatArray) -> float:
     return float(max(np.diff(x).max(initial=0.0), np.diff(y).max(initial=0.0)))
 
 
-class _Gates(NamedTuple):
-    """Points (g, 2) on passing edges, and the triangles (g, 2) on both sides of each."""
-
-    points: FloatArray
-    triangles: IntArray
-
-
 def _gates(
     triangulation: Triangulation, clearance: float, short: float, is_way: BoolArray
-) -> _Gates:
-    """Return gates on passing edges between triangles on a way (t,); a few on short edges."""
+) -> tuple[FloatArray, IntArray]:
+    """Return gates: points (g, 2) on passing edges, and the triangles (g, 2) on both sides of each.
+
+    Only edges between triangles on a way (t,) have gates; short edges have a few.
+    """
     neighbours = triangulation.neighbours
     is_passed = (neighbours > np.arange(len(neighbours))[:, None]) & is_way[:, None]
     triangle, corner = np.nonzero(is_passed & is_way[neighbours])
@@ -269,7 +277,7 @@ def _gates(
     place = low[edge] + place * (high - low)[edge]
     points = a[edge] + place[:, None] * (b - a)[edge]
     beside = np.stack([triangle, neighbours[triangle, corner]], axis=1)
-    return _Gates(points, beside[edge])
+    return points, beside[edge]
 
 
 def _grid_pairs(node: IntArray, reach: int) -> IntArray:

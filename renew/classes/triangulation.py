@@ -31,10 +31,11 @@ _ON_EDGE = 1e-7
 Backend: TypeAlias = Literal["auto", "triangle", "shapely"]
 # Tolerance, as a share of a cell, by which the outline of overpowered water is simplified.
 _TOLERANCE = 0.1
-# Limits of the current that counts as overpowering in a table, as shares of the vessel's speed: at
-# most the first, so that the simplified outline doesn't cut into overpowered water, and at least
-# the second, however coarse the table is.
-_AT_MOST, _AT_LEAST = 0.99, 0.5
+# Largest current that counts as overpowering in a table, as a share of the vessel's speed: below 1,
+# so that the simplified outline doesn't cut into overpowered water.
+_AT_MOST = 0.99
+# Least such current, however coarse the table is.
+_AT_LEAST = 0.5
 # Radius, in cells, of the water around start and goal that stays open: there the path itself finds
 # out how strong the current is.
 _OPEN_RADIUS = 2.0

@@ -11,7 +11,6 @@ from numba.extending import register_jitable
 
 from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.kernels.searches import extremes
 
 # Smallest slope (no unit) used as a divisor; a line with a smaller one counts as level.
 _MIN_SLOPE = 1e-300
@@ -92,6 +91,19 @@ def _between(value: float, slope: float, low: float, high: float) -> tuple[float
         return math.inf, -math.inf
     first, second = (low - value) / slope, (high - value) / slope
     return min(first, second), max(first, second)
+
+
+@kernel
+def extremes(values: FloatArray) -> tuple[float, float]:
+    """Return the least and the largest of some numbers, at least one.
+
+    Numba takes several times as long to compile NumPy's functions for this.
+    """
+    least = most = values[0]
+    for value in values:
+        least = min(least, value)
+        most = max(most, value)
+    return least, most
 
 
 @kernel

@@ -16,7 +16,6 @@ import numpy as np
 
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
-from renew.kernels.searches import number_up_to
 
 # Largest error of a fine table in the middle of any cell, as a share of its strongest current. A
 # path found with such a table needs little more than the least fuel: the excess is of second order.
@@ -327,6 +326,35 @@ def _cell(axis: FloatArray, density: float, value: float) -> tuple[int, float]:
     i = min(max(number_up_to(axis, value) - 1, 0), last)
     place = (value - axis[i]) / (axis[i + 1] - axis[i])
     return i, min(max(place, 0.0), 1.0)
+
+
+@small_kernel
+def number_up_to(axis: FloatArray, value: float) -> int:
+    """Return how many of some ascending numbers are at most a value; NaN is above all.
+
+    Numba takes several times as long to compile NumPy's search.
+    """
+    first, last = 0, len(axis)
+    while first < last:
+        middle = (first + last) >> 1
+        if value < axis[middle]:
+            last = middle
+        else:
+            first = middle + 1
+    return first
+
+
+@small_kernel
+def number_below(axis: FloatArray, value: float) -> int:
+    """Return how many of some ascending numbers are less than a value."""
+    first, last = 0, len(axis)
+    while first < last:
+        middle = (first + last) >> 1
+        if axis[middle] < value:
+            first = middle + 1
+        else:
+            last = middle
+    return first
 
 
 @kernel

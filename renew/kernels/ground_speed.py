@@ -16,8 +16,10 @@ import numpy as np
 from renew._compiled import for_kernels, kernel, small_kernel
 from renew._types import FloatArray
 
-# Largest number of Newton's iterations, and the final change, as a share of the highest W.
-_MAX_STEPS, _SETTLED = 40, 1e-8
+# Largest number of Newton's iterations.
+_MAX_STEPS = 40
+# Change of W below which an iteration is the last one, as a share of the highest W.
+_SETTLED = 1e-8
 
 
 class Polar(NamedTuple):
@@ -95,20 +97,21 @@ def _chosen_speed(along: float, across: float, polar: Polar) -> tuple[float, flo
     worth = price if k == 2.0 else polar.still * polar.still
     best = min(max(math.sqrt(along * along + square + worth) - along, low), high)
     if k != 2.0:
-        best = _stationary(along, square, k, price, low, high, best)
+        best = _stationary(along, square, polar, low, high, best)
     speed = min(max(math.sqrt(best * best + square), polar.least), polar.speed)
     return speed, polar.scale * (along + best) / (speed**k + price)
 
 
 @kernel
 def _stationary(
-    along: float, square: float, k: float, price: float, low: float, high: float, best: float
+    along: float, square: float, polar: Polar, low: float, high: float, best: float
 ) -> float:
     """Return the W (m/s) between two limits at which a metre costs least, by Newton's iteration.
 
     It begins at the `best` guess. The slope of the cost, times (a + W)², rises with W, so a bracket
     around the minimum can limit the steps.
     """
+    k, price = polar.exponent, polar.price
     top, bottom = high, low
     for _ in range(_MAX_STEPS):
         speed = best * best + square

@@ -13,7 +13,14 @@ import numpy as np
 
 from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
-from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
+from renew.kernels.capsules import (
+    Capsules,
+    Segment,
+    capsule_bounds,
+    extremes,
+    intersects,
+    leg_is_clear,
+)
 from renew.kernels.current_table import (
     Bend,
     CurrentTable,
@@ -24,7 +31,6 @@ from renew.kernels.current_table import (
     velocity_there,
 )
 from renew.kernels.ground_speed import Polar, ground_speed
-from renew.kernels.searches import extremes
 
 # Squared ratio of current to vessel speed from which water counts as too strong at a point; between
 # two points on a leg the current may be a little stronger.
@@ -73,33 +79,23 @@ def leg_time(ax: float, ay: float, bx: float, by: float, begin: float, water: St
     Each piece is timed by the trapezoidal rule, with the current at its end when the vessel would
     arrive at its initial speed (Heun's rule).
     """
-    table, polar, clock = water
-    u, v = velocity(table, ax, ay, begin)
-    site = site_of(table, bx, by)
-    return leg_time_from(Segment(ax, ay, bx, by), u, v, site, begin, table, polar, clock.step)
+    u, v = velocity(water.table, ax, ay, begin)
+    end = site_of(water.table, bx, by)
+    return leg_time_from(Segment(ax, ay, bx, by), u, v, end, begin, water)
 
 
 @reading_kernel
 def leg_time_from(
-    leg: Segment,
-    u: float,
-    v: float,
-    end: Site,
-    begin: float,
-    table: CurrentTable,
-    polar: Polar,
-    step: float,
+    leg: Segment, u: float, v: float, end: Site, begin: float, water: Stream
 ) -> float:
-    """Return the time (s) over a leg, given the current at its begin, and the site of its end.
-
-    In a changing current its pieces are no longer than `step` (m).
-    """
+    """Return the time (s) over a leg, given the current at its begin, and the site of its end."""
+    table, polar, clock = water
     dx, dy = leg.bx - leg.ax, leg.by - leg.ay
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
         return 0.0
     tx, ty = dx / length, dy / length
-    pieces = 1 if len(table.times) == 1 else math.ceil(length / step)
+    pieces = 1 if len(table.times) == 1 else math.ceil(length / clock.step)
     piece, now = length / pieces, begin
     here = slowness(u, v, tx, ty, polar)
     for k in range(1, pieces + 1):
@@ -165,7 +161,8 @@ def shortcut(path: FloatArray, water: Stream, capsules: Capsules, longest: float
 class _Row(NamedTuple):
     """One row of points (m,): coordinates (m), arrival times (s), and currents then (m/s).
 
-    One array each, so that the inner loop can be vectorised.
+    One array each, so that the inner loop can be vectorised. `came_from` is the point of the row
+    before from which the vessel arrives.
     """
 
     x: FloatArray
@@ -173,6 +170,7 @@ class _Row(NamedTuple):
     u: FloatArray
     v: FloatArray
     arrival: FloatArray
+    came_from: IntArray
 
 
 @kernel
@@ -208,7 +206,12 @@ def quickest_chain(
         width = 1 if row == 0 else wide
         following = 1 if row == rows - 2 else count
         here = _Row(
-            x[row, :width], y[row, :width], u[row, :width], v[row, :width], arrival[row, :width]
+            x[row, :width],
+            y[row, :width],
+            u[row, :width],
+            v[row, :width],
+            arrival[row, :width],
+            came_from[row],
         )
         after = row + 1
         there = _Row(
@@ -217,13 +220,14 @@ def quickest_chain(
             u[after, :following],
             v[after, :following],
             arrival[after, :following],
+            came_from[after],
         )
         near = _capsules_between(here, there, bounds)
         free = exempt[0] if row == 0 else exempt[1] if row == rows - 2 else none_exempt
         if is_simple:
-            _advance_in_steady(here, there, came_from[after], water, capsules, near, free)
+            _advance_in_steady(here, there, water, capsules, near, free)
         else:
-            _advance(here, there, came_from[after], water, capsules, near, free)
+            _advance(here, there, water, capsules, near, free)
     chain = np.zeros(rows, dtype=np.int64)
     for row in range(rows - 1, 0, -1):
         chain[row - 1] = came_from[row, chain[row]]
@@ -234,7 +238,6 @@ def quickest_chain(
 def _advance_in_steady(
     here: _Row,
     there: _Row,
-    came_from: IntArray,
     water: Stream,
     capsules: Capsules,
     near: IntArray,
@@ -242,7 +245,7 @@ def _advance_in_steady(
 ) -> None:
     """Do the work of :func:`_advance` in a steady current at one speed, far faster."""
     table, polar, _ = water
-    x, y, u, v, departure = here
+    x, y, u, v, departure, _ = here
     most = TOO_STRONG * polar.speed * polar.speed
     totals = np.empty(len(x))
     for j in range(len(there.x)):
@@ -260,7 +263,7 @@ def _advance_in_steady(
                 break
             if leg_is_clear(Segment(x[i], y[i], bx, by), capsules, near, exempt):
                 there.arrival[j], there.u[j], there.v[j] = totals[i], bu, bv
-                came_from[j] = i
+                there.came_from[j] = i
                 break
             totals[i] = np.inf
 
@@ -287,7 +290,6 @@ def _headway(u: float, v: float, dx: float, dy: float, polar: Polar) -> float:
 def _advance(
     here: _Row,
     there: _Row,
-    came_from: IntArray,
     water: Stream,
     capsules: Capsules,
     near: IntArray,
@@ -298,9 +300,8 @@ def _advance(
     first = _first_least(here.arrival)
     if here.arrival[first] == np.inf:
         return
-    table, polar, clock = water
+    table, polar, _ = water
     most = TOO_STRONG * polar.speed * polar.speed
-    fastest = ground_speed(table.strongest, 0.0, 1.0, 0.0, polar)
     totals, timed = np.empty(len(here.x)), np.empty(len(here.x), dtype=np.bool_)
     for j in range(len(there.x)):
         bx, by = there.x[j], there.y[j]
@@ -308,7 +309,7 @@ def _advance(
         dx, dy = bx - here.x[first], by - here.y[first]
         away = math.sqrt(dx * dx + dy * dy)
         bend = bend_near(table, site, here.arrival[first] + away / polar.speed)
-        _arrivals(here, bx, by, bend, polar, fastest, clock.step, totals, timed)
+        _arrivals(here, (bx, by), bend, water, totals, timed)
         while True:
             i = _first_least(totals)
             if totals[i] == np.inf:
@@ -316,14 +317,13 @@ def _advance(
             leg = Segment(here.x[i], here.y[i], bx, by)
             if not timed[i]:
                 begin, timed[i] = here.arrival[i], True
-                totals[i] = begin + leg_time_from(
-                    leg, here.u[i], here.v[i], site, begin, table, polar, clock.step
-                )
+                u, v = here.u[i], here.v[i]
+                totals[i] = begin + leg_time_from(leg, u, v, site, begin, water)
                 continue
             u, v = velocity_there(table, site, totals[i])
             if u * u + v * v < most and leg_is_clear(leg, capsules, near, exempt):
                 there.arrival[j], there.u[j], there.v[j] = totals[i], u, v
-                came_from[j] = i
+                there.came_from[j] = i
                 break
             totals[i] = np.inf
 
@@ -331,12 +331,9 @@ def _advance(
 @reading_kernel
 def _arrivals(
     here: _Row,
-    bx: float,
-    by: float,
+    to: tuple[float, float],
     bend: Bend,
-    polar: Polar,
-    fastest: float,
-    step: float,
+    water: Stream,
     totals: FloatArray,
     timed: BoolArray,
 ) -> None:
@@ -345,10 +342,14 @@ def _arrivals(
     A time is exact if the leg has one piece and ends while the current there is known from `bend`.
     Exact times are those of :func:`leg_time`, computed without its branches. With d the leg and g
     the speed over ground, a time is |d|² / (|d| g), so no unit vector is needed. Any other time is
-    too short: it is that of a vessel at `fastest` (m/s) over ground. Such a leg is timed later if
-    it may be the quickest. Where the current is as strong as the vessel, `here.arrival` is inf.
+    too short: it is that of a vessel with the strongest current behind it. Such a leg is timed
+    later if it may be the quickest. Where the current is as strong as the vessel, `here.arrival` is
+    inf.
     """
-    x, y, u, v, departure = here
+    x, y, u, v, departure, _ = here
+    polar, step = water.polar, water.clock.step
+    bx, by = to
+    fastest = ground_speed(water.table.strongest, 0.0, 1.0, 0.0, polar)
     if polar.least < polar.speed:
         for i in range(len(totals)):
             totals[i] = departure[i] + math.hypot(bx - x[i], by - y[i]) / fastest

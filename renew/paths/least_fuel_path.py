@@ -4,7 +4,13 @@ A dynamic programme in two parts. The first runs over sections of the channel: f
 many points each, to find the right way round. The second refines this path on transversals, which
 are perpendicular lines from V to V, in ever narrower windows. So the path can bend, and bulge out
 of its channel: the least-fuel path of a class may leave its row of triangles across open water and
-come back. Before the last pass, Newton's method moves all points at once.
+come back.
+
+Before the last pass, Newton's method moves all points at once, perpendicular to the path. A dynamic
+programme over a few points on each transversal can't turn a long stretch by a small angle, because
+its points are too far apart. The duration of a path, as a function of each point's shift, has a
+tridiagonal second derivative. Solving that system moves long stretches as easily as single points
+(a damped Newton method; Nocedal and Wright, Numerical Optimization, 2006, ch. 3 and 10.3).
 """
 
 import math
@@ -14,52 +20,65 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from renew._types import FloatArray
+from renew._compiled import kernel, reading_kernel
+from renew._types import BoolArray, FloatArray
 from renew.errors import InfeasibleError, Length
-from renew.kernels.capsules import capsules_near
-from renew.kernels.cheapest_chain import legs_between
+from renew.kernels.capsules import Segment, capsules_near, legs_are_clear
+from renew.kernels.cheapest_speeds import legs_between
+from renew.kernels.current_table import Site, site_of, velocity_there
 from renew.kernels.ground_speed import sailing_at
-from renew.kernels.viterbi import Stream, quickest_chain
+from renew.kernels.viterbi import Stream, arrivals, leg_time, leg_time_from, quickest_chain
 from renew.paths.corridor import SLACK, Corridor
-from renew.paths.newton import straightened
 from renew.paths.sections import (
-    Water,
+    WaterAround,
     points_beside,
     refined_on_transversals,
     with_transversals,
     without_detours,
 )
-from renew.paths.speed_profile import SpeedProfile
-from renew.paths.speeds_by_clock import TimedPath
+from renew.paths.speed_profile import SpeedProfile, TimedPath
 from renew.voyage.voyage import shares
 
-# Sections of the first part: spacing as a share of the midline, angle in a fan (rad), and points on
-# each. With few sections of many points, legs can take almost any course.
-_COARSE_SPACING, _COARSE_ANGLE, _COARSE_POINTS = 1 / 14, math.radians(30), 41
-# Spacing and angle if legs that long can't round a corner of V, or cross overpowered water.
-_SHORT_SPACING, _SHORT_ANGLE = 1 / 64, math.radians(9)
-# A turn from this angle (rad) on is a bend: each pass halves the legs beside it, until their
-# transversals are closer than this share of v/ω.
-BEND, MIN_SPACING = math.radians(5), 0.25
+# Spacing of the first part's sections, as a share of the midline. With few sections of many points,
+# legs can take almost any course.
+_COARSE_SPACING = 1 / 14
+# Angle between these sections in a fan, rad.
+_COARSE_ANGLE = math.radians(30)
+# Number of points on each of these sections.
+_COARSE_POINTS = 41
+# Spacing if legs that long can't round a corner of V, or cross overpowered water.
+_SHORT_SPACING = 1 / 64
+# Angle in that case, rad.
+_SHORT_ANGLE = math.radians(9)
+# A turn from this angle (rad) on is a bend: each pass halves the legs beside it.
+BEND = math.radians(5)
+# Distance of transversals at which these legs are not halved any more, as a share of v/ω.
+MIN_SPACING = 0.25
 
 
 class _Pass(NamedTuple):
     """A pass over transversals: half-width and spacing (shares of the path), points on each.
 
-    Legs beside a turn of at least `bend` (rad) are halved.
+    Legs beside a turn of at least `bend` (rad) are halved. Where the time of passage is chosen too,
+    the least fuel is computed in each row at `times` times, which span a share `leeway` of the
+    possible ones.
     """
 
     window: float
     spacing: float
     points: int
     bend: float
+    times: int = 1
+    leeway: float = 0.0
 
 
 # Half-widths of the passes, as shares of the path, down to 1/4,000: 4 cm on the single gyre. Wider
-# passes have more points, so that their legs can take almost any course. Transversals are close
-# together only in the last passes, which move points little.
+# passes have more points, so that their legs can take almost any course.
 _WINDOWS = tuple(0.15 * 0.45**step for step in range(9))
-_APART, _CLOSE = 1 / 60, 1 / 80
+# Least distance of transversals in the first passes, as a share of the path.
+_APART = 1 / 60
+# Their distance in the last passes, which move points little.
+_CLOSE = 1 / 80
 _WIDE = tuple(
     _Pass(window, max(_APART, window / 4), points, math.inf)
     for window, points in zip(_WINDOWS, (17, 13, 9), strict=False)
@@ -159,7 +178,7 @@ def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> F
     path = corridor.straight_in_soft_ends(path)
     length = length_of(path)
     closest = MIN_SPACING * corridor.voyage.vessel.turning_radius
-    water = Water(corridor.stream, corridor.search_capsules)
+    water = WaterAround(corridor.stream, corridor.search_capsules)
     # A pass moves the path by at most its window. Windows shrink: their sum is twice the first.
     within = capsules_near(water.capsules, path, 2 * passes[0].window * length)
     water, exempt = water.near(within), corridor.exempt[:, within]
@@ -180,7 +199,7 @@ def _refined(corridor: Corridor, path: FloatArray, passes: Sequence[_Pass]) -> F
 def _straightened(corridor: Corridor, path: FloatArray) -> FloatArray:
     """Return a path (n, 2) with long stretches turned to their fastest course."""
     farthest = _FARTHEST * length_of(path)
-    water = Water(corridor.stream, corridor.search_capsules)
+    water = WaterAround(corridor.stream, corridor.search_capsules)
     water = water.near(capsules_near(water.capsules, path, farthest))
     return straightened(path, farthest, water, np.asarray(corridor.exempt.any(axis=1)))
 
@@ -227,25 +246,12 @@ def simplified(corridor: Corridor, path: FloatArray) -> FloatArray:
     return np.asarray(path[keep])
 
 
-class _TimedPass(NamedTuple):
-    """A pass over transversals: half-width and spacing (shares of the path), points on each.
-
-    Legs beside a turn of more than `bend` (rad) are halved. In each row the least fuel is computed
-    at `times` times, which span a share `leeway` of the possible times of passage.
-    """
-
-    window: float
-    spacing: float
-    points: int
-    bend: float
-    times: int
-    leeway: float
-
-
+# Passes of a path whose speeds are chosen in a changing current: each moves the path and its times
+# of passage less than the one before.
 _TIMED_PASSES = (
-    _TimedPass(0.1, 1 / 30, 9, math.inf, 24, 1.0),
-    _TimedPass(0.03, 1 / 60, 7, math.inf, 14, 0.4),
-    *(_TimedPass(0.012 * 0.42**step, 1 / 80, 7, BEND, 11, 0.2 * 0.6**step) for step in range(3)),
+    _Pass(0.1, 1 / 30, 9, math.inf, 24, 1.0),
+    _Pass(0.03, 1 / 60, 7, math.inf, 14, 0.4),
+    *(_Pass(0.012 * 0.42**step, 1 / 80, 7, BEND, 11, 0.2 * 0.6**step) for step in range(3)),
 )
 
 
@@ -259,7 +265,7 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
     keep_whole = np.asarray(corridor.exempt.any(axis=1))
     mean = length_of(profile.path) / float(profile.times[-1] - profile.times[0])
     polar = sailing_at(min(mean, voyage.vessel.speed), voyage.drift == "crab", voyage.vessel.speed)
-    water = Water(Stream(voyage.table, polar, voyage.clock), corridor.search_capsules)
+    water = WaterAround(Stream(voyage.table, polar, voyage.clock), corridor.search_capsules)
     schedule = shares(profile.path), profile.times
     path = without_detours(
         profile.path, 2 * _TIMED_PASSES[0].spacing * length_of(profile.path), water
@@ -295,7 +301,7 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
 
 
 def _times(
-    allowed: tuple[FloatArray, FloatArray], passed: FloatArray, one: _TimedPass, sideways: float
+    allowed: tuple[FloatArray, FloatArray], passed: FloatArray, one: _Pass, sideways: float
 ) -> FloatArray:
     """Return the times (n, q), s, at which the least fuel is computed in each row of a pass.
 
@@ -306,3 +312,238 @@ def _times(
     middle = (early + late) / 2 if one.leeway == 1 else passed
     half = one.leeway * (late - early) / 2 + sideways
     return np.linspace(middle - half, middle + half, one.times).T
+
+
+# Step of the differences, as a share of the shorter leg beside a point.
+_STEP = 0.05
+# Shortest leg that counts for that step, as a share of the path.
+_SHORTEST = 1e-6
+# Largest number of iterations.
+_ITERATIONS = 12
+# Number of tries in each iteration, with more damping or more points held.
+_TRIES = 6
+# Damping of the first try, as a share of the mean second derivative.
+_DAMPING = 0.05
+# Factor of the damping from try to try.
+_MORE = 8.0
+# Share of the mean second derivative up to which damping becomes 0 when it falls.
+_LEAST_DAMPING = 1e-4
+# Gain of an iteration, as a share of the duration, below which it is the last one.
+_GAIN = 3e-6
+
+
+class _Quadratic(NamedTuple):
+    """Derivatives of the arrival time with respect to each point's shift along its normal.
+
+    `gradient` (n,) in s/m; second derivatives in s/m²: `diagonal` (n,), and `beside` (n,), mixed
+    with the next point.
+    """
+
+    gradient: FloatArray
+    diagonal: FloatArray
+    beside: FloatArray
+
+
+@kernel
+def straightened(
+    path: FloatArray, farthest: float, water: WaterAround, keep_whole: BoolArray
+) -> FloatArray:
+    """Return a path (n, 2), not slower, whose points have moved at most `farthest` m sideways.
+
+    Points of legs that would touch a capsule stay. `keep_whole` (2,) says whether the first, and
+    the last, leg stays unchanged.
+    """
+    stream = water.stream
+    times = arrivals(path, stream)
+    last = len(path) - 1
+    movable = np.zeros(last + 1, dtype=np.bool_)
+    for k in range(1, last):
+        movable[k] = not (k == 1 and keep_whole[0]) and not (k == last - 1 and keep_whole[1])
+    damping = _DAMPING
+    for _ in range(_ITERATIONS):
+        before = times[-1]
+        normals = _normals(path)
+        quadratic = _quadratic(path, normals, times, stream)
+        for _ in range(_TRIES):
+            shift, found = _newton_step(quadratic, damping, movable)
+            if found:
+                moved = _moved(path, normals, shift, farthest / _ITERATIONS)
+                moved_times = arrivals(moved, stream)
+                if moved_times[-1] <= before:
+                    if not _hold(movable, path, moved, water):
+                        path, times = moved, moved_times
+                        damping = damping / _MORE if damping > _LEAST_DAMPING else 0.0
+                        break
+                    continue
+            damping = max(_MORE * damping, _LEAST_DAMPING)
+        if before - times[-1] <= _GAIN * (before - times[0]):
+            break
+    return path
+
+
+@kernel
+def _moved(path: FloatArray, normals: FloatArray, shift: FloatArray, most: float) -> FloatArray:
+    """Return a path (n, 2) with points shifted (n,), m, along their normals, by at most `most` m.
+
+    A step that is too long still leads towards the least duration.
+    """
+    largest = 0.0
+    for one in shift:
+        largest = max(largest, abs(one))
+    share = min(1.0, most / max(largest, 1e-300))
+    moved = np.empty(path.shape)
+    for k in range(len(path)):
+        for d in range(2):
+            moved[k, d] = path[k, d] + shift[k] * share * normals[k, d]
+    return moved
+
+
+@kernel
+def _normals(path: FloatArray) -> FloatArray:
+    """Return unit vectors (n, 2) perpendicular to a path (n, 2), and 0 at its ends."""
+    normals = np.zeros(path.shape)
+    for k in range(1, len(path) - 1):
+        dx, dy = path[k + 1, 0] - path[k - 1, 0], path[k + 1, 1] - path[k - 1, 1]
+        length = max(math.hypot(dx, dy), 1e-300)
+        normals[k, 0], normals[k, 1] = -dy / length, dx / length
+    return normals
+
+
+@kernel
+def _quadratic(
+    path: FloatArray, normals: FloatArray, times: FloatArray, stream: Stream
+) -> _Quadratic:
+    """Return derivatives by differences, given the times (n,), s, at which legs begin.
+
+    A leg's weight is the delay of the arrival per second of delay of the leg; 1 in a steady
+    current.
+    """
+    gradient, diagonal, beside = np.zeros(len(path)), np.zeros(len(path)), np.zeros(len(path))
+    steps = _steps(path)
+    weight = 1.0
+    after = _around(path, normals, steps, len(path) - 1, times, stream)
+    for k in range(len(path) - 2, -1, -1):
+        begin = _around(path, normals, steps, k, times, stream)
+        here = times[k + 1] - times[k]
+        first = _time_between(begin[2], after[1], times[k], stream)
+        first_back = _time_between(begin[0], after[1], times[k], stream)
+        second = _time_between(begin[1], after[2], times[k], stream)
+        second_back = _time_between(begin[1], after[0], times[k], stream)
+        both = _time_between(begin[2], after[2], times[k], stream)
+        both_back = _time_between(begin[0], after[0], times[k], stream)
+        curvature, after_curvature = first + first_back - 2 * here, second + second_back - 2 * here
+        h, after_h = steps[k], steps[k + 1]
+        gradient[k] += weight * (first - first_back) / (2 * h)
+        gradient[k + 1] += weight * (second - second_back) / (2 * after_h)
+        diagonal[k] += weight * curvature / h**2
+        diagonal[k + 1] += weight * after_curvature / after_h**2
+        # Abramowitz and Stegun, Handbook of Mathematical Functions, 25.3.27.
+        mixed = both + both_back - 2 * here - curvature - after_curvature
+        beside[k] = weight * mixed / (2 * h * after_h)
+        if len(stream.table.times) > 1:
+            later = _STEP * here
+            (ax, ay), (bx, by) = path[k], path[k + 1]
+            ends = leg_time(ax, ay, bx, by, times[k] + later, stream)
+            weight *= 1 + (ends - here) / later
+        after = begin
+    return _Quadratic(gradient, diagonal, beside)
+
+
+@kernel
+def _steps(path: FloatArray) -> FloatArray:
+    """Return the shifts (n,), m, for the differences: a share of the shorter adjacent leg."""
+    last, whole = len(path) - 1, 0.0
+    legs, steps = np.empty(last), np.empty(last + 1)
+    for k in range(last):
+        legs[k] = math.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        whole += legs[k]
+    for k in range(last + 1):
+        shorter = min(legs[max(k - 1, 0)], legs[min(k, last - 1)])
+        steps[k] = _STEP * max(shorter, _SHORTEST * whole)
+    return steps
+
+
+class _Place(NamedTuple):
+    """A point's position (m), its cell in the table, and the current at its passage (m/s)."""
+
+    x: float
+    y: float
+    site: Site
+    u: float
+    v: float
+
+
+@reading_kernel
+def _around(
+    path: FloatArray,
+    normals: FloatArray,
+    steps: FloatArray,
+    k: int,
+    times: FloatArray,
+    stream: Stream,
+) -> tuple[_Place, _Place, _Place]:
+    """Return point k shifted back along its normal by its step (m), unshifted, and forward."""
+    dx, dy = steps[k] * normals[k, 0], steps[k] * normals[k, 1]
+    x, y = path[k]
+    return (
+        _place(x - dx, y - dy, times[k], stream),
+        _place(x, y, times[k], stream),
+        _place(x + dx, y + dy, times[k], stream),
+    )
+
+
+@reading_kernel
+def _place(x: float, y: float, time: float, stream: Stream) -> _Place:
+    """Return the place of a point that is passed at a given time (s)."""
+    site = site_of(stream.table, x, y)
+    u, v = velocity_there(stream.table, site, time)
+    return _Place(x, y, site, u, v)
+
+
+@reading_kernel
+def _time_between(a: _Place, b: _Place, begin: float, stream: Stream) -> float:
+    """Return the time (s) over a leg, which begins at a given time (s)."""
+    leg = Segment(a.x, a.y, b.x, b.y)
+    return leg_time_from(leg, a.u, a.v, b.site, begin, stream)
+
+
+@kernel
+def _newton_step(
+    quadratic: _Quadratic, damping: float, movable: BoolArray
+) -> tuple[FloatArray, bool]:
+    """Return the shift (n,), m, of each point, and whether it leads towards a minimum.
+
+    By Cholesky's method for tridiagonal systems; `damping` is a share of the mean diagonal.
+    """
+    gradient, diagonal, beside = quadratic
+    mean = np.abs(diagonal).mean()
+    shift, carried = np.zeros(len(diagonal)), np.zeros(len(diagonal))
+    for k in range(1, len(diagonal) - 1):
+        if not movable[k]:
+            continue
+        before = beside[k - 1] if movable[k - 1] else 0.0
+        pivot = diagonal[k] + damping * mean - before * carried[k - 1]
+        if not pivot > 0.0:
+            return shift, False
+        carried[k] = beside[k] / pivot if movable[k + 1] else 0.0
+        shift[k] = (-gradient[k] - before * shift[k - 1]) / pivot
+    for k in range(len(diagonal) - 3, 0, -1):
+        shift[k] -= carried[k] * shift[k + 1]
+    # Beside a current that shuts the way derivatives are infinite.
+    return shift, bool(np.isfinite(shift).all())
+
+
+@kernel
+def _hold(movable: BoolArray, path: FloatArray, moved: FloatArray, water: WaterAround) -> bool:
+    """Mark as immovable each point (n,) whose shift, or a leg there, touches a capsule.
+
+    Returns whether any point was newly marked.
+    """
+    on_way = legs_are_clear(path, moved, water.capsules)
+    on_legs = legs_are_clear(moved[:-1], moved[1:], water.capsules)
+    last, found = len(path) - 1, False
+    for k in range(last + 1):
+        clear = on_way[k] and on_legs[max(k - 1, 0)] and on_legs[min(k, last - 1)]
+        if movable[k] and not clear:
+            movable[k], found = False, True
+    return found

@@ -211,15 +211,15 @@ def _spread(intervals: FloatArray, count: IntArray, points: int) -> FloatArray:
     return places
 
 
-class Water(NamedTuple):
-    """The water of a path's refinement: a current, and capsules to avoid."""
+class WaterAround(NamedTuple):
+    """The water in which a path is refined: a current, and capsules to avoid."""
 
     stream: Stream
     capsules: Capsules
 
-    def near(self, chosen: IntArray) -> "Water":
+    def near(self, chosen: IntArray) -> "WaterAround":
         """Return this water with only some of the capsules."""
-        return Water(self.stream, self.capsules.select(chosen))
+        return WaterAround(self.stream, self.capsules.select(chosen))
 
 
 @kernel
@@ -308,7 +308,7 @@ def refined_on_transversals(
     window: float,
     count: int,
     longest: float,
-    water: Water,
+    water: WaterAround,
     exempt: BoolArray,
 ) -> FloatArray:
     """Return the fastest path (n', 2) over `count` points per transversal, within `window` m.
@@ -327,7 +327,7 @@ def refined_on_transversals(
 
 
 @kernel
-def without_detours(path: FloatArray, longest: float, water: Water) -> FloatArray:
+def without_detours(path: FloatArray, longest: float, water: WaterAround) -> FloatArray:
     """Remove the points of a path that a shortcut of up to `longest` m passes no slower."""
     return path[shortcut(path, water.stream, water.capsules, longest)]
 

@@ -7,23 +7,48 @@ or 0 if time is free.
 
 The best speed changes from place to place. So the path is cut into legs in which this speed changes
 little. Each leg gets the mean of its speeds, at a price that meets the deadline with these means.
+
+In a changing current least fuel is first searched over places and times together, which finds the
+right tide. Then the speeds are improved (both: :mod:`renew.kernels.cheapest_speeds`), and an
+augmented Lagrangian keeps the deadline (Nocedal & Wright, Numerical Optimization, 2006, 17.3); its
+multiplier is the price of time at the end. Everything uses the current's table.
+
+In a steady current the price of time is constant along the path. In a changing current it varies,
+because a later passage meets another current: it may pay to slow down and let a tide turn, or to
+hurry and catch it. At last neighbouring legs with similar speeds are joined, and their speeds are
+improved until the current itself, not only its table, meets the deadline.
 """
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from renew._types import FloatArray, IntArray
-from renew.kernels.ground_speed import chosen_speeds
-from renew.voyage.fuel import WITHIN, Pieces, ground_speed
+from renew._compiled import for_kernels
+from renew._types import BoolArray, FloatArray, IntArray
+from renew.kernels.cheapest_speeds import (
+    Chain,
+    CostModel,
+    Rows,
+    SailedLegs,
+    SpeedProblem,
+    cheapest_chain,
+    cheapest_speeds,
+    sailed,
+)
+from renew.kernels.ground_speed import chosen_speeds, sailing_at
+from renew.kernels.viterbi import Stream, arrivals
+from renew.voyage.fuel import WITHIN, Pieces, ground_speed, passage
 from renew.voyage.voyage import Voyage
 
 # Ratio of the highest to the lowest speed within a leg: costs less than 0.05 % more fuel.
 _SAME_SPEED = 1.04
-# Number of steps to find a price, and largest early arrival, as a share of the duration.
-_PRICE_STEPS, _EARLY = 60, 1e-9
+# Largest number of steps to find a price.
+_PRICE_STEPS = 60
+# How early a vessel may arrive at the price that is found, as a share of the duration.
+_EARLY = 1e-9
 # Number of prices for which a trade-off is computed.
 _PRICES = 97
 
@@ -214,3 +239,326 @@ def _least_price(
             break
         following = math.nan
     return high
+
+
+# Least number of rows of a path.
+_ROWS = 96
+# Largest number of rows of a path.
+_MAX_ROWS = 400
+# Number of clock steps between two rows.
+_STEPS_A_ROW = 3.0
+# Number of times at which the least fuel is known in a row.
+_TIMES = 48
+# Least width of a window of times, as a share of the duration at the highest speed.
+_NARROWEST = 1e-6
+# Price of lateness, as a multiple of k vᵏ at the highest speed v: so high that lateness never pays.
+_LATE = 3.0
+# Largest number of rounds to find the multiplier.
+_ROUNDS = 12
+# Lateness that is allowed when the multiplier changes for the first time, as a share of the
+# duration.
+_FIRST_LATE = 0.02
+# The same when it changes for the last time.
+_LATE_AT_LAST = 1e-7
+# Number of constant speeds tried.
+_CONSTANT = 24
+# Number of halvings between the two of them beside the speed that is looked for.
+_HALVINGS = 30
+
+
+class TimedPath:
+    """A path cut into rows or, `as_it_is`, with its own points as rows. Fuel is divided by α.
+
+    `rows` (r + 1, 2), m; `own_leg` (r,) is the path's leg between each pair of rows.
+    """
+
+    def __init__(self, path: FloatArray, voyage: Voyage, *, as_it_is: bool = False) -> None:
+        self._voyage = voyage
+        legs = np.diff(path, axis=0)
+        lengths = np.linalg.norm(legs, axis=1)
+        length, step = lengths.sum(), _STEPS_A_ROW * voyage.clock.step
+        longest = length if as_it_is else max(min(length / _ROWS, step), length / _MAX_ROWS)
+        pieces = np.maximum(1, np.ceil(lengths / longest).astype(int))
+        leg = np.repeat(np.arange(len(legs)), pieces)
+        place = (np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[leg]
+        self.own_leg: IntArray = leg
+        self.rows = for_kernels(np.vstack([path[leg] + place[:, None] * legs[leg], path[-1:]]))
+
+    @property
+    def every(self) -> IntArray:
+        """Legs (r,) if every row has its own speed."""
+        return np.arange(len(self.own_leg))
+
+    def costs(self, deadline: float = math.inf) -> CostModel:
+        """Return the cost model, with a deadline (s) or with the last useful arrival."""
+        vessel, voyage = self._voyage.vessel, self._voyage
+        return CostModel(
+            voyage.table,
+            vessel.speed,
+            voyage.drift == "crab",
+            vessel.fuel_exponent,
+            voyage.clock.step,
+            min(deadline, self.last_arrival),
+            _LATE * vessel.fuel_exponent * vessel.speed**vessel.fuel_exponent,
+        )
+
+    def arrivals(self, speed: float) -> FloatArray:
+        """Return the times (r + 1,), s, at the rows at a constant speed (m/s)."""
+        voyage = self._voyage
+        polar = sailing_at(speed, voyage.drift == "crab", voyage.vessel.speed)
+        return np.asarray(arrivals(self.rows, Stream(voyage.table, polar, voyage.clock)))
+
+    @cached_property
+    def constant(self) -> tuple[float, float]:
+        """Return the constant speed (m/s) of least fuel that is in time, and its fuel.
+
+        If no speed is in time, it is the highest.
+        """
+        deadline, (least, most) = self._voyage.deadline, self.speeds
+        tried = np.geomspace(most, least, _CONSTANT).tolist()
+        found = [self._at_constant(speed) for speed in tried]
+        # The slowest speed that is just in time lies between two of the tried ones.
+        for at in np.flatnonzero(np.diff([arrival <= deadline for arrival, _ in found])).tolist():
+            low, high = tried[at + 1], tried[at]
+            for _ in range(_HALVINGS):
+                middle = (low + high) / 2
+                is_late = self._at_constant(middle)[0] > deadline
+                low, high = (middle, high) if is_late else (low, middle)
+            tried.append(high)
+            found.append(self._at_constant(high))
+        fuels = [fuel if arrival <= deadline else math.inf for arrival, fuel in found]
+        best = int(np.argmin(fuels))
+        return tried[best], found[best][1]
+
+    def _at_constant(self, speed: float) -> tuple[float, float]:
+        """Return arrival (s) and fuel at a constant speed (m/s)."""
+        arrival = float(self.arrivals(speed)[-1])
+        under_way = arrival - self._voyage.departure
+        return arrival, under_way * float(speed**self._voyage.vessel.fuel_exponent)
+
+    @cached_property
+    def last_arrival(self) -> float:
+        """Return the time (s) after which no voyage of least fuel arrives, without a deadline.
+
+        Even at the lowest speed, a longer voyage burns more than a known one.
+        """
+        voyage = self._voyage
+        burnt = voyage.choice.least**voyage.vessel.fuel_exponent
+        slowest = voyage.departure + self.constant[1] / burnt
+        return float(min(slowest, voyage.current.span[1]))
+
+    def chain(self, deadline: float) -> Chain:
+        """Return the chain of least fuel over places and times that meets a deadline (s)."""
+        rows = len(self.rows)
+        early, late = self.window(deadline)
+        clear = np.ones((rows - 1, 1, 1), dtype=np.bool_)
+        every = np.tile(self.speeds, (rows - 1, 1))
+        points = self.rows[:, None].copy()
+        return self.cheapest(points, clear, np.linspace(early, late, _TIMES).T, every, deadline)
+
+    def cheapest(
+        self,
+        points: FloatArray,
+        clear: BoolArray,
+        times: FloatArray,
+        speeds: FloatArray,
+        deadline: float,
+    ) -> Chain:
+        """Return the chain of least fuel over points (r + 1, m, 2), if legs (r, m, m) are clear.
+
+        Least fuel is computed at `times` (r + 1, q), s; `speeds` (r, 2), m/s, are each leg's
+        limits.
+        """
+        times[0] = self._voyage.departure
+        rows = Rows(for_kernels(points), clear, for_kernels(times), for_kernels(speeds))
+        return Chain(*cheapest_chain(rows, self.costs(deadline)))
+
+    @property
+    def can_be_made(self) -> bool:
+        """Whether the highest speed reaches the end, by the table of the current."""
+        return math.isfinite(self.arrivals(self.speeds[1])[-1])
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Lowest and highest speed (m/s)."""
+        return self._voyage.choice.least, self._voyage.vessel.speed
+
+    def window(self, deadline: float) -> tuple[FloatArray, FloatArray]:
+        """Return the earliest and latest times (r + 1,), s, at the rows that meet a deadline."""
+        least, most = self.speeds
+        early = self.arrivals(most)
+        slack = max(min(deadline, self.last_arrival) - early[-1], 0.0)
+        late = np.minimum(early + slack, self.arrivals(least))
+        return early, np.maximum(late, early + _NARROWEST * (early[-1] - early[0]))
+
+    def sailed(self, speeds: FloatArray) -> SailedLegs:
+        """Sail the rows at speeds (r,), m/s."""
+        voyage = self._voyage
+        return SailedLegs(*sailed(self.rows, speeds, voyage.departure, self.costs()))
+
+    def fuel(self, speeds: FloatArray) -> float:
+        """Return the fuel at speeds (r,), m/s."""
+        exponent = self._voyage.vessel.fuel_exponent
+        return float((speeds**exponent * np.diff(self.sailed(speeds).times)).sum())
+
+    def least_fuel(
+        self,
+        speeds: FloatArray,
+        legs: IntArray,
+        deadline: float,
+        price: float = math.nan,
+        rounds: int = _ROUNDS,
+    ) -> tuple[FloatArray, float]:
+        """Return speeds (l,) of legs (r,) with least fuel, near given ones, and the price of time.
+
+        The price, also the first guess, is divided by α. Post-condition: the end is reached nearly
+        by the deadline, if that is possible and the rounds are enough.
+        """
+        exponent, (least, most) = self._voyage.vessel.fuel_exponent, self.speeds
+        first = np.flatnonzero(np.diff(legs, prepend=-1))
+        if not math.isfinite(self.sailed(speeds[legs]).times[-1]):
+            # Too slow for some water: begin at the highest speed.
+            speeds = np.full(len(speeds), most)
+        times = np.diff(self.sailed(speeds[legs]).times)
+        total = float(times.sum())
+        if not math.isfinite(total):
+            return speeds, exponent * most**exponent
+        mean = float((speeds[legs] * times).sum() / total)
+        # In these units a change of any leg's speed costs about the same.
+        scale = np.sqrt(np.maximum(np.add.reduceat(times, first) / total, 1e-12))
+        unit = mean**exponent * total
+        usual = max(exponent - 1, 0.1) * mean**exponent
+        price = usual if math.isnan(price) else price
+        stiffness = usual / (_FIRST_LATE * total)
+        low, high = least * scale, most * scale
+        for _ in range(rounds):
+            problem = SpeedProblem(
+                self.rows,
+                legs,
+                scale,
+                low,
+                high,
+                self._voyage.departure,
+                self.costs(),
+                deadline,
+                price,
+                stiffness,
+                unit,
+            )
+            speeds = cheapest_speeds(problem, np.clip(speeds * scale, low, high)) / scale
+            late = float(self.sailed(speeds[legs]).times[-1]) - deadline
+            before, price = price, max(0.0, price + stiffness * late)
+            if abs(late) <= _LATE_AT_LAST * total or before == price == 0:
+                break
+        return speeds, price
+
+
+# Number of rounds that adjust the deadline in the table, so that the vessel meets its own deadline
+# in the current itself.
+_CLOCK_ROUNDS = 6
+# How early the vessel may arrive, as a share of the duration.
+_EARLY_BY_CLOCK = 1e-6
+# Number of arrivals for which a trade-off is computed.
+_ARRIVALS = 13
+# Number of rounds to find the multiplier for each of them.
+_QUICK_ROUNDS = 2
+# Number of arrivals at which the trade-off is returned.
+_GIVEN = 97
+
+
+def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
+    """Return the speeds of least fuel along a path (n, 2) that meet the voyage's deadline.
+
+    Post-condition: the arrival is not after the deadline, unless the fuel is infinite.
+    """
+    way = TimedPath(path, voyage)
+    most = np.full(len(path) - 1, voyage.vessel.speed)
+    fastest = _flown(path, most, voyage)
+    if not (math.isfinite(fastest.arrival) and fastest.arrival <= voyage.deadline):
+        return fastest._replace(fuel=math.inf)
+    if not voyage.has_choice or not way.can_be_made:
+        return fastest
+    speeds, price = way.least_fuel(way.chain(voyage.deadline).speeds, way.every, voyage.deadline)
+    legs = alike_legs(speeds, speeds, way.own_leg)
+    first = np.flatnonzero(np.diff(legs, prepend=-1))
+    corners = np.vstack([way.rows[first], path[-1:]])
+    time = np.diff(way.sailed(speeds).times)
+    speeds = np.add.reduceat(time * speeds, first) / np.add.reduceat(time, first)
+    # The highest speed has a price, too: any finite one gives a lower bound.
+    vessel = voyage.vessel
+    target, least = voyage.deadline, fastest._replace(price=vessel.fuel_exponent * vessel.fuel_rate)
+    for _ in range(_CLOCK_ROUNDS):
+        speeds, price = way.least_fuel(speeds, legs, target, price)
+        price_of_time = price * vessel.fuel_coefficient
+        found = _flown(corners, speeds, voyage)._replace(price=price_of_time)
+        late = found.arrival - voyage.deadline
+        if late <= 0 and found.fuel < least.fuel:
+            least = found
+        under_way = found.arrival - voyage.departure
+        if late <= 0 and (price == 0 or late >= -_EARLY_BY_CLOCK * under_way):
+            break
+        # The table differs a little from the current.
+        target -= late + _EARLY_BY_CLOCK / 2 * under_way
+    return least
+
+
+def constant_speed(path: FloatArray, voyage: Voyage) -> float:
+    """Return the constant speed (m/s) along a path that needs least fuel and arrives in time.
+
+    If no speed arrives in time, it is the highest. Arrivals are by the current itself.
+    """
+    deadline = voyage.deadline
+    for _ in range(_CLOCK_ROUNDS):
+        speed = TimedPath(path, voyage.with_deadline(deadline)).constant[0]
+        late = _flown(path, np.full(len(path) - 1, speed), voyage).arrival - voyage.deadline
+        if not late > 0 or speed == voyage.vessel.speed:
+            break
+        # The table differs a little from the current.
+        deadline -= late * (1 + _EARLY_BY_CLOCK)
+    return speed
+
+
+def trade_off_by_clock(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, FloatArray]:
+    """Return ascending arrivals (m,), s, and the least fuel (m,) for each along a path (n, 2).
+
+    They range from the highest speed to the arrival after which more time saves no fuel.
+    """
+    way, vessel = TimedPath(path, voyage), voyage.vessel
+    if not way.can_be_made:
+        flown = _flown(path, np.full(len(path) - 1, vessel.speed), voyage)
+        return np.array([flown.arrival]), np.array([flown.fuel])
+    fastest = np.full(len(way.own_leg), vessel.speed)
+    earliest = float(way.sailed(fastest).times[-1])
+    if not voyage.has_choice:
+        return np.array([earliest]), np.array([vessel.fuel_coefficient * way.fuel(fastest)])
+    # The latest useful arrival: time is free there.
+    slowest, _ = way.least_fuel(way.chain(math.inf).speeds, way.every, way.last_arrival)
+    latest = float(way.sailed(slowest).times[-1])
+    begun = voyage.departure
+    if latest - earliest <= _EARLY_BY_CLOCK * (earliest - begun):
+        return np.array([earliest]), np.array([vessel.fuel_coefficient * way.fuel(slowest)])
+    from scipy.interpolate import PchipInterpolator
+
+    # Evenly spaced in speed.
+    deadlines = begun + 1 / np.linspace(1 / (earliest - begun), 1 / (latest - begun), _ARRIVALS)
+    fuels = [way.fuel(fastest)]
+    for deadline in deadlines[1:-1].tolist():
+        first = way.chain(deadline).speeds
+        found, price = way.least_fuel(first, way.every, deadline, rounds=_QUICK_ROUNDS)
+        late = float(way.sailed(found).times[-1]) - deadline
+        fuels.append(way.fuel(found) + price * late)
+    fuels.append(way.fuel(slowest))
+    arrivals = np.linspace(deadlines[0], deadlines[-1], _GIVEN)
+    curve = PchipInterpolator(deadlines, np.minimum.accumulate(fuels))
+    return arrivals, vessel.fuel_coefficient * np.asarray(curve(arrivals))
+
+
+def _flown(path: FloatArray, speeds: FloatArray, voyage: Voyage) -> SpeedProfile:
+    """Return a path (n, 2) sailed at speeds (n - 1,) in the current itself."""
+    vessel = voyage.vessel
+    drift, departure = voyage.drift, voyage.departure
+    passed = passage(path, voyage.current, vessel, speeds=speeds, drift=drift, departure=departure)
+    at_points = passed.at_points
+    rate = vessel.fuel_coefficient * speeds**vessel.fuel_exponent
+    fuel = float((rate * np.diff(at_points)).sum()) if math.isfinite(at_points[-1]) else math.inf
+    return SpeedProfile(path, speeds, at_points, fuel, math.inf)

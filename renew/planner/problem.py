@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from renew._types import FloatArray
-from renew.bounds.fuel_bound import FuelBound
+from renew.bounds.fuel_lower_bound import FuelBound
 from renew.classes.class_enumerator import ClassEnumerator, ViaEnumerator
 from renew.classes.h_signature import VIA, Rays, Word, rays_that_matter
 from renew.classes.triangulation import (

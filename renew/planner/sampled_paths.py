@@ -15,7 +15,7 @@ import numpy as np
 from renew._compiled import kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.classes.h_signature import Rays
-from renew.classes.reduced_rows import RayColumns, appended, no_words
+from renew.classes.k_best_paths import RayColumns, appended, no_words
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, leg_is_clear
 from renew.kernels.current_table import CurrentTable, velocity
@@ -23,7 +23,7 @@ from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import slowness
 from renew.paths.corridor import Corridor
 from renew.results import Route
-from renew.steering.corners import steerable
+from renew.steering.trajectory import steerable
 from renew.voyage.voyage import Voyage
 
 # Number of pieces into which a path is cut in each round; shortcuts connect their ends.

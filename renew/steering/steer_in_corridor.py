@@ -12,32 +12,42 @@ from renew._types import BoolArray, FloatArray, IntArray
 from renew.errors import InfeasibleError, Length, TooSharpError
 from renew.kernels.capsules import Capsules, legs_are_clear, segment_distance
 from renew.paths.corridor import Corridor
-from renew.steering.corners import (
+from renew.steering.trajectory import (
     corner_radius,
     course_changes,
     crowding,
     round_corners,
     sharp_corners,
+    steer,
 )
-from renew.steering.trajectory import steer
 from renew.voyage.voyage import Voyage
 
-# Sizes of discs, in multiples of the radius that can be steered at a corner, because the current
-# changes along the arc. Discs for several corners are larger from the start.
-_ROUNDING, _TOGETHER = 1.06, 1.2
-# Discs grow where the vessel can't turn, by the arc's lack of room times the first factor; maximum
-# growth per round and in total.
-_MARGIN, _MOST_AT_ONCE, _LARGEST = 1.01, 1.13, 1.5
-# Number of times that discs may grow, and by how much they may be too small.
-_MAX_GROWTHS, _GROWTH = 6, 1.01
+# Size of a corner's disc at first, in multiples of the radius that can be steered at the corner:
+# above 1, because the current changes along the arc.
+_ROUNDING = 1.06
+# The same for a disc around several corners.
+_TOGETHER = 1.2
+# Discs grow where the vessel can't turn: by what the arc lacks, times this factor.
+_MARGIN = 1.01
+# Largest growth of a disc per round.
+_MOST_AT_ONCE = 1.13
+# Largest size of a disc, in multiples of the radius that can be steered at its corner.
+_LARGEST = 1.5
+# Number of times that discs may grow.
+_MAX_GROWTHS = 6
+# Ratio of the disc that is needed to the one that is there, up to which the disc is large enough.
+_GROWTH = 1.01
 # Tolerances, as shares of v/ω, for simplifying a path: where sections meet, close points leave a
 # sharp corner no room. The last tolerances are used only if the path can't be steered otherwise.
 _TOLERANCES = (0.01, 0.03, 0.1, 0.3, 0.6, 1.0)
-# Number of tolerances for the whole path: maximum, and the first if places differ later.
-_MAX_SIMPLIFIED, _FIRST_SIMPLIFIED = 4, 3
-# Distance, in v/ω, around an unsteerable place within which a path is simplified more, and number
-# of repetitions.
-_AROUND, _MAX_REPETITIONS = 4.0, 12
+# Largest number of tolerances with which the whole path is simplified.
+_MAX_SIMPLIFIED = 4
+# The number at first, if it differs from place to place later.
+_FIRST_SIMPLIFIED = 3
+# Distance, in v/ω, around an unsteerable place within which a path is simplified more.
+_AROUND = 4.0
+# Number of times that this is repeated.
+_MAX_REPETITIONS = 12
 # Largest distance, in v/ω, at which a path and its track may pass a via point.
 _MISS = 0.02
 # Turns a point into a complex number, so that points can be searched as values.

@@ -8,7 +8,7 @@ zone L is a collision.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import shapely
@@ -151,15 +151,8 @@ def contingency(
     hits = np.zeros(len(points), dtype=np.int64)
     deviations = _drawn_deviations(len(points), seed)
     for begin in passed:
-        turns = fly_turns(
-            points[near],
-            course[near],
-            field,
-            vessel,
-            deviations[near],
-            begin[near],
-            speeds=speed[near],
-        )
+        begun = TurnsBegun(points[near], course[near], begin[near], speed[near])
+        turns = fly_turns(begun, field, vessel, deviations[near])
         if chart.no_go and near.any():
             hits[near] += _touching(turns, tree).sum(axis=1)
     return Contingency(
@@ -178,59 +171,52 @@ def _drawn_deviations(count: int, seed: int) -> FloatArray:
     return deviations
 
 
+class TurnsBegun(NamedTuple):
+    """Points (n, 2), m, where turns begin, and the course (n,), rad, and the time (n,), s, there.
+
+    `speeds` (n,) are through water, m/s.
+    """
+
+    points: FloatArray
+    course: FloatArray
+    times: FloatArray
+    speeds: FloatArray
+
+
 def fly_turns(
-    points: FloatArray,
-    course: FloatArray,
+    begun: TurnsBegun,
     field: CurrentField,
     vessel: Vessel,
     deviations: FloatArray,
-    times: FloatArray,
     steps: int = _TURN_STEPS,
-    speeds: FloatArray | None = None,
 ) -> FloatArray:
-    """Return tracks (n, turns, steps + 1, 2) of full turns from points (n, 2) on courses (n,) rad.
+    """Return tracks (n, turns, steps + 1, 2) of full turns.
 
-    They begin at `times` (n,), s, at speeds (n,) through water, or at the vessel's. Each of the
-    draws, to either side, is simulated in the field perturbed by `deviations` (n or 1, draws, 2):
-    multiples of the spread of its speed and of its direction.
+    Each of the draws, to either side, is simulated in the field perturbed by `deviations` (n or 1,
+    draws, 2): multiples of the spread of its speed and of its direction.
     """
-    speeds = np.full(len(points), vessel.speed) if speeds is None else speeds
+    points, course, times, speeds = begun
     heading = crab_heading(points, course, field, speeds, times)
-    speed_change, direction_change = perturbations(points, field, vessel, deviations, times)
+    changes = perturbations(points, field, vessel, deviations, times)
     if isinstance(field, TabulatedCurrent):
-        return np.asarray(
-            _flown_by_table(
-                points,
-                times,
-                heading,
-                speed_change,
-                direction_change,
-                field.nodes,
-                speeds,
-                vessel.turn_rate,
-                steps,
-            )
-        )
-    return _flown(
-        points, times, heading, speed_change, direction_change, field, speeds, vessel, steps
-    )
+        flown = _flown_by_table(begun, heading, changes, field.nodes, vessel.turn_rate, steps)
+        return np.asarray(flown)
+    return _flown(begun, heading, changes, field, vessel, steps)
 
 
 def _flown(
-    points: FloatArray,
-    times: FloatArray,
+    begun: TurnsBegun,
     heading: FloatArray,
-    speed_change: FloatArray,
-    direction_change: FloatArray,
+    changes: tuple[FloatArray, FloatArray],
     field: CurrentField,
-    speeds: FloatArray,
     vessel: Vessel,
     steps: int,
 ) -> FloatArray:
-    """Return tracks (n, turns, steps + 1, 2) in any field, perturbed by (n, draws).
+    """Return tracks (n, turns, steps + 1, 2) in any field, perturbed by `changes` (n, draws).
 
     Integrated by the midpoint rule; each draw turns to port, then to starboard.
     """
+    (points, _, times, speeds), (speed_change, direction_change) = begun, changes
     side = np.array([1.0, -1.0])
     shape = (len(points), speed_change.shape[1], 2)
     position = np.broadcast_to(points[:, None, None], (*shape, 2)).copy()
@@ -255,17 +241,15 @@ def _flown(
 
 @kernel
 def _flown_by_table(
-    points: FloatArray,
-    times: FloatArray,
+    begun: TurnsBegun,
     heading: FloatArray,
-    speed_change: FloatArray,
-    direction_change: FloatArray,
+    changes: tuple[FloatArray, FloatArray],
     table: CurrentTable,
-    speeds: FloatArray,
     turn_rate: float,
     steps: int,
 ) -> FloatArray:
     """Return tracks as :func:`_flown` gives them, of a current in a table: compiled."""
+    (points, _, times, speeds), (speed_change, direction_change) = begun, changes
     count, draws = speed_change.shape
     tracks = np.empty((count, 2 * draws, steps + 1, 2))
     step = 2 * math.pi / turn_rate / steps

@@ -35,11 +35,16 @@ MAX_DEVIATIONS = 2.0
 """Largest deviation from the field of currents in which turns are simulated, standard deviations:
 95 % of a normal spread lie within it, as the default risk of 5 % asks for."""
 
-# Approximate number of draws that exceed the quantile; minimum and maximum number of draws.
-_TAIL_DRAWS, _MIN_DRAWS, _MAX_DRAWS = 20.0, 512, 20_000
-# If a risk would need more than _MAX_DRAWS, this number of stretched draws is taken, of which about
-# this share exceeds the quantile.
-_STRETCHED_DRAWS, _STRETCHED_SHARE = 4096, 0.02
+# Approximate number of draws that exceed the quantile.
+_TAIL_DRAWS = 20.0
+# Least number of draws.
+_MIN_DRAWS = 512
+# Largest number of draws.
+_MAX_DRAWS = 20_000
+# Number of draws if a risk would need more than _MAX_DRAWS: these are stretched.
+_STRETCHED_DRAWS = 4096
+# Approximate share of the stretched draws that exceeds the quantile.
+_STRETCHED_SHARE = 0.02
 # Share of the risk at which the quantile is taken: the rest covers the error of the draws.
 _SAFETY = 0.85
 # Largest number of turns that are held in memory at a time: 160 MB.
@@ -47,24 +52,27 @@ _MAX_TURNS = 4_000_000
 
 
 class TurnStarts(NamedTuple):
-    """Turns (n,) that begin: heading (rad), its cosine and sine, and the current u, v (m/s)."""
+    """Turns (n,) that begin: heading (rad), its cosine and sine, and the current u, v (m/s).
+
+    All are at one speed through water (m/s) and one rate (rad/s).
+    """
 
     heading: FloatArray
     cos: FloatArray
     sin: FloatArray
     u: FloatArray
     v: FloatArray
+    speed: float
+    turn_rate: float
 
 
 @reading_kernel
-def reach_along(
-    normal: FloatArray, turns: TurnStarts, speed: float, turn_rate: float, reach: FloatArray
-) -> None:
+def reach_along(normal: FloatArray, turns: TurnStarts, reach: FloatArray) -> None:
     """Fill in the reach (n,), m, of turns along a unit normal (2,): the worse of both sides."""
     nx, ny = normal
     bearing = math.atan2(ny, nx)
+    heading, cos, sin, u, v, speed, turn_rate = turns
     radius, period = speed / turn_rate, 2 * math.pi / turn_rate
-    heading, cos, sin, u, v = turns
     for k in range(len(reach)):
         drift = u[k] * nx + v[k] * ny
         ratio = min(max(-drift / speed, -1.0), 1.0)
@@ -106,8 +114,8 @@ def turn_reach(
     reach = np.empty((len(normals), 1))
     for at, towards in enumerate(normals):
         phi, (u, v) = headings[at], currents[at]
-        turn = TurnStarts(phi, np.cos(phi), np.sin(phi), u, v)
-        reach_along(towards, turn, vessel.speed, vessel.turn_rate, reach[at])
+        turn = TurnStarts(phi, np.cos(phi), np.sin(phi), u, v, vessel.speed, vessel.turn_rate)
+        reach_along(towards, turn, reach[at])
     return reach.reshape(shape)
 
 
@@ -170,9 +178,8 @@ class TurnSampler:
 
     def reaches(self, asked: TurnsAtEdges) -> FloatArray:
         """Return the reach (p, draws) of turns towards edges, m, the worse of both sides."""
-        turns, vessel = self._turns(asked.statistics, asked.course), asked.vessel
-        reaches = _reaches(asked.row, asked.normals, turns, vessel.speed, vessel.turn_rate)
-        return np.asarray(reaches)
+        turns = self._turns(asked.statistics, asked.course, asked.vessel)
+        return np.asarray(_reaches(asked.row, asked.normals, turns))
 
     def quantile(self, asked: TurnsAtEdges, risk: float) -> FloatArray:
         """Return reach (p,), m, that no more than a share `risk` of turns exceed, on the safe side.
@@ -196,17 +203,20 @@ class TurnSampler:
     def _quantile(self, asked: TurnsAtEdges, risk: float, rows: slice) -> FloatArray:
         """Return quantiles for some of the rows."""
         statistics, course, row, normals, vessel = asked
-        turns = self._turns(CurrentStatistics(*(of[rows] for of in statistics)), course[rows])
+        some = CurrentStatistics(*(figures[rows] for figures in statistics))
+        turns = self._turns(some, course[rows], vessel)
         first, last = np.searchsorted(row, (rows.start, rows.stop))
         own, towards = row[first:last] - rows.start, normals[first:last]
-        v, omega, beyond = vessel.speed, vessel.turn_rate, _SAFETY * risk
+        beyond = _SAFETY * risk
         if self._is_stretched:
             weight = self._weight / self.count
-            return np.asarray(_weighted_quantile(own, towards, turns, v, omega, weight, beyond))
+            return np.asarray(_weighted_quantile(own, towards, turns, weight, beyond))
         exceeding = math.floor((self.count - 1) * beyond)
-        return np.asarray(_quantile(own, towards, turns, v, omega, exceeding))
+        return np.asarray(_quantile(own, towards, turns, exceeding))
 
-    def _turns(self, statistics: CurrentStatistics, course: FloatArray) -> TurnStarts:
+    def _turns(
+        self, statistics: CurrentStatistics, course: FloatArray, vessel: Vessel
+    ) -> TurnStarts:
         """Return turns (t, draws) in draws of currents (t,), with headings about courses (t,)."""
         s = statistics
         heading = course[:, None] + self._heading
@@ -218,6 +228,8 @@ class TurnSampler:
             np.sin(heading),
             speed * np.cos(towards),
             speed * np.sin(towards),
+            vessel.speed,
+            vessel.turn_rate,
         )
 
 
@@ -247,37 +259,27 @@ def _radical_inverse(index: IntArray, base: int) -> FloatArray:
 @kernel
 def _turns_in(turns: TurnStarts, row: int) -> TurnStarts:
     """Return turns (draws,) that begin in one current of several (t, draws)."""
-    return TurnStarts(
-        turns.heading[row], turns.cos[row], turns.sin[row], turns.u[row], turns.v[row]
-    )
+    heading, cos, sin, u, v, speed, turn_rate = turns
+    return TurnStarts(heading[row], cos[row], sin[row], u[row], v[row], speed, turn_rate)
 
 
 @kernel
-def _reaches(
-    row: IntArray, normals: FloatArray, turns: TurnStarts, speed: float, turn_rate: float
-) -> FloatArray:
+def _reaches(row: IntArray, normals: FloatArray, turns: TurnStarts) -> FloatArray:
     """Return the reach (p, draws) along normals (p, 2), each in the draws of one row, m."""
     reach = np.empty((len(row), turns.heading.shape[1]))
     for p in range(len(row)):
-        reach_along(normals[p], _turns_in(turns, row[p]), speed, turn_rate, reach[p])
+        reach_along(normals[p], _turns_in(turns, row[p]), reach[p])
     return reach
 
 
 @kernel
-def _quantile(
-    row: IntArray,
-    normals: FloatArray,
-    turns: TurnStarts,
-    speed: float,
-    turn_rate: float,
-    exceeding: int,
-) -> FloatArray:
+def _quantile(row: IntArray, normals: FloatArray, turns: TurnStarts, exceeding: int) -> FloatArray:
     """Return the reach (p,) that a number of draws exceed: the largest after `exceeding` others."""
     found = np.empty(len(row))
     reach = np.empty(turns.heading.shape[1])
     largest = np.empty(exceeding + 1)
     for p in range(len(row)):
-        reach_along(normals[p], _turns_in(turns, row[p]), speed, turn_rate, reach)
+        reach_along(normals[p], _turns_in(turns, row[p]), reach)
         # The largest so far, in ascending order.
         largest[:] = -1.0
         for one in reach:
@@ -296,8 +298,6 @@ def _weighted_quantile(
     row: IntArray,
     normals: FloatArray,
     turns: TurnStarts,
-    speed: float,
-    turn_rate: float,
     weight: FloatArray,
     risk: float,
 ) -> FloatArray:
@@ -305,7 +305,7 @@ def _weighted_quantile(
     found = np.empty(len(row))
     reach = np.empty(turns.heading.shape[1])
     for p in range(len(row)):
-        reach_along(normals[p], _turns_in(turns, row[p]), speed, turn_rate, reach)
+        reach_along(normals[p], _turns_in(turns, row[p]), reach)
         order = np.argsort(-reach)
         beyond, at = weight[order[0]], 0
         while beyond <= risk and at < len(order) - 1:

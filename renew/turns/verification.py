@@ -27,7 +27,7 @@ from renew.kernels.capsules import (
     segments_near,
     tracks_touch,
 )
-from renew.turns.contingency import fly_turns, perturbations, stations
+from renew.turns.contingency import TurnsBegun, fly_turns, perturbations, stations
 from renew.turns.padding_model import PaddedEdges
 from renew.turns.turn_reach import (
     MAX_DEVIATIONS,
@@ -75,8 +75,10 @@ _OVERSHOOT = 1.3
 # Factor on the distance by which a perturbed current may carry a turn away: on the way the turn
 # meets other currents than those around its beginning.
 _ELSEWHERE = 2.0
-# Distance between stations (share of v/ω), and the largest number of stations.
-_SPACING, _MAX_STATIONS = 0.6, 1_000_000
+# Distance between stations, as a share of v/ω.
+_SPACING = 0.6
+# Largest number of stations.
+_MAX_STATIONS = 1_000_000
 # Number of headings of a turn, one every 15 degrees: chords leave its arc by under 1 % of v/ω.
 _STEPS = 24
 # Deviations in which turns are simulated: the field itself, and the corners of the box from which
@@ -177,8 +179,9 @@ class _Near(NamedTuple):
         deviations: FloatArray,
     ) -> _Touching:
         """Return turns from chosen stations, and which of them touch which edge."""
-        flown, at = (self.points[chosen], self.course[chosen]), self.speed[chosen]
-        turns = fly_turns(*flown, field, self.vessel, deviations, times[chosen], _STEPS, at)
+        columns = self.points, self.course, times, self.speed
+        begun = TurnsBegun(*(column[chosen] for column in columns))
+        turns = fly_turns(begun, field, self.vessel, deviations, _STEPS)
         counts = np.diff(self.first)[chosen]
         bounds = np.concatenate([[0], np.cumsum(counts)])
         edges = self.near[

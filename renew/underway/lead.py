@@ -23,7 +23,7 @@ from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn
 from renew.planner.problem import Problem
 from renew.results import Route
 from renew.steering.trajectory import steer
-from renew.turns.contingency import crab_heading, fly_turns
+from renew.turns.contingency import TurnsBegun, crab_heading, fly_turns
 from renew.voyage.voyage import Voyage, shares
 
 # A vessel no farther off its path than this share of v/ω counts as on it.
@@ -185,7 +185,8 @@ def _tracks(heading: float, voyage: Voyage) -> FloatArray:
     # In a current slower than the vessel, each course over ground has one heading.
     through = vessel.speed * np.array([[np.cos(heading), np.sin(heading)]])
     course = np.arctan2(*(through + field.velocity(start, begin)).T[::-1])
-    return np.asarray(fly_turns(start, course, field, vessel, _AS_IT_IS, begin, _STEPS)[0])
+    begun = TurnsBegun(start, course, begin, np.array([vessel.speed]))
+    return np.asarray(fly_turns(begun, field, vessel, _AS_IT_IS, _STEPS)[0])
 
 
 def _until_towards(

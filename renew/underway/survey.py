@@ -15,8 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from renew._types import BoolArray, FloatArray
-from renew.bounds.fuel_lower_bound import least_time
-from renew.bounds.haven_bound import HavenBound
+from renew.bounds.fuel_lower_bound import HavenBound, least_time
 from renew.errors import PlanningError
 from renew.inputs.openings import Haven
 from renew.planner.plan import planner_of

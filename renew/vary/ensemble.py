@@ -22,8 +22,7 @@ from typing import NamedTuple, Unpack
 import numpy as np
 
 from renew._types import BoolArray, FloatArray
-from renew.bounds.fuel_bound import FuelBound
-from renew.bounds.fuel_lower_bound import fuel_lower_bound
+from renew.bounds.fuel_lower_bound import FuelBound, fuel_lower_bound
 from renew.errors import InfeasibleError, Moment, ParameterError, is_finite, shown
 from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentLike

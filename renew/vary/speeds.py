@@ -8,7 +8,7 @@ The price is found for the best class first and then for each class: every class
 
 In a changing current no single price of time holds along the whole voyage. So classes are searched
 at one speed: among the speeds that arrive in time, the one with the least fuel on the fastest path.
-Each class's path and speeds are then improved together (:mod:`renew.paths.speeds_by_clock`), and
+Each class's path and speeds are then improved together (:mod:`renew.paths.speed_profile`), and
 land is padded for the hours at which the vessel passes at these speeds.
 
 Land is first padded for the highest speed allowed. If the fastest leg is much slower, the voyage
@@ -35,10 +35,12 @@ from renew.inputs.openings import Opening
 from renew.inputs.vessel import Vessel
 from renew.paths.corridor import Corridor
 from renew.paths.least_fuel_path import path_by_clock
-from renew.paths.speed_profile import SpeedProfile, speed_profile, trade_off
-from renew.paths.speeds_by_clock import (
+from renew.paths.speed_profile import (
+    SpeedProfile,
     constant_speed,
+    speed_profile,
     speeds_by_clock,
+    trade_off,
     trade_off_by_clock,
 )
 from renew.planner.classes import ClassSearch, no_class_error, plan_classes

@@ -25,16 +25,23 @@ from renew.kernels.ground_speed import ground_speed as made_along, ground_speeds
 
 # Composite Gauss-Legendre: four nodes on pieces of at most 1/256 of the path. On the published
 # single gyre the error is below 1e-9 of the fuel.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+_RULE = np.polynomial.legendre.leggauss(4)
+# Weights of the nodes in a piece from -1 to 1.
+_WEIGHTS = _RULE[1]
 _PIECES = 256
 # Largest coordinate of a path (m): beyond it squares overflow.
 _MAX_PLACE = 1e150
-WITHIN = (_NODES + 1) / 2
+WITHIN = (_RULE[0] + 1) / 2
 """Places of the nodes in a piece, from 0 to 1."""
-# Times in a changing current: largest number of rounds; the change, as a share of the time under
-# way, below which they count as settled (by Newton's method the next change would be 1e-12); the
-# least change between two rounds from which a slope is taken; the steepest slope.
-_ROUNDS, _SETTLED, _FAR, _STEEP = 12, 1e-7, 1e-6, 0.9
+# Largest number of rounds for the times in a changing current.
+_ROUNDS = 12
+# Change of these times, as a share of the time under way, up to which they count as settled: by
+# Newton's method the next change would be 1e-12.
+_SETTLED = 1e-7
+# Least change between two rounds from which a slope is taken, as a share of the time under way.
+_FAR = 1e-6
+# Steepest slope that is taken.
+_STEEP = 0.9
 
 
 def as_path(given: object) -> FloatArray:
@@ -136,7 +143,7 @@ def _durations(
     return durations
 
 
-class Passage(NamedTuple):
+class TimesOfPassage(NamedTuple):
     """Times (p + 1,), s, at the ends of the pieces of a path, and the leg (p,) of each piece.
 
     The first time is the departure, on the current's clock. A place that the vessel can't reach has
@@ -172,7 +179,7 @@ def passage(
     guess: FloatArray | None = None,
     drift: Drift = "projected",
     departure: float = 0.0,
-) -> Passage:
+) -> TimesOfPassage:
     """Return the passage along a path (n, 2), with the clock running from the departure (s).
 
     Legs are sailed at `speeds` (n - 1,) through water, m/s, or all at the vessel's. With a `guess`
@@ -201,7 +208,7 @@ def passage(
         guess = np.interp(np.arange(len(leg) + 1), first, guess)
     is_steady = field.is_steady
     times = times_under_way(durations, len(leg), departure, is_steady=is_steady, guess=guess)
-    return Passage(leg, times)
+    return TimesOfPassage(leg, times)
 
 
 def speeds_by_leg(speeds: FloatArray | None, vessel: Vessel, legs: int) -> FloatArray:

@@ -21,16 +21,19 @@ from renew.kernels.ground_speed import Polar, choosing, made_good
 from renew.kernels.viterbi import Clock, Stream, arrivals
 from renew.voyage.fuel import Pieces, passage
 
-# Share of the vessel's speed by which the current may change in a step of the clock; largest number
-# of steps across the chart; change (m/s²) up to which a current counts as constant.
-_CHANGE, _MAX_STEPS, _SLOWEST_CHANGE = 0.1, 2000, 1e-12
+# Share of the vessel's speed by which the current may change in a step of the clock.
+_CHANGE = 0.1
+# Largest number of steps across the chart.
+_MAX_STEPS = 2000
+# Change (m/s²) up to which a current counts as constant.
+_SLOWEST_CHANGE = 1e-12
 # A path may come near a via point several times. It passes the point the first time, unless it
 # comes closer later by more than this share of v/ω.
 _AS_CLOSE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedChoice:
+class SpeedRange:
     """Speeds from `least` (m/s) to the vessel's own, to be at the goal by a deadline (s).
 
     `price` is the Lagrange multiplier λ of the deadline (fuel units a second): plans minimise fuel
@@ -42,7 +45,7 @@ class SpeedChoice:
     deadline: float = math.inf
 
 
-NO_CHOICE = SpeedChoice()
+NO_CHOICE = SpeedRange()
 """The vessel's own speed all the way."""
 
 
@@ -103,7 +106,7 @@ class Voyage:
     min_lateness: float = 0.0
     via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     before: float = 0.0
-    choice: SpeedChoice = NO_CHOICE
+    choice: SpeedRange = NO_CHOICE
     schedule: FloatArray | None = None
 
     @property

@@ -9,8 +9,7 @@ from typing import Any
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
-from tests.bounded_scenes import SEEDS, bounded_scene
-from tests.eddies import SCENES, eddy_scene
+from tests.bounded_scenes import SCENES, SEEDS, bounded_scene, eddy_scene
 from tests.strategies import Scene, random_scene, single_gyre
 
 RANDOM = range(10)

@@ -15,7 +15,7 @@ import shapely
 
 import renew
 from renew._types import FloatArray
-from renew.bounds.haven_bound import HavenBound
+from renew.bounds.fuel_lower_bound import HavenBound
 from renew.request import Request
 from tests.bench.figure import Figure, at_most
 from tests.clock_oracle import earliest_arrival

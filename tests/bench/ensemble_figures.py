@@ -6,7 +6,6 @@ import itertools
 import resource
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Literal, cast
 
 import numpy as np
@@ -17,7 +16,6 @@ from renew._types import FloatArray
 from renew.vary.statistics import statistic, worst_weights
 from tests.bench.figure import Figure, at_most, quoted
 from tests.bench.palawan_figures import cases_of, fetched_data
-from tests.bench.real_voyages import seas
 from tests.ensembles import Lattice, evened, gyre_chart, island_between, stirred
 from tests.strategies import PAPER_VESSEL, SIZE, random_scene
 
@@ -32,8 +30,8 @@ _COVERED, _TRUTHS, _SIDES, _SIDE_TRUTHS = 20, 400, 10, 60
 # Scenes whose sides are equal, and in which one is dearer in every member, and their island's
 # distance from the middle (m).
 _EQUAL, _DEARER, _OFF_M = 200, 50, 2.4
-# Scenes of each kind in which members' own paths are tried; days whose fields are members, s a day.
-_OWN, _DAYS_BEFORE, _DAY_S = 6, 10, 86_400.0
+# Scenes of each kind in which members' own paths are tried.
+_OWN = 6
 # Turns to simulate.
 _TURNS = 200_000
 # Wave length of Palawan's eddies (m), their rms speed (m/s), members and classes.
@@ -49,7 +47,6 @@ def figures() -> Iterator[Figure]:
     yield from _too_close()
     yield from _own_paths()
     yield from _palawan()
-    yield from _real_days()
     yield from _turns()
     yield from _bounds()
 
@@ -144,28 +141,6 @@ def _p90() -> Iterator[Figure]:
     text = f"{share:.1f} % (ensembles {min(held):.0f} to {max(held):.0f} %)"
     name = f"P90 holds, of {_TRUTHS} truths, mean of {_COVERED} ensembles of 50 members"
     yield Figure(name, "85 to 95 %", text, 85 <= share <= 95)
-
-
-def _real_days() -> Iterator[Figure]:
-    """Yield in how many voyages P90 over the fields of the days before holds, round Palawan."""
-    sea = next(seas(), None)
-    if sea is None:
-        return
-    held = list[bool]()
-    for is_back, day in itertools.product((False, True), range(_DAYS_BEFORE, 26, 2)):
-        own = replace(sea, is_back=is_back)
-        members = [own.forecast((day - lag) * _DAY_S) for lag in range(1, _DAYS_BEFORE + 1)]
-        ends = (own.case.goal, own.case.start) if is_back else (own.case.start, own.case.goal)
-        found = renew.plan_ensemble(
-            own.chart, members, own.craft, *ends, classes=2, drift="crab", padding="none"
-        )
-        truth = renew.fuel(found.best.path, own.forecast(day * _DAY_S), own.craft, drift="crab")
-        held.append(truth <= found.statistics["p90"][found.plan.chosen])
-    yield quoted(
-        f"P90 over the {_DAYS_BEFORE} days before holds, {len(held)} voyages round Palawan in real "
-        "fields (Copernicus GLO12, five days apart, linear between them), %",
-        held=100 * float(np.mean(held)),
-    )
 
 
 def _own_paths() -> Iterator[Figure]:

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.bench.record import FOLDER, code_commit
+from tests.bench.figure import FOLDER, code_commit
 from tests.conftest import ROOT
 
 HISTORY = FOLDER / "bench.csv"

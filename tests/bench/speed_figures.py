@@ -16,8 +16,7 @@ from renew.inputs.options import Drift
 from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import moving_scene
-from tests.speed_clock_oracle import CostModel, improved, least_fuel_in_table
-from tests.speed_oracle import least_fuel
+from tests.speed_oracles import CostModel, improved, least_fuel, least_fuel_in_table
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
 
 OPEN_WATERS = range(6)

@@ -30,10 +30,16 @@ from pipeline.stages.water_grid import (
     DirectLine,
     widened_by,
 )
-from tests.bench.drawn_waters import KNOT, PEAK_M_S, PLACES, DrawnWater, drawn
-from tests.bench.figure import Figure, at_most
-from tests.bench.islands_between import largest_between, sides
-from tests.bench.record import record
+from tests.bench.drawn_waters import (
+    KNOT,
+    PEAK_M_S,
+    PLACES,
+    DrawnWater,
+    drawn,
+    largest_between,
+    sides,
+)
+from tests.bench.figure import Figure, at_most, record
 from tests.oracles import grid_dijkstra, tighten
 
 SEEDS = range(3)

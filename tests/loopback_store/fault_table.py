@@ -1,4 +1,7 @@
-"""The fault table: each way in which the service and its client were seen to fail, injected."""
+"""The fault table: each way in which the service and its client were seen to fail, injected.
+
+A row says what goes wrong, and what the message must contain.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +10,279 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from pipeline.errors import StageError
+from pipeline.scenario.catalogue import CopernicusSpec
 from pipeline.sources.copernicus.adapter import Copernicus
+from pipeline.sources.copernicus.client import PASSWORD, USERNAME
 from pipeline.sources.copernicus.download import step_ends
 from tests.loopback_store import world
-from tests.loopback_store.rows import Row
-from tests.loopback_store.server import LoopbackStore
+from tests.loopback_store.server import LOGIN, Fault, LoopbackStore
+
+DAILY, TOTAL = "copernicus-forecast-daily", "copernicus-total-hourly"
+# Largest error of a single cell that can't be detected, m/s: see `_SPIKE_M_S` in
+# `pipeline.sources.copernicus.adapter`.
+_UNDETECTED_M_S = 0.4
+
+
+@dataclass(frozen=True)
+class Row:
+    """One fault: how it is injected, and the parts of the message that it must cause.
+
+    Without a message the field must be downloaded, with errors up to `tolerance_m_s`.
+    `spec_changes` are those of the catalogue's entry, `dataset` are options of the store's dataset;
+    `kill` ends the first client, and `prepare` is called with the downloads' folder before.
+    """
+
+    name: str
+    message: tuple[str, ...]
+    faults: tuple[Fault, ...] = ()
+    source: str = DAILY
+    valid: str = "2024-10-05"
+    deadline_s: float = 60.0
+    spec_changes: dict[str, Any] = field(default_factory=dict)
+    environment: dict[str, str] = field(default_factory=dict)
+    dataset: dict[str, Any] = field(default_factory=dict)
+    kill: signal.Signals | None = None
+    prepare: Callable[[Path], None] | None = None
+    tolerance_m_s: float = world.TOLERANCE_M_S
+    is_quick: bool = False
+
+    def entry(self) -> CopernicusSpec:
+        """Return the dataset's entry with a short deadline, and one attempt unless changed."""
+        fast = {"deadline_s": self.deadline_s, "attempts": 1, "pause_s": 0.0}
+        return world.spec(self.source).model_copy(update={**fast, **self.spec_changes})
+
+
+def _garbage(folder: Path) -> None:
+    """Put garbage where the file will be cached, and its sidecar."""
+    for suffix in ("nc", "json"):
+        for name in (f"{world.spec(DAILY).dataset}_2024-10-05", _cached_stem()):
+            (folder / f"{name}.{suffix}").write_bytes(b"garbage")
+
+
+def _cached_stem() -> str:
+    """Return the name under which the daily field is cached."""
+    source, season = Copernicus(world.spec(DAILY)), world.season("2024-10-05")
+    asked = source.asked(world.REGION, season)
+    return source.cached_download(asked, season, Path()).file.stem
+
+
+def _killed_run(folder: Path) -> None:
+    """Leave what a killed run leaves: its staging folder, with the client's own file in it."""
+    staging = folder / f"{_cached_stem()}.{_unused_process_id()}.0123abcd.partial"
+    staging.mkdir()
+    (staging / f"{_cached_stem()}.nc.k3x9_q2z").write_bytes(b"half a file")
+
+
+def _unused_process_id() -> int:
+    """Return an id that no process has: above the kernel's limit."""
+    return int(Path("/proc/sys/kernel/pid_max").read_text()) + 1
+
+
+# The region needs nine chunks, rows 32-34 and columns 111-113; (33, 112) is all island, and of the
+# last column the region has only one line of cells.
+_ANY, _ONE, _EDGE, _TIME = "*/uo/*", "*/uo/*.34.111", "*/?o/*.34.113", "*.zarr/time/0"
+
+# Bits of a float32: the sign, the highest of the exponent, the highest of the fraction.
+_SIGN, _HIGH, _LOW = 31, 30, 22
+
+
+def _cell_bit(bit: int) -> int:
+    """Return the number of a bit in a cell of `_ONE`, inside the region, with 0.3 m/s."""
+    return 32 * (32 * 16 + 31) + bit
+
+
+ROWS: tuple[Row, ...] = (
+    Row("nothing goes wrong", ()),
+    Row(
+        "a chunk answers 404",
+        ("had no data for", "cells of water"),
+        (Fault(_ONE, 404),),
+        is_quick=True,
+    ),
+    Row("a chunk answers 403", ("had no data for", "cells of water"), (Fault(_ONE, 403),)),
+    Row("a chunk at the edge answers 404", ("had no data for",), (Fault(_EDGE, 404),)),
+    Row("every chunk answers 403", ("had no data for", "cells of water"), (Fault("*/?o/*", 403),)),
+    Row(
+        "one day's chunk of 31 answers 404",
+        ("had no data",),
+        (Fault(_ONE, 404, 1),),
+        valid="2024-10",
+    ),
+    Row(
+        "the axis of latitudes answers 404",
+        ("lacks its latitude", "try again later"),
+        (Fault("*/latitude/0", 404),),
+    ),
+    Row(
+        "the axis of times answers 404", ("lacks its time", "try again later"), (Fault(_TIME, 404),)
+    ),
+    Row("503 twice", (), (Fault(_ANY, 503, 2),)),
+    Row("a reset twice", (), (Fault(_ANY, "reset", 2),)),
+    # The client asks again where the connection is reset, and decodes half a chunk where it is
+    # closed: which of both it sees is chance.
+    Row(
+        "an answer cut in its middle once",
+        (),
+        (Fault(_ANY, "cut", 1),),
+        spec_changes={"attempts": 2},
+    ),
+    Row(
+        "503 for ever",
+        ("no answer within 25 s", "last message: the service answers 503 for", "/uo/"),
+        (Fault(_ANY, 503),),
+        deadline_s=25,
+    ),
+    Row("no answer for ever", ("no answer within 25 s",), (Fault(_ANY, "stall"),), deadline_s=25),
+    Row(
+        "the server stops in the middle of a download",
+        ("no answer within 25 s",),
+        (Fault(_ANY, "gone", after=3),),
+        deadline_s=25,
+    ),
+    Row(
+        "the catalogue answers 500 to the first call",
+        (),
+        (Fault("*/product.stac.json", 500, 1),),
+        spec_changes={"attempts": 2, "pause_s": 1.0},
+    ),
+    Row("a chunk of garbage", ("RuntimeError", "decompress"), (Fault(_ONE, "garbage"),)),
+    Row("an empty chunk", ("the client failed",), (Fault(_ONE, "empty"),)),
+    Row("a chunk that is too short", ("the client failed",), (Fault(_ONE, "short"),)),
+    Row(
+        "a bit flipped in a chunk's head",
+        ("the client failed",),
+        (Fault(_ONE, "flipped", bit=3),),
+    ),
+    Row("a bit flipped in an axis", ("the client failed",), (Fault(_TIME, "flipped", bit=3),)),
+    Row(
+        "a high bit flipped in a value: an impossible speed",
+        ("speeds reach", "damaged"),
+        (Fault(_ONE, "value", bit=_cell_bit(_HIGH)),),
+    ),
+    Row(
+        "a sign flipped in a value",
+        ("stands out from its neighbours by 0.59", "damaged"),
+        (Fault(_ONE, "value", bit=_cell_bit(_SIGN)),),
+    ),
+    Row(
+        "a low bit flipped in a value, which can't be detected",
+        (),
+        (Fault(_ONE, "value", bit=_cell_bit(_LOW)),),
+        tolerance_m_s=_UNDETECTED_M_S,
+    ),
+    Row("a chunk answers 404 once", (), (Fault(_ONE, 404, 1),), spec_changes={"attempts": 2}),
+    Row(
+        "a wrong password",
+        ("InvalidUsernameOrPassword", f"check {USERNAME} and {PASSWORD}"),
+        environment={PASSWORD: "forty-thousand-leagues"},
+        is_quick=True,
+    ),
+    Row(
+        "no credentials",
+        ("gave up without a reason", f"set {USERNAME} and {PASSWORD}"),
+        environment={USERNAME: "", PASSWORD: ""},
+        is_quick=True,
+    ),
+    Row(
+        "the login can't be reached",
+        ("CouldNotConnectToAuthenticationSystem", "auth.marine.copernicus.eu can't be reached"),
+        (Fault(f"CONNECT {LOGIN}*", "reset"),),
+        # Fewer of the client's own attempts, as this row would take two minutes otherwise.
+        environment={"COPERNICUSMARINE_HTTPS_RETRIES": "1"},
+    ),
+    Row(
+        "the login answers 503",
+        ("CouldNotConnectToAuthenticationSystem", "auth.marine.copernicus.eu can't be reached"),
+        (Fault("*/openid-connect/token", 503),),
+        environment={"COPERNICUSMARINE_HTTPS_RETRIES": "1"},
+    ),
+    Row(
+        "the client is ended by SIGTERM",
+        ("ended from outside, by SIGTERM",),
+        (Fault(_ANY, "stall"),),
+        kill=signal.SIGTERM,
+    ),
+    Row(
+        "the client is ended by SIGKILL",
+        ("ended from outside, by SIGKILL",),
+        (Fault(_ANY, "stall"),),
+        kill=signal.SIGKILL,
+        is_quick=True,
+    ),
+    Row(
+        "the client is ended once, and not the second time",
+        (),
+        (Fault(_ANY, "stall", 1),),
+        spec_changes={"attempts": 2, "pause_s": 0.5},
+        kill=signal.SIGKILL,
+    ),
+    Row("garbage is in the cache in place of the file", (), prepare=_garbage),
+    Row("an earlier run was killed", (), prepare=_killed_run),
+    Row(
+        "the end of the period lies outside",
+        ("NotCoveredError", "2024-10-31", "lacks 1 of the 31 steps requested"),
+        valid="2024-10",
+        dataset={"ends": "2024-10-30"},
+    ),
+    Row(
+        "the catalogue is ahead of the data",
+        ("its times are",),
+        dataset={"ends": "2024-10-05", "lacking": "2024-10-05"},
+    ),
+    Row(
+        "a step is missing in the middle of the data",
+        ("its times are",),
+        valid="2024-10",
+        dataset={"lacking": "2024-10-12"},
+    ),
+    Row(
+        "the box lies partly outside",
+        ("CoordinatesOutOfDatasetBounds", "shrink the region"),
+        dataset={"north": 11.0},
+    ),
+    Row("a clock east of Greenwich", (), environment={"TZ": "Asia/Tokyo"}),
+    Row(
+        "a clock west of Greenwich",
+        (),
+        environment={"TZ": "Pacific/Honolulu"},
+        source=TOTAL,
+        valid="2024-10-05T18:00Z",
+    ),
+    Row(
+        "a depth for a dataset of the surface",
+        ("CoordinatesOutOfDatasetBounds", "depth"),
+        source=TOTAL,
+        valid="2024-10-05T18:00Z",
+        spec_changes={"depth_m": 0.5},
+    ),
+    Row(
+        "the dataset is being updated",
+        ("DatasetUpdating", "try again in an hour"),
+        dataset={"updating_from": "2024-10-01T00:00:00Z"},
+    ),
+    Row(
+        "the pinned version is gone",
+        ("DatasetVersionNotFound", "Available versions are: ['202406']", "correct `version`"),
+        spec_changes={"version": "202211"},
+    ),
+    Row(
+        "the dataset is gone",
+        ("DatasetNotFound", "correct the dataset's entry"),
+        spec_changes={"dataset": "cmems_mod_glo_phy-cur_anfc_0.083deg_P9D-m"},
+    ),
+    Row(
+        "a variable is gone",
+        ("it lists no time steps for a variable 'umean'",),
+        spec_changes={"eastward": "umean"},
+    ),
+)
+
 
 # Time for starting and ending a process, added to its deadline, s.
 _MARGIN_S = 8.0

@@ -22,8 +22,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import trustme
 
-from tests.loopback_store.datasets import CODEC, ROOT, Dataset
-from tests.loopback_store.ocean import Ocean
+from tests.loopback_store.datasets import CODEC, ROOT, Dataset, Ocean
 
 LOGIN = "auth.marine.copernicus.eu"
 USERNAME, PASSWORD = "captain.nemo", "twenty-thousand-leagues"

@@ -27,8 +27,7 @@ from pipeline.sources.copernicus.client import (
     PASSWORD as PASSWORD_VARIABLE,
     USERNAME as USERNAME_VARIABLE,
 )
-from tests.loopback_store.datasets import Dataset, step_times
-from tests.loopback_store.ocean import Ocean
+from tests.loopback_store.datasets import Dataset, Ocean, step_times
 from tests.loopback_store.server import PASSWORD, USERNAME, LoopbackStore
 
 REGION = shapely.box(116.2, 6.2, 121.34, 12.4)

@@ -15,7 +15,7 @@ from shapely.affinity import affine_transform
 
 import renew
 from renew._types import FloatArray
-from tests.eddies import SCENES, eddy_scene, walls
+from tests.bounded_scenes import SCENES, eddy_scene, walls
 from tests.oracles import grid_dijkstra, tighten
 from tests.strategies import (
     PAPER_VESSEL,

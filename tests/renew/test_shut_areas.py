@@ -11,9 +11,9 @@ import shapely
 from shapely import MultiPolygon, Polygon, box
 
 import renew
-from renew._types import FloatArray
+from tests.flights import positions
 from tests.moving_waters import moving_scene
-from tests.strategies import PAPER_VESSEL, SIZE, single_gyre
+from tests.strategies import PAPER_VESSEL, SIZE, Scene, single_gyre
 
 CHART = renew.Chart(box(0, 0, 200, 60))
 STILL = renew.UniformCurrent(0.0, 0.0)
@@ -35,45 +35,18 @@ def flights_inside(
     lateness: float,
     min_lateness: float = 0.0,
 ) -> int:
-    """Number of moments at which the vessel is in an area while it is shut; flown step by step.
-
-    The vessel sails its track early, on time and late, and from each point of it turns full circles
-    at the highest speed of its route.
-    """
-    begin = route.times[0]
-    found = 0
+    """Number of moments at which the vessel is in an area while it is shut; flown step by step."""
+    begin, end = route.trajectory[[0, -1], 0]
+    along = np.arange(begin, end, 0.5)
+    late = np.maximum(lateness * (along - route.times[0]), min_lateness)
     shapely.prepare(area)
-    track = route.trajectory
-    along = np.arange(track[0, 0], track[-1, 0], 0.5)
-    place = np.stack([np.interp(along, track[:, 0], track[:, k]) for k in (1, 2, 3)], axis=1)
-    for share in (-1.0, -0.5, 0.0, 0.5, 1.0):
-        moved = np.maximum(lateness * (along - begin), min_lateness) * share
-        now = np.maximum(along + moved, begin)
-        for side in (1.0, -1.0):
-            found += _turn_inside(place, now, side, route.speeds.max(), area, hours, current)
-    return found
-
-
-def _turn_inside(
-    place: FloatArray,
-    now: FloatArray,
-    side: float,
-    speed: float,
-    area: Polygon | MultiPolygon,
-    hours: tuple[float, float],
-    current: renew.CurrentField,
-) -> int:
-    """Moments of turns from places (n, 3) of x, y, heading in an area while that is shut."""
-    position, heading, found = place[:, :2].copy(), place[:, 2].copy(), 0
-    step = 0.1
-    for _ in range(math.ceil(PAPER_VESSEL.turn_period / step) + 1):
-        is_shut = (hours[0] <= now) & (now < hours[1])
-        found += int((shapely.contains_xy(area, position) & is_shut).sum())
-        through = speed * np.column_stack([np.cos(heading), np.sin(heading)])
-        position = position + step * (through + current.velocity(position, now))
-        heading = heading + side * PAPER_VESSEL.turn_rate * step
-        now = now + step
-    return found
+    scene = Scene(CHART, current, *route.path[[0, -1]])
+    return sum(
+        int((shapely.contains_xy(area, place) & (hours[0] <= now) & (now < hours[1])).sum())
+        for share in (-1.0, -0.5, 0.0, 0.5, 1.0)
+        for side in (1.0, -1.0)
+        for place, now in positions(route, scene, along, share * late, side, 0.1)
+    )
 
 
 def test_what_is_always_shut_is_gone_around_like_land() -> None:

@@ -97,19 +97,6 @@ CLOCK = f"""{COUNTING}
 {COUNTED}"""
 
 
-# Prints the seconds of a process' first plan, the import included: as a clock on the wall shows
-# them, and of the processor.
-FIRST_PLAN = """
-import time
-began, used = time.perf_counter(), time.process_time()
-import renew
-from tests.strategies import single_gyre
-single_gyre().plan()
-print(time.perf_counter() - began, time.process_time() - used)
-"""
-FIRST_PLAN_S = 5.0
-
-
 def in_fresh_process(script: str, *arguments: str, root: Path, **variables: str) -> str:
     """Run a script in a process of its own, and return what it prints."""
     done = subprocess.run(
@@ -167,10 +154,3 @@ def test_shipped_code_is_all_that_a_plan_needs(shipped: tuple[Path, dict[str, st
         found = json.loads(in_fresh_process(script, asked, root=root, **variables))
         assert found.pop("counted") == 1
         assert set(found.values()) == {0}
-
-
-@pytest.mark.slow
-def test_the_first_plan_with_shipped_code_is_quick(shipped: tuple[Path, dict[str, str]]) -> None:
-    root, variables = shipped
-    _, used = map(float, in_fresh_process(FIRST_PLAN, root=root, **variables).split())
-    assert used <= FIRST_PLAN_S  # of the processor: others may use the machine meanwhile

@@ -1,8 +1,10 @@
-"""Limits on each case of the robustness tests: CPU time and memory, and what broke them."""
+"""Limits on the robustness tests: the number of their cases, CPU time, memory; what broke them."""
 
 from __future__ import annotations
 
 import contextlib
+import os
+import random
 import resource
 import signal
 import traceback
@@ -47,3 +49,17 @@ def failure(case: int, error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)[-3:]
     places = " < ".join(f"{frame.filename}:{frame.lineno}" for frame in reversed(frames))
     return f"case {case}: {type(error).__name__}: {str(error)[:300]} [{places}]"
+
+
+SEED = os.environ.get("RENEW_ROBUSTNESS_SEED", "20260111")
+"""Seed of all cases; another one draws others."""
+
+
+def number(kind: str, default: int) -> int:
+    """Return the number of cases of a kind, such as `RENEW_ROBUSTNESS_NIGHTS=2000`."""
+    return int(os.environ.get(f"RENEW_ROBUSTNESS_{kind.upper()}", default))
+
+
+def draw(kind: str, case: int) -> random.Random:
+    """Return the random numbers of a case, the same in each campaign with this seed."""
+    return random.Random(f"{SEED} {kind} {case}")  # noqa: S311 - a test's seed

@@ -1,8 +1,15 @@
-"""Odd scenes for the planner: geometry, currents, vessels and options at the edge of sense."""
+"""Odd scenes for the planner: geometry, currents, vessels and options at the edge of sense.
+
+Run as a program, whose memory is limited, it plans some and prints the outcome as JSON.
+"""
 
 from __future__ import annotations
 
+import collections
+import json
 import math
+import sys
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +20,7 @@ from shapely import Point, Polygon, affinity, box
 
 import renew
 from renew._types import FloatArray
+from tests.robustness.limits import TooSlowError, cpu_limit, failure, limit_memory
 
 Rng = np.random.Generator
 
@@ -295,3 +303,34 @@ def _checks(scene: Scene, chart: renew.Chart, route: renew.Route) -> Iterator[tu
     fuel = renew.fuel(route.path, scene.current(), scene.vessel(), drift=drift)
     is_fuel = math.isclose(fuel, route.fuel, rel_tol=1e-6)
     yield not is_fuel, f"{name}: fuel {route.fuel}, by Eq. 4 {fuel}"
+
+
+SEED = 20_260_111
+
+
+def outcomes(cases: range) -> tuple[list[str], dict[str, int]]:
+    """Plan scenes: descriptions of failures, and how often each outcome was met."""
+    failures: list[str] = []
+    met: collections.Counter[str] = collections.Counter()
+    for case in cases:
+        try:
+            with cpu_limit():
+                scene = odd_scene([SEED, case])
+                chart, plan = scene.plan()
+                broken = broken_promises(scene, chart, plan)
+            failures += [f"case {case}: {promise}" for promise in broken]
+            met["plan"] += 1
+        except renew.PlanningError as error:
+            met[type(error).__name__] += 1
+            if not str(error).strip():
+                failures.append(f"case {case}: a {type(error).__name__} without words")
+        except (Exception, TooSlowError) as error:  # noqa: BLE001 - what must not happen
+            failures.append(failure(case, error))
+    return failures, met
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("error")
+    limit_memory()
+    found, counts = outcomes(range(int(sys.argv[1]), int(sys.argv[2])))
+    sys.stdout.write(json.dumps({"failures": found, "met": counts}))

@@ -17,7 +17,7 @@ SAMPLE = 20
 def outcome(root: Path, first: int, last: int) -> dict[str, Any]:
     """Plan scenes in a process of its own."""
     ended = subprocess.run(
-        [sys.executable, "-m", "tests.robustness.run_scenes", str(first), str(last)],
+        [sys.executable, "-m", "tests.robustness.scenes", str(first), str(last)],
         cwd=root,
         capture_output=True,
         text=True,

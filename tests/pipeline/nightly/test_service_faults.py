@@ -16,7 +16,7 @@ from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.scenario import catalogue
 from tests.loopback_store import world
-from tests.loopback_store.ocean import Ocean
+from tests.loopback_store.datasets import Ocean
 from tests.loopback_store.server import Fault, LoopbackStore
 from tests.pipeline.nightly.nights import contents, region_night, rows
 

@@ -13,9 +13,14 @@ import shapely
 from hypothesis import assume, given, settings, strategies as st
 
 from pipeline._types import Geometries
+from pipeline.errors import StageError
 from pipeline.findings.note_words import note_text, note_texts
+from pipeline.geo.projection import Projection
+from pipeline.model import Land
+from pipeline.sources.land.osm import land as osm_land
 from pipeline.stages.simplify import (
     SimplifiedLand,
+    check,
     chosen_tolerance_m,
     simplify_land,
 )
@@ -359,3 +364,99 @@ def test_the_work_grows_no_faster_than_n_log_n() -> None:
     exponent = math.log(many / few) / math.log(16)
     # d log(n log n) / d log n is 1 + 1 / log n: 1.11 at 10,000 vertices.
     assert exponent < 1.11 + math.log(1.5) / math.log(16)
+
+
+# --- The check of simplified land ---
+
+
+NO_ENDPOINTS = np.empty((0, 2))
+
+
+def test_check_names_every_fault() -> None:
+    land, none = _array(shapely.box(0, 0, 100, 100)), _array()
+    good = _array(shapely.box(-1, -1, 101, 101))
+    check(good, _array(shapely.box(1, 1, 99, 99)), land, np.array([[200.0, 200.0]]), PLANE)
+    bowtie = _array(shapely.Polygon([(0, 0), (1, 1), (1, 0), (0, 1)]))
+    with pytest.raises(StageError) as caught:
+        check(bowtie, bowtie, land, NO_ENDPOINTS, PLANE)
+    assert "1 outer polygons are invalid" in str(caught.value)
+    assert "1 inner polygons are invalid" in str(caught.value)
+    half = _array(shapely.box(0, 0, 50, 100), shapely.box(50, 0, 60, 100))
+    with pytest.raises(StageError) as caught:
+        check(half, good, land, np.array([[50.0, 50.0], [150.0, 50.0]]), PLANE)
+    assert "4000 m² of land are uncovered" in str(caught.value)
+    assert "404 m² of inner land lie outside the land" in str(caught.value)
+    # The middle of the uncovered part, which is the right half.
+    lon, lat = PLANE.to_lonlat((80.0, 50.0))
+    assert f"uncovered, at {lon:.4f} E {lat:.4f} N" in str(caught.value)
+    lon, lat = PLANE.to_lonlat((200.0, 100.0))
+    place = f"at {lon:.4f} E {lat:.4f} N"
+    with pytest.raises(StageError, match=f"1 of starts and goals are covered by land, {place}"):
+        check(shapely.buffer(good, 200), none, land, np.array([[200.0, 100.0]]), PLANE)
+
+
+def _array(*polygons: shapely.Polygon) -> Geometries:
+    return np.array(polygons, dtype=object)
+
+
+# --- The simplified land of real coasts ---
+
+
+MINDORO_SIDE, WEST_SIDE = (120.42, 12.4), (119.77, 12.0)
+BUSUANGA = shapely.box(119.75, 11.75, 120.45, 12.45)
+
+
+@pytest.fixture(scope="module")
+def busuanga() -> Land:
+    """Return the real land around Busuanga and Culion: about 400 islands."""
+    return osm_land(BUSUANGA)
+
+
+def test_real_islands(busuanga: Land) -> None:
+    result = simplify_land(
+        busuanga.polygons,
+        BUSUANGA,
+        accuracy_m=busuanga.accuracy_m,
+        turning_radius_m=17.0,
+        endpoints=[MINDORO_SIDE, WEST_SIDE],
+    )
+    simplified = result.simplified
+    assert simplified.tolerance_m == simplified.margin_m == 60.0
+    plane = Projection.for_region(BUSUANGA)
+    extent = plane.geometry_to_plane(BUSUANGA)
+    land = shapely.union_all(plane.geometry_to_plane(np.array(busuanga.polygons, dtype=object)))
+    polygons, inner = (
+        plane.geometry_to_plane(np.array(some, dtype=object))
+        for some in (simplified.polygons, simplified.inner_polygons)
+    )
+    no_go = shapely.union_all(polygons)
+    assert land.intersection(extent).difference(no_go).area == 0
+    assert len(shapely.get_parts(no_go)) == len(polygons)
+    assert shapely.union_all(inner).difference(land).area < 1e-3
+    endpoints = shapely.points(plane.to_plane([MINDORO_SIDE, WEST_SIDE]))
+    # Water that is enclosed at this distance may have become land.
+    far = shapely.get_parts(extent.difference(land.buffer(121.0)))
+    (sea,) = far[shapely.intersects(far[:, None], endpoints).all(axis=1)]
+    assert no_go.intersection(sea).area == 0
+    assert not shapely.intersects(no_go, endpoints).any()
+
+
+def test_straits_of_the_cyclades_are_water() -> None:
+    """Naxos–Donousa and Amorgos–Kinaros, 16 and 17 km wide, which became land once."""
+    region = shapely.box(22.5, 35.0, 29.0, 38.5)
+    ends = [(23.6, 37.85), (28.3, 36.5)]
+    land = osm_land(region)
+    result = simplify_land(
+        land.polygons, region, accuracy_m=land.accuracy_m, turning_radius_m=17.0, endpoints=ends
+    )
+    plane = Projection.for_region(region)
+    polygons = plane.geometry_to_plane(np.array(result.simplified.polygons, dtype=object))
+    water = shapely.get_parts(
+        plane.geometry_to_plane(region).difference(shapely.union_all(polygons))
+    )
+    straits = [(25.69, 37.15), (26.18, 36.96)]
+    places = shapely.points(plane.to_plane([*ends, *straits]))
+    assert shapely.intersects(water[:, None], places).all(axis=1).sum() == 1
+    # As wide as they are, less margin and tolerance.
+    assert shapely.distance(polygons[:, None], places[2:]).min() > 4_000
+    assert len(result.simplified.inner_polygons) > 100

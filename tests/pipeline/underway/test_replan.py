@@ -26,7 +26,7 @@ from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.underway.replan import under_way_scenario
 from pipeline.underway.request import UnderWayRequest
-from pipeline.voyage.positions import read_position
+from pipeline.voyage.readers import read_position
 from tests.pipeline.results import result_of
 from tests.pipeline.tidal_run import DEPARTURE
 from tests.pipeline.underway import sailing
@@ -93,6 +93,31 @@ def test_on_its_plan_the_vessel_sails_on_as_planned(voyage: Path, best: renew.Ro
     assert found.off_m < 0.1
     assert abs(found.late_s) < 0.1
     assert not found.has_new_current
+
+
+def test_a_plan_whose_departure_was_chosen_is_sailed_on(voyage: Path, tmp_path: Path) -> None:
+    """Its scenario leaves the departure open, as the scenario that was run did."""
+    file = sailing.copied(voyage, tmp_path / "copy") / "scenario.toml"
+    text = file.read_text()
+    open_text = re.sub(
+        r"^departure = .*$",
+        'departures = { first = "2026-11-22T06:20:00Z", every = "10min", count = 3 }',
+        text,
+        count=1,
+        flags=re.MULTILINE,
+    ).replace('name = "strait"', 'name = "open"')
+    assert open_text != text
+    file.write_text(open_text)
+    first = run(load_scenario(str(file)), tmp_path, offline=True)
+    sailed = first.result.routes[0].route
+    (choice,) = first.result.departures
+    begun = choice.first + timedelta(seconds=choice.chosen_s)
+    at = len(sailed.path) // 3
+    place = place_of(first.directory, sailed, at)
+    place["time"] = begun + timedelta(seconds=float(sailed.times[at]))
+    found = again(first.directory, **place, name="on")
+    assert answer(found).answer == "kept"
+    assert np.allclose(found.routes[0].route.path[1:], sailed.path[at + 1 :], atol=1e-6)
 
 
 def test_a_full_result_lies_beside_the_old(voyage: Path) -> None:

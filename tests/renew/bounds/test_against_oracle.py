@@ -18,10 +18,8 @@ import shapely
 import renew
 from renew._types import BoolArray, FloatArray
 from renew.bounds import fuel_lower_bound as bound, grids
-from renew.bounds.fuel_bound import FuelBound
-from renew.bounds.fuel_lower_bound import Front, drop, fuel_lower_bound
+from renew.bounds.fuel_lower_bound import FuelBound, HavenBound, Rise, drop_cells, fuel_lower_bound
 from renew.bounds.grids import wet_cells
-from renew.bounds.haven_bound import HavenBound
 from renew.bounds.march import march
 from renew.bounds.travel_time import TravelGrid
 from renew.voyage.voyage import Voyage
@@ -87,10 +85,10 @@ def test_land_that_a_route_may_cross_is_caught(monkeypatch: pytest.MonkeyPatch) 
 def test_cells_dropped_that_a_better_route_may_cross_are_caught(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def dropped(counts: BoolArray, there: Front, back: Front, most: float) -> None:
-        drop(counts, there, back, SOONER * most)
+    def dropped(counts: BoolArray, wet: BoolArray, there: Rise, back: Rise, most: float) -> None:
+        drop_cells(counts, wet, there, back, SOONER * most)
 
-    monkeypatch.setattr(bound, "drop", dropped)
+    monkeypatch.setattr(bound, "drop_cells", dropped)
     assert sum(is_above(one) for one in NEAREST[:8]) > 4
 
 
@@ -132,7 +130,7 @@ def test_threads_that_ask_together_compute_the_bound_once(monkeypatch: pytest.Mo
         time.sleep(0.05)  # s; the other threads ask meanwhile
         return 7.0
 
-    monkeypatch.setattr("renew.bounds.fuel_bound.fuel_lower_bound", bound)
+    monkeypatch.setattr("renew.bounds.fuel_lower_bound.fuel_lower_bound", bound)
     shared = FuelBound(source)
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lambda _: shared.value, range(4)))

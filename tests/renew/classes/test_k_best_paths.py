@@ -19,14 +19,15 @@ from renew._types import FloatArray, IntArray
 from renew.classes.class_enumerator import ClassEnumerator
 from renew.classes.dual_graph import dual_graph, visits
 from renew.classes.h_signature import Rays
-from renew.classes.k_best_paths import k_best_paths, time_to_go
-from renew.classes.reduced_rows import (
+from renew.classes.k_best_paths import (
     RayColumns,
     SearchTask,
     first_row,
+    k_best_paths,
     no_words,
     number_of_classes,
     row_after,
+    time_to_go,
     triangles_of,
 )
 from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
@@ -35,8 +36,6 @@ from renew.inputs.options import Order
 from renew.kernels.viterbi import Stream
 from renew.voyage.voyage import Voyage
 from tests.strategies import StreamFunctionCurrent, examples, seeds, single_gyre, voyage_on
-
-FEW = Resolution(144, 2)
 
 
 def scene(seed: int) -> Voyage:
@@ -47,16 +46,21 @@ def scene(seed: int) -> Voyage:
     return voyage_on(chart, (9.7, 10.3), (90.2, 89.8), StreamFunctionCurrent(seed, 0.5))
 
 
-def found_in(
-    voyage: Voyage, triangulation: Triangulation, graph: Roadmap, count: int
-) -> tuple[list[IntArray], list[FloatArray]]:
-    rays = Rays.of(voyage.chart)
+def task_of(voyage: Voyage, cells: int = 144) -> tuple[SearchTask, Triangulation]:
+    """The task of a search on a coarse roadmap, and the triangles of its rows."""
+    triangulation, rays = triangulate(voyage.chart), Rays.of(voyage.chart)
+    resolution = Resolution(cells, 2)
+    graph = roadmap(voyage, triangulation, voyage.table, clearance=0.0, resolution=resolution)
     none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
-    columns = RayColumns(rays.x, rays.y, rays.island)
-    task = SearchTask(graph, columns, none)
+    return SearchTask(graph, RayColumns(rays.x, rays.y, rays.island), none), triangulation
+
+
+def found_in(
+    task: SearchTask, voyage: Voyage, count: int
+) -> tuple[list[IntArray], list[FloatArray]]:
     stream = Stream(voyage.table, voyage.polar, voyage.clock)
-    rows, paths = k_best_paths(task, time_to_go(graph), stream, count, 1_000_000)
-    return rows, [graph.points[nodes] for nodes in paths]
+    rows, paths = k_best_paths(task, time_to_go(task.graph), stream, count, 1_000_000)
+    return rows, [task.graph.points[nodes] for nodes in paths]
 
 
 def times_of(graph: Roadmap, paths: Sequence[FloatArray]) -> list[float]:
@@ -111,12 +115,11 @@ def best_times(graph: Roadmap, triangulation: Triangulation) -> dict[tuple[int, 
 @given(seed=seeds)
 def test_paths_are_the_quickest_of_every_row_in_the_order_of_their_times(seed: int) -> None:
     voyage = scene(seed)
-    triangulation = triangulate(voyage.chart)
-    graph = roadmap(voyage, triangulation, voyage.table, clearance=0.0, resolution=FEW)
-    rows, paths = found_in(voyage, triangulation, graph, 1000)
-    times = times_of(graph, paths)
+    task, triangulation = task_of(voyage)
+    rows, paths = found_in(task, voyage, 1000)
+    times = times_of(task.graph, paths)
     assert times == pytest.approx(sorted(times), rel=1e-4)
-    expected = best_times(graph, triangulation)
+    expected = best_times(task.graph, triangulation)
     assert {tuple(row.tolist()) for row in rows} == set(expected)
     for row, time in zip(rows, times, strict=True):
         assert time == pytest.approx(expected[tuple(row.tolist())], rel=1e-4)
@@ -126,13 +129,13 @@ def test_paths_are_the_quickest_of_every_row_in_the_order_of_their_times(seed: i
 @given(seed=seeds)
 def test_k_paths_are_the_first_k_of_all(seed: int) -> None:
     voyage = scene(seed)
-    triangulation = triangulate(voyage.chart)
-    graph = roadmap(voyage, triangulation, voyage.table, clearance=0.0, resolution=FEW)
-    _, every = found_in(voyage, triangulation, graph, 1000)
+    task, _ = task_of(voyage)
+    _, every = found_in(task, voyage, 1000)
     for count in (1, 3):
-        _, few = found_in(voyage, triangulation, graph, count)
+        _, few = found_in(task, voyage, count)
         assert len(few) == min(count, len(every))
-        assert times_of(graph, few) == pytest.approx(times_of(graph, every[:count]), rel=1e-4)
+        first = times_of(task.graph, every[:count])
+        assert times_of(task.graph, few) == pytest.approx(first, rel=1e-4)
 
 
 @pytest.mark.parametrize("order", ["length", "fuel"])
@@ -157,24 +160,10 @@ def test_a_channel_is_in_the_class_of_the_path_that_found_it(order: str, seed: i
         assert set(crossed.nonzero()[0].tolist()) <= set(channel.found_by.triangles.tolist())
 
 
-def task_of(seed: int) -> tuple[SearchTask, Triangulation]:
-    """Three random islands, which may touch."""
-    rng = np.random.default_rng(seed)
-    islands = [box(x, y, x + 12, y + 9) for x, y in rng.uniform(18, 70, (3, 2))]
-    chart = renew.Chart(box(0, 0, 100, 100), islands)
-    voyage, triangulation = voyage_on(chart, (9.7, 10.3), (90.2, 89.8)), triangulate(chart)
-    graph = roadmap(
-        voyage, triangulation, voyage.table, clearance=0.0, resolution=Resolution(400, 2)
-    )
-    rays = Rays.of(chart)
-    none = np.zeros((len(triangulation.triangles), 4, 4), dtype=bool)
-    return SearchTask(graph, RayColumns(rays.x, rays.y, rays.island), none), triangulation
-
-
 @examples(4, 10)
 @given(seed=seeds)
 def test_the_row_of_a_walk_is_what_is_left_of_its_triangles(seed: int) -> None:
-    task, triangulation = task_of(seed)
+    task, triangulation = task_of(scene(seed), 400)
     # Words that the compiled code adds don't come back from one call for the next one.
     nowhere = np.empty(0)
     task = task._replace(rays=RayColumns(nowhere, nowhere, np.empty(0, dtype=np.int64)))
@@ -200,7 +189,7 @@ def test_the_row_of_a_walk_is_what_is_left_of_its_triangles(seed: int) -> None:
 @examples(8, 20)
 @given(seed=seeds)
 def test_the_number_of_classes_is_that_of_simple_paths(seed: int) -> None:
-    task, triangulation = task_of(seed)
+    task, triangulation = task_of(scene(seed), 400)
     ends = task.graph.triangle[:2].tolist()
     paths = len(list(nx.all_simple_paths(dual_graph(triangulation), *ends)))
     paths = paths if ends[0] != ends[1] else 1

@@ -18,7 +18,7 @@ from renew.classes.roadmap import GOAL, START, Resolution, Roadmap, roadmap
 from renew.classes.triangulation import triangulate
 from renew.voyage.fuel import passage
 from renew.voyage.voyage import Voyage
-from tests.eddies import eddy_scene
+from tests.bounded_scenes import eddy_scene
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, voyage_on
 
 CELLS = Resolution(900, 2)

@@ -22,7 +22,6 @@ from shapely.affinity import affine_transform
 
 import renew
 from renew._types import FloatArray
-from renew.classes.dual_graph import dual_graph
 from renew.classes.triangulation import Backend, Triangulation, triangulate, triangulation_of
 from tests.strategies import (
     PAPER_VESSEL,
@@ -209,19 +208,6 @@ def test_degenerate_charts_are_constrained_delaunay(
     )
     chart = renew.Chart(extent, land)
     assert_constrained_delaunay(triangulate(chart, backend), chart)
-
-
-def test_neighbours_share_the_edge_opposite_the_corner() -> None:
-    chart = single_gyre().chart
-    mesh = triangulate(chart)
-    dual = dual_graph(mesh)
-    for triangle, corner in itertools.product(range(len(mesh.triangles)), range(3)):
-        other = mesh.neighbours[triangle, corner]
-        shared = set(mesh.edge_vertices(triangle, corner).tolist())
-        if other >= 0:
-            assert shared < set(mesh.triangles[other].tolist())
-            assert triangle in mesh.neighbours[other]
-            assert dual.has_edge(triangle, int(other))
 
 
 @both

@@ -10,12 +10,16 @@ from scipy.optimize import minimize
 
 from renew._types import FloatArray
 from renew.kernels.capsules import Capsules
-from renew.kernels.cheapest_chain import Chain, CostModel, cheapest_chain, legs_between
 from renew.kernels.cheapest_speeds import (
-    Sailed,
+    Chain,
+    CostModel,
+    Rows,
+    SailedLegs,
     SpeedProblem,
     _cost,
+    cheapest_chain,
     cheapest_speeds,
+    legs_between,
     sailed,
     slopes,
 )
@@ -40,7 +44,7 @@ def test_no_optimizer_finds_cheaper_speeds(seed: int, legs: np.ndarray) -> None:
     count, deadline, price = legs[-1] + 1, 100.0 + 20 * seed, 2.0
     scale = np.sqrt(np.bincount(legs) / 40)
     low, high = 0.6 * scale, 3.0 * scale
-    costs = CostModel(3.0, IS_CRAB, 2.0 + seed % 2, 2.0, math.inf, 1.0)
+    costs = CostModel(turning_tide(seed), 3.0, IS_CRAB, 2.0 + seed % 2, 2.0, math.inf, 1.0)
     problem = SpeedProblem(
         path,
         legs,
@@ -48,7 +52,6 @@ def test_no_optimizer_finds_cheaper_speeds(seed: int, legs: np.ndarray) -> None:
         low,
         high,
         3.0,
-        turning_tide(seed),
         costs,
         deadline,
         price,
@@ -77,12 +80,11 @@ def test_speeds_that_make_no_way_stay() -> None:
     axis, times = np.array([0.0, 100.0]), np.array([0.0, 1e3])
     uv = np.zeros((2, 2, 2, 2))
     uv[..., 0] = 2.0
-    costs = CostModel(1.0, IS_CRAB, 2.0, 2.0, math.inf, 1.0)
+    table = table_of(axis, axis, uv, times=times)
+    costs = CostModel(table, 1.0, IS_CRAB, 2.0, 2.0, math.inf, 1.0)
     ones = np.ones(10)
-    problem = SpeedProblem(
-        path, np.arange(10), ones, 0.5 * ones, ones, 0.0, table_of(axis, axis, uv, times=times),
-        costs, 200.0, 1.0, 1.0, 100.0,
-    )  # fmt: skip
+    limits = 0.5 * ones, ones
+    problem = SpeedProblem(path, np.arange(10), ones, *limits, 0.0, costs, 200.0, 1.0, 1.0, 100.0)
     np.testing.assert_array_equal(cheapest_speeds(problem, 0.8 * ones), 0.8 * ones)
 
 
@@ -101,16 +103,16 @@ def shear_tide() -> CurrentTable:
 @pytest.mark.parametrize("crab", [False, True])
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
 def test_slopes_are_those_of_differences(exponent: float, crab: bool) -> None:
-    costs = CostModel(3.0, crab, exponent, 2.0, math.inf, 1.0)
+    costs = CostModel(shear_tide(), 3.0, crab, exponent, 2.0, math.inf, 1.0)
     rng = np.random.default_rng(1)
     path = np.column_stack([np.linspace(5, 95, 8), rng.uniform(20, 80, 8)])
-    speeds, price, table = rng.uniform(1.0, 2.5, 7), 1.7, shear_tide()
+    speeds, price = rng.uniform(1.0, 2.5, 7), 1.7
 
     def cost(speeds: np.ndarray) -> float:
-        times = Sailed(*sailed(path, speeds, 3.0, table, costs)).times
+        times = SailedLegs(*sailed(path, speeds, 3.0, costs)).times
         return float((speeds**exponent * np.diff(times)).sum() + price * times[-1])
 
-    found = slopes(speeds, Sailed(*sailed(path, speeds, 3.0, table, costs)), price, exponent)
+    found = slopes(speeds, SailedLegs(*sailed(path, speeds, 3.0, costs)), price, exponent)
     for leg in range(7):
         step = 1e-4 * np.eye(7)[leg]
         expected = (cost(speeds + step) - cost(speeds - step)) / 2e-4
@@ -119,10 +121,10 @@ def test_slopes_are_those_of_differences(exponent: float, crab: bool) -> None:
 
 def test_no_time_is_known_behind_water_that_is_too_strong() -> None:
     crab = False
-    costs = CostModel(3.0, crab, 2.0, 2.0, math.inf, 1.0)
+    costs = CostModel(shear_tide(), 3.0, crab, 2.0, 2.0, math.inf, 1.0)
     path = np.array([[95.0, 90.0], [60.0, 90.0], [5.0, 90.0]])
     # At 0.3 m/s the vessel can't stem a fair current that has turned.
-    times = Sailed(*sailed(path, np.array([2.0, 0.3]), 90.0, shear_tide(), costs)).times
+    times = SailedLegs(*sailed(path, np.array([2.0, 0.3]), 90.0, costs)).times
     assert math.isfinite(times[1])
     assert math.isinf(times[2])
 
@@ -139,18 +141,17 @@ def test_in_still_water_the_straight_chain_is_sailed_at_one_speed() -> None:
     assert clear[0, 0].all()
     times = np.linspace(x / 2, x / 0.5, 41).T.copy()
     crab = False
-    costs = CostModel(2.0, crab, 3.0, 1e3, 100.0, 100.0)
+    costs = CostModel(still, 2.0, crab, 3.0, 1e3, 100.0, 100.0)
     limits = np.tile([0.5, 2.0], (10, 1))
-    found = Chain(*cheapest_chain(points, clear, times, limits, 6, still, costs))
+    found = Chain(*cheapest_chain(Rows(points, clear, times, limits), costs))
     assert (found.points[1:-1] == 1).all()
     assert found.times[-1] <= 100.0 + 1e-9
     assert found.cost == pytest.approx(100.0, rel=0.01)
     assert found.speeds == pytest.approx(1.0, rel=0.15)
     # Where the middle is shut the chain leads around.
     clear[4:6, 1], clear[4:6, :, 1] = False, False
-    around = Chain(*cheapest_chain(points, clear, times, limits, 6, still, costs))
+    around = Chain(*cheapest_chain(Rows(points, clear, times, limits), costs))
     assert (around.points[5:6] != 1).all()
     assert around.cost > found.cost
-    assert math.isinf(
-        Chain(*cheapest_chain(points, clear & False, times, limits, 6, still, costs)).cost
-    )
+    shut = Rows(points, clear & False, times, limits)
+    assert math.isinf(Chain(*cheapest_chain(shut, costs)).cost)

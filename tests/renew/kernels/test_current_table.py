@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from renew.kernels.current_table import CurrentTable, overpowered_spells, table_of, velocities
-from renew.kernels.searches import extremes, number_below, number_up_to
+from renew.kernels.capsules import extremes
+from renew.kernels.current_table import (
+    CurrentTable,
+    number_below,
+    number_up_to,
+    overpowered_spells,
+    table_of,
+    velocities,
+)
 from tests.strategies import seeds
 
 

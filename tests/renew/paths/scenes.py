@@ -15,7 +15,7 @@ from renew.kernels.current_table import STILL_WATER
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream
 from renew.paths.corridor import Corridor
-from renew.paths.sections import Water
+from renew.paths.sections import WaterAround
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import Problem
 from renew.voyage.voyage import Voyage
@@ -38,15 +38,17 @@ def corridor_of(voyage: Voyage, padding: Padding = "adaptive", *, place: int = 0
 
 NO_LAND = Capsules(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
 AT_ONCE = Clock(0.0, math.inf)
-CALM = Water(Stream(STILL_WATER, Polar(1.0, crab=False), AT_ONCE), NO_LAND)
+CALM = WaterAround(Stream(STILL_WATER, Polar(1.0, crab=False), AT_ONCE), NO_LAND)
 NOTHING_WHOLE = np.zeros(2, dtype=bool)
 
 
-def water_beside(path: FloatArray, rng: np.random.Generator, seed: int, *, crab: bool) -> Water:
+def water_beside(
+    path: FloatArray, rng: np.random.Generator, seed: int, *, crab: bool
+) -> WaterAround:
     """A current with up to twelve capsules, none of which touches a path (n, 2)."""
     start = rng.uniform(20, SIZE - 20, (12, 2))
     capsules = Capsules(start, start + rng.normal(0, 5, (12, 2)), rng.uniform(0.5, 3, 12))
     axes = shapely.linestrings(np.stack([capsules.start, capsules.end], axis=1))
     is_beside = shapely.distance(axes, shapely.LineString(path)) > capsules.radius
     table = StreamFunctionCurrent(seed, 0.6).table((0.0, 0.0, SIZE, SIZE))
-    return Water(Stream(table, Polar(1.0, crab), AT_ONCE), capsules.select(is_beside))
+    return WaterAround(Stream(table, Polar(1.0, crab), AT_ONCE), capsules.select(is_beside))

@@ -51,13 +51,6 @@ def test_still_water_gives_the_shortest_path(seed: int) -> None:
     assert best.fuel == pytest.approx(best.length)
 
 
-def test_a_long_way_over_open_still_water_is_straight() -> None:
-    chart = renew.Chart(box(0, 0, 42_000, 14_500), [])
-    vessel = renew.Vessel(speed=5.0, turn_rate=math.radians(16.5), length=7.0)
-    best = renew.plan(chart, STILL, vessel, (2300, 6500), (39_500, 2000), classes=1).best
-    assert best.length == pytest.approx(math.hypot(37_200, 4500), rel=1e-5)
-
-
 @examples(2, 5)
 @given(seed=seeds)
 def test_no_sampled_path_needs_less_than_the_least_fuel_path_of_its_class(seed: int) -> None:

@@ -13,8 +13,8 @@ from renew.kernels.capsules import legs_are_clear
 from renew.kernels.current_table import table_of
 from renew.kernels.ground_speed import Polar
 from renew.kernels.viterbi import Clock, Stream, arrivals
-from renew.paths.newton import _newton_step, _Quadratic, straightened
-from renew.paths.sections import Water
+from renew.paths.least_fuel_path import _newton_step, _Quadratic, straightened
+from renew.paths.sections import WaterAround
 from tests.renew.paths.scenes import CALM, NO_LAND, NOTHING_WHOLE, water_beside
 from tests.strategies import SIZE, seeds
 
@@ -87,7 +87,7 @@ def test_a_general_optimiser_finds_nothing_quicker_square_to_the_path(is_steady:
     else:
         times = np.array([0.0, 60.0, 150.0])
         table = table_of(axis, axis, np.stack([psi, 0.2 * psi, -psi]), times=times)
-    water = Water(Stream(table, Polar(1.0, crab=True), Clock(0.0, 2.0)), NO_LAND)
+    water = WaterAround(Stream(table, Polar(1.0, crab=True), Clock(0.0, 2.0)), NO_LAND)
     path = np.column_stack([np.linspace(0, 100, 25), np.linspace(0, 30, 25)])
     found = straightened(path, 60.0, water, NOTHING_WHOLE)
     normal = np.array([-30.0, 100.0]) / math.hypot(30, 100)

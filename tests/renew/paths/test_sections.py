@@ -15,7 +15,7 @@ from renew.kernels.viterbi import arrivals
 from renew.paths.sections import (
     FreeIntervals,
     Sections,
-    Water,
+    WaterAround,
     free_intervals,
     refined_on_transversals,
     sections_of,
@@ -138,7 +138,7 @@ def test_drawn_points_are_uniform_over_the_free_parts(seed: int) -> None:
         assert np.abs(share - expected).max() < 3.5 / math.sqrt(draws)  # Kolmogorov-Smirnov
 
 
-def time_of(path: FloatArray, water: Water) -> float:
+def time_of(path: FloatArray, water: WaterAround) -> float:
     """Time (s) along a path, leg by leg."""
     return float(arrivals(path, water.stream)[-1])
 

@@ -15,12 +15,16 @@ import renew
 from renew._types import FloatArray
 from renew.inputs.current import CurrentLike, as_field
 from renew.inputs.options import Drift
-from renew.paths.speed_profile import speed_profile, trade_off
-from renew.paths.speeds_by_clock import constant_speed, speeds_by_clock, trade_off_by_clock
-from renew.voyage.voyage import SpeedChoice, Voyage, Waters
+from renew.paths.speed_profile import (
+    constant_speed,
+    speed_profile,
+    speeds_by_clock,
+    trade_off,
+    trade_off_by_clock,
+)
+from renew.voyage.voyage import SpeedRange, Voyage, Waters
 from tests.moving_waters import moving_scene
-from tests.speed_clock_oracle import CostModel
-from tests.speed_oracle import least_fuel
+from tests.speed_oracles import CostModel, least_fuel
 from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent
 
 DRIFTS = ("projected", "crab")
@@ -43,7 +47,7 @@ def _voyage(
     speeds: tuple[float, float] = (0.1, 3.0),
 ) -> Voyage:
     vessel = renew.Vessel(speed=speeds[1], turn_rate=1.0, fuel_exponent=exponent)
-    choice = SpeedChoice(speeds[0], deadline=deadline)
+    choice = SpeedRange(speeds[0], deadline=deadline)
     return Voyage(Waters(CHART, as_field(current)), vessel, path[0], path[-1], drift, choice=choice)
 
 
@@ -132,7 +136,7 @@ def voyage_and_path(seed: int, exponent: float, under_way: float) -> tuple[Voyag
     scene = moving_scene(seed)
     middle = (scene.start + scene.goal) / 2 + np.array([6.0, -6.0])
     vessel = replace(PAPER_VESSEL, speed=SPEEDS[1], fuel_exponent=exponent)
-    choice = SpeedChoice(SPEEDS[0], deadline=scene.departure + under_way)
+    choice = SpeedRange(SPEEDS[0], deadline=scene.departure + under_way)
     voyage = Voyage(
         Waters(scene.chart, scene.current),
         vessel,

@@ -17,7 +17,7 @@ from renew.planner.classes import ClassSearch
 from renew.planner.one_class import ClassPlanner
 from renew.planner.problem import Problem
 from renew.voyage.voyage import Voyage
-from tests.eddies import SCENES, eddy_scene
+from tests.bounded_scenes import SCENES, eddy_scene
 from tests.strategies import random_scene, voyage_on
 
 
@@ -80,17 +80,6 @@ def test_padding_grows_until_turns_are_clear() -> None:
         renew.contingency(route, voyage.chart, voyage.current, voyage.vessel, seed=5).collisions
         == 0
     )
-
-
-def test_a_blocked_class_has_no_route_but_a_cost_without_padding() -> None:
-    walls = [box(0, 45, 47, 55), box(53, 45, 100, 55)]
-    chart = renew.Chart(box(0, 0, 100, 100), walls)
-    planner = planner_of(voyage_on(chart, (50.0, 10.0), (50.0, 90.0)), 3.2)
-    [channel] = planner.problem.enumerator(0.0).channels(5)
-    with pytest.raises(InfeasibleError, match=r"the gap is 6\.00 m wide") as caught:
-        planner.find(channel)
-    assert caught.value.strait is not None
-    assert planner.unpadded_fuel(channel) == pytest.approx(80, rel=1e-3)
 
 
 def test_a_current_as_strong_as_the_vessel_on_every_path_is_refused() -> None:

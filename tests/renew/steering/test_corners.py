@@ -13,7 +13,7 @@ from hypothesis import assume, given, settings, strategies as st
 import renew
 from renew.errors import InfeasibleError
 from renew.kernels.capsules import Capsules
-from renew.steering.corners import (
+from renew.steering.trajectory import (
     corner_radius,
     course_changes,
     crowding,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 import shapely
@@ -19,7 +17,6 @@ from renew.classes.triangulation import triangulate
 from renew.inputs.options import Padding, PlanOptions
 from renew.planner.hindrances import with_clearance
 from renew.turns.padding_model import PaddedEdges, PaddingModel
-from renew.turns.turn_reach import HEADING_SPREAD, turn_reach
 from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, voyage_on
 
 
@@ -59,46 +56,6 @@ def test_an_edge_that_is_named_twice_grows_by_the_larger_figure() -> None:
 def always(channel: Channel) -> FloatArray:
     """Windows of time in a steady current, where any will do."""
     return np.zeros((len(channel.triangles), 2))
-
-
-@pytest.mark.gate_share(6)
-@pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("risk", [0.05, 0.2])
-def test_the_share_of_turns_beyond_the_padding_is_within_the_risk(seed: int, risk: float) -> None:
-    chart, current, start, goal = random_scene(seed).parts
-    triangulation = triangulate(chart)
-    model = PaddingModel(triangulation, current, PAPER_VESSEL, PlanOptions(risk=risk))
-    voyage = voyage_on(chart, start, goal)
-    channel = ClassEnumerator.of(voyage, triangulation, Rays.of(chart), "length").channels(1)[0]
-    edges = model.padded_edges(channel, start, goal, always(channel))
-    middle = channel.midline(start, goal)
-    rng = np.random.default_rng(99)
-    draws = 20_000
-    statistics = current.statistics(triangulation.corners)
-    exceeded = []
-    for i, triangle in enumerate(channel.triangles):
-        speed = np.maximum(
-            0, rng.normal(statistics.speed[triangle], statistics.speed_std[triangle], draws)
-        )
-        towards = rng.normal(
-            statistics.direction[triangle], statistics.direction_std[triangle], draws
-        )
-        drift = speed[:, None] * np.column_stack([np.cos(towards), np.sin(towards)])
-        travel = middle[i + 1] - middle[i]
-        heading = math.atan2(travel[1], travel[0]) + rng.uniform(
-            -HEADING_SPREAD, HEADING_SPREAD, draws
-        )
-        for corner in np.flatnonzero(triangulation.hazardous[triangle]):
-            a, b = triangulation.vertices[triangulation.edge_vertices(int(triangle), int(corner))]
-            along = (b - a) / np.linalg.norm(b - a)
-            outwards = np.array([along[1], -along[0]])  # water lies on the edge's left
-            at = np.flatnonzero((edges.start == a).all(1) & (edges.end == b).all(1))
-            padding = edges.padding[at]
-            assert len(padding) == 1
-            reach = turn_reach(PAPER_VESSEL, heading, drift, np.broadcast_to(outwards, (draws, 2)))
-            exceeded.append(float((reach > padding[0]).mean()))
-    assert exceeded
-    assert max(exceeded) <= risk + 3 * math.sqrt(risk * (1 - risk) / draws)
 
 
 @examples(30, 100)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from renew.inputs.current import CurrentStatistics, TabulatedCurrent
-from renew.turns.contingency import fly_turns
+from renew.turns.contingency import TurnsBegun, fly_turns
 from renew.turns.turn_reach import (
     HEADING_SPREAD,
     MAX_DEVIATIONS,
@@ -93,20 +93,6 @@ def test_no_more_than_the_risk_exceed_the_quantile(seed: int, risk: float, count
     assert ((reaches >= found[:, None]).mean(axis=1) >= 0.8 * risk).all()
 
 
-def test_few_even_draws_spread_as_many_random_ones_do() -> None:
-    rng = np.random.default_rng(0)
-    few = np.quantile(TurnSampler(0, 4096).reaches(TURNS), 0.95, axis=1)
-    for row, normal, quantile in zip(ROW, NORMALS, few, strict=True):
-        draws = 100_000
-        speed = rng.normal(STATISTICS.speed[row], STATISTICS.speed_std[row], draws).clip(min=0)
-        towards = rng.normal(STATISTICS.direction[row], STATISTICS.direction_std[row], draws)
-        heading = COURSE[row] + rng.uniform(-HEADING_SPREAD, HEADING_SPREAD, draws)
-        current = speed[:, None] * np.column_stack([np.cos(towards), np.sin(towards)])
-        reach = turn_reach(PAPER_VESSEL, heading, current, normal)
-        tolerance = 0.02 * PAPER_VESSEL.turning_radius
-        assert quantile == pytest.approx(np.quantile(reach, 0.95), abs=tolerance)
-
-
 def test_draws_depend_on_the_seed_alone() -> None:
     one, same, other = (TurnSampler(seed, 100).reaches(TURNS) for seed in (1, 1, 2))
     assert (one == same).all()
@@ -139,9 +125,11 @@ def test_quantiles_far_in_the_tail_hold_for_millions_of_random_draws(risk: float
             np.sin(heading),
             speed * np.cos(towards),
             speed * np.sin(towards),
+            PAPER_VESSEL.speed,
+            PAPER_VESSEL.turn_rate,
         )
         reach = np.empty(draws)
-        reach_along(normals[at], turns, PAPER_VESSEL.speed, PAPER_VESSEL.turn_rate, reach)
+        reach_along(normals[at], turns, reach)
         share = float((reach > quantile[at]).mean())
         assert 0.4 * risk <= share <= risk + 3 * math.sqrt(risk / draws)
 
@@ -153,9 +141,10 @@ def test_no_turn_gets_further_than_its_bound(seed: int) -> None:
     table = StreamFunctionCurrent(seed, 0.9).table((0.0, 0.0, SIZE, SIZE))
     points, course = rng.uniform(0, SIZE, (100, 2)), rng.uniform(-math.pi, math.pi, 100)
     deviations = MAX_DEVIATIONS * rng.choice([-1.0, 0.0, 1.0], (100, 6, 2))
-    tracks = fly_turns(
-        points, course, TabulatedCurrent(table), PAPER_VESSEL, deviations, np.zeros(100)
+    begun = TurnsBegun(
+        points, course, np.zeros(len(points)), np.full(len(points), PAPER_VESSEL.speed)
     )
+    tracks = fly_turns(begun, TabulatedCurrent(table), PAPER_VESSEL, deviations)
     furthest = np.linalg.norm(tracks - points[:, None, None], axis=-1).max(axis=(1, 2))
     reach = TurnReach.of(table, PAPER_VESSEL)(points)
     assert (furthest <= reach).all()

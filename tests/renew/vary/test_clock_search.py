@@ -13,10 +13,8 @@ from shapely import box
 import renew
 from renew._types import FloatArray
 from renew.inputs.current import as_field
-from renew.vary import speeds
-from renew.vary.speeds import PriceSearch
 from tests.moving_waters import MovingScene, moving_scene
-from tests.speed_clock_oracle import CostModel, improved, least_fuel_in_table
+from tests.speed_oracles import CostModel, improved, least_fuel_in_table
 from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene
 
 SPEEDS = (0.75, 1.6)
@@ -150,24 +148,6 @@ def test_a_current_that_hardly_changes_gives_nearly_the_steady_plan() -> None:
         varying = renew.plan(chart, slices, PAPER_VESSEL, start, goal, **options)  # type: ignore[arg-type]
         # Neither is exact to the last digit: both join legs of nearly the same speed.
         assert varying.best.fuel == pytest.approx(steady.best.fuel, rel=5e-4)
-
-
-def test_equal_slices_are_searched_as_a_steady_current(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[type] = []
-
-    class Noted(PriceSearch):
-        """Notes that it was made."""
-
-        def plan(self) -> renew.Plan:
-            made.append(type(self))
-            return super().plan()
-
-    monkeypatch.setattr(speeds, "PriceSearch", Noted)
-    current = StreamFunctionCurrent(1, 0.6)
-    slices = equal_slices(current)
-    chart = renew.Chart(box(0, 0, 150, 150))
-    renew.plan(chart, slices, PAPER_VESSEL, (20, 30), (130, 120), speed=(0.75, 2), arrive_by=130.0)
-    assert made
 
 
 @pytest.mark.gate_share(1)

@@ -14,7 +14,7 @@ from shapely import box
 
 import renew
 from renew.turns.turn_reach import turn_reach
-from tests.speed_oracle import least_fuel
+from tests.speed_oracles import least_fuel
 from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent, random_scene
 
 OPEN = renew.Chart(box(0, 0, 150, 150))

@@ -31,15 +31,6 @@ def test_a_smooth_current_is_replaced_by_its_table_and_a_step_is_not() -> None:
     assert rough.waters.quick_current is rough.current
 
 
-def test_fuel_is_that_of_the_chosen_drift_model() -> None:
-    current = renew.UniformCurrent(0.0, 0.6)
-    path = np.array([[10.0, 50.0], [90.0, 50.0]])
-    assert voyage_on(CHART, current=current).fuel(path) == pytest.approx(80)
-    crab = voyage_on(CHART, current=current, drift="crab")
-    assert crab.fuel(path) == pytest.approx(100)
-    assert crab.polar[:2] == (PAPER_VESSEL.speed, True)
-
-
 def test_a_share_of_the_time_and_at_least_some_but_not_before_departure() -> None:
     times = np.array([100.0, 150.0, 300.0, 1100.0])
     early, late = early_and_late(times, 100.0, 0.1, 60.0)

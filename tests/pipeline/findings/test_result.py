@@ -1,0 +1,200 @@
+"""What is not known is listed: for each route, each season, and the chart."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import replace
+
+import numpy as np
+import pyproj
+import pytest
+import shapely
+
+import renew
+from pipeline.findings.note_words import note_texts
+from pipeline.findings.result import (
+    RunResult,
+    continued,
+    crossing_notes,
+    has_all_depths,
+    route_unknowns,
+)
+from pipeline.geo.lonlat import DepthCover
+from pipeline.geo.projection import Projection
+from pipeline.model import RouteMetrics, ShoreCrossing, ShutStrait, Water
+from pipeline.model.inputs import Note
+from pipeline.scenario.region import ChartSpec
+from pipeline.stages.measure import SecondShoreline
+from tests.pipeline.formats import small_run
+from tests.pipeline.results import rows_of, with_measures, with_rows
+
+NO_DEPTHS = "no depths in this chart: the draught was not used, and shoals are not avoided"
+
+
+def with_shares(
+    result: RunResult, filled: dict[int, float], uncharted: float | None = None
+) -> RunResult:
+    """The same run with shares of the summer's routes by rank, and of depths for all of them."""
+
+    def with_share(season: str, row: RouteMetrics) -> RouteMetrics:
+        return replace(
+            row,
+            filled_share=filled.get(row.rank, 0.0) if season == "summer" else 0.0,
+            uncharted_share=float("nan") if uncharted is None else uncharted,
+        )
+
+    land = replace(result.fetched.land, depths=None if uncharted is None else DepthCover(areas=()))
+    return replace(with_rows(result, with_share), fetched=replace(result.fetched, land=land))
+
+
+def test_a_chart_without_depths_says_so_and_nothing_else() -> None:
+    assert note_texts(with_shares(small_run.parts(), {}).unknowns) == [NO_DEPTHS]
+
+
+def test_shares_of_the_current_are_reported_for_the_best_and_the_worst() -> None:
+    result = with_shares(small_run.parts(), {1: 0.123, 2: 0.2, 3: 0.95})
+    _, text = note_texts(result.unknowns)
+    assert text == (
+        "summer: the source of the current has no figure for 12.3 % of route 1 and 95.0 % of route "
+        "3, the largest share of the 2 other routes: it was filled from the water around"
+    )
+    best, second = result.case("summer").routes[:2]
+    assert "12.3 % of route 1:" in note_texts(route_unknowns(best))[1]
+    assert "20.0 % of route 2:" in note_texts(route_unknowns(second))[1]
+    winter = result.case("winter").routes[0]
+    assert note_texts(route_unknowns(winter)) == [NO_DEPTHS]
+
+
+def without_current(result: RunResult, season: str) -> RunResult:
+    """Plan a season without a current, as in still water."""
+    grids = tuple(
+        replace(grid, notes=(Note.of("still-water"),)) if grid.case == season else grid
+        for grid in result.fetched.currents
+    )
+    return replace(result, fetched=replace(result.fetched, currents=grids))
+
+
+def test_a_current_that_is_not_known_at_all_is_reported_first() -> None:
+    result = with_shares(small_run.parts(), {1: 1.0, 2: 0.2})
+    assert [result.case(season).lacks_current for season in ("summer", "winter")] == [True, False]
+    first = note_texts(result.unknowns)[0]
+    assert first.startswith("summer: the source of the current has no values anywhere on the best")
+    still = without_current(with_shares(small_run.parts(), {}), "winter")
+    assert [still.case(season).lacks_current for season in ("summer", "winter")] == [False, True]
+    winter = still.case("winter").routes[0]
+    assert note_texts(route_unknowns(winter))[0].startswith("no current was used")
+    assert winter.case.gap_figure(winter.metrics) == "not proven"
+    summer = still.case("summer")
+    assert summer.gap_figure(summer.routes[0].metrics).endswith(" %")
+    partly = with_shares(small_run.parts(), {1: 0.9, 2: 1.0})
+    assert not partly.case("summer").lacks_current
+
+
+def test_land_of_the_second_shoreline_is_not_known_to_be_water() -> None:
+    result = with_shares(small_run.parts(), {})
+    crossings = tuple(
+        ShoreCrossing(rank, 119.0 + rank, 9.0, length_m)
+        for rank, length_m in ((1, 2461.0), (2, 33_000.0))
+    )
+    result = with_measures(result, "summer", shore_crossings=crossings)
+    first = note_texts(result.unknowns)[0]
+    assert first.startswith("summer: a second, independent shoreline")
+    assert "2,461 m at 120.0000 E 9.0000 N on route 1; 33,000 m" in first
+    best, second = result.case("summer").routes[:2]
+    assert "33,000 m" not in note_texts(route_unknowns(best))[0]
+    assert "33,000 m" in note_texts(route_unknowns(second))[0]
+    winter = result.case("winter").routes[0]
+    assert note_texts(route_unknowns(winter)) == [NO_DEPTHS]
+
+
+def test_missing_depths_are_reported_and_complete_ones_are_not() -> None:
+    (text,) = note_texts(with_shares(small_run.parts(), {}, 0.04).unknowns)
+    assert "no depth is charted for 4.0 % of route 1 and 4.0 % of route" in text
+    complete = with_shares(small_run.parts(), {}, 0.0)
+    assert note_texts(complete.unknowns) == []
+    assert all(has_all_depths(row) for row in rows_of(complete))
+    without_depths = rows_of(small_run.parts())
+    assert not any(has_all_depths(row) for row in without_depths)
+
+
+def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
+    widest = ShutStrait(119.871, 11.5244, 1579.4, 1714.0, "padding")
+    straits = (widest, replace(widest, width_m=300.0))
+    result = replace(with_shares(small_run.parts(), {}), straits=straits)
+    assert note_texts(result.unknowns)[1] == (
+        "2 straits are shut by margin or padding; the widest, at 119.8710 E 11.5244 N, is 1.58 km "
+        "wide, and 1.71 km are needed"
+    )
+    (one,) = note_texts(replace(result, straits=(widest,)).unknowns)[1:]
+    assert one.startswith("1 strait is shut")
+    planar = small_run.parts(planar=True)
+    assert note_texts(planar.unknowns) == []
+    assert note_texts(route_unknowns(planar.routes[0])) == []
+
+
+def test_land_and_what_continues_it_become_one() -> None:
+    land = np.array([shapely.box(0, 0, 1, 1), shapely.box(5, 5, 6, 6)], dtype=object)
+    around = np.array([shapely.box(0.9, 0.2, 3, 0.8), shapely.box(8, 8, 9, 9)], dtype=object)
+    found = continued(land, around)
+    assert len(found) == 3
+    expected = shapely.union_all([*land, *around])
+    assert shapely.union_all(found).symmetric_difference(expected).area < 1e-12
+
+
+def test_without_surroundings_nothing_changes(result: RunResult) -> None:
+    assert list(result.drawn_land) == list(result.water.land)
+
+
+def test_land_that_the_plane_cannot_hold_is_left_out(result: RunResult) -> None:
+    near, far = shapely.box(121.0, 9.0, 121.2, 9.3), shapely.box(-61.5, -11.0, -60.0, -9.0)
+    fetched = replace(result.fetched, surroundings=(near, far))
+    drawn = replace(result, fetched=fetched).drawn_land
+    assert len(drawn) in {len(result.water.land) + 1, len(result.water.land) + 2}
+    assert np.isfinite(shapely.bounds(drawn)).all()
+
+
+# --- Crossings of the second shoreline's land are found, measured and reported ---
+
+
+REGION = shapely.box(23.0, 36.0, 25.0, 38.0)
+# Two islands of the second shoreline; the northern one is in two overlapping pieces.
+ISLANDS = [
+    shapely.box(24.0, 36.5, 24.1, 36.6),
+    shapely.box(24.0, 37.5, 24.1, 37.6),
+    shapely.box(24.08, 37.5, 24.2, 37.6),
+]
+
+
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_each_crossing_is_where_and_as_long_as_on_earth(scale: float) -> None:
+    projection = Projection.for_region(REGION, scale)
+    plain = Water(renew.Chart(projection.geometry_to_plane(REGION)), (), projection)
+    shore = tuple(projection.geometry_to_plane(np.array(ISLANDS, dtype=object)))
+    water = dataclasses.replace(plain, second_shore=shore)
+    path = projection.to_plane([(23.5, 36.55), (24.5, 36.55), (24.5, 37.55), (23.5, 37.55)])
+    south, north = SecondShoreline(water).crossings(path, 2)
+    geod = pyproj.Geod(ellps="WGS84")
+    for found, lat, east in ((south, 36.55, 24.1), (north, 37.55, 24.2)):
+        assert found.rank == 2
+        assert (found.lon, found.lat) == pytest.approx(((24.0 + east) / 2, lat), abs=2e-3)
+        length_m = geod.inv(24.0, lat, east, lat)[2]
+        assert found.length_m == pytest.approx(length_m, rel=2e-3)
+    clear = projection.to_plane([(23.5, 36.2), (24.5, 36.2)])
+    assert SecondShoreline(water).crossings(clear, 1) == ()
+    assert SecondShoreline(plain).crossings(path, 1) == ()
+
+
+def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> None:
+    best = ShoreCrossing(1, 24.0, 37.1, 100.0)
+    same = ShoreCrossing(4, 24.0001, 37.1001, 105.0)
+    others = [ShoreCrossing(i, 24.0, 37.0 + i / 10, 100.0 * i) for i in range(2, 11)]
+    winter = ShoreCrossing(1, -5.25, -36.5, 60.4)
+    (one,) = note_texts(crossing_notes([*others, same, best], ChartSpec()))
+    (other,) = note_texts(crossing_notes([winter], ChartSpec()))
+    places = one.split("; check these places on an official chart: ")[1].split("; ")
+    assert places[0] == "105 m at 24.0001 E 37.1001 N on routes 1, 4"
+    assert places[1] == "1,000 m at 24.0000 E 38.0000 N on route 10"
+    assert places[7] == "400 m at 24.0000 E 37.4000 N on route 4"
+    assert places[8] == "and 2 shorter"
+    assert other.endswith(": 60 m at 5.2500 W 36.5000 S on route 1")
+    assert crossing_notes([], ChartSpec()) == ()

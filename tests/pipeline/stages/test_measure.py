@@ -1,0 +1,371 @@
+"""Routes measured against the original land."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import pytest
+import shapely
+from hypothesis import given, strategies as st
+
+import renew
+from pipeline.findings.text import percent
+from pipeline.formats.report.sentences import clock_text
+from pipeline.geo.lonlat import DepthCover, KnownCells
+from pipeline.geo.projection import Projection
+from pipeline.model import Case, CaseResult, ClockWorth, Water
+from pipeline.run import Outcome
+from pipeline.scenario.model import PlannerOptions
+from pipeline.stages import measure
+from pipeline.stages.measure import (
+    clock_worth,
+    gap_shares,
+    hat_weights,
+    land_within_reach,
+    mean_weights,
+    measured,
+)
+from pipeline.stages.plan_case import planned as planned_case
+from renew.inputs import options
+from renew.turns.turn_reach import TurnReach
+from renew.voyage.fuel import passage
+from tests.pipeline.formats import small_run
+from tests.pipeline.results import with_measures
+from tests.pipeline.tidal_run import planned as tidal_run
+from tests.true_scale import clearance_m
+
+GEOD = pyproj.Geod(ellps="WGS84")
+VESSEL = renew.Vessel(speed=1.0, turn_rate=math.radians(35))
+REGION = shapely.box(115.5, 7, 122, 13.5)
+SCALE = 1000.0
+
+
+def lonlat_scene() -> tuple[Case, shapely.Polygon]:
+    """Return a case at 1:1000 whose chart has a wider island, and the island in lon/lat."""
+    projection = Projection.for_region(REGION, SCALE)
+    island = shapely.Polygon([(118, 9), (119, 9.5), (119.5, 11), (118.8, 10.5)])
+    planar = projection.geometry_to_plane(island)
+    chart = renew.Chart(projection.geometry_to_plane(REGION), [planar.buffer(10)])
+    ends = projection.to_plane([(120.3, 12.8), (116.8, 7.7)])
+    current = renew.UniformCurrent(0.0, 0.1)
+    return Case(
+        "still", Water(chart, (planar,), projection), VESSEL, ends[0], ends[1], current
+    ), island
+
+
+@pytest.fixture(scope="module")
+def planned() -> tuple[Case, shapely.Polygon, CaseResult]:
+    """Plan both ways round the island."""
+    scene, island = lonlat_scene()
+    plan = renew.plan(scene.chart, scene.current, VESSEL, scene.start, scene.goal, classes=2)
+    return scene, island, CaseResult("still", plan, "", 1.0)
+
+
+def test_lengths_clearances_and_times_are_true_ones(
+    planned: tuple[Case, shapely.Polygon, CaseResult],
+) -> None:
+    scene, island, plan = planned
+    evaluation = measured(scene, plan, PlannerOptions())
+    assert plan.plan is not None
+    assert len(evaluation.routes) == len(plan.plan.routes) == 2
+    coast = shapely.get_coordinates(shapely.segmentize(island.exterior, 0.005))
+    for row, route in zip(evaluation.routes, plan.plan.routes, strict=True):
+        path = shapely.segmentize(shapely.LineString(route.path), 0.5)
+        lonlat = scene.projection.to_lonlat(shapely.get_coordinates(path))
+        assert row.length_m == pytest.approx(GEOD.line_length(*lonlat.T), rel=1e-3)
+        # Every point of the route against every point of the coast.
+        lon, lat = (np.broadcast_arrays(lonlat[:, None, i], coast[None, :, i]) for i in (0, 1))
+        apart = GEOD.inv(lon[0], lat[0], lon[1], lat[1])[2].min()
+        assert row.clearance_m == pytest.approx(apart, rel=0.01)
+        # Times in the plane, stretched step by step as the plane's metres are.
+        planar = shapely.get_coordinates(path)
+        times = passage(planar, scene.current, VESSEL).durations
+        steps = GEOD.line_lengths(*lonlat.T) / np.linalg.norm(np.diff(planar, axis=0), axis=1)
+        assert row.duration_s == pytest.approx((times * steps).sum(), rel=1e-4)
+        assert row.duration_s == pytest.approx(route.duration * SCALE, rel=2e-3)
+        assert row.land_m == 0
+        assert row.collisions == 0
+        assert row.trials == evaluation.turns[row.rank - 1].trials > 100
+    assert [row.rank for row in evaluation.routes] == [1, 2]
+
+
+def test_the_nearest_land_is_the_nearest_on_earth() -> None:
+    # A plane of 3,000 km stretches its edges by 1 % and shrinks its middle: an island 40.0 km off
+    # the route near the edge lies further off in the plane than one 40.2 km off in the middle.
+    region = shapely.box(118, 22, 148, 45)
+    projection = Projection.for_region(region, 2000.0)
+    endpoints = projection.to_plane([(119.0, 22.5), (147.0, 44.0)])
+    line = projection.to_lonlat(
+        endpoints[0] + np.linspace(0, 1, 20_001)[:, None] * (endpoints[1] - endpoints[0])
+    )
+    islands = []
+    for step, apart in ((400, 40_000.0), (10_000, 40_200.0)):
+        here, ahead = line[step].tolist(), line[step + 1].tolist()
+        azimuth, _, _ = GEOD.inv(here[0], here[1], ahead[0], ahead[1])
+        lon, lat, _ = GEOD.fwd(here[0], here[1], azimuth + 90, apart)
+        islands.append(shapely.box(lon - 1e-3, lat - 1e-3, lon + 1e-3, lat + 1e-3))
+    planar = projection.geometry_to_plane(np.array(islands, dtype=object))
+    there = shapely.distance(planar, shapely.LineString(endpoints))
+    assert there[1] < there[0], "in the plane the other island is nearer"
+    water = Water(renew.Chart(projection.geometry_to_plane(region)), tuple(planar), projection)
+    scene = Case("still", water, VESSEL, endpoints[0], endpoints[1], renew.UniformCurrent(0.0, 0.0))
+    plan = renew.plan(scene.chart, scene.current, VESSEL, *endpoints, classes=1)
+    length = float(np.linalg.norm(endpoints[1] - endpoints[0]))
+    share = np.linspace(0, 1, 2_000)[:, None]
+    track = np.hstack(
+        [share * length, endpoints[0] + share * (endpoints[1] - endpoints[0]), 0 * share]
+    )
+    straight = replace(plan.best, path=endpoints, trajectory=track, length=length, duration=length)
+    season = CaseResult("still", replace(plan, routes=(straight,)), "", 1.0)
+    (row,) = measured(scene, season, PlannerOptions()).routes
+    assert row.clearance_m == pytest.approx(clearance_m(line, islands), abs=1.0)
+    assert row.length_m == pytest.approx(GEOD.line_length(*line.T), rel=1e-5)
+    assert row.duration_s == pytest.approx(row.length_m, rel=1e-3), "1 m/s in still water"
+
+
+def test_a_route_over_land_is_detected(
+    planned: tuple[Case, shapely.Polygon, CaseResult],
+) -> None:
+    scene, island, plan = planned
+    assert plan.plan is not None
+    middle = scene.projection.to_plane((118.9, 10.0))
+    route = replace(
+        plan.plan.best,
+        path=np.array([scene.start, middle, scene.goal]),
+        speeds=np.full(2, scene.vessel.speed),
+        times=np.array([0.0, 1.0, 2.0]),
+    )
+    over = CaseResult("still", replace(plan.plan, routes=(route,)), "", 1.0)
+    row = measured(scene, over, PlannerOptions()).routes[0]
+    # The crossing in lon/lat, where the legs are almost straight too.
+    legs = shapely.LineString([(120.3, 12.8), (118.9, 10.0), (116.8, 7.7)])
+    inside = shapely.get_coordinates(shapely.intersection(shapely.segmentize(legs, 0.01), island))
+    assert row.land_m == pytest.approx(GEOD.line_length(*inside.T), rel=0.03)
+    assert row.land_m > 20_000
+    assert island.buffer(1e-3).contains(shapely.Point(row.land_lon, row.land_lat))
+    assert legs.distance(shapely.Point(row.land_lon, row.land_lat)) < 0.02
+    result = small_run.parts()
+    over_land = with_measures(result, "summer", routes=(row,))
+    (fault,) = Outcome(over_land, Path(), fresh=True, seconds=1.0).failures
+    assert f"m of the original land, the most at {row.land_lon:.4f} E {row.land_lat:.4f} N" in fault
+    assert row.clearance_m == 0
+    assert row.collisions > 0
+
+
+def test_on_the_longest_ways_turns_begin_as_near_as_there_may_be_points(
+    planned: tuple[Case, shapely.Polygon, CaseResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, _, plan = planned
+    for module in (measure, options):
+        monkeypatch.setattr(module, "MAX_STATIONS", 50)
+    rows = measured(scene, plan, PlannerOptions()).routes
+    assert len(rows) == 2
+
+
+def test_a_season_without_a_plan_has_no_rows() -> None:
+    scene, _ = lonlat_scene()
+    evaluation = measured(scene, CaseResult("still", None, "no", 0.0), PlannerOptions())
+    assert evaluation.routes == ()
+
+
+@pytest.mark.parametrize(("reaches", "is_included"), [(0.97, True), (1.5, False)])
+def test_all_land_that_a_turn_can_reach_is_included_and_no_more(
+    planned: tuple[Case, shapely.Polygon, CaseResult], reaches: float, *, is_included: bool
+) -> None:
+    """The bound on a turn's reach is the planner's own, not a copy of it."""
+    scene, _, plan = planned
+    current = renew.UniformCurrent(0.6, 0.0)
+    reach = TurnReach.of(current.table(scene.chart.bounds), VESSEL).furthest.max()
+    west = min(plan.routes, key=lambda route: route.path[:, 0].min())
+    begin, end = west.path[:2]
+    along = (end - begin) / np.linalg.norm(end - begin)
+    rock = shapely.Point(begin - (reaches * reach + 1.0) * along).buffer(1.0)
+    chart = land_within_reach(replace(scene.water, land=(rock,)), [current], scene.vessel, (west,))
+    assert bool(chart.no_go) == is_included
+
+
+def test_shares_without_figures_are_those_of_the_grids(
+    planned: tuple[Case, shapely.Polygon, CaseResult],
+) -> None:
+    """Of both routes, the part north of 10 N has no figure of the current, none west of 118 E."""
+    scene, _, plan = planned
+    lon, lat = np.arange(110.5, 130), np.arange(0.5, 20)
+    north = KnownCells(lon, lat, np.repeat((lat < 10)[:, None], lon.size, axis=1))
+    west = DepthCover((shapely.box(110, 0, 118, 20),))
+    known = replace(scene, water=replace(scene.water, depths=west), current_cells=north)
+    for row in measured(scene, plan, PlannerOptions()).routes:
+        assert row.filled_share == 0
+        assert math.isnan(row.uncharted_share)
+    rows = measured(known, plan, PlannerOptions()).routes
+    for row, route in zip(rows, plan.routes, strict=True):
+        line = shapely.segmentize(shapely.LineString(route.path), 0.2)
+        points = scene.projection.to_lonlat(shapely.get_coordinates(line))
+        lengths = GEOD.line_lengths(*points.T)
+        middles = (points[1:] + points[:-1]) / 2
+        for share, missing in (
+            (row.filled_share, middles[:, 1] > 10),
+            (row.uncharted_share, middles[:, 0] > 118),
+        ):
+            assert 0 < share < 1
+            assert share == pytest.approx(lengths[missing].sum() / lengths.sum(), abs=1e-3)
+
+
+# --- The parts of an optimality gap add up to it, and each is there only where its cause is ---
+
+
+EXTENT = shapely.box(-200, -100, 200, 100)
+LAND = shapely.box(-20, -60, 20, 60)
+MARGIN = 10.0
+
+
+def voyage(margin: float) -> Case:
+    """An island on the way, in a steady current, with a margin on the planner's chart."""
+    no_go = LAND.buffer(margin, quad_segs=4) if margin else LAND
+    return Case(
+        "steady",
+        Water(renew.Chart(EXTENT, [no_go], land=[LAND]), (LAND,), Projection.at(0.0, 0.0)),
+        renew.Vessel(speed=1.0, turn_rate=math.radians(10)),
+        start=np.array([-150.0, 0.0]),
+        goal=np.array([150.0, 10.0]),
+        current=renew.UniformCurrent(0.2, 0.1),
+    )
+
+
+@pytest.mark.gate_share(4)
+@pytest.mark.parametrize("margin", [0.0, MARGIN])
+@pytest.mark.parametrize("padding", ["adaptive", "none"])
+@pytest.mark.parametrize("clearance", [0.0, 4.0])
+def test_parts_add_up_and_have_their_causes(margin: float, padding: str, clearance: float) -> None:
+    risk_at = "point" if padding == "adaptive" else "route"
+    options = PlannerOptions(padding=padding, clearance=clearance, classes=2, risk_at=risk_at)
+    asked = voyage(margin)
+    season = planned_case(asked, options)
+    assert season.plan is not None
+    shares = gap_shares(asked, season, options)
+    assert shares is not None
+    parts = (shares.chart, shares.padding, shares.bound)
+    assert min(parts) >= 0
+    assert sum(parts) == pytest.approx(season.plan.best.optimality_gap)
+    # Each metre of distance from land makes the way round its corners longer.
+    assert (shares.chart > 1e-3) is bool(margin or clearance)
+    assert (shares.padding > 1e-3) is (padding == "adaptive")
+
+
+def test_the_charts_part_is_what_its_margin_costs() -> None:
+    """In still water fuel is length: the shortest ways round the two outlines."""
+    options = PlannerOptions(padding="none", clearance=0.0, classes=2)
+    asked = replace(voyage(MARGIN), current=renew.UniformCurrent(0.0, 0.0))
+    season = planned_case(asked, options)
+    assert season.plan is not None
+    shares = gap_shares(asked, season, options)
+    assert shares is not None
+    corners = shapely.get_coordinates(LAND)[:4]
+    top = corners[corners[:, 1] > 0]
+    ends = np.array([asked.start, *top[np.argsort(top[:, 0])], asked.goal])
+    shortest = float(np.linalg.norm(np.diff(ends, axis=0), axis=1).sum())
+    bound = season.plan.best.fuel / (1 + season.plan.best.optimality_gap)
+    assert shares.chart * bound == pytest.approx(season.plan.best.fuel - shortest, rel=0.02)
+
+
+def test_the_tides_part_is_what_the_way_round_a_bar_costs() -> None:
+    """In still water: a bar that is shut on the direct way, and open for the bound."""
+    options = PlannerOptions(padding="none", clearance=0.0, classes=2)
+    tide = renew.Tide(
+        {"M2": renew.Constant(1.5, 0.0)}, 2.0, np.datetime64("2026-11-22T00:00:00"), name="bar"
+    )
+    bar, shallow = shapely.box(100, -100, 110, 60), shapely.box(-150, -100, -140, -20)
+    depth = renew.TidalDepth([bar, shallow], [3.0, 9.0], tide, surge=0.0, lag=0.0)
+    shut = next(
+        time for time in np.arange(0.0, 86_400.0, 600.0) if tide.heights(np.array([time]))[0] < 1.0
+    )
+    later = renew.Tide(dict(tide.constants), 2.0, tide.epoch + np.timedelta64(int(shut), "s"))
+    depth = replace(depth, tide=later)
+    asked = replace(
+        voyage(0.0),
+        current=renew.UniformCurrent(0.0, 0.0),
+        tidal_depth=depth,
+    )
+    season = planned_case(asked, options)
+    assert season.plan is not None
+    shares = gap_shares(asked, season, options)
+    assert shares is not None
+    best = season.plan.best
+    bound = best.fuel / (1 + best.optimality_gap)
+    # From the corner of the land at (20, 60): past the end of the bar at (110, 60), or straight.
+    around = math.dist((20, 60), (110, 60)) + math.dist((110, 60), asked.goal)
+    straight = math.dist((20, 60), asked.goal)
+    assert shares.tide * bound == pytest.approx(around - straight, rel=5e-3)
+    assert shares.chart + shares.padding + shares.bound + shares.tide == pytest.approx(
+        best.optimality_gap
+    )
+
+
+def test_a_season_without_a_plan_has_no_gap() -> None:
+    failed = CaseResult("steady", None, "no way", 0.0)
+    assert gap_shares(voyage(0.0), failed, PlannerOptions()) is None
+
+
+# --- Plans without a clock, sailed in the changing current; the test repeats each by itself ---
+
+
+@given(
+    st.lists(st.floats(0.1, 5), min_size=1, max_size=8), st.floats(0, 1), st.integers(0, 2**32 - 1)
+)
+def test_the_mean_is_the_integral_of_what_is_linear_between_slices(
+    gaps: list[float], share: float, seed: int
+) -> None:
+    times = np.cumsum([-0.3 * gaps[0], *gaps])
+    values = np.random.default_rng(seed).uniform(-1, 1, len(times))
+    end = max(share * times[-1], 0.01)
+    fine = np.linspace(0, end, 20_001)
+    expected = np.trapezoid(np.interp(fine, times, values), fine) / end
+    assert mean_weights(times, end) @ values == pytest.approx(expected, abs=1e-4)
+    assert mean_weights(times, end).sum() == pytest.approx(1)
+    assert hat_weights(times, end) @ values == pytest.approx(np.interp(end, times, values))
+
+
+def test_other_plans_are_sailed_in_the_changing_current() -> None:
+    """The plan at departure is made again here, from the field asked at that time."""
+    result = tidal_run()
+    case, worth = result.planned["tide"], result.case("tide").measures.clock_worth
+    assert worth is not None
+    current, best = case.current, result.routes[0].route
+    assert worth.best == best.fuel
+    assert worth.bound <= worth.best * (1 + 1e-9)
+    assert worth.bound == pytest.approx(best.fuel_bound.value)
+
+    def at_departure(points: np.ndarray) -> np.ndarray:
+        return current.velocity(points, 0.0)
+
+    frozen = renew.plan(
+        case.chart, at_departure, case.vessel, case.start, case.goal,
+        classes=4, clearance=100.0, drift="crab", distinct_by="auto",
+    )  # fmt: skip
+    sailed = renew.fuel(frozen.best.path, current, case.vessel, drift="crab")
+    assert worth.frozen == pytest.approx(sailed, rel=2e-3)
+    shortest = renew.fuel(np.array([case.start, case.goal]), current, case.vessel, drift="crab")
+    assert worth.shortest > 0.99 * shortest, "straight through the island is no way"
+    # No plan that knows less is better, within the accuracy of the search grid.
+    assert min(worth.frozen, worth.mean, worth.shortest) > 0.999 * worth.best
+
+
+def test_the_sentence_compares_the_plans() -> None:
+    worth = ClockWorth(best=100.0, frozen=107.0, mean=100.01, shortest=math.inf, bound=98.5)
+    assert clock_text(worth) == (
+        "Sailed in the changing current from the same departure on, the plan on the current at "
+        f"departure needs {percent(0.07)} more fuel than this route, the plan on its mean over the "
+        "voyage needs as much fuel as this route, the shortest safe path can't be sailed. No route "
+        f"within the chart saves more than {percent(0.015)}."
+    )
+
+
+def test_a_steady_current_has_no_clock() -> None:
+    case, options = tidal_run().planned["tide"], tidal_run().scenario.planner
+    unplanned = CaseResult("tide", None, "no way", 0.0)
+    assert clock_worth(case, unplanned, options) is None
+    steady = replace(case, current=renew.UniformCurrent(0.1, 0.0))
+    assert clock_worth(steady, tidal_run().results[0], options) is None
