@@ -19,7 +19,7 @@ ROOMS = {
     "pipeline": (1_108, 12),
     "pipeline/cli": (2_524, 9),
     "pipeline/findings": (3_379, 20),
-    "pipeline/formats": (8_443, 29),
+    "pipeline/formats": (8_091, 21),
     "pipeline/geo": (818, 5),
     "pipeline/machine": (1_641, 12),
     "pipeline/model": (1_407, 36),
