@@ -95,7 +95,7 @@ def _moment(choice: DepartureChoice, seconds: float) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class TradeOff:
+class SpeedTradeOff:
     """Least fuel for each arrival, and the chosen arrival; durations are at true scale.
 
     Attributes
@@ -129,7 +129,7 @@ class TradeOff:
         return self.departure + timedelta(seconds=round(duration_s))
 
 
-def trade_off(case: RunCase) -> TradeOff | None:
+def trade_off(case: RunCase) -> SpeedTradeOff | None:
     """Return the trade-off of a case; None where no speeds were chosen, or no route was found."""
     plan, departure = case.plan, case.spec.departure
     if not case.routes or plan is None or plan.trade_off is None or departure is None:
@@ -140,7 +140,7 @@ def trade_off(case: RunCase) -> TradeOff | None:
     # True seconds for each second of the planner; durations are counted from the departure.
     stretch = metrics.duration_s / route.duration
     begin = departure.astimezone(UTC)
-    return TradeOff(
+    return SpeedTradeOff(
         case=case.name,
         departure=begin,
         arrive_by=begin + timedelta(seconds=choice.within_s),
@@ -154,13 +154,13 @@ def trade_off(case: RunCase) -> TradeOff | None:
     )
 
 
-def trade_offs(result: RunResult) -> tuple[TradeOff, ...]:
+def trade_offs(result: RunResult) -> tuple[SpeedTradeOff, ...]:
     """Return the trade-offs of all cases that have one."""
     found = map(trade_off, result.cases)
     return tuple(one for one in found if one is not None)
 
 
-def trade_off_text(found: TradeOff) -> tuple[str, ...]:
+def trade_off_text(found: SpeedTradeOff) -> tuple[str, ...]:
     """Say in sentences how fast the vessel sails, and what more or less time is worth."""
     allowed = f"{found.choice.least:g}–{found.choice.most:g} m/s"
     low, high = text.speed_range(found.slowest, found.fastest)
@@ -184,7 +184,7 @@ def speed_notes(result: RunResult) -> tuple[Note, ...]:
     )
 
 
-def _worth(found: TradeOff) -> Iterator[str]:
+def _worth(found: SpeedTradeOff) -> Iterator[str]:
     """Say what more and less time are worth, if there is a choice."""
     change = _MORE_OR_LESS * found.duration_s
     more, less = (found.fuel_after(found.duration_s + by) for by in (change, -change))

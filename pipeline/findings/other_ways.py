@@ -17,8 +17,7 @@ from pipeline.model import (
     Case,
     CaseResult,
     ShutStrait,
-    SideBound,
-    Simplified,
+    SimplifiedLand,
     Water,
     plan_options,
 )
@@ -61,8 +60,8 @@ _PLAIN = 1.01
 
 def side_bound(
     case: Case, result: CaseResult, main: NumberedIsland | None, options: PlannerOptions
-) -> SideBound | None:
-    """Bound the fuel of ways on the other side of the main island; None if there is no bound.
+) -> float | None:
+    """Bound the fuel, planner's units, of ways on the main island's other side; None if unknown.
 
     The best route crosses a line from the main island to the chart's edge; no route on the island's
     other side crosses it. A strip along that line is treated as land. The lower bound on fuel
@@ -95,7 +94,7 @@ def side_bound(
     )
     cells = _CELLS_AT_CHOICE if is_loose else _CELLS
     fuel = fuel_lower_bound(voyage, cells, _PLAIN * result.routes[0].fuel)
-    return SideBound(fuel) if math.isfinite(fuel) else None
+    return fuel if math.isfinite(fuel) else None
 
 
 def _choice(case: Case, result: CaseResult) -> SpeedRange:
@@ -144,7 +143,7 @@ def strip_across(
 def shut_straits(
     planned: Sequence[tuple[Case, CaseResult]],
     stops: FloatArray,
-    simplified: Simplified,
+    simplified: SimplifiedLand,
     options: PlannerOptions,
 ) -> tuple[ShutStrait, ...]:
     """Return the important straits that margin, tolerance or padding shut, the widest first.
@@ -177,7 +176,7 @@ class _StraitFinder:
     water: Water
     start: FloatArray
     goal: FloatArray
-    simplified: Simplified
+    simplified: SimplifiedLand
     padding: float
 
     @cached_property

@@ -4,7 +4,7 @@ from pipeline.model.case import (
     Case,
     Current,
     MemberCurrents,
-    Simplified,
+    SimplifiedLand,
     SpeedChoice,
     VoyageBefore,
     Water,
@@ -38,7 +38,6 @@ from pipeline.model.result import (
     RouteMetrics,
     ShoreCrossing,
     ShutStrait,
-    SideBound,
 )
 
 __all__ = [
@@ -67,8 +66,7 @@ __all__ = [
     "Say",
     "ShoreCrossing",
     "ShutStrait",
-    "SideBound",
-    "Simplified",
+    "SimplifiedLand",
     "SpeedChoice",
     "VoyageBefore",
     "Water",

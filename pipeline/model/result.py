@@ -197,17 +197,6 @@ class ClockWorth:
 
 
 @dataclass(frozen=True, slots=True)
-class SideBound:
-    """A lower bound on the fuel of ways on the other side of a case's main island.
-
-    The best route passes between the island and an edge of the chart. The bound, in the planner's
-    units, holds for every way that does not cross the water between these two.
-    """
-
-    fuel: float
-
-
-@dataclass(frozen=True, slots=True)
 class ShoreCrossing:
     """Where a route crosses land of the second shoreline: its middle (degrees), true metres.
 

@@ -220,15 +220,6 @@ def test_start_on_land_says_how_far_and_where_water_is(
     assert not any("start" in line and "land" in line for line in lines), (code, lines)
 
 
-def test_start_and_goal_on_land_are_reported_together(tmp_path: Path, across_outputs: Path) -> None:
-    text = with_line(ACROSS, "[118.40, 10.20]", "[118.70, 9.85]")
-    text = with_line(text, "[118.60, 10.30]", "[118.72, 9.86]")
-    code, lines = run(tmp_path, text, across_outputs)
-    assert code == 2
-    assert ["start" in line for line in lines] == [True, False]
-    assert ["goal" in line for line in lines] == [False, True]
-
-
 def test_goal_in_another_body_of_water(tmp_path: Path, across_outputs: Path) -> None:
     text = with_line(ACROSS, "[118.60, 10.30]", "[119.10, 9.40]")
     line = only(run(tmp_path, text, across_outputs))
@@ -308,11 +299,6 @@ def test_a_directory_a_missing_file_an_unknown_name(tmp_path: Path) -> None:
     assert "no such file" in missing
     assert "did you mean 'palawan-season'?" in missing
     assert "did you mean 'single-gyre'?" in only(run_at(tmp_path, "singel-gyre"))
-
-
-def test_wrong_use_of_the_command_line_is_a_wrong_request() -> None:
-    assert CliRunner().invoke(app, ["run"]).exit_code == 2
-    assert CliRunner().invoke(app, ["sail", "palawan-season"]).exit_code == 2
 
 
 def test_these_scenarios_are_valid_but_for_what_a_test_changes(tmp_path: Path) -> None:

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -25,8 +21,6 @@ from tests.pipeline.formats import small_run
 from tests.pipeline.results import rows_of
 from tests.pipeline.voyage.waters import scenario_of
 from tests.tree import tree
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def single_gyre(**planner: object) -> Scenario:
@@ -82,15 +76,6 @@ def test_changed_results_are_written_again_without_planning(first: Path) -> None
     assert run(single_gyre(classes=4), first).fresh
     assert table.read_text() == whole
     assert tree(first / ".artefacts" / "plan") == plans
-
-
-def test_a_damaged_artefact_is_computed_again_with_the_same_result(first: Path) -> None:
-    before = (first / "single-gyre" / "metrics.csv").read_text()
-    (plan,) = (first / ".artefacts" / "plan").glob("*.artefact")
-    plan.write_bytes(plan.read_bytes()[:100])
-    run(single_gyre(classes=4), first)
-    assert (first / "single-gyre" / "metrics.csv").read_text() == before
-    assert plan.stat().st_size > 100
 
 
 def test_another_option_plans_again_in_the_same_scene(first: Path, tmp_path: Path) -> None:
@@ -162,11 +147,6 @@ def test_a_fault_beyond_the_chosen_region_loses_no_plan(
     assert (outcome.directory / "routes.gpkg").is_file()
 
 
-def test_a_missing_scheduler_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
-    with pytest.raises(StageError, match="leave --scheduler out"):
-        run(single_gyre(classes=1), tmp_path, scheduler="nonsense://nowhere")
-
-
 def test_a_folder_that_cannot_be_written_is_a_failure_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RequestError, match=r"--output: .* is not a folder"):
@@ -175,84 +155,6 @@ def test_a_folder_that_cannot_be_written_is_a_failure_with_a_remedy(tmp_path: Pa
     (tmp_path / "outputs" / ".artefacts").write_text("")
     with pytest.raises(StageError, match="--output"):
         run(single_gyre(classes=1), tmp_path / "outputs")
-
-
-def two_seasons() -> Scenario:
-    """Return the single gyre with a second season in a weak uniform current."""
-    table = read_toml(scenario_path("single-gyre"))
-    table["seasons"] = [
-        {"name": "quick", "uniform": {"u": 0.1}},
-        {"name": "long", "gyre": {"amplitude": 0.8}},
-    ]
-    del table["published"]
-    return parse_scenario(table)
-
-
-PROGRAM = """
-import sys
-from pathlib import Path
-from pipeline.run import run
-from tests.pipeline.results import rows_of
-from pipeline.scenario.model import Scenario
-if __name__ == "__main__":
-    scenario = Scenario.model_validate_json(Path(sys.argv[1]).read_text())
-    if sys.argv[3:]:
-        from distributed import LocalCluster
-        with LocalCluster(n_workers=1, host="127.0.0.1", dashboard_address=":0") as cluster:
-            outcome = run(scenario, Path(sys.argv[2]), scheduler=cluster.scheduler_address)
-    else:
-        outcome = run(scenario, Path(sys.argv[2]))
-    sys.exit(outcome.exit_code)
-"""
-
-
-def program(folder: Path, output: Path, *extra: str) -> list[str]:
-    """Return the command that runs `two_seasons` in a process of its own."""
-    (folder / "program.py").write_text(PROGRAM)
-    (folder / "scenario.json").write_text(two_seasons().model_dump_json())
-    return [
-        sys.executable,
-        str(folder / "program.py"),
-        str(folder / "scenario.json"),
-        str(output),
-        *extra,
-    ]
-
-
-ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
-
-
-@pytest.mark.slow
-def test_a_killed_run_continues_where_it_stopped(tmp_path: Path) -> None:
-    """Kill a two-season run once its first plan is stored: it is not computed again."""
-    output = tmp_path / "outputs"
-    plans = output / ".artefacts" / "plan"
-    with subprocess.Popen(
-        program(tmp_path, output), env=ENVIRONMENT, start_new_session=True
-    ) as process:
-        for _ in range(1200):
-            if list(plans.glob("*.artefact")):
-                break
-            assert process.poll() is None
-            time.sleep(0.05)
-        os.killpg(process.pid, signal.SIGKILL)
-    stored = {name: value for name, value in tree(plans).items() if name.endswith(".artefact")}
-    assert stored
-    assert not (output / "single-gyre" / "manifest.json").exists()
-    outcome = run(two_seasons(), output)
-    assert outcome.exit_code == 0
-    assert {plan.name for plan in outcome.result.results if plan.plan} == {"quick", "long"}
-    after = tree(plans)
-    assert {name: after[name] for name in stored} == stored
-
-
-@pytest.mark.slow
-def test_a_schedulers_workers_find_the_same_routes(tmp_path: Path) -> None:
-    remote, local = tmp_path / "remote", tmp_path / "local"
-    subprocess.run(program(tmp_path, remote, "cluster"), env=ENVIRONMENT, check=True)
-    assert run(two_seasons(), local).exit_code == 0
-    tables = [(folder / "single-gyre" / "metrics.csv").read_text() for folder in (remote, local)]
-    assert tables[0] == tables[1]
 
 
 @pytest.mark.slow
@@ -270,47 +172,6 @@ def test_palawan_both_seasons(tmp_path: Path) -> None:
     begun = time.perf_counter()
     assert not run(scenario, tmp_path, offline=True).fresh
     assert time.perf_counter() - begun < 5
-
-
-def with_speeds(**season: object) -> Scenario:
-    """Return the catalogue's single gyre, whose vessel has a choice of speeds."""
-    table = read_toml(scenario_path("single-gyre"))
-    table["planner"] |= {"classes": 1}
-    table["seasons"][0] |= {
-        "departure": "2026-11-22T06:00:00Z",
-        "arrive_by": "2026-11-22T06:01:40Z",
-        "speed": {"least": 0.6, "most": 2.0},
-        **season,
-    }
-    return parse_scenario(table)
-
-
-@pytest.mark.usefixtures("plain_report")
-def test_a_run_with_a_choice_of_speeds_is_in_time(tmp_path: Path) -> None:
-    outcome = run(with_speeds(), tmp_path)
-    assert outcome.exit_code == 0
-    best = rows_of(outcome.result)[0]
-    assert 99.8 < best.duration_s <= 100
-    assert any("chosen from leg to leg among 0.6–2 m/s" in choice for choice in outcome.choices)
-    folder = tmp_path / outcome.scenario.name
-    with (folder / "trade-off.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    (chosen,) = (row for row in rows if row["is_chosen"] == "True")
-    assert float(chosen["fuel"]) == best.fuel
-    assert chosen["arrival"] == "2026-11-22T06:01:40Z"
-    # Another range of speeds is another plan, the same again none.
-    assert not run(with_speeds(), tmp_path).fresh
-    slower = run(with_speeds(speed={"least": 0.6, "most": 1.5}), tmp_path)
-    assert slower.fresh
-    assert rows_of(slower.result)[0].fuel >= best.fuel * (1 - 1e-3)
-
-
-def test_a_time_that_cannot_be_made_is_refused_with_season_and_dates(tmp_path: Path) -> None:
-    with pytest.raises(RequestError) as caught:
-        run(with_speeds(arrive_by="2026-11-22T06:00:20Z"), tmp_path)
-    (fault,) = caught.value.faults
-    assert "arrive_by = 2026-11-22 06:00:20 UTC can't be made" in fault
-    assert fault.startswith("season '")
 
 
 def test_the_text_of_an_outcome_is_a_line(tmp_path: Path) -> None:

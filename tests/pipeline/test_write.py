@@ -3,14 +3,11 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import pickle
 import resource
 import shutil
-import signal
 import sqlite3
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -52,13 +49,6 @@ FILES = sorted(
         )
     ]
 )
-_WRITE = """
-import pickle, sys
-from pathlib import Path
-from pipeline.write import write
-result = pickle.loads(Path(sys.argv[1]).read_bytes())
-write(result, Path(sys.argv[2]))
-"""
 
 
 @pytest.fixture(scope="module")
@@ -248,25 +238,6 @@ def test_a_geopackage_open_elsewhere_is_left_alone(result: RunResult, tmp_path: 
             write(result, tmp_path / "run")
         assert database.execute("SELECT count(*) FROM mine").fetchone() == (0,)
     write(result, tmp_path / "run")
-
-
-def test_a_killed_run_leaves_the_earlier_files(result: RunResult, tmp_path: Path) -> None:
-    earlier = put_earlier_files(tmp_path / "run")
-    (tmp_path / "result.pickle").write_bytes(pickle.dumps(result))
-    command = [sys.executable, "-c", _WRITE, str(tmp_path / "result.pickle"), str(tmp_path / "run")]
-    root = Path(__file__).parents[3]
-    with subprocess.Popen(command, cwd=root) as process:
-        deadline = time.monotonic() + 60
-        while not (begun := list(tmp_path.glob(".results/run/*/*"))) and process.poll() is None:
-            assert time.monotonic() < deadline
-            time.sleep(0.005)
-        process.send_signal(signal.SIGKILL)
-    assert begun
-    assert process.returncode == -signal.SIGKILL
-    assert contents(tmp_path / "run") == earlier
-    # What it left goes with the next run.
-    write(result, tmp_path / "run")
-    assert len(list(tmp_path.glob(".results/run/*"))) == 1
 
 
 NAMES = st.text(max_size=300)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -18,7 +19,7 @@ from typer.testing import CliRunner
 
 from pipeline.cli.failures import exit_code_of, reported_errors
 from pipeline.cli.main import app
-from tests.pipeline.processes import QUICK, ROOT, renew
+from tests.pipeline.processes import QUICK, ROOT, SLOW, renew, started
 from tests.pipeline.small_region import small_region
 
 
@@ -111,6 +112,7 @@ def test_an_output_that_cannot_be_a_folder(
         ("./" + "x/" * 2500, "too long"),
         ("/dev/null", "is a device"),
         ("./pipe", "is a FIFO"),
+        ("./link", "is a FIFO"),
         ("./loop", "leads back to itself"),
         ("./none", "does not exist"),
     ],
@@ -120,7 +122,8 @@ def test_a_path_in_a_scenario_that_cannot_be_read(
     tmp_path: Path, key: str, path: str, said: str
 ) -> None:
     os.mkfifo(tmp_path / "pipe")
-    (tmp_path / "loop").symlink_to("loop")
+    for name, target in (("link", "pipe"), ("loop", "loop")):
+        (tmp_path / name).symlink_to(target)
     quoted, chart, currents = json.dumps(path), '"osm-land"', '"embedded-palawan"'
     if key.startswith("chart"):
         chart = quoted if key == "chart.source" else f"{{ path = {quoted} }}"
@@ -136,30 +139,6 @@ def test_a_path_in_a_scenario_that_cannot_be_read(
         assert code == 2
         assert said in line
         assert len(line) < 400
-
-
-@pytest.mark.parametrize(
-    ("path", "said"),
-    [
-        ("~nosuchuser/x.nc", "home folder that does not exist"),
-        ("x" * 5000, "too long"),
-        ("\udcff.nc", "not UTF-8"),
-        ("/dev/null", "is a device"),
-        ("loop", "leads back to itself"),
-    ],
-)
-@pytest.mark.parametrize("option", ["--charts", "--currents"])
-def test_an_option_with_a_file_that_cannot_be_read(
-    option: str, path: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "loop").symlink_to("loop")
-    arguments = ("run", "palawan-season", "--output", "outputs", option, path)
-    code, line = refusal(*arguments)
-    assert code == 2
-    assert said in line
-    assert len(line) < 400
-    assert not (tmp_path / "outputs").exists()
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
@@ -318,3 +297,59 @@ def test_memory_and_clock_are_named(
     cause = ended.value.__context__
     assert cause is not None
     assert exit_code_of(cause) == 1  # as the monitoring service is told
+
+
+# --- Ctrl-C and SIGTERM end a run within seconds, whatever its threads do ---
+
+
+STOPPED = "stopped; finished stages are kept, run again to continue"
+
+
+@pytest.mark.gate_share(1)
+@pytest.mark.parametrize(
+    ("number", "code", "seasons"), [(signal.SIGTERM, 143, 2), (signal.SIGINT, 130, 1)]
+)
+def test_a_planning_run_stops_promptly_and_another_can_start(
+    tmp_path: Path, number: int, code: int, seasons: int
+) -> None:
+    """Two seasons are planned in threads, one in the main thread."""
+    second = SLOW[SLOW.rindex("[[seasons]]") : SLOW.index("[planner]")]
+    text = SLOW if seasons == 2 else SLOW.replace(second, "")
+    (tmp_path / "slow.toml").write_text(text)
+    command = renew(
+        "run", str(tmp_path / "slow.toml"), "--output", str(tmp_path / "outputs"), "--json"
+    )
+    for _ in range(2):
+        with started(*command) as process:
+            assert process.stderr is not None
+            begun = ({"stage": "plan", "event": "begun"}.items() <= json.loads(line).items()
+                     for line in process.stderr)  # fmt: skip
+            assert any(begun)
+            time.sleep(0.5)  # among the classes by then
+            assert process.poll() is None
+            process.send_signal(number)
+            # Three seconds at most by its own clock; other tests may have the processor.
+            assert process.wait(20) == code
+            assert process.stderr.read().splitlines()[-1] == STOPPED
+        assert not list(tmp_path.glob("outputs/.artefacts/*/.*"))
+
+
+def test_code_that_never_returns_is_ended_all_the_same() -> None:
+    """The main thread waits in C for a lock that it holds itself, and sees no signal."""
+    program = (
+        "import ctypes\n"
+        "from pipeline.cli.failures import ending_promptly\n"
+        "with ending_promptly():\n"
+        "    print('ready', flush=True)\n"
+        "    mutex = ctypes.create_string_buffer(64)\n"
+        "    lock = ctypes.CDLL(None).pthread_mutex_lock\n"
+        "    lock(mutex), lock(mutex)\n"
+    )
+    with started(sys.executable, "-c", program) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.5)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(8) == 143
+        assert process.stderr is not None
+        assert process.stderr.read() == f"{STOPPED}\n"

@@ -118,9 +118,10 @@ def test_a_failed_season_leaves_the_others_figures(tmp_path: Path) -> None:
     ]
     file = tmp_path / "asked.toml"
     file.write_text(scenario_text(scenario(classes=1, seasons=seasons, published=None)))
-    asked = (str(file), "--output", str(tmp_path), "--figure", "routes", "--figure", "along")
+    figures = ("--figure", "routes", "--figure", "along", "--format", "svg")
+    asked = (str(file), "--output", str(tmp_path), *figures)
     code, out, err = invoke(*asked)
-    assert [Path(line).name for line in out.split()] == ["calm-routes.png", "calm-along.png"]
+    assert [Path(line).name for line in out.split()] == ["calm-routes.svg", "calm-along.svg"]
     assert code == 1
     assert err.splitlines()[-1].startswith("error: season 'torrent': ")
     assert invoke(*asked, "--season", "calm")[0] == 0
@@ -170,21 +171,6 @@ def invoke(*arguments: str) -> tuple[int, str, str]:
     """Run a command; return exit code, standard output and standard error."""
     done = CliRunner().invoke(app, ["plot", *arguments], catch_exceptions=False)
     return done.exit_code, done.stdout, done.stderr
-
-
-def test_the_command_names_its_files(tmp_path: Path) -> None:
-    code, out, _ = invoke(
-        "single-gyre",
-        "--output",
-        str(tmp_path),
-        "--figure",
-        "routes",
-        "--format",
-        "svg",
-        "--offline",
-    )
-    assert code == 0
-    assert out.strip() == str(tmp_path / "single-gyre" / "figures" / "gyre-routes.svg")
 
 
 def test_wrong_requests_exit_with_2_and_one_line(tmp_path: Path) -> None:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
-from pipeline.scenario.catalogue import stations
 from pipeline.sources.tides.station import find_station
 
 
@@ -62,19 +60,6 @@ def test_a_week_from_today_is_listed_where_no_times_are_given() -> None:
     code, text, _ = run("show", "boston", "--json")
     assert code == 0
     assert 26 <= len(json.loads(text)["waters"]) <= 29
-
-
-def test_a_place_that_follows_a_station_is_listed_by_its_ratio_and_offset(tmp_path: Path) -> None:
-    (tmp_path / "boston.json").write_bytes(stations()["boston"].read_bytes())
-    place = tmp_path / "creek.toml"
-    place.write_text('name = "Creek"\nconstants = "boston.json"\nratio = 0.5\noffset_min = 30\n')
-    span = ("--from", "2026-11-22T01:00Z", "--to", "2026-11-22T06:00Z", "--json")
-    station, creek = (json.loads(run("show", str(one), *span)[1]) for one in ("boston", place))
-    assert creek["mean_level_m"] == pytest.approx(station["mean_level_m"] / 2)
-    ((high,), (later,)) = station["waters"], creek["waters"]
-    assert later["height_m"] == pytest.approx(high["height_m"] / 2, abs=1e-3)
-    minutes = np.datetime64(later["time"][:-1]) - np.datetime64(high["time"][:-1])
-    assert minutes == np.timedelta64(30, "m")
 
 
 @pytest.mark.parametrize(

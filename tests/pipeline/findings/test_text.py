@@ -1,13 +1,18 @@
+"""Figures, moments and zones as texts, and values as JSON has them."""
+
 from __future__ import annotations
 
+import json
 import math
 from datetime import UTC, datetime, timedelta, timezone
 
+import numpy as np
 import pytest
 import shapely
 from hypothesis import given, strategies as st
 
 from pipeline.findings import text as texts
+from pipeline.findings.text import json_value
 from pipeline.model import Zone
 
 NOON, SECONDS = datetime(2026, 11, 22, 12, tzinfo=UTC), timedelta(seconds=20)
@@ -112,3 +117,15 @@ def test_a_limit_is_never_rounded_to_the_wrong_side(value: float, decimals: int)
     step, slack = 10.0**-decimals, 1.1e-4 * 10.0**-decimals
     assert value - step < texts.rounded_down(value, decimals) <= value + slack
     assert value - slack <= texts.rounded_up(value, decimals) < value + step
+
+
+def test_values_become_those_of_json() -> None:
+    values = {
+        "numbers": [np.float64(1.5), np.int64(2), math.inf, np.float64(np.nan)],
+        "nested": {"flag": np.bool_(1), "nothing": None},
+    }
+    spelt = json.dumps(json_value(values), allow_nan=False, ensure_ascii=False)
+    assert json.loads(spelt.encode()) == {
+        "numbers": [1.5, 2, None, None],
+        "nested": {"flag": True, "nothing": None},
+    }

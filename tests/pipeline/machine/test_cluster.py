@@ -22,6 +22,7 @@ from pipeline.machine import cluster
 from pipeline.run import Event, Outcome, run
 from pipeline.scenario.loading import load_scenario
 from tests.pipeline.processes import QUICK, SLOW, started, wait_until
+from tests.pipeline.results import rows_of
 
 
 @pytest.fixture(autouse=True)
@@ -101,7 +102,11 @@ def test_a_scheduler_without_workers(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_worker_plans_and_a_limit_ends_its_seasons(tmp_path: Path) -> None:
     with scheduler(tmp_path) as (_, address), worker(address):
-        assert run_text(tmp_path, QUICK, address).exit_code == 0
+        remote = run_text(tmp_path, QUICK, address)
+        assert remote.exit_code == 0
+        here = run(remote.scenario, tmp_path / "here")
+        # Compared as texts, since NaN (not known) differs from itself.
+        assert repr(rows_of(remote.result)) == repr(rows_of(here.result))
         with pytest.raises(StageError) as caught:
             run_text(tmp_path, SLOW, address, limit_s=5)
         line = str(caught.value)

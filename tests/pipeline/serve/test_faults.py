@@ -72,13 +72,6 @@ def test_every_refusal_has_one_form(server: Server, method: str, path: str, stat
     assert status != 405 or answer.headers["allow"]
 
 
-@pytest.mark.parametrize("body", [b"{", b"\xff\xfe", b'{"start": "\xed\xa0\x80"}', b'"\\ud800"'])
-def test_bad_json_has_the_form_of_other_faults(server: Server, body: bytes) -> None:
-    answer = server.ask("POST", "/api/plan", body)
-    assert answer.status in {400, 422}
-    assert set(answer.json) == {"faults"}
-
-
 def test_files_that_are_gone_are_named_so(tmp_path: Path, rehearsed: None) -> None:
     del rehearsed
     with serving(tmp_path / "outputs") as server:

@@ -205,11 +205,16 @@ def test_a_request_names_no_path_and_keeps_to_its_keys(
 
 
 @pytest.mark.parametrize(
-    "body", [b"", b"{", b"[]", b"null", b'{"start": NaN}', b"\xff\xfe", b"1" * 999]
+    "body",
+    [
+        *(b"", b"{", b"[]", b"null", b'{"start": NaN}', b"\xff\xfe", b"1" * 999),
+        *(b'{"start": "\xed\xa0\x80"}', b'"\\ud800"'),
+    ],
 )
 def test_what_is_no_request_is_refused(server: Server, body: bytes) -> None:
     answer = server.ask("POST", "/api/plan", body)
     assert answer.status in {400, 422}
+    assert set(answer.json) == {"faults"}
     assert answer.json["faults"]
 
 

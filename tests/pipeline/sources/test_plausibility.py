@@ -143,10 +143,6 @@ def test_a_quarter_turn_is_only_a_warning(world_mask: LandMask) -> None:
     assert "waves and tides" in assessment.warnings[0]
 
 
-def test_two_wrong_signs_can_not_be_detected(world_mask: LandMask) -> None:
-    assert assess(with_both_flipped(sea(*OCEAN)), world_mask, LIMIT_M_S) == PLAUSIBLE
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_waves_that_diverge_are_not_refused(world_mask: LandMask, seed: int) -> None:
     """Currents of internal tides lie along their direction: all divergence, no vorticity."""

@@ -38,11 +38,6 @@ def test_a_name_that_does_not_match_its_path_is_refused(tmp_path: Path) -> None:
             land_source(spec, 1.0)
 
 
-def test_a_source_of_land_gives_no_currents() -> None:
-    with pytest.raises(RequestError, match="'osm-land' gives land, not currents"):
-        current_source("osm-land")
-
-
 # --- The embedded table of currents ---
 
 

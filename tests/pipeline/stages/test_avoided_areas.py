@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import tomllib
 from dataclasses import replace
-from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ import renew
 from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.run import run
-from pipeline.scenario.loading import load_scenario, parse_scenario, scenario_text
+from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Anchorage
 from pipeline.sources.current_field import Field
 from pipeline.stages.places import avoided_zones
@@ -212,17 +211,6 @@ def test_an_area_of_very_many_vertices_is_covered_by_one_of_few(tmp_path: Path) 
     assert shapely.get_num_coordinates(zone.area) < 20_000
     # Half a thousandth of its width of 4 km, and mitred corners.
     assert area.buffer(5e-5).covers(zone.area)
-
-
-def test_a_scenario_spells_its_areas_as_it_reads_them(tmp_path: Path) -> None:
-    write_tide(tmp_path)
-    scenario = parse_scenario(scenario_data(tmp_path), tmp_path)
-    text = scenario_text(scenario)
-    assert '[[avoid]]\npath = "' in text
-    assert 'from = "2026-11-22T06:00:00Z"' in text
-    (area,) = scenario.avoid
-    assert area.until is not None
-    assert area.begin == area.until - timedelta(hours=2)
 
 
 def test_a_one_line_voyage_takes_points_and_files(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
-from pipeline.voyage.quantities import VesselFigures
+from pipeline.voyage.readers import VesselFigures
 from tests.pipeline.sources.depth_grids import emodnet
 from tests.pipeline.voyage.waters import GOAL, ISLAND, START, metrics
 
@@ -72,24 +72,6 @@ def test_routes_keep_off_shallow_cells_and_uncharted_depth_is_reported(
     assert any("less than 3 m deep" in note for note in note_texts(outcome.fetched.notes))
     again = run(load_scenario(str(outcome.directory / "scenario.toml")), tmp_path / "again")
     assert metrics(again.directory) == rows
-
-
-def test_depths_need_a_draught_and_a_file_that_has_them(tmp_path: Path, chart: Path) -> None:
-    (tmp_path / "text.nc").write_text("no depths")
-    for draught, name, reason in (
-        ("", "text.nc", "vessel.draught_m is missing, and chart.depths needs it"),
-        ("2m", "absent.nc", "absent.nc' does not exist; give a GEBCO or EMODnet grid"),
-        ("2m", "text.nc", "chart.depths: text.nc: it is neither NetCDF, Zarr nor GRIB"),
-    ):
-        with pytest.raises(RequestError) as caught:
-            pipeline.go(
-                START, GOAL, vessel=VesselFigures("8kn", "12m", "40m", draught),
-                currents=("still",), charts=chart, depths=tmp_path / name,
-                output=tmp_path / "outputs",
-            )  # fmt: skip
-        (fault,) = caught.value.faults
-        assert reason in fault
-    assert not (tmp_path / "outputs").exists()
 
 
 def test_a_start_in_shallow_water_is_refused_with_the_nearest_deep_water(

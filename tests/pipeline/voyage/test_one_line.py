@@ -127,6 +127,7 @@ def test_speeds_are_chosen_in_the_current_of_a_month(
     again = load_scenario(str(outcome.directory / "scenario.toml"))
     assert again.seasons[0].speed == outcome.scenario.seasons[0].speed
     assert again.seasons[0].arrive_by == by
+    assert any("chosen from leg to leg among 1–5 m/s" in choice for choice in outcome.choices)
 
 
 @pytest.mark.usefixtures("plain_report")
@@ -159,6 +160,8 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     assert outcome.exit_code == 0
     best, *_ = rows_of(outcome.result)
     (grid,) = outcome.fetched.currents
+    told = " ".join(note_texts(outcome.fetched.notes))
+    assert "the current changes on the way: it has" in told
     assert grid.changes
     assert outcome.result.results[0].plan is not None
     route = outcome.result.results[0].plan.best
@@ -262,15 +265,6 @@ def test_a_harbour_whose_mouth_the_clearance_shuts_is_refused_at_once(
     assert not (outputs / "harbour").exists()
 
 
-def test_a_wrong_request_writes_nothing(tmp_path: Path, chart: Path) -> None:
-    with pytest.raises(RequestError) as caught:
-        pipeline.go(START, (-40.0, 35.0), vessel=FIGURES, currents=("still",), charts=chart,
-                    output=tmp_path / "outputs")  # fmt: skip
-    (fault,) = caught.value.faults
-    assert fault.startswith("goal = [-40.0, 35.0] lies on land")
-    assert not (tmp_path / "outputs").exists()
-
-
 def command(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "pipeline.cli.main", "go", *map(str, words)],
@@ -303,20 +297,6 @@ def test_negative_longitudes_need_no_dashes_and_json_is_one_object(
         assert float(row["clearance_m"]) == pytest.approx(route["clearance_m"])
         assert set(route["files"]) <= set(outcome["files"])
     assert outcome["routes"][0]["files"][0] == "sail-still.rtz"
-
-
-def test_every_fault_of_a_command_has_a_line_and_the_code_is_2(tmp_path: Path) -> None:
-    done = command(
-        "-40.06,35,1", "-39.94,35.0", "--month", "July", "--clearance", "-5", cwd=tmp_path
-    )
-    assert done.returncode == 2
-    assert [line.split()[1] for line in done.stderr.splitlines()] == [
-        "start",
-        "--month",
-        "--clearance",
-        "no",
-    ]
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import shapely
 
 from pipeline.scenario.model import Scenario
 from pipeline.voyage.one_line import voyage_scenario
-from pipeline.voyage.quantities import VesselFigures
+from pipeline.voyage.readers import VesselFigures
 from pipeline.voyage.request import read_voyage
 
 # In the middle of the Atlantic: the only land is the chart's, an island of 2 km by 4 km on the way.

@@ -17,7 +17,7 @@ from pipeline.cli.main import app
 from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.model import CurrentGrid, Land, Note
-from pipeline.scenario.loading import load_scenario, parse_scenario
+from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.cf.adapter import CfFiles
 from pipeline.sources.current_field import Field, LandMask
@@ -193,30 +193,6 @@ def test_real_files_are_accepted_for_palawan(
 # --- the command line ---------------------------------------------------------------------------
 
 
-def test_a_missing_file_is_one_message_and_nothing_is_written(tmp_path: Path) -> None:
-    code, errors, _ = run(tmp_path)
-    assert code == 2
-    assert len(errors) == 1
-    assert f"season 'summer': {tmp_path}/field.nc does not exist" in errors[0]
-    assert not (tmp_path / "outputs").exists()
-    code, errors, _ = run(tmp_path, SCENARIO, "--currents", str(tmp_path / "other.nc"))
-    assert (code, len(errors)) == (2, 1)
-    assert "other.nc" in errors[0]
-    assert not (tmp_path / "outputs").exists()
-
-
-def test_a_file_of_another_time_or_region_is_refused_with_what_it_has(
-    tmp_path: Path, palawan: Field
-) -> None:
-    away = Field(palawan.lon + 20, palawan.lat, palawan.u, palawan.v)
-    write(tmp_path / "field.nc", dataset(away, times=["2021-03-01"]))
-    code, errors, _ = run(tmp_path)
-    assert code == 2
-    assert "it has no data there at all" in errors[0]
-    assert "one time step, 2021-03-01, none inside 2024-07-01 to 2024-08-01" in errors[0]
-    assert not (tmp_path / "outputs").exists()
-
-
 def test_a_flipped_file_is_refused_and_nothing_is_written(
     tmp_path: Path, palawan: Field, across_outputs: Path
 ) -> None:
@@ -258,19 +234,6 @@ def test_paths_start_at_the_scenarios_folder_and_names_are_of_the_catalogue(tmp_
     path.write_text(SCENARIO.replace(own, "[[]]"))
     with pytest.raises(RequestError, match=r"seasons\[0\]\.currents\[0\]"):
         load_scenario(str(path))
-
-
-def test_a_scenario_with_files_survives_writing_and_reading(tmp_path: Path) -> None:
-    write(tmp_path / "field.nc", dataset(sea(np.arange(118, 120, 0.25), np.arange(9, 11, 0.25))))
-    path = tmp_path / "scenario.toml"
-    path.write_text(
-        SCENARIO.replace("classes", "seed = 1\nclasses")
-        .replace("valid", 'time_method = "linear"\nvalid')
-        .replace('2024-07"', '2024-07-01T00:00Z"')
-    )
-    scenario = load_scenario(str(path))
-    assert scenario.seasons[0].resolved_time_method == "linear"
-    assert parse_scenario(json.loads(scenario.model_dump_json())) == scenario
 
 
 @pytest.mark.usefixtures("plain_report")

@@ -285,7 +285,6 @@ FIRST = datetime(2026, 11, 22, tzinfo=UTC)
 STEPS = 14
 # Of the tide M2, hours.
 PERIOD = 12.42
-GLO12 = "cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc"
 
 
 def tide(one: Field, other: Field, hour: float) -> Field:
@@ -367,54 +366,6 @@ def test_a_file_that_ends_before_is_taken_to_its_end(tmp_path: Path, steps: list
     grid = fetched(season(3.0, max_hours=1000), path)
     assert grid.times_s[0] == 0
     assert grid.times_s[-1] == 3600 * (STEPS - 1 - 3)
-
-
-def test_several_files_are_one_series(tmp_path: Path, steps: list[Field]) -> None:
-    whole = hourly(steps)
-    parts = [
-        write(tmp_path / f"{name}.nc", whole.isel(time=chosen))
-        for name, chosen in (("b", slice(7, None)), ("a", slice(0, 7)))
-    ]
-    together = fetched(season(max_hours=20), *parts)
-    single = fetched(season(max_hours=20), write(tmp_path / "whole.nc", whole))
-    assert np.array_equal(together.u, single.u, equal_nan=True)
-    assert np.array_equal(together.times_s, single.times_s)
-
-
-def test_a_departure_in_another_zone_is_the_same_moment(tmp_path: Path, steps: list[Field]) -> None:
-    path = write(tmp_path / "tide.nc", hourly(steps))
-    manila = Season(
-        name="tide",
-        time_method="changing",
-        departure=datetime.fromisoformat("2026-11-22T10:30:00+08:00"),
-        max_hours=6,
-        currents=("./tide.nc",),
-    )
-    assert fetched(manila, path).times_s.tolist() == fetched(season(2.5, 6), path).times_s.tolist()
-
-
-def test_real_analyses_of_the_world(shared: Path) -> None:
-    """Copernicus GLO12, six daily means of January 2024: the tide is averaged away."""
-    file = shared / "data" / "currents" / GLO12
-    with xr.open_dataset(file) as data:
-        moments = data.time.values
-    first, second = (
-        datetime.fromisoformat(str(moment)[:19]).replace(tzinfo=UTC) for moment in moments[:2]
-    )
-    asked = Season(
-        name="january",
-        time_method="changing",
-        departure=first + (second - first) / 4,
-        max_hours=1000,
-        currents=("./glo.nc",),
-    )
-    region = shapely.box(115.5, 7.0, 122.0, 13.5)
-    source = CfFiles((str(file),))
-    grid = source.current(region, asked, Land((), (), 0.0), Path())
-    assert len(grid.times_s) == len(moments)
-    days = (moments - moments[0]) / np.timedelta64(1, "s")
-    assert np.allclose(np.diff(grid.times_s), np.diff(days))
-    assert np.ptp(grid.u, axis=0)[np.isfinite(grid.u[0])].max() > 0.05, "they do change"
 
 
 # --- what is refused ----------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from pipeline.scenario.season import period
 from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.fields import SelectedSteps
 from pipeline.sources.copernicus.adapter import accept, largest_spike
-from pipeline.sources.copernicus.download import Request, select
+from pipeline.sources.copernicus.download import SubsetRequest, select
 from pipeline.sources.current_field import Field
 
 REGION = shapely.box(117, 8, 120, 11)
@@ -43,8 +43,8 @@ SPEC = CopernicusSpec(
     cell_deg=STEP,
     speed_limit_m_s=3.0,
 )
-MONTH = Request(SPEC, REGION, *select(SPEC, period("2024-07"), "mean"))
-DAYS = Request(
+MONTH = SubsetRequest(SPEC, REGION, *select(SPEC, period("2024-07"), "mean"))
+DAYS = SubsetRequest(
     SPEC.model_copy(update={"step": "day"}),
     REGION,
     TimeSteps(labels=("2024-07-01", "2024-07-02", "2024-07-03")),
@@ -112,16 +112,6 @@ def test_a_valid_file_is_accepted_unchanged(tmp_path: Path) -> None:
     assert np.allclose(read.v, made.v, atol=4e-4, equal_nan=True)
 
 
-def test_descending_latitudes_and_other_longitudes_are_the_same_field(tmp_path: Path) -> None:
-    made = field()
-    other = Field(made.lon - 360, made.lat[::-1], made.u[::-1], made.v[::-1])
-    read, _ = accept(write(tmp_path / "other.nc", other), MONTH, (), LAND)
-    expected, _ = accept(write(tmp_path / "made.nc", made), MONTH, (), LAND)
-    assert np.allclose(read.lon, expected.lon, atol=1e-4)
-    assert np.allclose(read.lat, expected.lat)
-    assert np.array_equal(read.u, expected.u, equal_nan=True)
-
-
 def _shifted(cells: int) -> Field:
     made = field()
     return replace(made, u=np.roll(made.u, cells, axis=1), v=np.roll(made.v, cells, axis=1))
@@ -171,17 +161,6 @@ def test_every_defect_is_refused_with_its_reason(
     assert message in str(caught.value)
 
 
-def test_a_real_file_with_other_days_and_cells_is_refused(shared: Path) -> None:
-    path = (
-        shared
-        / "data"
-        / "currents"
-        / "cmems_mod_glo_phy-cur_anfc_0.083deg_P1D-m_2024-01_1deg_5day.nc"
-    )
-    with pytest.raises(StageError, match=r"longitude steps by 0\.99999 to 1 degrees, not 0\.08"):
-        accept(path, MONTH, (), LAND)
-
-
 # --- several time steps -------------------------------------------------------------------------
 
 
@@ -189,15 +168,6 @@ def _days() -> list[Field]:
     """Make three days with different currents."""
     made = field()
     return [made, replace(made, u=0.5 * made.u), replace(made, u=-made.u, v=made.v + 0.1)]
-
-
-def test_the_steps_are_summed_by_their_weights(tmp_path: Path) -> None:
-    first, second, third = _days()
-    read, _ = accept(write(tmp_path / "days.nc", first, second, third), DAYS, (), LAND)
-    u = 0.5 * first.u + 0.25 * second.u + 0.25 * third.u
-    v = 0.5 * first.v + 0.25 * second.v + 0.25 * third.v
-    assert np.allclose(read.u, u, atol=4e-4, equal_nan=True)
-    assert np.allclose(read.v, v, atol=4e-4, equal_nan=True)
 
 
 def test_missing_additional_and_unordered_steps_are_refused(tmp_path: Path) -> None:
@@ -223,13 +193,6 @@ def test_a_gap_in_only_one_step_is_refused(tmp_path: Path, day: int) -> None:
     spec = DAYS.spec.model_copy(update={"gaps_vary": True})
     icy, _ = accept(path, replace(DAYS, spec=spec), (), LAND)
     assert np.isnan(icy.u[0, 2, 3]), "a gap in one step is a gap in the mean"
-
-
-def test_an_impossible_speed_in_one_step_is_refused(tmp_path: Path) -> None:
-    days = _days()
-    days[1] = replace(days[1], u=days[1].u * 20)
-    with pytest.raises(StageError, match="at 2024-07-02 speeds reach"):
-        accept(write(tmp_path / "wild.nc", *days), DAYS, (), LAND)
 
 
 # --- chunks that the service does not have ------------------------------------------------------

@@ -18,8 +18,9 @@ import shapely
 from typer.testing import CliRunner
 
 from pipeline.cli.main import app
+from pipeline.errors import StageError
 from pipeline.machine.store import Store, file_hash
-from pipeline.model import Land
+from pipeline.model import CurrentGrid, Land, Note
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.sources.copernicus.adapter import Copernicus
@@ -318,3 +319,163 @@ def test_errors_of_the_service_are_reported_without_the_user_name(
 ) -> None:
     logged('http://mds.invalid:80 "GET /a.zarr/uo/1.2?x-cop-user=nemo HTTP/1.1" 503 0')
     assert capsys.readouterr().err == "the service answers 503 for /a.zarr/uo/1.2\n"
+
+
+# --- Currents of the service that change on the way, through its unmodified client ---
+
+
+DEPARTURE = datetime(2024, 7, 15, 8, 20, tzinfo=UTC)
+HOUR = timedelta(hours=1)
+HOURLY, SIX_HOURLY, DAILY, HOURLY_MEANS = (
+    "copernicus-total-hourly",
+    "copernicus-forecast-6hourly",
+    "copernicus-forecast-daily",
+    "copernicus-forecast-hourly",
+)
+
+
+def midnight(day: int) -> datetime:
+    """Return a midnight of July 2024."""
+    return datetime(2024, 7, day, tzinfo=UTC)
+
+
+def fetched(name: str, hours: float, folder: Path, departure: datetime = DEPARTURE) -> CurrentGrid:
+    """Fetch a voyage's currents as a run does, which first asks whether they are there."""
+    asked = world.changing_season(name, departure, hours)
+    assert source(name).uncovered_reason(REGION, asked) == ""
+    return source(name).current(REGION, asked, LAND, folder)
+
+
+# --- which steps --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "hours", "valid", "stamps"),
+    [
+        (HOURLY, 5.0, "08:00Z/14:00Z", [midnight(15) + k * HOUR for k in range(8, 15)]),
+        pytest.param(
+            HOURLY_MEANS,
+            3.0,
+            "07:30Z/11:30Z",
+            [midnight(15) + (k + 0.5) * HOUR for k in range(7, 12)],
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            SIX_HOURLY,
+            20.0,
+            "06:00Z/2024-07-16T06:00Z",
+            [midnight(15) + k * HOUR for k in range(6, 31, 6)],
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            DAILY, 60.0, "", [midnight(day) for day in range(14, 19)], marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_all_steps_from_before_departure_to_the_last_arrival_are_fields(
+    tmp_path: Path, name: str, hours: float, valid: str, stamps: list[datetime]
+) -> None:
+    with connected(world.store(name), tmp_path / "home"):
+        grid = fetched(name, hours, tmp_path)
+    entry = spec(name)
+    # The service labels the mean of a day with its first moment; it is valid in the middle.
+    to_middle = 12 * HOUR if name == DAILY else 0 * HOUR
+    assert grid.times_s.tolist() == [
+        (stamp + to_middle - DEPARTURE).total_seconds() for stamp in stamps
+    ]
+    assert grid.times_s[0] <= 0 < grid.times_s[1]
+    assert grid.times_s[-2] < 3600 * hours <= grid.times_s[-1]
+    for step, stamp in enumerate(stamps):
+        error = world.max_error_m_s(grid, entry.eastward, entry.northward, stamp, step=step)
+        assert error < TOLERANCE_M_S
+    assert np.ptp(grid.u, axis=0)[np.isfinite(grid.u[0])].max() > 0.005, "they do change"
+    if valid:
+        first, last = valid.split("/")
+        ends = (first, last if "T" in last else f"2024-07-15T{last}")
+        assert grid.valid == f"2024-07-15T{ends[0]}/{ends[1]}"
+    assert (Note.of("steps-are-means", step="day") in grid.notes) == (name == DAILY)
+
+
+@pytest.mark.slow
+def test_the_cache_serves_every_departure_with_the_same_steps(tmp_path: Path) -> None:
+    store = world.store(SIX_HOURLY)
+    with connected(store, tmp_path / "home"):
+        early = fetched(SIX_HOURLY, 10, tmp_path / "cache", midnight(15) + 7 * HOUR)
+        requests = len(store.requests)
+        late = fetched(SIX_HOURLY, 9, tmp_path / "cache", midnight(15) + 8 * HOUR)
+        assert len(store.requests) == requests, "nothing was requested"
+        assert np.array_equal(early.u, late.u, equal_nan=True)
+        assert (early.times_s - late.times_s == 3600).all()
+        fetched(SIX_HOURLY, 11, tmp_path / "cache", midnight(15) + 8 * HOUR)
+        assert len(store.requests) > requests, "a step more"
+
+
+@pytest.mark.slow
+def test_a_forecast_that_ends_before_the_last_arrival_is_taken_to_its_end(tmp_path: Path) -> None:
+    departure = world.today() + timedelta(days=9, hours=2)
+    with connected(world.store(SIX_HOURLY), tmp_path / "home"):
+        grid = fetched(SIX_HOURLY, 500, tmp_path / "cache", departure)
+        again = fetched(SIX_HOURLY, 500, tmp_path / "cache", departure)
+    assert grid.times_s.tolist() == [3600.0 * hour for hour in range(-2, 41, 6)]
+    assert np.array_equal(again.u, grid.u, equal_nan=True)
+    last = world.today() + timedelta(days=10, hours=18)
+    assert world.max_error_m_s(grid, "uo", "vo", last, step=-1) < TOLERANCE_M_S
+
+
+# --- what is refused ----------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_listed", [False, True])
+def test_a_hole_is_named_by_the_times_around_it(tmp_path: Path, is_listed: bool) -> None:
+    whole = world.dataset(SIX_HOURLY).times
+    steps = tuple(time for time in whole if time != midnight(16))
+    store = world.store(
+        SIX_HOURLY, times=whole if is_listed else steps, stored_times=steps if is_listed else None
+    )
+    with (
+        connected(store, tmp_path / "home"),
+        pytest.raises(StageError, match="between 2024-07-15T18 and 2024-07-16T06") as caught,
+    ):
+        fetched(SIX_HOURLY, 40, tmp_path)
+    assert "name another" in str(caught.value)
+
+
+@pytest.mark.slow
+def test_a_chunk_that_is_lacking_at_one_time_alone(tmp_path: Path) -> None:
+    """A part of the third step is not delivered; no gap is planned through."""
+    store = world.store(SIX_HOURLY)
+    # The client asks for the steps in their order.
+    number = world.dataset(SIX_HOURLY).times.index(midnight(15) + 18 * HOUR)
+    store.faults.append(Fault(f"*/uo/{number}.0.*", 404))
+    store.faults.append(Fault(f"*/uo/{number // 64}.*", 404))
+    with (
+        connected(store, tmp_path / "home"),
+        pytest.raises(StageError, match="cells of water"),
+    ):
+        fetched(SIX_HOURLY, 20, tmp_path)
+    assert not list(tmp_path.glob("*.nc"))
+
+
+@pytest.mark.parametrize(
+    ("name", "departure", "words"),
+    [
+        ("copernicus-glorys-climatology", DEPARTURE, "does not show how currents change"),
+        # A day more than the ten: the test may run past midnight.
+        (HOURLY, world.today() + timedelta(days=12, hours=1), "covers November 2020 to ten days"),
+        (HOURLY, datetime(2020, 10, 31, 23, tzinfo=UTC), "covers November 2020 to ten days"),
+        (DAILY, datetime(2020, 11, 1, 6, tzinfo=UTC), "from November 2020 at the earliest"),
+    ],
+)
+def test_departures_without_steps_around_them_are_refused_without_a_request(
+    name: str, departure: datetime, words: str
+) -> None:
+    asked = world.changing_season(name, departure, 24)
+    reason = source(name).uncovered_reason(REGION, asked)
+    assert words in reason
+    assert f"{departure:%Y-%m-%dT%H:%MZ}" in reason
+    assert "name another source in 'currents'" in reason
+    assert source(name).identity(asked), "which is called first"
+
+
+# --- end to end ---------------------------------------------------------------------------------

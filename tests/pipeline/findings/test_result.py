@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import replace
 
+import numpy as np
+import pyproj
+import pytest
+import shapely
+
+import renew
 from pipeline.findings.note_words import note_texts
-from pipeline.findings.result import RunResult, has_all_depths, route_unknowns
+from pipeline.findings.result import (
+    RunResult,
+    continued,
+    crossing_notes,
+    has_all_depths,
+    route_unknowns,
+)
 from pipeline.geo.lonlat import DepthCover
-from pipeline.model import RouteMetrics, ShoreCrossing, ShutStrait
+from pipeline.geo.projection import Projection
+from pipeline.model import RouteMetrics, ShoreCrossing, ShutStrait, Water
 from pipeline.model.inputs import Note
+from pipeline.scenario.region import ChartSpec
+from pipeline.stages.measure import SecondShoreline
 from tests.pipeline.formats import small_run
 from tests.pipeline.results import rows_of, with_measures, with_rows
 
@@ -114,3 +130,71 @@ def test_straits_are_one_sentence_and_a_plane_has_nothing_unknown() -> None:
     planar = small_run.parts(planar=True)
     assert note_texts(planar.unknowns) == []
     assert note_texts(route_unknowns(planar.routes[0])) == []
+
+
+def test_land_and_what_continues_it_become_one() -> None:
+    land = np.array([shapely.box(0, 0, 1, 1), shapely.box(5, 5, 6, 6)], dtype=object)
+    around = np.array([shapely.box(0.9, 0.2, 3, 0.8), shapely.box(8, 8, 9, 9)], dtype=object)
+    found = continued(land, around)
+    assert len(found) == 3
+    expected = shapely.union_all([*land, *around])
+    assert shapely.union_all(found).symmetric_difference(expected).area < 1e-12
+
+
+def test_without_surroundings_nothing_changes(result: RunResult) -> None:
+    assert list(result.drawn_land) == list(result.water.land)
+
+
+def test_land_that_the_plane_cannot_hold_is_left_out(result: RunResult) -> None:
+    near, far = shapely.box(121.0, 9.0, 121.2, 9.3), shapely.box(-61.5, -11.0, -60.0, -9.0)
+    fetched = replace(result.fetched, surroundings=(near, far))
+    drawn = replace(result, fetched=fetched).drawn_land
+    assert len(drawn) in {len(result.water.land) + 1, len(result.water.land) + 2}
+    assert np.isfinite(shapely.bounds(drawn)).all()
+
+
+# --- Crossings of the second shoreline's land are found, measured and reported ---
+
+
+REGION = shapely.box(23.0, 36.0, 25.0, 38.0)
+# Two islands of the second shoreline; the northern one is in two overlapping pieces.
+ISLANDS = [
+    shapely.box(24.0, 36.5, 24.1, 36.6),
+    shapely.box(24.0, 37.5, 24.1, 37.6),
+    shapely.box(24.08, 37.5, 24.2, 37.6),
+]
+
+
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_each_crossing_is_where_and_as_long_as_on_earth(scale: float) -> None:
+    projection = Projection.for_region(REGION, scale)
+    plain = Water(renew.Chart(projection.geometry_to_plane(REGION)), (), projection)
+    shore = tuple(projection.geometry_to_plane(np.array(ISLANDS, dtype=object)))
+    water = dataclasses.replace(plain, second_shore=shore)
+    path = projection.to_plane([(23.5, 36.55), (24.5, 36.55), (24.5, 37.55), (23.5, 37.55)])
+    south, north = SecondShoreline(water).crossings(path, 2)
+    geod = pyproj.Geod(ellps="WGS84")
+    for found, lat, east in ((south, 36.55, 24.1), (north, 37.55, 24.2)):
+        assert found.rank == 2
+        assert (found.lon, found.lat) == pytest.approx(((24.0 + east) / 2, lat), abs=2e-3)
+        length_m = geod.inv(24.0, lat, east, lat)[2]
+        assert found.length_m == pytest.approx(length_m, rel=2e-3)
+    clear = projection.to_plane([(23.5, 36.2), (24.5, 36.2)])
+    assert SecondShoreline(water).crossings(clear, 1) == ()
+    assert SecondShoreline(plain).crossings(path, 1) == ()
+
+
+def test_notes_list_the_places_of_the_best_route_and_the_longest_others() -> None:
+    best = ShoreCrossing(1, 24.0, 37.1, 100.0)
+    same = ShoreCrossing(4, 24.0001, 37.1001, 105.0)
+    others = [ShoreCrossing(i, 24.0, 37.0 + i / 10, 100.0 * i) for i in range(2, 11)]
+    winter = ShoreCrossing(1, -5.25, -36.5, 60.4)
+    (one,) = note_texts(crossing_notes([*others, same, best], ChartSpec()))
+    (other,) = note_texts(crossing_notes([winter], ChartSpec()))
+    places = one.split("; check these places on an official chart: ")[1].split("; ")
+    assert places[0] == "105 m at 24.0001 E 37.1001 N on routes 1, 4"
+    assert places[1] == "1,000 m at 24.0000 E 38.0000 N on route 10"
+    assert places[7] == "400 m at 24.0000 E 37.4000 N on route 4"
+    assert places[8] == "and 2 shorter"
+    assert other.endswith(": 60 m at 5.2500 W 36.5000 S on route 1")
+    assert crossing_notes([], ChartSpec()) == ()
