@@ -78,9 +78,9 @@ def write(
     first = np.datetime64("2024-07-01T00:00") + np.timedelta64(round(60 * time_value), "m")
     times = [first + np.timedelta64(day, "D") for day in range(len(steps))]
     data = synthetic_currents.dataset(*steps, times=times, names=names, units=units)
-    packed = {"dtype": "i2", "scale_factor": 6.1e-4, "_FillValue": -32767}
-    single = {key: {"dtype": "f4"} for key in ("latitude", "longitude", "depth")}
-    encoding = {**dict.fromkeys(names, packed), **single}
+    packed: dict[str, Any] = {"dtype": "i2", "scale_factor": 6.1e-4, "_FillValue": -32767}
+    encoding = dict.fromkeys(names, packed)
+    encoding |= {axis: {"dtype": "f4"} for axis in ("latitude", "longitude", "depth")}
     return synthetic_currents.write(path, data.expand_dims(depth=depth, axis=1), **encoding)
 
 
