@@ -24,21 +24,25 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pipeline.cli import failures, options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.go import go, replan, serve
 from pipeline.cli.nightly import app as nightly_app
 from pipeline.cli.qgis import app as qgis_app
 from pipeline.cli.terminal import say, still_at_work
 from pipeline.cli.tide import app as tide_app
-from pipeline.cli.usage import BriefRefusals, Command, GroupedCommand
+from pipeline.errors import Faults, RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
+from pipeline.serve.options import ServerOptions
 from pipeline.texts import seen
+from pipeline.underway.request import UnderWayRequest
+from pipeline.voyage.readers import EXAMPLES, halves
+from pipeline.voyage.request import VoyageRequest, read_voyage
+from pipeline.voyage.table import read, spelling
 
 if TYPE_CHECKING:
     from pipeline.scenario.catalogue import ScenarioFile
@@ -46,7 +50,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="renew",
-    cls=BriefRefusals,
+    cls=options.BriefRefusals,
     help="Vessel routes that are safe and cheap in ocean currents.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -96,7 +100,7 @@ def root(
 _MIN_LIMIT_S = 1.0
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def run(
     scenario: options.Scenario,
     *,
@@ -136,15 +140,96 @@ def run(
         run_to_end(run, wanted, notes, as_json=as_json, quiet=quiet)
 
 
-app.command(cls=GroupedCommand)(go)
-app.command(cls=Command)(serve)
-app.command(cls=Command)(replan)
+@app.command(cls=options.GroupedCommand)
+@options.with_options(VoyageRequest, without=("start", "goal"))
+def go(
+    positions: Annotated[
+        list[str], typer.Argument(metavar="START GOAL", help=f"Two positions: {EXAMPLES}.")
+    ],
+    *,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+    **given: Any,  # noqa: ANN401 - the options of a voyage
+) -> None:
+    """Plan a voyage from START to GOAL; region, chart and currents are chosen and reported.
+
+    The scenario is written beside the results, for `renew run`.
+    """
+    with reported_errors():
+        faults = Faults()
+        start, goal = faults.collect(lambda: halves(positions)) or (None, None)
+        request = read_voyage({**given, "start": start, "goal": goal}, "command", faults.lines)
+        from pipeline.cli.reporting import run_to_end
+        from pipeline.voyage.one_line import run_voyage, voyage_scenario
+
+        scenario, notes = voyage_scenario(request)
+        run = partial(run_voyage, request, scenario, said=notes)
+        run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
+
+
+@app.command(cls=options.Command)
+@options.with_options(ServerOptions)
+def serve(**given: Any) -> None:  # noqa: ANN401 - the options of a server
+    """Serve a page on this machine where voyages are planned on a map; needs the extra `web`.
+
+    It answers to 127.0.0.1 only, and to whom has the address that it prints.
+    """
+    with reported_errors():
+        try:
+            from pipeline.serve.start import serve as serve_page
+        except ImportError as error:
+            raise StageError(
+                f"renew serve needs the extra `web` ({error}): pip install fastapi uvicorn"
+            ) from error
+
+        def tell(address: str) -> None:
+            typer.echo(address)
+            say(
+                "Open it in a browser on this machine. Who has it may plan here, so keep it to "
+                "yourself. Ctrl-C ends.",
+                err=True,
+            )
+
+        serve_page(read(ServerOptions, given, spelling(ServerOptions, "command")), on_ready=tell)
+
+
+@app.command(cls=options.Command)
+@options.with_options(UnderWayRequest)
+def replan(
+    *,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
+    **given: Any,  # noqa: ANN401 - the options of a voyage under way
+) -> None:
+    """Plan the rest of a voyage again from where the vessel is, in a folder beside RESULTS.
+
+    The way that was planned is kept, unless it can't be sailed or another saves more than 2 % of
+    the fuel ahead. The answer is no command to a vessel.
+    """
+    with reported_errors():
+        from pipeline.cli.reporting import run_to_end
+        from pipeline.machine.paths import expanded
+        from pipeline.run import run as run_scenario
+        from pipeline.stages.under_way import finished_season
+        from pipeline.underway.replan import under_way_scenario
+
+        faults = Faults()
+        results = Path(given["results"])
+        finished = faults.collect(lambda: finished_season(results, given["season"] or ""))
+        at = spelling(UnderWayRequest, "command")
+        request = read(UnderWayRequest, given, at, known=faults.lines)
+        scenario, notes = under_way_scenario(request, finished)
+        beside = expanded(results, at.results).absolute().parent
+        run = partial(run_scenario, scenario, beside, offline=request.offline, said=notes)
+        run_to_end(run, scenario, notes, as_json=as_json, quiet=quiet)
+
+
 app.add_typer(nightly_app, name="nightly")
 app.add_typer(tide_app, name="tide")
 app.add_typer(qgis_app, name="qgis")
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def plot(
     scenario: options.Scenario,
     *,
@@ -156,10 +241,10 @@ def plot(
         list[Kind] | None,
         typer.Option(help="What to draw; may be repeated. Both if left out."),
     ] = None,
-    form: Annotated[Form, typer.Option("--format", help="Format of the files.")] = Form.PNG,
+    form: Annotated[Form, typer.Option("--format", help="Format of the files.")] = "png",
     width: Annotated[
         Width, typer.Option(help="Width of a journal's column (3.3 in) or page (7 in), or screen.")
-    ] = Width.SCREEN,
+    ] = "screen",
     output: options.Output = Path("outputs"),
     offline: options.Offline = False,
     charts: options.Charts = None,
@@ -203,17 +288,25 @@ def plot(
         raise typer.Exit(0 if planned == cases else 1)
 
 
-@app.command("list", cls=Command)
+@app.command("list", cls=options.Command)
 def list_entries(*, as_json: options.JsonOnly = False) -> None:
     """List the catalogue: scenarios and what they need, vessels, sources, stations of the tide."""
     with reported_errors():
-        from pipeline.cli.listing import as_text, listed
+        from pipeline.scenario import catalogue
 
-        sections = listed()
-        typer.echo(json.dumps(sections, ensure_ascii=False) if as_json else as_text(sections))
+        sections = catalogue.listed()
+        if as_json:
+            typer.echo(json.dumps(sections, ensure_ascii=False))
+            return
+        width = max(len(entry["name"]) for entries in sections.values() for entry in entries) + 1
+        for section, entries in sections.items():
+            typer.echo(f"{section}:")
+            for entry in entries:
+                needs = f" ({entry['needs']})" if entry["needs"] else ""
+                typer.echo(f"  {entry['name']:<{width}}{entry['title']}{needs}")
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def show(
     name: Annotated[str, typer.Argument(help="An entry of the catalogue, or a file.")],
 ) -> None:
@@ -226,7 +319,7 @@ def show(
         typer.echo(seen(path.read_text(encoding="utf-8")), nl=False)
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its name.")]) -> None:
     """List all faults of a scenario's file and of the files that it names; check start and goal."""
     with reported_errors(), still_at_work():
@@ -244,7 +337,7 @@ def check(file: Annotated[str, typer.Argument(help="A scenario's file, or its na
         typer.echo(f"{scenario.name}: valid ({seasons}; {named}; 1:{scenario.scale:g})")
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def clean(
     *,
     output: options.Output = Path("outputs"),
@@ -269,7 +362,7 @@ def clean(
         say(freed(output, older=older, everything=everything))
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def doctor(
     *,
     output: options.Output = Path("outputs"),
@@ -292,7 +385,7 @@ def doctor(
         raise typer.Exit(exit_code)
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def warm() -> None:
     """Compile the planner's code now, so that the first plan does not have to wait for it."""
     with reported_errors(), still_at_work():
@@ -315,7 +408,6 @@ def _loaded(
     Yield it with its file, and notes on how it was loaded. A RequestError in the block gets a note
     if the output folder has results of an earlier run.
     """
-    from pipeline.errors import Faults, RequestError
     from pipeline.machine.paths import folder_to_write
     from pipeline.scenario.catalogue import read_scenario
     from pipeline.scenario.loading import load_scenario, require_seasons

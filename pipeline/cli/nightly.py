@@ -9,7 +9,6 @@ import typer
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.terminal import still_at_work
-from pipeline.cli.usage import Command
 from pipeline.errors import RequestError
 from pipeline.machine.paths import shown
 
@@ -36,7 +35,7 @@ OnlyOption = Annotated[
 ]
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def check(
     *,
     config: ConfigOption = None,
@@ -59,7 +58,7 @@ def check(
         )
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def run(
     *,
     config: ConfigOption = None,
@@ -105,7 +104,7 @@ def run(
         raise typer.Exit(outcome.exit_code)
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> None:
     """Print the latest cycle, whether a job is at work, and its progress."""
     with reported_errors():
@@ -116,7 +115,7 @@ def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> 
             typer.echo(line)
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def show(
     case: Annotated[str, typer.Argument(help="A case, or the first parts of its name.")],
     *,

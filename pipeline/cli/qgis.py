@@ -12,8 +12,8 @@ from typing import Annotated
 
 import typer
 
+from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.usage import Command
 from pipeline.errors import RequestError
 from pipeline.machine.paths import folder_to_write, shown
 
@@ -30,7 +30,7 @@ def _group() -> None:
     """Keep `install` a command of its own: a group of one command would be that command."""
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def install(
     *,
     profile: Annotated[

@@ -9,7 +9,6 @@ import typer
 
 from pipeline.cli import options
 from pipeline.cli.failures import reported_errors
-from pipeline.cli.usage import Command
 from pipeline.errors import Faults, RequestError, StageError
 from pipeline.machine.paths import NOT_THERE, folder_to_write, shown, unreadable_reason
 
@@ -27,7 +26,7 @@ _DAYS = 7
 _MOST_DAYS = 3660
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def show(
     station: Annotated[
         str,
@@ -61,7 +60,7 @@ def show(
         typer.echo(_listed(found, *span, as_json=as_json))
 
 
-@app.command(cls=Command)
+@app.command(cls=options.Command)
 def fit(
     series: Annotated[
         list[str],

@@ -13,7 +13,7 @@ from pipeline.nightly.outcome import ACT, LOOK, SAME
 from pipeline.scenario.strict import looks_like_path
 from pipeline.texts import cell
 from pipeline.underway.reports import Fix, last_fix
-from pipeline.voyage.positions import Position
+from pipeline.voyage.readers import Position
 
 VOYAGES_FILE = "voyages.csv"
 """A cycle's table of the voyages under way."""

@@ -1,6 +1,7 @@
 """Access to the catalogue: scenarios, vessels, sources and tables of currents, as data."""
 
 import hashlib
+import json
 import tomllib
 from collections.abc import Iterable
 from functools import cache
@@ -349,3 +350,52 @@ def has_world_land(chart: ChartSpec) -> bool:
     """Say whether one of a scenario's land sources is that of the whole world."""
     entries = (source(given.name) for given in chart.source if given.name)
     return any(entry.adapter == "osm-land" for entry in entries)
+
+
+_ACCOUNT = "a Copernicus Marine account"
+
+
+def listed() -> dict[str, list[dict[str, str]]]:
+    """Return the entries of each section, sorted by name; only scenarios have `needs`."""
+    sections: dict[str, list[dict[str, str]]] = {}
+    for section in SECTIONS:
+        sections[section] = []
+        for name in names(section):
+            content = entry(section, name)
+            needs = _needs(content) if section == "scenarios" else ""
+            sections[section].append(_entry(section, name, str(content.get("title", "")), needs))
+    sections["tides"] = [
+        _entry("tides", name, json.loads(path.read_text(encoding="utf-8"))["name"])
+        for name, path in stations().items()
+    ]
+    return sections
+
+
+def _entry(section: str, name: str, title: str, needs: str = "") -> dict[str, str]:
+    return {"section": section, "name": name, "title": title, "needs": needs}
+
+
+def _needs(scenario: dict[str, Any]) -> str:
+    """Say which files or account a scenario needs, or that it runs offline."""
+    files = "--charts with S-57 cells" if scenario.get("chart", {}).get("source") == "s57" else ""
+    seasons = [Season.model_validate(table) for table in scenario["seasons"]]
+    offline = [season.name for season in seasons if _runs_offline(season)]
+    if len(offline) == len(seasons):
+        return f"needs {files}" if files else "runs offline"
+    if not offline:
+        return f"needs {' and '.join(filter(None, (files, _ACCOUNT)))}, or --currents"
+    online = [season.name for season in seasons if season.name not in offline]
+    return f"offline: {', '.join(offline)}; {', '.join(online)} needs {_ACCOUNT}, or --currents"
+
+
+def _runs_offline(season: Season) -> bool:
+    """Whether a season has a current that needs neither account nor network."""
+    if not season.currents:
+        return True  # a formula
+    # The user's own files, which have no name, are in no scenario of the catalogue.
+    for given in (source(name) for name in season.currents if isinstance(name, str)):
+        if given.adapter == "still":
+            return True
+        if given.adapter == "embedded-table" and given.season_for(season) is not None:
+            return True
+    return False

@@ -29,7 +29,7 @@ from pipeline.serve.request import (
     TooLargeError,
     too_large,
 )
-from pipeline.voyage.positions import read_position
+from pipeline.voyage.readers import read_position
 
 _Identity = Annotated[str, InPath(pattern=r"^[0-9a-f]{32}$")]
 _TYPES = {"js": "text/javascript", "css": "text/css", "html": "text/html"}

@@ -6,8 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from pipeline.voyage.positions import Position, read_position
-from pipeline.voyage.quantities import zoned_time
+from pipeline.voyage.readers import Position, read_position, zoned_time
 from pipeline.voyage.table import Option
 
 _option = partial(Option, group="Other options")

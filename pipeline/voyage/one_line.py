@@ -19,8 +19,15 @@ from pipeline.scenario.season import STILL, Season, departure_name, period
 from pipeline.sources.registry import current_source
 from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.region import are_water_swapped, least_region, require_sailable
-from pipeline.voyage.positions import Position, continued, joined, spelled, voyage_name
-from pipeline.voyage.quantities import VesselFigures, vessel_of_figures
+from pipeline.voyage.readers import (
+    Position,
+    VesselFigures,
+    continued,
+    joined,
+    spelled,
+    vessel_of_figures,
+    voyage_name,
+)
 from pipeline.voyage.request import VoyageRequest, faults_of_pairs
 from pipeline.voyage.table import help_text, options, read, spelling
 
@@ -174,7 +181,12 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         **_tables_of_files(request),
     }
     if via:
-        data["via"] = [point.key for point in via]
+        data["via"] = [
+            {"at": [point.lon, point.lat], "wait": point.wait}
+            if point.wait
+            else [point.lon, point.lat]
+            for point in via
+        ]
     if request.clearance_m is not None:
         data["planner"] = {"clearance": request.clearance_m}
     scenario = parse_scenario(data)

@@ -1,7 +1,6 @@
 """The algorithms: their parameters, the command line of each, and the layers that they give."""
 
 import csv
-import json
 import shlex
 import sqlite3
 from functools import partial
@@ -32,6 +31,7 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QTimer
 
 from .program import run
+from .voyage import DEFAULT_VESSEL, go_command, voyage_options
 
 _DEGREES = "EPSG:4326"
 # Property of a layer: its package, and its rank among those shown.
@@ -188,11 +188,6 @@ _GEOMETRIES = {
 }
 
 
-def _voyage_options():
-    """Read the options of a voyage, which `renew` made from its own table."""
-    return json.loads(Path(__file__).with_name("options.json").read_text("utf-8"))
-
-
 def _parameter(option, *, required):
     """Return the parameter for an option of a voyage."""
     name, label, kind = _name(option), option["label"], option["kind"]
@@ -208,7 +203,7 @@ def _parameter(option, *, required):
         return QgsProcessingParameterFeatureSource(name, label, geometries, optional=True)
     if kind == "file":
         return QgsProcessingParameterFile(name, label, optional=True)
-    default = "usv-7m" if option["name"] == "vessel" else None
+    default = DEFAULT_VESSEL if option["name"] == "vessel" else None
     return QgsProcessingParameterString(name, label, defaultValue=default, optional=True)
 
 
@@ -225,7 +220,7 @@ class _Voyage(_Algorithm):
 
     def voyage_options(self):
         """Return the options that the algorithm asks for, the usual ones first."""
-        asked = [one for one in _voyage_options() if one["name"] not in self.WITHOUT]
+        asked = [one for one in voyage_options() if one["name"] not in self.WITHOUT]
         first = [one for one in asked if one["name"] in _FIRST]
         return first + [one for one in asked if one not in first]
 
@@ -244,18 +239,11 @@ class _Voyage(_Algorithm):
 
     def command(self, parameters, context, feedback):
         """Return `renew go` with its options."""
-        command, places = [], []
-        for option in self.voyage_options():
-            text = self.text(option, parameters, context, feedback)
-            if option["kind"] == "place":
-                places.append(text)
-            elif option["kind"] == "flag":
-                command += [option["option"]] if text else []
-            else:
-                texts = text.split(";") if option["several"] else [text]
-                given = [part.strip() for part in texts if part.strip()]
-                command += [word for part in given for word in (option["option"], part)]
-        return ["go", *places, *command]
+        options = self.voyage_options()
+        texts = {
+            option["name"]: self.text(option, parameters, context, feedback) for option in options
+        }
+        return go_command(options, texts)
 
     def text(self, option, parameters, context, feedback):
         """Return an option's value as the command takes it; "" where none is given."""

@@ -16,9 +16,9 @@ import pytest
 import shapely
 from typer.testing import CliRunner
 
-from pipeline.cli.listing import listed
 from pipeline.cli.main import app
 from pipeline.scenario import catalogue
+from pipeline.scenario.catalogue import listed
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.season import Season
 from pipeline.sources.registry import current_source

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -81,3 +82,30 @@ def test_the_zip_holds_the_plugin(tmp_path: Path) -> None:
     subprocess.run([*command, "-e", tmp_path / "p.zip", tmp_path / "out"], check=True)
     folder = tmp_path / "out" / "renew_routes"
     assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == SOURCES
+
+
+@pytest.mark.parametrize(
+    ("figures", "vessel"),
+    [
+        ({}, ["--vessel", "usv-7m"]),
+        ({"speed": "4kn..9kn"}, ["--vessel", "usv-7m"]),
+        ({"draught": "4m"}, []),
+        ({"speed": "12kn", "length": "90m", "turning_circle": "400m", "draught": "4m"}, []),
+        ({"vessel": "./ship.toml", "draught": "4m"}, ["--vessel", "./ship.toml"]),
+    ],
+)
+def test_the_default_vessel_is_sent_only_without_figures(
+    figures: dict[str, str], vessel: list[str]
+) -> None:
+    """`renew go` refuses a vessel together with a figure; a vessel that the user named is sent."""
+    voyage = runpy.run_path(str(PLUGIN / "voyage.py"))
+    options = voyage["voyage_options"]()
+    texts = dict.fromkeys((option["name"] for option in options), "")
+    texts |= {"start": "120.3,12.8", "goal": "116.8,7.7", "vessel": voyage["DEFAULT_VESSEL"]}
+    texts |= figures
+    command = voyage["go_command"](options, texts)
+    assert command[:3] == ["go", "120.3,12.8", "116.8,7.7"]
+    sent = dict(zip(command[3::2], command[4::2], strict=True))
+    named = {name: text for name, text in figures.items() if name != "vessel"}
+    typed = {f"--{name.replace('_', '-')}": text for name, text in named.items()}
+    assert sent == typed | dict([vessel] if vessel else [])

@@ -16,7 +16,7 @@ from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
-from pipeline.voyage.quantities import VesselFigures
+from pipeline.voyage.readers import VesselFigures
 from tests.pipeline.sources.depth_grids import emodnet
 from tests.pipeline.voyage.waters import GOAL, ISLAND, START, metrics
 

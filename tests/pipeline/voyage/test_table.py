@@ -12,7 +12,7 @@ import pipeline
 from pipeline.errors import RequestError
 from pipeline.serve.app import page_files
 from pipeline.serve.request import ASKED, PlanRequest
-from pipeline.voyage.quantities import VesselFigures
+from pipeline.voyage.readers import VesselFigures
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import Option, described, help_text, options, spelling
 from tests.command_reference import commands, options as typed_options

@@ -13,7 +13,7 @@ import shapely
 from pipeline.scenario.model import Scenario
 from pipeline.sources.current_field import Field
 from pipeline.voyage.one_line import voyage_scenario
-from pipeline.voyage.quantities import VesselFigures
+from pipeline.voyage.readers import VesselFigures
 from pipeline.voyage.request import read_voyage
 from tests.pipeline.synthetic_currents import dataset, sea, write
 

@@ -20,7 +20,7 @@ from pipeline.scenario.season import period
 from pipeline.sources.cf.axes import TimeSteps
 from pipeline.sources.cf.fields import SelectedSteps
 from pipeline.sources.copernicus.adapter import accept, largest_spike
-from pipeline.sources.copernicus.download import Request, select
+from pipeline.sources.copernicus.download import SubsetRequest, select
 from pipeline.sources.current_field import Field
 from tests.pipeline import synthetic_currents
 
@@ -44,8 +44,8 @@ SPEC = CopernicusSpec(
     cell_deg=STEP,
     speed_limit_m_s=3.0,
 )
-MONTH = Request(SPEC, REGION, *select(SPEC, period("2024-07"), "mean"))
-DAYS = Request(
+MONTH = SubsetRequest(SPEC, REGION, *select(SPEC, period("2024-07"), "mean"))
+DAYS = SubsetRequest(
     SPEC.model_copy(update={"step": "day"}),
     REGION,
     TimeSteps(labels=("2024-07-01", "2024-07-02", "2024-07-03")),
