@@ -17,7 +17,7 @@ from pipeline.geo.lonlat import position_text
 from pipeline.machine.interpreters import give_back_memory
 from pipeline.machine.store import Artefact, Store, artefact_key, file_hash
 from pipeline.machine.workers import first_compilation
-from pipeline.model import CaseResult, Fetched, Note, Say, SideBound
+from pipeline.model import CaseResult, Fetched, Note, Say, SimplifiedLand
 from pipeline.scenario.catalogue import ScenarioFile
 from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.session import session
@@ -37,9 +37,9 @@ from pipeline.stages.region import (
     require_covered,
     wider_region,
 )
-from pipeline.stages.simplify import SimplifiedLand, simplify
+from pipeline.stages.simplify import simplify
 from pipeline.stages.tasks import Status
-from pipeline.stages.under_way import Sailed, case_sailed, scenario_before
+from pipeline.stages.under_way import PlanSailed, case_sailed, scenario_before
 from pipeline.texts import clean
 from pipeline.write import load_libraries, write
 
@@ -180,7 +180,7 @@ def run(
             stages = _Stages(held.store, beside, on_event or ignore, compiled, *asked, read)
             result = stages.result(scenario)
         bound = partial(bounds_of_sides, result, held.store)
-        bounds: Future[dict[str, SideBound]] = beside.submit(
+        bounds: Future[dict[str, float]] = beside.submit(
             stages.late.attempt, "the bound on other sides", bound, {}
         )
         result = replace(result, value=replace(result.value, side_bounds=bounds.result))
@@ -302,7 +302,7 @@ class _Stages:
         self.on_result(made.value)
         return made
 
-    def _sailed(self, voyage: UnderWay | None) -> Sailed | None:
+    def _sailed(self, voyage: UnderWay | None) -> PlanSailed | None:
         """Return the voyage that the vessel is on, from the store or made again; None if none.
 
         It may itself be a plan made under way, so all plans are made from the first one on.
@@ -313,20 +313,20 @@ class _Stages:
             before = scenario_before(voyage)
             plans.append((voyage, before))
             voyage = before.under_way
-        sailed: Sailed | None = None
+        sailed: PlanSailed | None = None
         for way, scenario in reversed(plans):
             asked = scenario if sailed is None else sailed.ahead(scenario)
             chosen, land = quiet.chosen(asked, (), sailed)
             own = case_sailed(way, chosen)
             planned = quiet.planned(own, land)
-            sailed = Sailed(way, own, land, planned.value[0], planned.key)
+            sailed = PlanSailed(way, own, land, planned.value[0], planned.key)
         return sailed
 
     def chosen(
         self,
         scenario: Scenario,
         region_notes: tuple[Note, ...] = (),
-        sailed: Sailed | None = None,
+        sailed: PlanSailed | None = None,
     ) -> tuple[Chosen, Artefact[SimplifiedLand]]:
         """Run the stages before "plan"; of a voyage that is sailed, use what its plan used."""
         store = self.store

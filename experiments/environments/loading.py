@@ -16,7 +16,7 @@ from pipeline.errors import RequestError
 from pipeline.findings.result import RunResult
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Store
-from pipeline.model import CaseResult, Fetched, Simplified, planner_vessel
+from pipeline.model import CaseResult, Fetched, SimplifiedLand, planner_vessel
 from pipeline.scenario import catalogue
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
@@ -162,7 +162,7 @@ def _check_seasons(spec: EnvironmentSpec, known: Sequence[str]) -> None:
         raise RequestError(faults)
 
 
-def _simplified(scenario: Scenario, fetched: Fetched) -> Simplified:
+def _simplified(scenario: Scenario, fetched: Fetched) -> SimplifiedLand:
     """The chart's land, simplified as for any run."""
     if scenario.region is None:
         raise RequestError([f"environment {scenario.name!r}: its scenario needs a region"])
@@ -175,4 +175,4 @@ def _simplified(scenario: Scenario, fetched: Fetched) -> Simplified:
         turning_radius_m=planner_vessel(scenario.vessel).turning_radius * scenario.scale,
         endpoints=(scenario.start, scenario.goal),
         projection=Projection.for_region(scenario.region.shape, 1.0, scenario.region.crs),
-    ).simplified
+    )

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.findings import text
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
-from pipeline.model import DepartureChoice, Note, Replanned, SpeedChoice
+from pipeline.model import DepartureChoice, Note, ReplanFigures, SpeedChoice
 
 AS_GOOD = 0.01
 """A departure that needs at most this share of fuel above the least counts as good."""
@@ -95,7 +95,7 @@ def _moment(choice: DepartureChoice, seconds: float) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class TradeOff:
+class SpeedTradeOff:
     """Least fuel for each arrival, and the chosen arrival; durations are at true scale.
 
     Attributes
@@ -129,7 +129,7 @@ class TradeOff:
         return self.departure + timedelta(seconds=round(duration_s))
 
 
-def trade_off(case: RunCase) -> TradeOff | None:
+def trade_off(case: RunCase) -> SpeedTradeOff | None:
     """Return the trade-off of a case; None where no speeds were chosen, or no route was found."""
     plan, departure = case.plan, case.spec.departure
     if not case.routes or plan is None or plan.trade_off is None or departure is None:
@@ -140,7 +140,7 @@ def trade_off(case: RunCase) -> TradeOff | None:
     # True seconds for each second of the planner; durations are counted from the departure.
     stretch = metrics.duration_s / route.duration
     begin = departure.astimezone(UTC)
-    return TradeOff(
+    return SpeedTradeOff(
         case=case.name,
         departure=begin,
         arrive_by=begin + timedelta(seconds=choice.within_s),
@@ -154,13 +154,13 @@ def trade_off(case: RunCase) -> TradeOff | None:
     )
 
 
-def trade_offs(result: RunResult) -> tuple[TradeOff, ...]:
+def trade_offs(result: RunResult) -> tuple[SpeedTradeOff, ...]:
     """Return the trade-offs of all cases that have one."""
     found = map(trade_off, result.cases)
     return tuple(one for one in found if one is not None)
 
 
-def trade_off_text(found: TradeOff) -> tuple[str, ...]:
+def trade_off_text(found: SpeedTradeOff) -> tuple[str, ...]:
     """Say in sentences how fast the vessel sails, and what more or less time is worth."""
     allowed = f"{found.choice.least:g}–{found.choice.most:g} m/s"
     low, high = text.speed_range(found.slowest, found.fastest)
@@ -184,7 +184,7 @@ def speed_notes(result: RunResult) -> tuple[Note, ...]:
     )
 
 
-def _worth(found: TradeOff) -> Iterator[str]:
+def _worth(found: SpeedTradeOff) -> Iterator[str]:
     """Say what more and less time are worth, if there is a choice."""
     change = _MORE_OR_LESS * found.duration_s
     more, less = (found.fuel_after(found.duration_s + by) for by in (change, -change))
@@ -247,14 +247,14 @@ def replanned_notes(result: RunResult) -> Iterator[Note]:
             yield Note.of("replanned", found=one.replanned).about(one.name)
 
 
-def replanned_text(found: Replanned) -> tuple[str, ...]:
+def replanned_text(found: ReplanFigures) -> tuple[str, ...]:
     """Say in sentences whether the planned way is kept, at what fuel, and what changed the fuel."""
     margin = "in the margin around land; the plan begins in the water, {} from there"
     moved = f", {margin.format(text.distance(found.moved_m))}" if found.moved_m > 0 else ""
     return f"{_answer(found)}.", f"The vessel is {_place(found)}{moved}.", f"{_causes(found)}."
 
 
-def _answer(found: Replanned) -> str:
+def _answer(found: ReplanFigures) -> str:
     """Say which way to take, with the fuel of each side."""
     fuel = text.number(found.fuel)
     if found.answer == "kept":
@@ -271,7 +271,7 @@ def _answer(found: Replanned) -> str:
     )
 
 
-def _place(found: Replanned) -> str:
+def _place(found: ReplanFigures) -> str:
     """Say where and when the vessel is beside its plan."""
     off = f"{text.distance(found.off_m)} off its plan" if found.off_m >= _LEAST_M else "on its plan"
     if abs(found.late_s) < _LEAST_S:
@@ -280,7 +280,7 @@ def _place(found: Replanned) -> str:
     return f"{off} and {text.hours(abs(found.late_s))} {early_or_late}"
 
 
-def _causes(found: Replanned) -> str:
+def _causes(found: ReplanFigures) -> str:
     """Say what changed the fuel of the whole voyage."""
     changes = [
         f"{words} {'costs' if fuel > 0 else 'saves'} {text.number(abs(fuel))}"

@@ -17,8 +17,7 @@ from pipeline.model import (
     Case,
     CaseResult,
     ShutStrait,
-    SideBound,
-    Simplified,
+    SimplifiedLand,
     Water,
     plan_options,
 )
@@ -27,7 +26,7 @@ from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import Strait
 from renew.inputs.current import as_field
-from renew.voyage.voyage import NO_CHOICE, SpeedRange, Voyage, Waters
+from renew.voyage.voyage import NO_CHOICE, SpeedsByLeg, Voyage, Waters
 
 # Number of lines that are drawn from the island in all directions. Each is widened to a strip, and
 # the suitable strip with the least area is used.
@@ -61,8 +60,8 @@ _PLAIN = 1.01
 
 def side_bound(
     case: Case, result: CaseResult, main: NumberedIsland | None, options: PlannerOptions
-) -> SideBound | None:
-    """Bound the fuel of ways on the other side of the main island; None if there is no bound.
+) -> float | None:
+    """Bound the fuel, planner's units, of ways on the main island's other side; None if unknown.
 
     The best route crosses a line from the main island to the chart's edge; no route on the island's
     other side crosses it. A strip along that line is treated as land. The lower bound on fuel
@@ -95,10 +94,10 @@ def side_bound(
     )
     cells = _CELLS_AT_CHOICE if is_loose else _CELLS
     fuel = fuel_lower_bound(voyage, cells, _PLAIN * result.routes[0].fuel)
-    return SideBound(fuel) if math.isfinite(fuel) else None
+    return fuel if math.isfinite(fuel) else None
 
 
-def _choice(case: Case, result: CaseResult) -> SpeedRange:
+def _choice(case: Case, result: CaseResult) -> SpeedsByLeg:
     """Return the case's choice of speeds, with a price of time.
 
     The bound holds at any price (weak duality). The best price is nearly the slope of fuel over
@@ -111,7 +110,7 @@ def _choice(case: Case, result: CaseResult) -> SpeedRange:
     if len(arrivals) < 2:
         return NO_CHOICE
     slope = np.interp(planned.best.times[-1], arrivals, np.gradient(fuels, arrivals))
-    return SpeedRange(speeds.least, max(0.0, -float(slope)), result.arrive_by_s)
+    return SpeedsByLeg(speeds.least, max(0.0, -float(slope)), result.arrive_by_s)
 
 
 def strip_across(
@@ -144,7 +143,7 @@ def strip_across(
 def shut_straits(
     planned: Sequence[tuple[Case, CaseResult]],
     stops: FloatArray,
-    simplified: Simplified,
+    simplified: SimplifiedLand,
     options: PlannerOptions,
 ) -> tuple[ShutStrait, ...]:
     """Return the important straits that margin, tolerance or padding shut, the widest first.
@@ -177,7 +176,7 @@ class _StraitFinder:
     water: Water
     start: FloatArray
     goal: FloatArray
-    simplified: Simplified
+    simplified: SimplifiedLand
     padding: float
 
     @cached_property

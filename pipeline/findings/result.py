@@ -194,7 +194,7 @@ class RunCase:
         return self.run.coverages.get(self.name)
 
     @property
-    def side_bound(self) -> model.SideBound | None:
+    def side_bound(self) -> float | None:
         """The bound on the other sides, if the routes differ in their side; waits for it."""
         return self.run.side_bounds().get(self.name)
 
@@ -313,7 +313,7 @@ class RunResult:
 
     scenario: Scenario
     fetched: model.Fetched
-    simplified: model.Simplified
+    simplified: model.SimplifiedLand
     water: model.Water
     planned: Mapping[str, model.Case]
     results: tuple[model.CaseResult, ...]
@@ -325,7 +325,7 @@ class RunResult:
     straits: tuple[model.ShutStrait, ...] = ()
     departures: tuple[model.DepartureChoice, ...] = ()
     coverages: Mapping[str, renew.Coverage] = field(default_factory=dict)
-    side_bounds: Callable[[], Mapping[str, model.SideBound]] = dict
+    side_bounds: Callable[[], Mapping[str, float]] = dict
     kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def with_choices(self, notes: tuple[Note, ...]) -> "RunResult":

@@ -12,7 +12,7 @@ import numpy as np
 
 import renew
 from pipeline._types import FloatArray, IntArray
-from pipeline.findings.choices import TradeOff, trade_offs
+from pipeline.findings.choices import SpeedTradeOff, trade_offs
 from pipeline.findings.columns import figure_columns, figures, used
 from pipeline.findings.ensembles import (
     ENSEMBLE_COLUMNS,
@@ -155,7 +155,7 @@ def write_trade_off_csv(result: RunResult, path: Path) -> None:
     write_csv(path, TRADE_OFF_COLUMNS, rows)
 
 
-def _trade_off_rows(found: TradeOff) -> Iterator[dict[str, Any]]:
+def _trade_off_rows(found: SpeedTradeOff) -> Iterator[dict[str, Any]]:
     """Yield a row for each arrival, ascending; the chosen one is among them."""
     at = int(np.searchsorted(found.durations_s, found.duration_s))
     durations = np.insert(found.durations_s, at, found.duration_s)

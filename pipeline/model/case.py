@@ -20,7 +20,7 @@ import renew
 from pipeline._types import FloatArray
 from pipeline.geo.lonlat import DepthCover, KnownCells
 from pipeline.geo.projection import Projection
-from pipeline.model.inputs import Place
+from pipeline.model.inputs import Note, Place
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.model import PlannerOptions
 from pipeline.scenario.season import Season
@@ -31,10 +31,11 @@ CurrentT = TypeVar("CurrentT", bound=renew.CurrentField)
 
 
 @dataclass(frozen=True, slots=True)
-class Simplified:
+class SimplifiedLand:
     """The hard no-go zone of the planner (lon/lat degrees), which covers all of the land.
 
-    `inner_polygons` lie inside the land: every route that avoids the land avoids them too.
+    `inner_polygons` lie inside the land: every route that avoids the land avoids them too. `notes`
+    tell of a raised margin or an opened passage.
     """
 
     polygons: tuple[Polygon, ...]
@@ -43,6 +44,7 @@ class Simplified:
     vertices: int
     tolerance_m: float
     margin_m: float
+    notes: tuple[Note, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -197,17 +197,6 @@ class ClockWorth:
 
 
 @dataclass(frozen=True, slots=True)
-class SideBound:
-    """A lower bound on the fuel of ways on the other side of a case's main island.
-
-    The best route passes between the island and an edge of the chart. The bound, in the planner's
-    units, holds for every way that does not cross the water between these two.
-    """
-
-    fuel: float
-
-
-@dataclass(frozen=True, slots=True)
 class ShoreCrossing:
     """Where a route crosses land of the second shoreline: its middle (degrees), true metres.
 
@@ -313,7 +302,7 @@ class EnsembleFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class Replanned:
+class ReplanFigures:
     """What `renew.replan` answered; fuel in the planner's units, distances in true metres.
 
     `kept_fuel` is the fuel ahead on the way that was planned, NaN if that can't be sailed, with the
@@ -432,7 +421,7 @@ class CaseResult:
     arrive_by_s: float = math.inf
     class_names: tuple[str, ...] = ()
     ensemble: EnsembleFigures | None = None
-    replanned: Replanned | None = None
+    replanned: ReplanFigures | None = None
     measures: Measures = Measures()
 
     @property

@@ -208,7 +208,7 @@ def _chart(scenario: Scenario, ends: Sequence[Point], store: Store) -> NightChar
     fetcher = _fetcher(scenario, store)
     land = fetcher.land
     simplified = simplify(scenario, Artefact(fetcher.land_key, land), store, ends).value
-    water = water_of(scenario, land, simplified.simplified)
+    water = water_of(scenario, land, simplified)
     return NightChart(scenario, water, fetcher.land_key, land.accuracy_m, SmallMap.of(water))
 
 

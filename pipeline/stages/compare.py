@@ -20,12 +20,11 @@ from pipeline.findings.way_names import WayNames, way_names
 from pipeline.geo.lonlat import METRES_PER_DEGREE, KnownCells, share_without
 from pipeline.machine.interpreters import cores
 from pipeline.machine.store import Artefact, Store, artefact_key
-from pipeline.model import Case, CaseResult, CurrentGrid, Note, Place, Say, SideBound, Water
+from pipeline.model import Case, CaseResult, CurrentGrid, Note, Place, Say, SimplifiedLand, Water
 from pipeline.sources.cf.fields import WEAK_SHARE
 from pipeline.stages.choose import Chosen, in_thread, narrows_notes, room_notes
 from pipeline.stages.places import shut_notes, tide_notes
 from pipeline.stages.project import planar_stops
-from pipeline.stages.simplify import SimplifiedLand
 
 
 def compare(
@@ -40,7 +39,7 @@ def compare(
 
     Returns the result with its notes on choices, data, land and routes.
     """
-    scenario, fetched, simplified = chosen.scenario, chosen.data.fetched, land.value.simplified
+    scenario, fetched, simplified = chosen.scenario, chosen.data.fetched, land.value
     inputs, water = (planned.key, chosen.cases.key), chosen.cases.value[0].water
     find_names = partial(way_names, water, planned.value, fetched.land.places)
     names = late.attempt("naming the ways", find_names, WayNames({}))
@@ -78,11 +77,11 @@ def compare(
     return Artefact(artefact_key("compare", *inputs), complete)
 
 
-def bounds_of_sides(result: Artefact[RunResult], store: Store) -> dict[str, SideBound]:
+def bounds_of_sides(result: Artefact[RunResult], store: Store) -> dict[str, float]:
     """Bound the fuel of ways on the other sides; this takes long, and only reports show it."""
     run, options = result.value, result.value.scenario.planner
 
-    def bounds() -> dict[str, SideBound]:
+    def bounds() -> dict[str, float]:
         planned = [case for case in run.cases if case.planned is not None]
         main = next(iter(run.islands), None)
         # Threads run in parallel here, because most of the work is compiled code.

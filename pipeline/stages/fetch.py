@@ -33,9 +33,10 @@ from pipeline.sources.land.osm import OsmLand
 from pipeline.sources.registry import charted_land, current_source
 from pipeline.stages.places import avoided_zones, fetched_plane
 
-# Default limit of a voyage in changing currents: this multiple of the time along the straight line
-# in still water, plus a day, because the tide may turn against a short voyage.
-_LONGEST_WAY, _DAY_HOURS = 3.0, 24.0
+# Default limit of a voyage in changing currents, in times along the straight line in still water.
+_LONGEST_WAY = 3.0
+# Hours by which that limit is longer, because the tide may turn against a short voyage.
+_DAY_HOURS = 24.0
 
 
 @dataclass(frozen=True, slots=True)

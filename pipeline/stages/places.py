@@ -25,7 +25,7 @@ from pipeline.model import (
     Fetched,
     Land,
     Note,
-    Simplified,
+    SimplifiedLand,
     Water,
     Zone,
     planner_vessel,
@@ -316,10 +316,10 @@ def fetched_plane(scenario: Scenario) -> Fetched:
     return Fetched(Land(polygons, (credit,), accuracy_m=0.0), ())
 
 
-def unsimplified(land: Land) -> Simplified:
+def unsimplified(land: Land) -> SimplifiedLand:
     """Return the obstacles unchanged: in a plane scenario nothing is simplified."""
     vertices = sum(int(shapely.get_num_coordinates(polygon)) for polygon in land.polygons)
-    return Simplified(
+    return SimplifiedLand(
         polygons=land.polygons,
         inner_polygons=land.polygons,
         original_vertices=vertices,
@@ -379,7 +379,7 @@ _FLAT = math.cos(math.pi / 4 / _BUFFER_SEGMENTS)
 def tidal_depth(
     scenario: Scenario,
     land: Land,
-    simplified: Simplified,
+    simplified: SimplifiedLand,
     extent: shapely.Polygon,
     projection: Projection,
 ) -> Callable[[datetime | None], renew.TidalDepth | None]:
@@ -522,7 +522,7 @@ def _apart(station: Station, datum: str) -> str:
     return f" ({datum} is {abs(level):.2f} m {'above' if level > 0 else 'below'} it)"
 
 
-def _grown(planar: Geometries, simplified: Simplified, scale: float) -> Geometries:
+def _grown(planar: Geometries, simplified: SimplifiedLand, scale: float) -> Geometries:
     """Return areas that cover the given ones, planar m, with the chart's margin around them."""
     margin, tolerance = simplified.margin_m / scale, simplified.tolerance_m / scale
     valid, _ = repaired(planar)

@@ -9,14 +9,13 @@ from pipeline.errors import NoWayError, RequestError, StageError
 from pipeline.findings.text import seasons_text
 from pipeline.findings.way_names import class_names_text
 from pipeline.machine.store import Artefact, Store, artefact_key, load_artefact, save_artefact
-from pipeline.model import Case, CaseResult, Measures
+from pipeline.model import Case, CaseResult, Measures, SimplifiedLand
 from pipeline.scenario.model import PlannerOptions
 from pipeline.stages.choose import Chosen
 from pipeline.stages.cover import havens_in
 from pipeline.stages.measure import clock_worth, gap_shares, measured
 from pipeline.stages.plan_case import OnStep, ignore_step, planned
 from pipeline.stages.project import scene_inputs
-from pipeline.stages.simplify import SimplifiedLand
 from pipeline.stages.tasks import Status, run_tasks, status_of, stored_case
 
 

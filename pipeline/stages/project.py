@@ -27,7 +27,7 @@ from pipeline.model import (
     Fetched,
     Land,
     MemberCurrents,
-    Simplified,
+    SimplifiedLand,
     SpeedChoice,
     VoyageBefore,
     Water,
@@ -48,7 +48,6 @@ from pipeline.stages.places import (
     shut_polygons,
     tidal_depth,
 )
-from pipeline.stages.simplify import SimplifiedLand
 
 # Maximum sag of the region's edges as a share of its diagonal: an edge that is straight in degrees
 # is curved in the plane. An edge is halved only until it sags less, and at most _MAX_HALVINGS
@@ -83,7 +82,7 @@ def projected(
 
     def make() -> tuple[Case, ...]:
         try:
-            made = project(scenario, fetched, land.value.simplified)
+            made = project(scenario, fetched, land.value)
         except renew.PlanningError as error:
             raise RequestError(str(error)) from error
         return tuple(replace(case, before=before) for case in made)
@@ -109,7 +108,7 @@ def scene_inputs(scenario: Scenario) -> dict[str, object]:
     return {**inputs, "avoid": avoid, "clocks": clocks, "tide": tide, "datum": datum}
 
 
-def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> tuple[Case, ...]:
+def project(scenario: Scenario, fetched: Fetched, simplified: SimplifiedLand) -> tuple[Case, ...]:
     """Build a case for each season that has a current.
 
     Raises
@@ -151,7 +150,7 @@ def project(scenario: Scenario, fetched: Fetched, simplified: Simplified) -> tup
     return tuple(cases)
 
 
-def water_of(scenario: Scenario, land: Land, simplified: Simplified) -> Water:
+def water_of(scenario: Scenario, land: Land, simplified: SimplifiedLand) -> Water:
     """Build the chart in the plane; errors are those of `project`."""
     if scenario.region is None:
         return plane_water(scenario)
@@ -265,12 +264,16 @@ def _cell_m(grid: CurrentGrid) -> float:
 Planar: TypeAlias = Callable[[CurrentGrid], renew.GriddedCurrent | renew.VaryingCurrent]
 """Brings a current into the plane."""
 
-# Number of waves of the eddies of a member; number of nodes along a side for a current that has
-# none of its own.
-_WAVES, _NODES = 12, 101
-# Wave numbers of the eddies, as shares of the one asked for; number of nodes to a wave; largest
-# number of nodes along a side.
-_SHARES, _NODES_A_WAVE, _MAX_NODES = (0.6, 1.4), 8, 600
+# Number of waves of the eddies of a member.
+_WAVES = 12
+# Number of nodes along a side for a current that has none of its own.
+_NODES = 101
+# Least and largest wave number of the eddies, as shares of the one asked for.
+_SHARES = (0.6, 1.4)
+# Number of nodes to a wave.
+_NODES_A_WAVE = 8
+# Largest number of nodes along a side.
+_MAX_NODES = 600
 
 
 def stirred(

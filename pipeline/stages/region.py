@@ -35,7 +35,6 @@ from pipeline.stages.water_grid import (
     MAX_LATITUDE,
     MAX_WIDTH,
     DirectLine,
-    RegionChoice,
     choose_region,
 )
 
@@ -48,7 +47,7 @@ _MARGIN_M = 50.0
 
 
 @dataclass(frozen=True, slots=True)
-class Coverage:
+class SourceCoverage:
     """Bounds that the currents of all seasons cover, and the source that limits each side.
 
     The order is west, south, east, north. A source is "" if only the world's edge limits that side.
@@ -126,7 +125,7 @@ def require_whole_files(scenario: Scenario) -> None:
 
 def covered_by_currents(
     seasons: Sequence[Season], direct: DirectLine, folder: Path, *, offline: bool
-) -> Coverage:
+) -> SourceCoverage:
     """Return the area that the first usable source of every season covers.
 
     A usable source is available and covers start and goal. A season without a usable source is
@@ -139,7 +138,7 @@ def covered_by_currents(
     """
     middle = (direct.start[0] + direct.goal[0]) / 2
     world = (max(middle - 180, -180), -MAX_LATITUDE, min(middle + 180, 360), MAX_LATITUDE)
-    found = Coverage(world, ("", "", "", ""))
+    found = SourceCoverage(world, ("", "", "", ""))
     reasons: dict[str, list[str]] = {}
     for season in seasons:
         covered, why = _of_season(season, world, direct, folder, offline=offline)
@@ -160,7 +159,7 @@ def covered_by_currents(
 
 def _of_season(
     season: Season, world: Bounds, direct: DirectLine, folder: Path, *, offline: bool
-) -> tuple[Coverage | None, str]:
+) -> tuple[SourceCoverage | None, str]:
     """Return the coverage of a season's first usable source, or None and the reason."""
     ends = least_region(direct.start, direct.goal)
     reasons = []
@@ -174,12 +173,12 @@ def _of_season(
                 reason = f"{name} needs the network; leave --offline out"
         bounds = source.covered_bounds(shapely.box(*world), season)
         if not reason and bounds is not None:
-            return Coverage(bounds, (name, name, name, name)), ""
+            return SourceCoverage(bounds, (name, name, name, name)), ""
         reasons.append(reason or f"{name} has no data there")
     return None, "; ".join(reasons)
 
 
-def _intersection(one: Coverage, other: Coverage) -> Coverage:
+def _intersection(one: SourceCoverage, other: SourceCoverage) -> SourceCoverage:
     """Return the intersection of two coverages that both contain start and goal."""
     bounds = common_bounds(one.bounds, other.bounds)
     if bounds is None:
@@ -190,7 +189,7 @@ def _intersection(one: Coverage, other: Coverage) -> Coverage:
             bounds, other.bounds, one.bounds, one.sources, other.sources, strict=True
         )
     )
-    return Coverage(bounds, (west, south, east, north))
+    return SourceCoverage(bounds, (west, south, east, north))
 
 
 def endpoints_on_land(scenario: Scenario) -> list[str]:
@@ -280,7 +279,7 @@ class ChosenRegion:
     """Bounds of a region in degrees, the coverage that limits them, and notes for the report."""
 
     bounds: Bounds
-    coverage: Coverage
+    coverage: SourceCoverage
     direct: DirectLine
     notes: tuple[Note, ...] = ()
 
@@ -317,17 +316,17 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     stops = tuple(scenario.stops.values())
     key = artefact_key("region", source.identity, *stops, coverage.bounds)
 
-    def choose() -> list[RegionChoice]:
+    def choose() -> list[tuple[Bounds, bool]]:
         return [choose_region(line, mask_of, coverage.bounds) for line in lines]
 
     choices = store.load_or_make("region", key, list, choose)
-    bounds = bounds_of([choice.bounds for choice in choices])
+    bounds = bounds_of([bounds for bounds, _ in choices])
     chosen = ChosenRegion(bounds, coverage, direct)
     note = Note.of(
         "region-chosen",
         bounds=bounds,
         ends=_ends_of_currents(chosen, range(len(SIDES))),
-        left_out=FAR_WAY if any(choice.leaves_out for choice in choices) else 0.0,
+        left_out=FAR_WAY if any(leaves_out for _, leaves_out in choices) else 0.0,
     )
     return replace(chosen, notes=(note,))
 

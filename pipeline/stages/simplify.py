@@ -25,7 +25,7 @@ from pipeline.geo.coast import OpenWater, covering_land, inner_land, opened
 from pipeline.geo.lonlat import position_text
 from pipeline.geo.projection import MAX_EDGE_M, Projection
 from pipeline.machine.store import Artefact, Store
-from pipeline.model import Land, Note, Place, Simplified, planner_vessel
+from pipeline.model import Land, Note, Place, SimplifiedLand, planner_vessel
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.strict import Point
 from pipeline.sources.land.shapes import extract_polygons, in_plane
@@ -45,14 +45,6 @@ _OF_DIAGONAL = 5e-5
 _UNCOVERED_M2 = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class SimplifiedLand:
-    """The stage's result, with notes on a raised margin or an opened passage."""
-
-    simplified: Simplified
-    notes: tuple[Note, ...]
-
-
 def simplify(
     scenario: Scenario, land: Artefact[Land], store: Store, ends: Sequence[Point] = ()
 ) -> Artefact[SimplifiedLand]:
@@ -64,7 +56,7 @@ def simplify(
 
     def make() -> SimplifiedLand:
         if region is None:
-            return SimplifiedLand(unsimplified(land.value), ())
+            return unsimplified(land.value)
         return simplify_land(
             land.value.polygons,
             region.shape,
@@ -136,15 +128,15 @@ def simplify_land(
     outer = area.within(cover.land)
     inner = area.within(inner_land(land, tolerance_m, rounding_m))
     check(outer, inner, area.within(land), area.endpoints, plane)
-    simplified = Simplified(
+    return SimplifiedLand(
         polygons=tuple(plane.geometry_to_lonlat(outer).tolist()),
         inner_polygons=tuple(plane.geometry_to_lonlat(inner).tolist()),
         original_vertices=_count_vertices(land),
         vertices=_count_vertices(outer),
         tolerance_m=tolerance_m,
         margin_m=used_margin_m,
+        notes=(*notes, *_opening_notes(cover, used_margin_m, plane)),
     )
-    return SimplifiedLand(simplified, (*notes, *_opening_notes(cover, used_margin_m, plane)))
 
 
 def chosen_tolerance_m(accuracy_m: float, turning_radius_m: float, diagonal_m: float) -> float:

@@ -22,14 +22,13 @@ from pipeline.findings.text import json_value
 from pipeline.geo.projection import Projection
 from pipeline.machine.paths import expanded, shown, unreadable_reason
 from pipeline.machine.store import Artefact, artefact_key
-from pipeline.model import Case, CaseResult, VoyageBefore
+from pipeline.model import Case, CaseResult, SimplifiedLand, VoyageBefore
 from pipeline.model.case import true_duration_s
-from pipeline.model.hashes import current_hash, land_hash
+from pipeline.model.inputs import current_hash, land_hash
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.stages.choose import Chosen
 from pipeline.stages.fetch import FetchedData
-from pipeline.stages.simplify import SimplifiedLand
 from renew.underway.lead import abeam
 
 # Distance from the plan beyond which a position is taken for a mistake, m.
@@ -112,7 +111,7 @@ _SAME_FUEL = 1e-6
 
 
 @dataclass(frozen=True)
-class Sailed:
+class PlanSailed:
     """The case that the vessel sails, its land and plan, and a key that stands for the plan."""
 
     voyage: UnderWay

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,9 +26,10 @@ ScalarT = TypeVar("ScalarT", bound=np.generic)
 _CELLS = 300
 # Distance in cells from an endpoint within which water is searched: harbours are finer than cells.
 _NEAR_CELLS = 5
-# Number of cells below which an island may be cut or left out by the region, and below which it is
-# not large enough to be named.
-_MIN_CELLS, _FEW_CELLS = 10, 3
+# Number of cells below which an island may be cut or left out by the region.
+_MIN_CELLS = 10
+# Number of cells below which an island is not looked at.
+_FEW_CELLS = 3
 
 
 @dataclass(frozen=True)
@@ -274,17 +275,10 @@ class DirectLine:
         return max(MARGIN_SHARE * self.distance_m, _MIN_MARGIN_M)
 
 
-class RegionChoice(NamedTuple):
-    """Bounds of a region, degrees, and whether it leaves out ways for their length."""
-
-    bounds: Bounds
-    leaves_out: bool = False
-
-
 def choose_region(
     direct: DirectLine, mask_of: Callable[[Bounds], LandMask], limits: Bounds
-) -> RegionChoice:
-    """Choose the bounds of a region for a voyage.
+) -> tuple[Bounds, bool]:
+    """Choose a region for a voyage: its bounds, degrees, and whether it leaves out long ways.
 
     Parameters
     ----------
@@ -304,7 +298,7 @@ def choose_region(
             return _around_ways(direct, grid, (start, goal), ways[0], limits)
         reach_m *= _FURTHER
     # The coarse grid has no way, for example through a canal; the real coast may have one.
-    return RegionChoice(_region(direct, [bounds_of(direct.points)], limits))
+    return _region(direct, [bounds_of(direct.points)], limits), False
 
 
 def _around_ways(
@@ -313,7 +307,7 @@ def _around_ways(
     ends: tuple[Cell, Cell],
     shortest: GridPath,
     limits: Bounds,
-) -> RegionChoice:
+) -> tuple[Bounds, bool]:
     """Choose a region that holds the shortest way, and the ways round the islands beside it."""
 
     def around(island: int, longest: float) -> Bounds | None:
@@ -335,7 +329,7 @@ def _around_ways(
         side = around(island, FAR_WAY * _DETOUR)
         places += [side] if side else []
     region = _region(direct, places, limits)
-    return RegionChoice(region, leaves_out=bool(grid.islands_beyond(region)))
+    return region, bool(grid.islands_beyond(region))
 
 
 def _region(direct: DirectLine, places: Sequence[Bounds], limits: Bounds) -> Bounds:

@@ -176,20 +176,20 @@ def roadmap(
     ends = np.stack([voyage.start, voyage.goal])
     holding = np.array([triangulation.locate(point) for point in ends])
     is_way = without_dead_ends(triangulation.neighbours, *holding.tolist())
-    gates = _gates(triangulation, clearance, _GATE_LENGTH * _coarsest(x, y), is_way)
+    gates, beside_gates = _gates(triangulation, clearance, _GATE_LENGTH * _coarsest(x, y), is_way)
     wanted = np.ones((len(y), len(x)), dtype=bool)
     if tube is not None:
-        inside = tube.holds(gates.points)
-        gates = _Gates(gates.points[inside], gates.triangles[inside])
+        inside = tube.holds(gates)
+        gates, beside_gates = gates[inside], beside_gates[inside]
         wanted = tube.holds_nodes(x, y)
     grid = _triangles_of(x, y, mesh, wanted)
     row, column = np.nonzero(grid >= 0)
-    points = np.concatenate([ends, gates.points, np.column_stack([x[column], y[row]])])
-    triangle = np.concatenate([holding, gates.triangles[:, 0], grid[row, column]])
-    loose = len(ends) + len(gates.points)
+    points = np.concatenate([ends, gates, np.column_stack([x[column], y[row]])])
+    triangle = np.concatenate([holding, beside_gates[:, 0], grid[row, column]])
+    loose = len(ends) + len(gates)
     node = np.full(grid.shape, -1)
     node[row, column] = np.arange(loose, len(points))
-    around = np.concatenate([np.stack([holding, holding], axis=1), gates.triangles])
+    around = np.concatenate([np.stack([holding, holding], axis=1), beside_gates])
     pairs = np.concatenate(
         [
             _grid_pairs(node, resolution.reach),
@@ -255,17 +255,13 @@ def _coarsest(x: FloatArray, y: FloatArray) -> float:
     return float(max(np.diff(x).max(initial=0.0), np.diff(y).max(initial=0.0)))
 
 
-class _Gates(NamedTuple):
-    """Points (g, 2) on passing edges, and the triangles (g, 2) on both sides of each."""
-
-    points: FloatArray
-    triangles: IntArray
-
-
 def _gates(
     triangulation: Triangulation, clearance: float, short: float, is_way: BoolArray
-) -> _Gates:
-    """Return gates on passing edges between triangles on a way (t,); a few on short edges."""
+) -> tuple[FloatArray, IntArray]:
+    """Return gates: points (g, 2) on passing edges, and the triangles (g, 2) on both sides of each.
+
+    Only edges between triangles on a way (t,) have gates; short edges have a few.
+    """
     neighbours = triangulation.neighbours
     is_passed = (neighbours > np.arange(len(neighbours))[:, None]) & is_way[:, None]
     triangle, corner = np.nonzero(is_passed & is_way[neighbours])
@@ -281,7 +277,7 @@ def _gates(
     place = low[edge] + place * (high - low)[edge]
     points = a[edge] + place[:, None] * (b - a)[edge]
     beside = np.stack([triangle, neighbours[triangle, corner]], axis=1)
-    return _Gates(points, beside[edge])
+    return points, beside[edge]
 
 
 def _grid_pairs(node: IntArray, reach: int) -> IntArray:

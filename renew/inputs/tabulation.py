@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -36,14 +35,7 @@ def tabulated(
     field: Callable[[FloatArray], FloatArray], bounds: tuple[float, float, float, float]
 ) -> CurrentTable:
     """Table of a steady field inside (xmin, ymin, xmax, ymax), as fine as the field needs."""
-    return _made(field, bounds).table
-
-
-class _Made(NamedTuple):
-    """A table, and the cells per side at whose nodes it holds the field, not the cubics."""
-
-    table: CurrentTable
-    cells_asked: int
+    return _made(field, bounds)[0]
 
 
 def _made(
@@ -51,8 +43,11 @@ def _made(
     bounds: tuple[float, float, float, float],
     *,
     trust_cubics: bool = True,
-) -> _Made:
-    """Make the table; cubics are trusted once they meet the field in the middles of all cells."""
+) -> tuple[CurrentTable, int]:
+    """Return a table, and the cells per side at whose nodes it holds the field, not the cubics.
+
+    Cubics are trusted once they meet the field in the middles of all cells.
+    """
     cells, last, cells_asked = _MIN_CELLS, math.inf, 0
     x, y = _axes(bounds, cells)
     uv = for_kernels(field(_mesh(x, y)))
@@ -82,11 +77,11 @@ def _made(
             uv = finer
         x, y, cells, last = finer_x, finer_y, 2 * cells, error
     if not 0 < cells_asked < cells:
-        return _Made(table, cells)
+        return table, cells
     error = max(table.error, _error_at_random(field, table))
     if error > _MAX_EXCESS * table.error:
         return _made(field, bounds, trust_cubics=False)
-    return _Made(table._replace(error=error), cells_asked)
+    return table._replace(error=error), cells_asked
 
 
 def tabulated_in_time(
@@ -101,9 +96,9 @@ def tabulated_in_time(
     """
     probes = np.unique(np.linspace(0, len(times) - 1, _PROBES).astype(int))
     made = [_made(partial(_at, field, float(times[k])), bounds) for k in probes]
-    cells = max(len(one.table.x) for one in made) - 1
-    error = max(one.table.error for one in made)
-    asked = max(one.cells_asked for one in made)
+    cells = max(len(table.x) for table, _ in made) - 1
+    error = max(table.error for table, _ in made)
+    asked = max(cells_asked for _, cells_asked in made)
     while (cells + 1) ** 2 * len(times) > _MAX_NODES and cells > _MIN_CELLS:
         cells //= 2
         error *= 4

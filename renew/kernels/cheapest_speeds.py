@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renew._compiled import kernel, small_kernel
+from renew._compiled import kernel, reading_kernel, small_kernel
 from renew._types import BoolArray, FloatArray, IntArray
 from renew.kernels.capsules import Capsules, Segment, capsule_bounds, intersects, leg_is_clear
 from renew.kernels.current_table import CurrentTable, site_of, velocity, velocity_there
@@ -95,13 +95,6 @@ class _CostToGo(NamedTuple):
     times: FloatArray
     cost: FloatArray
     is_goal: bool
-
-
-@kernel
-def stream_at(speed: float, begin: float, costs: CostModel) -> Stream:
-    """Return the current as it is sailed at a speed (m/s) from some time (s) on."""
-    polar = sailing_at(speed, costs.crab, costs.most)
-    return Stream(costs.table, polar, Clock(begin, costs.step))
 
 
 @kernel
@@ -195,7 +188,7 @@ def _traced(rows: Rows, cost: FloatArray, costs: CostModel) -> Chain:
     return Chain(total, chain, when, sailed)
 
 
-@kernel
+@reading_kernel
 def _best_speed(
     leg: Segment,
     departed: tuple[float, float, float],
@@ -226,7 +219,9 @@ def _best_speed(
             step = math.sqrt(step)
         if not low <= speed <= high:
             continue
-        time = leg_time_from(leg, u, v, end, begin, stream_at(speed, begin, costs))
+        polar = sailing_at(speed, costs.crab, costs.most)
+        water = Stream(costs.table, polar, Clock(begin, costs.step))
+        time = leg_time_from(leg, u, v, end, begin, water)
         if time < np.inf:
             cost = speed**costs.exponent * time + _cost_from(begin + time, to_go, costs)
             if cost < least:
@@ -296,13 +291,15 @@ def sailed(path: FloatArray, speeds: FloatArray, departure: float, costs: CostMo
     return SailedLegs(times, by_begin, by_speed)
 
 
-@kernel
+@reading_kernel
 def _leg_time(path: FloatArray, k: int, begin: float, speed: float, costs: CostModel) -> float:
     """Return the time (s) over the k-th leg, begun at a time and sailed at a speed (m/s)."""
     (ax, ay), (bx, by) = path[k], path[k + 1]
     u, v = velocity(costs.table, ax, ay, begin)
     leg, end = Segment(ax, ay, bx, by), site_of(costs.table, bx, by)
-    return leg_time_from(leg, u, v, end, begin, stream_at(speed, begin, costs))
+    polar = sailing_at(speed, costs.crab, costs.most)
+    water = Stream(costs.table, polar, Clock(begin, costs.step))
+    return leg_time_from(leg, u, v, end, begin, water)
 
 
 @kernel

@@ -59,13 +59,17 @@ MIN_SPACING = 0.25
 class _Pass(NamedTuple):
     """A pass over transversals: half-width and spacing (shares of the path), points on each.
 
-    Legs beside a turn of at least `bend` (rad) are halved.
+    Legs beside a turn of at least `bend` (rad) are halved. Where the time of passage is chosen too,
+    the least fuel is computed in each row at `times` times, which span a share `leeway` of the
+    possible ones.
     """
 
     window: float
     spacing: float
     points: int
     bend: float
+    times: int = 1
+    leeway: float = 0.0
 
 
 # Half-widths of the passes, as shares of the path, down to 1/4,000: 4 cm on the single gyre. Wider
@@ -242,25 +246,12 @@ def simplified(corridor: Corridor, path: FloatArray) -> FloatArray:
     return np.asarray(path[keep])
 
 
-class _TimedPass(NamedTuple):
-    """A pass over transversals: half-width and spacing (shares of the path), points on each.
-
-    Legs beside a turn of more than `bend` (rad) are halved. In each row the least fuel is computed
-    at `times` times, which span a share `leeway` of the possible times of passage.
-    """
-
-    window: float
-    spacing: float
-    points: int
-    bend: float
-    times: int
-    leeway: float
-
-
+# Passes of a path whose speeds are chosen in a changing current: each moves the path and its times
+# of passage less than the one before.
 _TIMED_PASSES = (
-    _TimedPass(0.1, 1 / 30, 9, math.inf, 24, 1.0),
-    _TimedPass(0.03, 1 / 60, 7, math.inf, 14, 0.4),
-    *(_TimedPass(0.012 * 0.42**step, 1 / 80, 7, BEND, 11, 0.2 * 0.6**step) for step in range(3)),
+    _Pass(0.1, 1 / 30, 9, math.inf, 24, 1.0),
+    _Pass(0.03, 1 / 60, 7, math.inf, 14, 0.4),
+    *(_Pass(0.012 * 0.42**step, 1 / 80, 7, BEND, 11, 0.2 * 0.6**step) for step in range(3)),
 )
 
 
@@ -310,7 +301,7 @@ def path_by_clock(corridor: Corridor, profile: SpeedProfile) -> FloatArray:
 
 
 def _times(
-    allowed: tuple[FloatArray, FloatArray], passed: FloatArray, one: _TimedPass, sideways: float
+    allowed: tuple[FloatArray, FloatArray], passed: FloatArray, one: _Pass, sideways: float
 ) -> FloatArray:
     """Return the times (n, q), s, at which the least fuel is computed in each row of a pass.
 

@@ -136,7 +136,7 @@ class DrawnWater:
             accuracy_m=osm.ACCURACY_M,
             turning_radius_m=self.vessel.turning_radius,
             endpoints=(self.start, self.goal),
-        ).simplified
+        )
         no_go, inner = (
             self.projection.geometry_to_plane(np.array(polygons, dtype=object)).tolist()
             for polygons in (land.polygons, land.inner_polygons)
@@ -178,8 +178,8 @@ def drawn(seed: int) -> DrawnWater:
         def mask_of(bounds: tuple[float, float, float, float]) -> LandMask:
             return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)
 
-        choice = choose_region(voyage, mask_of, _WORLD)
-        water = DrawnWater(f"water {seed}", choice.bounds, *ends, spec, choice.leaves_out)
+        bounds, leaves_out = choose_region(voyage, mask_of, _WORLD)
+        water = DrawnWater(f"water {seed}", bounds, *ends, spec, leaves_out)
         parts = shapely.get_parts(water.raw.water)
         both = [shapely.covers(parts, shapely.Point(end)) for end in water.ends]
         if (both[0] & both[1]).any():

@@ -148,5 +148,5 @@ def cases_of(scenario: Scenario, fetched: Fetched) -> tuple[Case, ...]:
         accuracy_m=fetched.land.accuracy_m,
         endpoints=(scenario.start, scenario.goal),
         projection=Projection.for_region(region.shape, 1.0, region.crs),
-    ).simplified
+    )
     return project(scenario, fetched, simplified)

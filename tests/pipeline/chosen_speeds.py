@@ -11,7 +11,7 @@ import numpy as np
 import renew
 from pipeline.findings.result import RunResult
 from pipeline.findings.way_names import way_names
-from pipeline.model import Case, CurrentGrid, Fetched, Land, Simplified, SpeedChoice
+from pipeline.model import Case, CurrentGrid, Fetched, Land, SimplifiedLand, SpeedChoice
 from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
 from tests.pipeline.formats import small_run
@@ -57,7 +57,7 @@ def run() -> RunResult:
     )
     grids = tuple(stream(season.name) for season in asked.seasons)
     got = Fetched(Land((ISLAND,), (small_run.LAND,), 60.0), grids)
-    simplified = Simplified((ISLAND.buffer(0.0005),), (ISLAND,), 0, 0, 0.0, 0.0)
+    simplified = SimplifiedLand((ISLAND.buffer(0.0005),), (ISLAND,), 0, 0, 0.0, 0.0)
     cases = project(asked, got, simplified)
     results = [plan_case(case, asked.planner) for case in cases]
     names = way_names(cases[0].water, results, ())

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from pipeline.findings.result import RunResult
-from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
+from pipeline.model import Credit, CurrentGrid, Fetched, Land, SimplifiedLand
 from pipeline.stages.measure import clock_worth
 from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
@@ -60,7 +60,7 @@ def run(grid: CurrentGrid, islands: tuple[shapely.Polygon, ...] = (ISLAND,)) -> 
     )
     got = Fetched(Land(islands, (small_run.LAND,), 60.0), (grid,))
     no_go = tuple(island.buffer(0.0005) for island in islands)
-    simplified = Simplified(no_go, islands, 0, 0, 0.0, 0.0)
+    simplified = SimplifiedLand(no_go, islands, 0, 0, 0.0, 0.0)
     (case,) = project(asked, got, simplified)
     found = plan_case(case, asked.planner)
     worth = clock_worth(case, found, asked.planner)

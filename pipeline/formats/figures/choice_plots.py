@@ -7,7 +7,7 @@ from matplotlib.patheffects import withStroke
 
 from pipeline._types import FloatArray
 from pipeline.findings import text
-from pipeline.findings.choices import AS_GOOD, TradeOff
+from pipeline.findings.choices import AS_GOOD, SpeedTradeOff
 from pipeline.findings.ensembles import way_text
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.text import fuel, hours, moment_text
@@ -81,7 +81,7 @@ def departure_figure(choice: DepartureChoice) -> Figure | None:
     return figure
 
 
-def trade_off_figure(found: TradeOff) -> Figure | None:
+def trade_off_figure(found: SpeedTradeOff) -> Figure | None:
     """Plot least fuel by time, the best route, the deadline; None for a single arrival."""
     if len(found.durations_s) < 2:
         return None

@@ -86,7 +86,7 @@ def case_section(case: RunCase) -> dict[str, Any]:
 
 def _choices(
     case: RunCase,
-    found: choices.TradeOff | None,
+    found: choices.SpeedTradeOff | None,
     anchor: str,
 ) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
     """Yield what is kept under way, when to leave and how fast to go: title, sentences, plot."""

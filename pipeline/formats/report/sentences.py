@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.findings import text
-from pipeline.model import ClockWorth, GapShares, RouteMetrics, SideBound
+from pipeline.model import ClockWorth, GapShares, RouteMetrics
 
 # Difference, as a share, below which two lengths are printed alike.
 _SAME_LENGTH = 5e-4
@@ -24,15 +24,16 @@ class CaseFacts:
 
     `routes`, at least one, are best first; `current_speed` is the current's mean over the water,
     m/s. For the best route, `gap` has the parts of its optimality gap, `worth` what it saves by
-    knowing how the current changes, and `sides` a lower bound on fuel on other sides, if known. If
-    the route `lacks_current`, the current on the way is not known, so nothing is proven.
+    knowing how the current changes, and `other_sides_fuel` a lower bound on the fuel of other
+    sides, if known. If the route `lacks_current`, the current on the way is not known, so nothing
+    is proven.
     """
 
     routes: Sequence[RouteMetrics]
     current_speed: float = math.inf
     gap: GapShares | None = None
     worth: ClockWorth | None = None
-    sides: SideBound | None = None
+    other_sides_fuel: float | None = None
     lacks_current: bool = False
 
     @property
@@ -113,18 +114,18 @@ class CaseFacts:
             return ""
         if self.lacks_current:
             return "The side is not proven: the current on the way is not known."
-        if self.sides is not None and self.sides.fuel > self.best.fuel:
-            more = self.sides.fuel / self.best.fuel - 1
+        if self.other_sides_fuel is not None and self.other_sides_fuel > self.best.fuel:
+            more = self.other_sides_fuel / self.best.fuel - 1
             # The bound may be hardly above the best route's fuel.
             needs = f"at least {text.at_least_percent(more)} more" if more >= _TELLING else "more"
             return (
                 "The side is proven, within the chart and in this current: any way on the other "
                 f"side needs {needs} fuel."
             )
-        if self.sides is not None:
+        if self.other_sides_fuel is not None:
             return (
                 "The side is not proven: it is only known that no way on the other side saves "
-                f"more than {text.at_most_percent(1 - self.sides.fuel / self.best.fuel)}."
+                f"more than {text.at_most_percent(1 - self.other_sides_fuel / self.best.fuel)}."
             )
         if not self.best.optimality_gap <= text.USEFUL_GAP:
             return (

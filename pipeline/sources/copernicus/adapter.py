@@ -43,7 +43,7 @@ from pipeline.sources.cf.fields import SelectedSteps, Window, find_window, read_
 from pipeline.sources.copernicus.client import LOGIN, around_missing, has_account
 from pipeline.sources.copernicus.download import (
     CachedDownload,
-    Request,
+    SubsetRequest,
     download,
     label_format,
     last_step,
@@ -176,11 +176,11 @@ class Copernicus(CurrentSource):
             files=((cached.file.name, metadata["sha256"]),),
         )
 
-    def asked(self, region: Polygon, season: Season) -> Request:
+    def asked(self, region: Polygon, season: Season) -> SubsetRequest:
         """Return the request for a season; ValueError where the dataset can't have its steps."""
-        return Request(self.spec, region, *self._select(season))
+        return SubsetRequest(self.spec, region, *self._select(season))
 
-    def cached_download(self, asked: Request, season: Season, folder: Path) -> CachedDownload:
+    def cached_download(self, asked: SubsetRequest, season: Season, folder: Path) -> CachedDownload:
         """Return the place of the season's file in the cache."""
         labels = asked.steps.labels
         valid = season.valid.replace(":", "") or f"{labels[0]}_{labels[-1]}"
@@ -211,7 +211,9 @@ class Copernicus(CurrentSource):
         _, end = step_ends(self.spec, steps.moments[-1])
         return moment >= end + timedelta(days=self.spec.settles_after_days)
 
-    def _fresh_metadata(self, asked: Request, cached: CachedDownload) -> dict[str, Any] | None:
+    def _fresh_metadata(
+        self, asked: SubsetRequest, cached: CachedDownload
+    ) -> dict[str, Any] | None:
         """Return the sidecar of a cached file that is valid and not out of date; else None."""
         metadata = cached.metadata(asked.record)
         if metadata is None:
@@ -220,7 +222,7 @@ class Copernicus(CurrentSource):
         is_of_today = retrieved.date() == datetime.now(UTC).date()
         return metadata if is_of_today or self._is_settled(asked.steps, retrieved) else None
 
-    def _metadata(self, asked: Request, answer: dict[str, Any]) -> dict[str, Any]:
+    def _metadata(self, asked: SubsetRequest, answer: dict[str, Any]) -> dict[str, Any]:
         """Return the content and origin of a file; no credentials."""
         return {
             "source": self.spec.name,
@@ -236,7 +238,7 @@ class Copernicus(CurrentSource):
             "missing_boxes": answer["missing_boxes"],
         }
 
-    def _valid(self, season: Season, obtained: Request) -> str:
+    def _valid(self, season: Season, obtained: SubsetRequest) -> str:
         """Return the time that the fields are valid for, which may be near the one asked for."""
         labels, moments = obtained.steps.labels, obtained.steps.moments
         if obtained.changes:
@@ -246,7 +248,7 @@ class Copernicus(CurrentSource):
         return season.valid if len(labels) > 1 else labels[0]
 
 
-def _obtained(asked: Request, metadata: Mapping[str, Any]) -> Request:
+def _obtained(asked: SubsetRequest, metadata: Mapping[str, Any]) -> SubsetRequest:
     """Return what a file has of what was asked for, by its sidecar."""
     return asked.until(datetime.fromisoformat(metadata["stamps_utc"][-1]))
 
@@ -289,7 +291,9 @@ Accepted: TypeAlias = tuple[Field, tuple[Note, ...]]
 """Fields of all times, with the same gaps, and suspicions that do not suffice to refuse them."""
 
 
-def accept(path: Path, asked: Request, missing_boxes: Sequence[Bounds], land: Land) -> Accepted:
+def accept(
+    path: Path, asked: SubsetRequest, missing_boxes: Sequence[Bounds], land: Land
+) -> Accepted:
     """Read a NetCDF file and return its fields, or refuse it with all reasons.
 
     `missing_boxes` hold the centres of the cells for which the service has no chunk, which should
@@ -324,7 +328,7 @@ def accept(path: Path, asked: Request, missing_boxes: Sequence[Bounds], land: La
     return field, notes
 
 
-def _read(dataset: "xr.Dataset", asked: Request) -> tuple[list[str], Field | None]:
+def _read(dataset: "xr.Dataset", asked: SubsetRequest) -> tuple[list[str], Field | None]:
     """Read axes and fields, with the faults of both; no fields where the axes are wrong."""
     wanted = {"eastward": asked.spec.eastward, "northward": asked.spec.northward}
     needed = (*wanted.values(), "longitude", "latitude", "time")
@@ -355,7 +359,7 @@ def _read(dataset: "xr.Dataset", asked: Request) -> tuple[list[str], Field | Non
 
 
 def _read_fields(
-    dataset: "xr.Dataset", asked: Request, window: Window
+    dataset: "xr.Dataset", asked: SubsetRequest, window: Window
 ) -> tuple[list[str], FloatArray, FloatArray]:
     """Return both components of the fields (nt, ny, nx), and the first faulty step's faults.
 
@@ -442,7 +446,7 @@ def _step_faults(name: str, axis: FloatArray, cell_deg: float) -> Iterator[str]:
         yield f"{name} steps by {steps.min():.5g} to {steps.max():.5g} degrees, not {cell_deg:.5g}"
 
 
-def _time_faults(dataset: "xr.Dataset", asked: Request) -> list[str]:
+def _time_faults(dataset: "xr.Dataset", asked: SubsetRequest) -> list[str]:
     """Find whether the file lacks time steps, or has others than requested."""
     time, values = dataset["time"], coordinate_values(dataset, "time").reshape(-1)
     stamps = decoded_times(time, values, time.attrs.get("units", ""))
@@ -473,7 +477,7 @@ def _depth_faults(dataset: "xr.Dataset") -> list[str]:
     return []
 
 
-def _extent_faults(window: Window, asked: Request) -> list[str]:
+def _extent_faults(window: Window, asked: SubsetRequest) -> list[str]:
     """Find sides of the region that the cells don't cover."""
     cell_deg = asked.spec.cell_deg
     cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
@@ -495,7 +499,7 @@ def _gap_faults(field: Field, mask: LandMask) -> list[str]:
 
 
 def _missing_chunk_faults(
-    field: Field, asked: Request, boxes: Sequence[Bounds], mask: LandMask
+    field: Field, asked: SubsetRequest, boxes: Sequence[Bounds], mask: LandMask
 ) -> list[str]:
     """Find water in chunks that the service does not have.
 

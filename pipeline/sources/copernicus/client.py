@@ -179,7 +179,7 @@ def _download(request: dict[str, Any], log: AnswerLog) -> dict[str, object] | No
     if request["may_lack"]:
         last = times[-1].strftime(label_format)
         # One step alone does not show how currents change.
-        labels = labels[:2] + [label for label in labels[2:] if label <= last]
+        labels = [*labels[:2], *(label for label in labels[2:] if label <= last)]
     stamps = _with_labels(times, label_format, labels)
     answer = copernicusmarine.subset(
         **arguments,

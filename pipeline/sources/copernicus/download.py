@@ -113,7 +113,7 @@ def select(
 
 
 @dataclass(frozen=True)
-class Request:
+class SubsetRequest:
     """All that a dataset's file must have: a region (lon/lat degrees), and steps by `select`."""
 
     spec: CopernicusSpec
@@ -126,7 +126,7 @@ class Request:
         """Whether each step is a field of its own, of a current that changes."""
         return len(self.selected.weights) > 1
 
-    def until(self, last: datetime) -> "Request":
+    def until(self, last: datetime) -> "SubsetRequest":
         """Leave out the steps that begin after a moment, where each is a field of its own."""
         if not self.changes:
             return self
@@ -212,7 +212,7 @@ class _Failure:
 
 
 def download(
-    asked: Request, file: Path, accept: Callable[[dict[str, Any]], AcceptedT]
+    asked: SubsetRequest, file: Path, accept: Callable[[dict[str, Any]], AcceptedT]
 ) -> AcceptedT:
     """Download what is asked for into a file, and return what `accept` makes of it.
 

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from pipeline.findings.result import RunResult
-from pipeline.model import Credit, CurrentGrid, Fetched, Land, Simplified
+from pipeline.model import Credit, CurrentGrid, Fetched, Land, SimplifiedLand
 from pipeline.scenario.model import Scenario
 from pipeline.stages.plan_case import plan_case
 from pipeline.stages.project import project
@@ -40,7 +40,7 @@ def planned(
         **changes,
     )
     got = Fetched(Land(tuple(islands), (small_run.LAND,), 60.0), (_stream(bbox),))
-    simplified = Simplified(tuple(islands), (), 0, 0, 0.0, 0.0)
+    simplified = SimplifiedLand(tuple(islands), (), 0, 0, 0.0, 0.0)
     return _finished(asked, got, simplified)
 
 
@@ -53,7 +53,7 @@ def _stream(bbox: tuple[float, float, float, float]) -> CurrentGrid:
     return CurrentGrid(SEASON, lon, lat, u[None], v[None], "2024-07", STREAM)
 
 
-def _finished(asked: Scenario, got: Fetched, simplified: Simplified) -> RunResult:
+def _finished(asked: Scenario, got: Fetched, simplified: SimplifiedLand) -> RunResult:
     """Run the stages from the projection on."""
     (case,) = project(asked, got, simplified)
     found = plan_case(case, asked.planner)

@@ -24,7 +24,7 @@ from pipeline.model import (
     PassedOver,
     RouteMetrics,
     ShutStrait,
-    Simplified,
+    SimplifiedLand,
     Zone,
 )
 from pipeline.model.inputs import current_notes
@@ -156,7 +156,7 @@ def parts(*, planar: bool = False) -> RunResult:
     """Run the scenario, once per test session."""
     asked = planar_scenario() if planar else scenario()
     got = fetched(asked)
-    simplified = Simplified(
+    simplified = SimplifiedLand(
         polygons=tuple(polygon.buffer(0.002, quad_segs=1) for polygon in got.land.polygons),
         inner_polygons=got.land.polygons,
         original_vertices=sum(len(shapely.get_coordinates(p)) for p in got.land.polygons),

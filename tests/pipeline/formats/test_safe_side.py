@@ -12,7 +12,7 @@ from hypothesis import given, strategies as st
 from pipeline.findings import text as texts
 from pipeline.findings.note_words import note_text
 from pipeline.formats.report.sentences import CaseFacts, clock_text
-from pipeline.model import ClockWorth, GapShares, Note, Place, SideBound
+from pipeline.model import ClockWorth, GapShares, Note, Place
 from tests.pipeline.formats.report.test_sentences import BEST, OTHER
 
 NUMBER = r"([\d,]+(?:\.\d+)?) ?(%|km|m/s|m\b|million|billion|thousand|h\b|min|s\b|times)?"
@@ -66,7 +66,7 @@ def test_a_bound_on_fuel_is_rounded_down(fuel: float, gap: float) -> None:
 
 @given(st.floats(0.3, 3.0))
 def test_what_is_known_of_the_other_side_is_not_overstated(ratio: float) -> None:
-    facts = CaseFacts([BEST, OTHER], sides=SideBound(ratio * BEST.fuel))
+    facts = CaseFacts([BEST, OTHER], other_sides_fuel=ratio * BEST.fuel)
     said = facts.certainty()
     if ratio <= 1:
         assert figure(said, "saves more than ") * SAFE >= 1 - ratio

@@ -13,7 +13,7 @@ import pytest
 
 import renew
 from pipeline.findings.choices import (
-    TradeOff,
+    SpeedTradeOff,
     speed_notes,
     still_fuel_per_metre,
     still_speed_m_s,
@@ -40,7 +40,7 @@ def result() -> RunResult:
 
 
 @pytest.fixture(scope="module")
-def found(result: RunResult) -> TradeOff:
+def found(result: RunResult) -> SpeedTradeOff:
     one = trade_off(result.case("chosen"))
     assert one is not None
     return one
@@ -65,7 +65,7 @@ def test_the_files_hold_the_curve_and_the_chosen_arrival(result: RunResult, tmp_
     assert abs(arrival - DEPARTURE - chosen_speeds.WITHIN) < timedelta(seconds=10)
 
 
-def test_another_arrival_costs_what_the_curve_says(result: RunResult, found: TradeOff) -> None:
+def test_another_arrival_costs_what_the_curve_says(result: RunResult, found: SpeedTradeOff) -> None:
     """A plan for another arrival needs the fuel that the trade-off has there, nearly."""
     by = result.results[0].arrive_by_s
     assert by is not None
@@ -75,7 +75,7 @@ def test_another_arrival_costs_what_the_curve_says(result: RunResult, found: Tra
 
 
 def test_the_sentences_say_how_fast_and_what_time_is_worth(
-    result: RunResult, found: TradeOff
+    result: RunResult, found: SpeedTradeOff
 ) -> None:
     how, worth, earliest, latest = trade_off_text(found)
     low, high = map(float, re.findall(r"of ([\d.]+)–([\d.]+) m/s", how)[0])
@@ -99,7 +99,7 @@ def test_the_sentences_say_how_fast_and_what_time_is_worth(
     assert "before the deadline of 2026-11-23 08:00 UTC" in trade_off_text(early)[0]
 
 
-def test_the_plot_marks_the_chosen_arrival(found: TradeOff) -> None:
+def test_the_plot_marks_the_chosen_arrival(found: SpeedTradeOff) -> None:
     figure = trade_off_figure(found)
     assert figure is not None
     (axes,) = figure.axes

@@ -252,7 +252,7 @@ def test_a_bound_of_the_other_side_is_below_its_routes(result: RunResult) -> Non
     rows = case.measures.routes
     others = [row.fuel for row in rows if row.main_passage != rows[0].main_passage]
     assert others
-    assert 0.5 * min(others) < bound.fuel <= min(others)
+    assert 0.5 * min(others) < bound <= min(others)
 
 
 def test_where_the_planes_scale_varies_it_is_planned_closer(result: RunResult) -> None:

@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 import renew
 from pipeline.errors import RequestError
 from pipeline.geo.projection import Projection, rotated
-from pipeline.model import Credit, CurrentGrid, Simplified
+from pipeline.model import Credit, CurrentGrid, SimplifiedLand
 from pipeline.scenario.region import Region
 from pipeline.sources.current_field import Field, LandMask
 from pipeline.sources.interpolation import bilinear, fill_gaps
@@ -67,7 +67,7 @@ def test_land_that_is_cut_along_a_parallel_does_not_reach_beyond_it_in_the_plane
     arctic = asked.model_copy(update={**ends, "region": Region(bbox=ARCTIC.bounds)})
     got = small_run.fetched(asked)
     land = replace(got.land, polygons=(coast,), second_shore=(coast,))
-    open_sea = Simplified((), (), 0, 0, 0.0, 0.0)
+    open_sea = SimplifiedLand((), (), 0, 0, 0.0, 0.0)
     scene = water_of(arctic, land, open_sea)
     sea = [(lon, 72.05) for lon in range(121, 240)]
     for polygons in (scene.land, scene.second_shore):
@@ -129,7 +129,7 @@ def test_land_that_the_plane_makes_invalid_is_repaired() -> None:
     bow = shapely.Polygon([(119.2, 9.2), (119.3, 9.3), (119.3, 9.2), (119.2, 9.3)])
     assert not bow.is_valid
     land = replace(got.land, polygons=(*got.land.polygons, bow), second_shore=(bow,))
-    simplified = Simplified(got.land.polygons, got.land.polygons, 9, 9, 0.0, 0.0)
+    simplified = SimplifiedLand(got.land.polygons, got.land.polygons, 9, 9, 0.0, 0.0)
     (case,) = project(asked, replace(got, land=land), simplified)
     scene = case.water
     for polygons, count in ((scene.land, 4), (scene.second_shore, 2)):

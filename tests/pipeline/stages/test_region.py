@@ -19,7 +19,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import Season
 from pipeline.stages.region import (
     SIDES,
-    Coverage,
+    SourceCoverage,
     covered_by_currents,
     endpoints_on_land,
     grown,
@@ -91,7 +91,7 @@ def season(month: str, *currents: str | tuple[str, ...]) -> Season:
     return Season(name=month, valid=month, currents=currents)
 
 
-def covered(folder: Path, *seasons: Season, direct: DirectLine = PALAWAN) -> Coverage:
+def covered(folder: Path, *seasons: Season, direct: DirectLine = PALAWAN) -> SourceCoverage:
     return covered_by_currents(seasons, direct, folder, offline=False)
 
 

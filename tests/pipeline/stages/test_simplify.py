@@ -16,10 +16,9 @@ from pipeline._types import Geometries
 from pipeline.errors import StageError
 from pipeline.findings.note_words import note_text, note_texts
 from pipeline.geo.projection import Projection
-from pipeline.model import Land
+from pipeline.model import Land, SimplifiedLand
 from pipeline.sources.land.osm import land as osm_land
 from pipeline.stages.simplify import (
-    SimplifiedLand,
     check,
     chosen_tolerance_m,
     simplify_land,
@@ -28,11 +27,11 @@ from tests.pipeline.archipelagos import EXAMPLES, EXTENT, PLANE, REGION, archipe
 
 
 def _planar(result: SimplifiedLand) -> Geometries:
-    return PLANE.geometry_to_plane(np.array(result.simplified.polygons, dtype=object))
+    return PLANE.geometry_to_plane(np.array(result.polygons, dtype=object))
 
 
 def _planar_inner(result: SimplifiedLand) -> Geometries:
-    return PLANE.geometry_to_plane(np.array(result.simplified.inner_polygons, dtype=object))
+    return PLANE.geometry_to_plane(np.array(result.inner_polygons, dtype=object))
 
 
 def _valid(land: Sequence[shapely.Polygon]) -> Geometries:
@@ -80,7 +79,7 @@ def test_all_land_is_covered_and_all_inner_land_is_land(examples: int) -> None:
     def tried(land: list[shapely.Polygon], margin: float, tolerance: float) -> None:
         result = _run(land, margin_m=margin, tolerance_m=tolerance)
         _assert_covers(result, land, margin)
-        simplified = result.simplified
+        simplified = result
         assert simplified.vertices == sum(
             len(ring.coords) - 1 for p in simplified.polygons for ring in (p.exterior, *p.interiors)
         )
@@ -164,25 +163,25 @@ def test_the_result_depends_on_neither_order_nor_run() -> None:
         for j in (1, 3)
     ]
     one, two = _run(land), _run(land)
-    assert [p.wkb for p in one.simplified.polygons] == [p.wkb for p in two.simplified.polygons]
+    assert [p.wkb for p in one.polygons] == [p.wkb for p in two.polygons]
     other = _run(land[::-1])
-    assert other.simplified.vertices == one.simplified.vertices
+    assert other.vertices == one.vertices
 
 
 def test_a_lone_rock_becomes_a_few_corners() -> None:
     rock = shapely.Point(0.25, 0.25).buffer(0.0001)
     result = _run([rock], tolerance_m=100.0)
-    (polygon,) = result.simplified.polygons
+    (polygon,) = result.polygons
     assert len(polygon.exterior.coords) - 1 <= 8
     _assert_covers(result, [rock], 60.0)
     assert PLANE.geometry_to_plane(polygon).area < (2 * (11 + 60 + 100)) ** 2
-    assert result.simplified.inner_polygons == ()
+    assert result.inner_polygons == ()
 
 
 def test_no_land_no_polygons() -> None:
     result = _run([])
-    assert result.simplified.polygons == ()
-    assert result.simplified.inner_polygons == ()
+    assert result.polygons == ()
+    assert result.inner_polygons == ()
 
 
 def test_land_all_over_the_region() -> None:
@@ -211,7 +210,7 @@ def test_islands_that_touch_become_one(other: shapely.Polygon) -> None:
     land = [shapely.box(0.1, 0.1, 0.2, 0.2), other]
     result = _run(land)
     _assert_covers(result, land, 60.0)
-    assert len(result.simplified.polygons) == 1
+    assert len(result.polygons) == 1
 
 
 def test_across_180_degrees_as_anywhere_else() -> None:
@@ -227,9 +226,9 @@ def test_across_180_degrees_as_anywhere_else() -> None:
         margin_m=60.0,
         tolerance_m=400.0,
     )
-    assert there.simplified.vertices == here.simplified.vertices
-    back = shapely.affinity.translate(shapely.MultiPolygon(there.simplified.polygons), -179.8)
-    apart = back.symmetric_difference(shapely.MultiPolygon(here.simplified.polygons))
+    assert there.vertices == here.vertices
+    back = shapely.affinity.translate(shapely.MultiPolygon(there.polygons), -179.8)
+    apart = back.symmetric_difference(shapely.MultiPolygon(here.polygons))
     assert apart.area < 1e-7 * back.area
 
 
@@ -243,7 +242,7 @@ def test_the_margin_is_at_least_the_charts_accuracy(
     land = [shapely.box(0.1, 0.1, 0.2, 0.2)]
     result = _run(land, margin_m=margin, accuracy_m=accuracy)
     _assert_covers(result, land, used)
-    assert result.simplified.margin_m == used
+    assert result.margin_m == used
     assert bool(result.notes) is noted
     if noted:
         assert "10 m, but the coast may be off by 25 m" in note_text(result.notes[0])
@@ -253,7 +252,7 @@ def test_the_margin_is_in_true_metres_at_70_degrees() -> None:
     region = shapely.box(5.0, 68.0, 55.0, 74.0)
     island = shapely.box(30.0, 70.0, 31.0, 70.3)
     result = simplify_land([island], region, margin_m=2_000.0, tolerance_m=0.0)
-    edge = shapely.segmentize(shapely.union_all(result.simplified.polygons).boundary, 0.001)
+    edge = shapely.segmentize(shapely.union_all(result.polygons).boundary, 0.001)
     shore = shapely.get_coordinates(shapely.segmentize(island.exterior, 0.01))
     geod = pyproj.Geod(ellps="WGS84")
     apart = [
@@ -282,9 +281,9 @@ def test_lakes_are_filled_unless_start_or_goal_lies_on_one() -> None:
     lake = shapely.box(0.2, 0.2, 0.3, 0.3)
     island = shapely.Polygon(shapely.box(0.1, 0.1, 0.4, 0.4).exterior, [lake.exterior])
     sea, inland = (0.02, 0.02), (0.25, 0.25)
-    (filled,) = _run([island], endpoints=[sea, (0.48, 0.48)]).simplified.polygons
+    (filled,) = _run([island], endpoints=[sea, (0.48, 0.48)]).polygons
     assert not filled.interiors
-    (kept,) = _run([island], endpoints=[sea, inland]).simplified.polygons
+    (kept,) = _run([island], endpoints=[sea, inland]).polygons
     assert len(kept.interiors) == 1
     assert not kept.covers(shapely.Point(inland))
 
@@ -420,7 +419,7 @@ def test_real_islands(busuanga: Land) -> None:
         turning_radius_m=17.0,
         endpoints=[MINDORO_SIDE, WEST_SIDE],
     )
-    simplified = result.simplified
+    simplified = result
     assert simplified.tolerance_m == simplified.margin_m == 60.0
     plane = Projection.for_region(BUSUANGA)
     extent = plane.geometry_to_plane(BUSUANGA)
@@ -450,7 +449,7 @@ def test_straits_of_the_cyclades_are_water() -> None:
         land.polygons, region, accuracy_m=land.accuracy_m, turning_radius_m=17.0, endpoints=ends
     )
     plane = Projection.for_region(region)
-    polygons = plane.geometry_to_plane(np.array(result.simplified.polygons, dtype=object))
+    polygons = plane.geometry_to_plane(np.array(result.polygons, dtype=object))
     water = shapely.get_parts(
         plane.geometry_to_plane(region).difference(shapely.union_all(polygons))
     )
@@ -459,4 +458,4 @@ def test_straits_of_the_cyclades_are_water() -> None:
     assert shapely.intersects(water[:, None], places).all(axis=1).sum() == 1
     # As wide as they are, less margin and tolerance.
     assert shapely.distance(polygons[:, None], places[2:]).min() > 4_000
-    assert len(result.simplified.inner_polygons) > 100
+    assert len(result.inner_polygons) > 100

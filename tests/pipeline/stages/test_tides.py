@@ -25,7 +25,7 @@ from pipeline.formats.tables import headings, rows
 from pipeline.geo.lonlat import DepthCover
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import Artefact
-from pipeline.model import Case, Land, Simplified
+from pipeline.model import Case, Land, SimplifiedLand
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.sources.tides.station import find_station
@@ -210,7 +210,7 @@ def test_a_grid_beside_cells_does_not_take_their_datum(tmp_path: Path) -> None:
     scenario = parse_scenario(data, tmp_path)
     cells = Land((), (), 5.0, depths=DepthCover(()), datum="MLLW")
     region = shapely.box(*BOX)
-    simplified = Simplified((), (), 0, 0, 5.0, 5.0)
+    simplified = SimplifiedLand((), (), 0, 0, 5.0, 5.0)
     with pytest.raises(RequestError, match="does not state the datum of its depths"):
         tidal_depth(scenario, cells, simplified, region, Projection.for_region(region))
 

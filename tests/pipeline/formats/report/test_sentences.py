@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from pipeline.findings.text import gap_figure, gap_text
 from pipeline.formats.report.sentences import CaseFacts, clock_text
-from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics, SideBound
+from pipeline.model import ClockWorth, GapShares, Passage, RouteMetrics
 
 BEST = RouteMetrics(
     rank=1,
@@ -170,8 +170,8 @@ def test_where_there_is_no_current_to_speak_of_it_is_no_reason() -> None:
 
 def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
     def certainty(fuel: float | None) -> str:
-        sides = None if fuel is None else SideBound(fuel)
-        return CaseFacts([BEST, OTHER], sides=sides).certainty()
+        sides = None if fuel is None else fuel
+        return CaseFacts([BEST, OTHER], other_sides_fuel=sides).certainty()
 
     assert certainty(918.0) == (
         "The side is proven, within the chart and in this current: any way on the other side "
@@ -186,7 +186,7 @@ def test_a_side_is_proven_only_by_a_bound_above_the_best_fuel() -> None:
     assert "not proven: it is only known that no way on any side saves more than 20.0 %" in (
         certainty(None)
     )
-    assert CaseFacts([BEST, TWIN], sides=SideBound(918.0)).certainty() == ""
+    assert CaseFacts([BEST, TWIN], other_sides_fuel=918.0).certainty() == ""
     assert CaseFacts([BEST]).certainty() == ""
 
 
@@ -236,8 +236,8 @@ def test_a_bound_below_half_the_fuel_is_called_of_no_use() -> None:
 def test_of_a_current_that_is_not_known_nothing_is_proven() -> None:
     still = [replace(row, duration_s=row.length_m / 1.001) for row in (OTHER, BEST)]
     routes = [replace(still[0], fuel=960.0), replace(still[1], fuel=1000.0)]
-    sides = SideBound(970.0)
-    known = CaseFacts(routes, 0.004, sides=sides)
+    sides = 970.0
+    known = CaseFacts(routes, 0.004, other_sides_fuel=sides)
     assert known.certainty().startswith("The side is proven")
     assert "needs less than" in " ".join(known.verdict())
     said = replace(known, lacks_current=True)
