@@ -42,11 +42,7 @@ ROOMS = {
     "renew/vary": (1_751, 9),
     "renew/voyage": (755, 5),
 }
-<<<<<<< HEAD
 MOST_FILES = 237
-=======
-MOST_FILES = 237
->>>>>>> ddec600b09db216d63e8745c6689e3cb8d75755f
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
 WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (64, 781)}
 
