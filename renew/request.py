@@ -22,7 +22,7 @@ from renew.inputs.options import (
     is_row,
 )
 from renew.inputs.vessel import MAX_SPEED, Vessel
-from renew.voyage.voyage import NO_CHOICE, SpeedRange, Voyage, Waters
+from renew.voyage.voyage import NO_CHOICE, SpeedsByLeg, Voyage, Waters
 
 Place: TypeAlias = FloatArray | tuple[float, float]
 """A point (2,), m."""
@@ -132,7 +132,7 @@ class Request:
         """Return the voyage in some waters, with a vessel whose speed is the highest to choose."""
         choice = NO_CHOICE
         if self.speed is not None:
-            choice = SpeedRange(float(self.speed[0]), deadline=self.deadline)
+            choice = SpeedsByLeg(float(self.speed[0]), deadline=self.deadline)
         return Voyage(
             waters,
             vessel,

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 import shapely
 
-import renew
 from tests.oracles import grid_dijkstra
-from tests.strategies import PAPER_VESSEL, random_scene
+from tests.strategies import PAPER_VESSEL, STILL, random_scene
 from tests.yardstick import Grid, Wall, keep_out, passage_time
 
-STILL = renew.UniformCurrent(0, 0)
 # The stencil's widest gap is 11.3 degrees: courses are off by 5.7 at most, and ways 0.5 % longer.
 DETOUR = 1.005
 

@@ -241,10 +241,10 @@ def plot(
         list[Kind] | None,
         typer.Option(help="What to draw; may be repeated. Both if left out."),
     ] = None,
-    form: Annotated[Form, typer.Option("--format", help="Format of the files.")] = Form.PNG,
+    form: Annotated[Form, typer.Option("--format", help="Format of the files.")] = "png",
     width: Annotated[
         Width, typer.Option(help="Width of a journal's column (3.3 in) or page (7 in), or screen.")
-    ] = Width.SCREEN,
+    ] = "screen",
     output: options.Output = Path("outputs"),
     offline: options.Offline = False,
     charts: options.Charts = None,

@@ -30,8 +30,8 @@ def draw(
     folder: Path,
     *,
     kinds: Sequence[Kind] = (),
-    form: Form = Form.PNG,
-    width: Width = Width.SCREEN,
+    form: Form = "png",
+    width: Width = "screen",
 ) -> list[Path]:
     """Draw figures of cases to `folder/<case>-<figure>.<form>`; return the files.
 
@@ -54,8 +54,8 @@ def draw(
     files = []
     about = result.scenario.title or result.scenario.name
     for case, kind in product(cases, [kind for kind in Kind if not kinds or kind in kinds]):
-        path = folder / f"{safe_name(case.name)}-{kind.value}.{form.value}"
-        _save(figure(case, kind, width), path, f"{about}, {case.title}: {kind.value}")
+        path = folder / f"{safe_name(case.name)}-{kind}.{form}"
+        _save(figure(case, kind, width), path, f"{about}, {case.title}: {kind}")
         files.append(path)
     return files
 

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline._types import FloatArray
 from pipeline.findings import text
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
-from pipeline.model import DepartureChoice, Note, Replanned, SpeedChoice
+from pipeline.model import DepartureChoice, Note, ReplanFigures, SpeedChoice
 
 AS_GOOD = 0.01
 """A departure that needs at most this share of fuel above the least counts as good."""
@@ -247,14 +247,14 @@ def replanned_notes(result: RunResult) -> Iterator[Note]:
             yield Note.of("replanned", found=one.replanned).about(one.name)
 
 
-def replanned_text(found: Replanned) -> tuple[str, ...]:
+def replanned_text(found: ReplanFigures) -> tuple[str, ...]:
     """Say in sentences whether the planned way is kept, at what fuel, and what changed the fuel."""
     margin = "in the margin around land; the plan begins in the water, {} from there"
     moved = f", {margin.format(text.distance(found.moved_m))}" if found.moved_m > 0 else ""
     return f"{_answer(found)}.", f"The vessel is {_place(found)}{moved}.", f"{_causes(found)}."
 
 
-def _answer(found: Replanned) -> str:
+def _answer(found: ReplanFigures) -> str:
     """Say which way to take, with the fuel of each side."""
     fuel = text.number(found.fuel)
     if found.answer == "kept":
@@ -271,7 +271,7 @@ def _answer(found: Replanned) -> str:
     )
 
 
-def _place(found: Replanned) -> str:
+def _place(found: ReplanFigures) -> str:
     """Say where and when the vessel is beside its plan."""
     off = f"{text.distance(found.off_m)} off its plan" if found.off_m >= _LEAST_M else "on its plan"
     if abs(found.late_s) < _LEAST_S:
@@ -280,7 +280,7 @@ def _place(found: Replanned) -> str:
     return f"{off} and {text.hours(abs(found.late_s))} {early_or_late}"
 
 
-def _causes(found: Replanned) -> str:
+def _causes(found: ReplanFigures) -> str:
     """Say what changed the fuel of the whole voyage."""
     changes = [
         f"{words} {'costs' if fuel > 0 else 'saves'} {text.number(abs(fuel))}"

@@ -26,7 +26,7 @@ from pipeline.scenario.model import PlannerOptions
 from renew.bounds.fuel_lower_bound import fuel_lower_bound
 from renew.errors import Strait
 from renew.inputs.current import as_field
-from renew.voyage.voyage import NO_CHOICE, SpeedRange, Voyage, Waters
+from renew.voyage.voyage import NO_CHOICE, SpeedsByLeg, Voyage, Waters
 
 # Number of lines that are drawn from the island in all directions. Each is widened to a strip, and
 # the suitable strip with the least area is used.
@@ -97,7 +97,7 @@ def side_bound(
     return fuel if math.isfinite(fuel) else None
 
 
-def _choice(case: Case, result: CaseResult) -> SpeedRange:
+def _choice(case: Case, result: CaseResult) -> SpeedsByLeg:
     """Return the case's choice of speeds, with a price of time.
 
     The bound holds at any price (weak duality). The best price is nearly the slope of fuel over
@@ -110,7 +110,7 @@ def _choice(case: Case, result: CaseResult) -> SpeedRange:
     if len(arrivals) < 2:
         return NO_CHOICE
     slope = np.interp(planned.best.times[-1], arrivals, np.gradient(fuels, arrivals))
-    return SpeedRange(speeds.least, max(0.0, -float(slope)), result.arrive_by_s)
+    return SpeedsByLeg(speeds.least, max(0.0, -float(slope)), result.arrive_by_s)
 
 
 def strip_across(

@@ -302,7 +302,7 @@ class EnsembleFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class Replanned:
+class ReplanFigures:
     """What `renew.replan` answered; fuel in the planner's units, distances in true metres.
 
     `kept_fuel` is the fuel ahead on the way that was planned, NaN if that can't be sailed, with the
@@ -421,7 +421,7 @@ class CaseResult:
     arrive_by_s: float = math.inf
     class_names: tuple[str, ...] = ()
     ensemble: EnsembleFigures | None = None
-    replanned: Replanned | None = None
+    replanned: ReplanFigures | None = None
     measures: Measures = Measures()
 
     @property

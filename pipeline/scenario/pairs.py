@@ -44,7 +44,7 @@ OF_A_SEASON: dict[str, Callable[[Season], bool]] = {
 """Features of one season, as a message names them."""
 
 
-class Pair(NamedTuple):
+class RefusedPair(NamedTuple):
     """Two groups of features: no feature of the first goes together with one of the second."""
 
     first: tuple[str, ...]
@@ -58,7 +58,7 @@ _HOURS = ("hours in [[avoid]]", "a [tide]")
 _AT_TRUE_SCALE = "plan at true scale, scale = 1"
 
 PAIRS = (
-    Pair(
+    RefusedPair(
         ("a [plane]",),
         (
             *("[region]", "[[avoid]]", "a [tide]", "[havens]", "[under_way]"),
@@ -67,83 +67,83 @@ PAIRS = (
         "nothing in a plane lies in lon/lat, and it has neither depths nor sources",
         "leave one of the two out; a plane has obstacles, and a current as 'gyre' or 'uniform'",
     ),
-    Pair(
+    RefusedPair(
         ("no [plane]",),
         ("a current as numbers",),
         "'gyre' and 'uniform' are along the axes of a plane",
         "name sources in 'currents', or add a [plane]",
     ),
-    Pair(
+    RefusedPair(
         ("time_method = 'changing'",),
         ("a current as numbers",),
         "such a current doesn't change",
         "name 'currents'",
     ),
-    Pair(
+    RefusedPair(
         ("a scale other than 1",),
         ("time_method = 'changing'", "'speed'", *_HOURS, "[havens]", "[under_way]"),
         "at that scale times under way are not the true ones, and a turn by hard rudder would last "
         "hours of tide",
         _AT_TRUE_SCALE,
     ),
-    Pair(
+    RefusedPair(
         ("'members'",),
         ("'arrive_by'", "'speed'", "a wait at an anchorage"),
         "each member has times of its own, so no one choice is in time in all of them",
     ),
-    Pair(
+    RefusedPair(
         ("'members'",),
         _HOURS,
         "each member passes at hours of its own",
         "leave 'members' out, or the hours: 'from' and 'until', or the [tide]",
     ),
-    Pair(
+    RefusedPair(
         ("[havens]",),
         _HOURS,
         "ways to havens know no hours at which water is shut",
     ),
-    Pair(
+    RefusedPair(
         ("[havens]",),
         ("'members'",),
         "ways to havens are proven in one current, and would be in the mean alone",
     ),
-    Pair(
+    RefusedPair(
         ("[havens]",),
         ("'speed'",),
         "a way to a haven has the vessel's own speed",
     ),
-    Pair(
+    RefusedPair(
         ("a wait at an anchorage",),
         _CHOICES_OF_TIME,
         "the wait and these each leave a time open, and one of the two is chosen at a time",
         "give the season one 'departure' alone, or leave the wait out",
     ),
-    Pair(
+    RefusedPair(
         ("[under_way]",),
         ("a wait at an anchorage", *_CHOICES_OF_TIME, "'members'"),
         "the plan that is sailed has one current, one speed and one departure",
         "plan from here without [under_way]",
     ),
-    Pair(
+    RefusedPair(
         ("'to_within'",),
         ("'speed'", "'arrive_by'"),
         "what another departure may save can't be proven where speeds are chosen, or where some "
         "departures arrive too late",
         "leave 'to_within' out, or give departures that stand closer",
     ),
-    Pair(
+    RefusedPair(
         ("planner.method = 'sampled'",),
         ("via points", *_CHOICES_OF_TIME),
         "the paper's random chains begin at a given time and end at the goal",
         "leave them out, or give planner.method = 'optimal'",
     ),
-    Pair(
+    RefusedPair(
         ("another planner.order than 'fuel'",),
         ("via points",),
         "classes through via points are found by fuel",
         "leave them out, or give planner.order = 'fuel'",
     ),
-    Pair(
+    RefusedPair(
         ("via points",),
         ("'speed' in a current that changes",),
         "a speed for each leg is searched for on one clock from start to goal",
@@ -160,10 +160,18 @@ def refusals(scenario: Scenario) -> Iterator[str]:
         yield from filter(None, lines)
 
 
-def _line(pair: Pair, scenario: Scenario, season: Season) -> str:
+def _line(pair: RefusedPair, scenario: Scenario, season: Season) -> str:
     """Return the line on a pair in a season; "" where the season lacks one of the two."""
     first, second = (
-        [name for name in group if _has(name, scenario, season)]
+        [
+            name
+            for name in group
+            if (
+                OF_THE_SCENARIO[name](scenario)
+                if name in OF_THE_SCENARIO
+                else OF_A_SEASON[name](season)
+            )
+        ]
         for group in (pair.first, pair.second)
     )
     if not (first and second):
@@ -172,10 +180,3 @@ def _line(pair: Pair, scenario: Scenario, season: Season) -> str:
     about = f"season {season.name!r} " if of_a_season else ""
     have = f"has {' and '.join(first)} together with {' and '.join(second)}"
     return f"{about}{have}: {pair.reason}; {pair.remedy}"
-
-
-def _has(feature: str, scenario: Scenario, season: Season) -> bool:
-    """Whether a scenario, or a season of it, has a feature."""
-    if feature in OF_THE_SCENARIO:
-        return OF_THE_SCENARIO[feature](scenario)
-    return OF_A_SEASON[feature](season)

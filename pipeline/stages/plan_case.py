@@ -12,7 +12,7 @@ from pipeline.model import (
     Case,
     CaseResult,
     EnsembleFigures,
-    Replanned,
+    ReplanFigures,
     VoyageBefore,
     plan_options,
 )
@@ -137,7 +137,7 @@ def _replanned(
     before: VoyageBefore,
     options: renew.PlanOptions,
     havens: Sequence[renew.Haven] = (),
-) -> tuple[renew.Plan, Replanned]:
+) -> tuple[renew.Plan, ReplanFigures]:
     """Return the plan from where the vessel is on, and what it changes.
 
     Raises
@@ -171,7 +171,7 @@ def _replanned(
         raise cause if not found.turn_offs else _turns_off(found.turn_offs, cause)
     kept, scale = found.kept, case.projection.scale
     reason = found.rejected[0] if kept is None and found.rejected else None
-    return found.plan, Replanned(
+    return found.plan, ReplanFigures(
         answer="kept" if found.answer == "kept" else "switched",
         fuel=found.fuel,
         kept_fuel=math.nan if kept is None else kept.fuel,

@@ -33,7 +33,7 @@ _AS_CLOSE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedRange:
+class SpeedsByLeg:
     """Speeds from `least` (m/s) to the vessel's own, to be at the goal by a deadline (s).
 
     `price` is the Lagrange multiplier λ of the deadline (fuel units a second): plans minimise fuel
@@ -45,7 +45,7 @@ class SpeedRange:
     deadline: float = math.inf
 
 
-NO_CHOICE = SpeedRange()
+NO_CHOICE = SpeedsByLeg()
 """The vessel's own speed all the way."""
 
 
@@ -106,7 +106,7 @@ class Voyage:
     min_lateness: float = 0.0
     via: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     before: float = 0.0
-    choice: SpeedRange = NO_CHOICE
+    choice: SpeedsByLeg = NO_CHOICE
     schedule: FloatArray | None = None
 
     @property

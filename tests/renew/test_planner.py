@@ -14,9 +14,7 @@ from shapely import Polygon, box
 
 import renew
 from tests.published import ABLATION
-from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
-
-STILL = renew.UniformCurrent(0.0, 0.0)
+from tests.strategies import PAPER_VESSEL, STILL, random_scene, single_gyre
 
 
 def gyre_plan(**options: object) -> renew.Plan:

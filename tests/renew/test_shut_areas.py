@@ -13,10 +13,9 @@ from shapely import MultiPolygon, Polygon, box
 import renew
 from tests.flights import positions
 from tests.moving_waters import moving_scene
-from tests.strategies import PAPER_VESSEL, SIZE, Scene, single_gyre
+from tests.strategies import PAPER_VESSEL, SIZE, STILL, Scene, single_gyre
 
 CHART = renew.Chart(box(0, 0, 200, 60))
-STILL = renew.UniformCurrent(0.0, 0.0)
 START, GOAL = (20.0, 30.0), (180.0, 30.0)
 # Across the whole way but for a gap in the north.
 BARRIER = box(95, -1, 105, 40)

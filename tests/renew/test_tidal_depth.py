@@ -13,11 +13,10 @@ from shapely import Polygon, box
 
 import renew
 from renew.inputs.openings import ReliedOnTide
-from tests.strategies import PAPER_VESSEL
+from tests.strategies import PAPER_VESSEL, STILL
 from tests.tidal_waters import tidal_scene
 
 CHART = renew.Chart(box(0, 0, 200, 60))
-STILL = renew.UniformCurrent(0.0, 0.0)
 START, GOAL = (20.0, 30.0), (180.0, 30.0)
 # Across the whole way but for a gap in the north, and all across.
 BAR, WHOLE_BAR = box(95, -1, 105, 40), box(95, -1, 105, 61)

@@ -21,6 +21,7 @@ from tests.pipeline.sources.mutations import ISLAND, MUTATIONS, copied, make_cha
 from tests.pipeline.synthetic_currents import dataset, sea
 from tests.robustness.limits import draw, number
 from tests.robustness.renew_processes import Renew
+from tests.robustness.test_scenario_files import places_in
 
 _REGION = """schema_version = 1
 name = "damaged"
@@ -174,7 +175,7 @@ def change_zarr(file: Path, rng: random.Random) -> None:
         path = rng.choice(metadata)
         text = path.read_text("utf-8")
         data = json.loads(text)
-        places = [place for place in _places(data) if place]
+        places = places_in(data)
         if places:
             *upper, key = rng.choice(places)
             owner: Any = data
@@ -204,18 +205,6 @@ def change_zarr(file: Path, rng: random.Random) -> None:
                 lambda: one.symlink_to("/dev/zero"),
             )
         )()
-
-
-def _places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:  # noqa: ANN401 - JSON
-    """List the paths of all values in a JSON document."""
-    items = (
-        data.items()
-        if isinstance(data, dict)
-        else enumerate(data)
-        if isinstance(data, list)
-        else ()
-    )
-    return [path, *(place for key, one in items for place in _places(one, (*path, key)))]
 
 
 def change_s57(file: Path, rng: random.Random) -> None:

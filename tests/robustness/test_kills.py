@@ -24,7 +24,6 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import app
 from tests.pipeline.processes import started
-from tests.pipeline.small_plane import small_plane
 from tests.pipeline.small_region import small_region
 from tests.pipeline.synthetic_currents import dataset, sea, write
 from tests.robustness.frozen_clock import frozen_clock
@@ -205,9 +204,8 @@ def _durations(scenario: Path, output: Path) -> dict[str, float]:
 SEED = 20_260_111
 KILLS = 100
 _SIGNALS = tuple(EXIT_CODES)
-# Two seasons: between the two versions one is withdrawn, another is new.
-_PLANE = small_plane("killed") + '[[seasons]]\nname = "second"\nuniform = { v = 0.1 }\n'
 _ISLAND = [[118.45, 10.22], [118.55, 10.22], [118.55, 10.28], [118.5, 10.31], [118.45, 10.28]]
+# Of two seasons: between the two versions one is withdrawn, another is new.
 _REGION = (
     small_region("killed")
     + """[chart]
@@ -238,27 +236,6 @@ def kill_and_continue(bench: Bench, stage: str, fraction: float, number: signal.
     assert not [name for name in again if again[name] != bench.new[name]], what
     assert paths_in(output) == bench.paths, what
     return place
-
-
-@pytest.fixture(scope="module")
-def plane(tmp_path_factory: pytest.TempPathFactory) -> Bench:
-    """Give a scenario that has lost a season since its earlier results."""
-    earlier = _PLANE.replace('"still"', '"withdrawn"')
-    return Bench.prepare(tmp_path_factory.mktemp("plane"), earlier, _PLANE)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("stage", "fraction", "number", "places"),
-    [
-        ("plan", 0.5, signal.SIGTERM, {"plan", "evaluate"}),
-        ("write", 0.7, signal.SIGKILL, {"write"}),
-    ],
-)
-def test_a_killed_run_continues(
-    plane: Bench, stage: str, fraction: float, number: signal.Signals, places: set[str]
-) -> None:
-    assert kill_and_continue(plane, stage, fraction, number) in places
 
 
 @pytest.mark.slow

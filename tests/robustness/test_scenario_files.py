@@ -216,8 +216,8 @@ def _text(value: str) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _places(value: object, path: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
-    """List the paths of all values in a table, nested ones included."""
+def places_in(value: object, path: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
+    """List the paths of all values in a table of TOML or JSON, nested ones included."""
     items: list[tuple[str | int, object]] = []
     if isinstance(value, dict):
         items = list(value.items())
@@ -225,7 +225,7 @@ def _places(value: object, path: tuple[str | int, ...] = ()) -> list[tuple[str |
         items = list(enumerate(value))
     found = []
     for key, inner in items:
-        found += [(*path, key), *_places(inner, (*path, key))]
+        found += [(*path, key), *places_in(inner, (*path, key))]
     return found
 
 
@@ -236,7 +236,7 @@ def _odd_value(rng: random.Random) -> object:
 
 def _change(rng: random.Random, table: dict[str, Any]) -> None:
     """Make one fault in a table: a value, key or item is replaced, dropped, doubled or moved."""
-    places = _places(table)
+    places = places_in(table)
     if not places:
         table["start"] = _odd_value(rng)
         return

@@ -1,7 +1,7 @@
 """Kinds, widths and file types of a case's figures."""
 
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,37 +16,26 @@ class Kind(StrEnum):
     ALONG = "along"
 
 
-class Width(StrEnum):
-    """Width of a figure: a journal's column, a journal's page, or a width that suits a screen."""
+Width: TypeAlias = Literal["column", "page", "screen"]
+"""Width of a figure: a journal's column, a journal's page, or a width that suits a screen."""
 
-    COLUMN = "column"
-    PAGE = "page"
-    SCREEN = "screen"
+Form: TypeAlias = Literal["png", "svg", "pdf"]
+"""File type of a figure."""
 
-    @property
-    def points(self) -> float | None:
-        """The width in points, 72 to an inch; None if each map has its own width."""
-        inches = {Width.COLUMN: 3.3, Width.PAGE: 7.0}.get(self)
-        return None if inches is None else 72 * inches
+WIDTHS_PT: dict[Width, float] = {"column": 72 * 3.3, "page": 72 * 7.0}
+"""Widths in points, 72 to an inch; on a screen each map has its own width."""
 
 
-class Form(StrEnum):
-    """File type of a figure."""
-
-    PNG = "png"
-    SVG = "svg"
-    PDF = "pdf"
-
-
-def figure(case: "RunCase", kind: Kind, width: Width = Width.SCREEN) -> "Figure":
+def figure(case: "RunCase", kind: Kind, width: Width = "screen") -> "Figure":
     """Draw a figure of a case that has a route."""
     from pipeline.formats.figures.chart_map import in_season_colour
     from pipeline.formats.figures.plots import profile_figure
     from pipeline.formats.figures.season_map import overview_figure
     from pipeline.formats.palette import season_colour
 
+    width_pt = WIDTHS_PT.get(width)
     if kind is Kind.ROUTES:
-        return overview_figure([case], width.points)
-    drawn = profile_figure(case.routes[0], width.points)
+        return overview_figure([case], width_pt)
+    drawn = profile_figure(case.routes[0], width_pt)
     in_season_colour(drawn, season_colour(case.number))
     return drawn

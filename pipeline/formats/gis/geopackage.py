@@ -14,14 +14,14 @@ import json
 import sqlite3
 import textwrap
 import zipfile
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from datetime import datetime
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyproj
 import shapely
 
 from pipeline._types import FloatArray
@@ -33,7 +33,6 @@ from pipeline.formats.figures.map_marks import nice_step
 from pipeline.formats.gis.frames import (
     LAYERS,
     GeoDataFrame,
-    Layer,
     check_count,
     dated,
     opened,
@@ -42,19 +41,17 @@ from pipeline.formats.gis.frames import (
 )
 from pipeline.formats.gis.layers import FRAMES, waypoint_frame
 from pipeline.formats.gis.qgis import (
+    LONLAT,
     Bounds,
-    CaseView,
     MapCrs,
-    Style,
     View,
     inert,
-    lonlat_system,
     map_crs,
     one_line,
     rendered,
     view,
 )
-from pipeline.formats.gis.styles import qml, style
+from pipeline.formats.gis.styles import STYLES, qml, style
 from pipeline.formats.palette import COLOURS
 from pipeline.formats.passage.waypoints import (
     NAUTICAL_MILE_M,
@@ -67,13 +64,6 @@ from pipeline.formats.passage.waypoints import (
 from pipeline.formats.records import manifest
 from pipeline.geo.lonlat import METRES_PER_DEGREE
 
-# Drawing order, from the top down.
-_DRAWING_ORDER = (
-    *("islands", "havens", "shore_crossings", "passage", "coverage", "routes", "diversions"),
-    *("path_points", "contingency", "legs"),
-    *("region", "hazards", "coast", "chart_areas", "no_go", "soft_no_go", "channels", "currents"),
-    *("tidal_water", "depth_areas"),
-)
 # Layers of a case's group -> whether the leading case shows them at first.
 _CASE_LAYERS = {
     **dict.fromkeys(("passage", "routes", "legs"), True),
@@ -101,62 +91,19 @@ _LEGEND_MM = 62.0
 _BAR_SHARE = 1 / 10
 
 
-@dataclass(frozen=True)
-class _ProjectLayer:
-    """A layer of the project: one case's part of a layer of the file, or all of it."""
-
-    layer: Layer
-    view: View
-    case: CaseView | None
-
-    @property
-    def identity(self) -> str:
-        """The layer's identifier inside the project; QGIS wants more than ten characters."""
-        part = "all_seasons" if self.case is None else f"season_{self.case.number}"
-        return f"{self.layer.name}_{part}"
-
-    @property
-    def is_on(self) -> bool:
-        """Whether it is drawn at first: land, all best routes, and one case in full."""
-        if self.case is None or self.layer.name == "routes":
-            return True
-        return self.case.leads and _CASE_LAYERS[self.layer.name]
-
-    @property
-    def geometry(self) -> str:
-        """QGIS's name for its type of geometry."""
-        return _GEOMETRIES[self.layer.geometry_type]
-
-    @property
-    def style(self) -> Style:
-        """How it is drawn."""
-        return style(self.layer.name, self.view)
-
-    @property
-    def routes_identity(self) -> str:
-        """Identifier of its case's routes."""
-        return replace(self, layer=LAYERS["routes"]).identity
-
-    def source(self, file_name: str) -> str:
-        """Return data source of its features, relative to the project."""
-        source = f"./{file_name}|layername={self.layer.name}"
-        if self.case is None:
-            return source
-        return f'{source}|subset="season" = {_sql(self.case.name)}'
-
-
 def qgz(
     result: RunResult, view: View, columns: Mapping[str, Sequence[str]], file_name: str
 ) -> bytes:
     """Write the project as a .qgz; `columns` are those of each layer of the file `file_name`."""
     crs = map_crs(result)
+    view = replace(view, convergence=crs.convergence)
     texts = dict.fromkeys(credit.text for credit in result.credits)
     document = rendered(
         "project.qgs.jinja",
         title=one_line(result.scenario.title or result.scenario.name),
         crs=crs,
-        lonlat=lonlat_system(),
-        layers=_project_layers(columns, replace(view, convergence=crs.convergence)),
+        lonlat=pyproj.CRS(LONLAT),
+        layers=list(_project_layers(columns, view, file_name)),
         cases=view.cases,
         case_layers=_CASE_LAYERS,
         columns=columns,
@@ -177,24 +124,35 @@ def qgz(
     return packed.getvalue()
 
 
-def _project_layers(names: Collection[str], view: View) -> list[_ProjectLayer]:
-    """Return the layers of the project in their drawing order, the top one first.
+def _project_layers(names: Collection[str], view: View, file_name: str) -> Iterator[dict[str, Any]]:
+    """Yield the layers of the project in their drawing order, the top one first.
 
-    The leading case is below the others, since its best route is wider.
+    A layer is one case's part of a layer of the file, or all of it. At first land, all best routes
+    and one case in full are drawn. The leading case is below the others, since its best route is
+    wider.
     """
-    layers = []
-    for name in _DRAWING_ORDER:
-        if name not in names:
-            continue
+    for name in [name for name in STYLES if name in names]:
+        shared = {
+            "layer": LAYERS[name],
+            # QGIS wants identifiers of more than ten characters.
+            "identity": f"{name}_all_seasons",
+            "geometry": _GEOMETRIES[LAYERS[name].geometry_type],
+            "source": f"./{file_name}|layername={name}",
+        }
         if name not in _CASE_LAYERS:
-            layers.append(_ProjectLayer(LAYERS[name], view, None))
+            yield {**shared, "case": None, "is_on": True, "style": style(name, view)}
             continue
-        layers += [
-            _ProjectLayer(LAYERS[name], replace(view, cases=(case,)), case)
-            for case in sorted(view.cases, key=lambda case: case.leads)
-            if case.planned or name == "currents"
-        ]
-    return layers
+        for case in sorted(view.cases, key=lambda case: case.leads):
+            if case.planned or name == "currents":
+                yield {
+                    **shared,
+                    "identity": f"{name}_season_{case.number}",
+                    "routes_identity": f"routes_season_{case.number}",
+                    "case": case,
+                    "is_on": name == "routes" or (case.leads and _CASE_LAYERS[name]),
+                    "style": style(name, replace(view, cases=(case,))),
+                    "source": f'{shared["source"]}|subset="season" = {_sql(case.name)}',
+                }
 
 
 def _sql(text: str) -> str:
@@ -271,27 +229,9 @@ def _add_records(
     """Add everything besides the layers: provenance, meanings of columns, styles, the project."""
     script = files("pipeline.formats.gis") / "records.sql"
     database.executescript(script.read_text(encoding="utf-8"))
+    # Inputs, credits and versions, as JSON in the metadata of the whole file.
     content = manifest(result, ())
     del content["outputs"]  # not complete yet: this file is one of them
-    _put_provenance(database, content)
-    _put_meanings(database, columns)
-    map_view = view(result)
-    styles = [
-        (name, qml(name, map_view, of_layer), LAYERS[name].title)
-        for name, of_layer in columns.items()
-    ]
-    _put_styles(database, styles)
-    # Dated by the run, so that equal runs give equal files.
-    stamp = (result.created.strftime("%Y-%m-%dT%H:%M:%S.000Z"),)
-    database.execute("UPDATE gpkg_contents SET last_change = ?", stamp)
-    database.execute("UPDATE layer_styles SET update_time = ?", stamp)
-    database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", stamp)
-    packed = qgz(result, map_view, columns, file_name)
-    _put_project(database, PROJECT, packed, result.created)
-
-
-def _put_provenance(database: sqlite3.Connection, content: Mapping[str, object]) -> None:
-    """Store inputs, credits and versions as JSON in the metadata of the whole file."""
     row = database.execute(
         "INSERT INTO gpkg_metadata (md_scope, md_standard_uri, mime_type, metadata)"
         " VALUES ('dataset', ?, 'application/json', ?)",
@@ -302,10 +242,7 @@ def _put_provenance(database: sqlite3.Connection, content: Mapping[str, object])
         " VALUES ('geopackage', ?)",
         (row.lastrowid,),
     )
-
-
-def _put_meanings(database: sqlite3.Connection, columns: Mapping[str, Sequence[str]]) -> None:
-    """Store the meanings of the layers' columns; software shows either the name or the title."""
+    # Software shows either the name of a column or its title.
     database.executemany(
         "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description)"
         " VALUES (?, ?, ?, ?, ?)",
@@ -315,28 +252,32 @@ def _put_meanings(database: sqlite3.Connection, columns: Mapping[str, Sequence[s
             for name in names
         ],
     )
-
-
-def _put_styles(database: sqlite3.Connection, styles: Sequence[tuple[str, str, str]]) -> None:
-    """Store a default style for each layer, given as (layer, QML, description)."""
+    map_view = view(result)
     database.executemany(
         "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name,"
         " f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner)"
         " VALUES ('', '', ?, 'geom', 'RENEW', ?, '', 1, ?, 'RENEW')",
-        styles,
+        [
+            (name, qml(name, map_view, of_layer), LAYERS[name].title)
+            for name, of_layer in columns.items()
+        ],
     )
     database.execute(
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, description)"
         " VALUES ('layer_styles', 'attributes', 'Styles', 'How QGIS draws each layer')"
     )
-
-
-def _put_project(database: sqlite3.Connection, name: str, packed: bytes, created: datetime) -> None:
-    """Store a QGIS project as QGIS does: its .qgz in hexadecimal."""
-    about = {"last_modified_time": created.strftime("%Y-%m-%dT%H:%M:%S"), "last_modified_user": ""}
+    # Dated by the run, so that equal runs give equal files.
+    stamp = (result.created.strftime("%Y-%m-%dT%H:%M:%S.000Z"),)
+    database.execute("UPDATE gpkg_contents SET last_change = ?", stamp)
+    database.execute("UPDATE layer_styles SET update_time = ?", stamp)
+    database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", stamp)
+    # QGIS stores a project as its .qgz in hexadecimal.
+    modified = result.created.strftime("%Y-%m-%dT%H:%M:%S")
+    about = {"last_modified_time": modified, "last_modified_user": ""}
+    packed = qgz(result, map_view, columns, file_name)
     database.execute(
         "INSERT INTO qgis_projects (name, metadata, content) VALUES (?, ?, ?)",
-        (name, json.dumps(about), packed.hex()),
+        (PROJECT, json.dumps(about), packed.hex()),
     )
 
 

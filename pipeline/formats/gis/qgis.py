@@ -1,10 +1,8 @@
-"""How QGIS shows a run: the view of the map, its symbols and labels, and its XML by templates."""
+"""How QGIS shows a run: the view of the map, its reference system, and its XML by templates."""
 
-import base64
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from typing import TypeAlias
 
 import numpy as np
@@ -32,6 +30,8 @@ _SEGMENT_SHARE = 1 / 64
 
 Bounds: TypeAlias = tuple[float, float, float, float]  # xmin, ymin, xmax, ymax
 
+LONLAT = "EPSG:4326"
+"""The reference system of the file."""
 _NAME = "Plane of the RENEW planner"
 # Maximum error of a UTM zone's scale, as a share: 1.5 mm across an A4 page.
 _MAX_SCALE_ERROR = 5e-3
@@ -107,26 +107,23 @@ def view(result: RunResult) -> View:
 
 
 @dataclass(frozen=True)
-class ReferenceSystem:
-    """A coordinate reference system: WKT, "authority:code" (empty without one), and name."""
-
-    wkt: str
-    authority: str
-    name: str
-
-
-@dataclass(frozen=True)
 class MapCrs:
     """A map's reference system, and its bounds (xmin, ymin, xmax, ymax) with a margin.
 
-    `convergence` is the angle in degrees of the y axis clockwise from true north, as a QGIS
-    expression of a point's lon/lat; empty if north is up.
+    `authority` is the system's "authority:code", empty without one. `convergence` is the angle in
+    degrees of the y axis clockwise from true north, as a QGIS expression of a point's lon/lat;
+    empty if north is up.
     """
 
-    system: ReferenceSystem
-    is_lonlat: bool
+    system: pyproj.CRS
+    authority: str
     bounds: Bounds
-    convergence: str
+    convergence: str = ""
+
+    @property
+    def is_lonlat(self) -> bool:
+        """Whether the map is in longitudes and latitudes."""
+        return self.authority == LONLAT
 
 
 def map_crs(result: RunResult) -> MapCrs:
@@ -136,7 +133,7 @@ def map_crs(result: RunResult) -> MapCrs:
         projection.geometry_to_lonlat(shapely.segmentize(extent, extent.length * _SEGMENT_SHARE))
     )
     if np.abs(outline[:, 0]).max() > 180:
-        return MapCrs(lonlat_system(), is_lonlat=True, bounds=_bounds(outline), convergence="")
+        return MapCrs(pyproj.CRS(LONLAT), LONLAT, _bounds(outline))
     # PROJ takes 80 ms to search its database, which does not have the planner's own planes.
     own = projection.crs.startswith("+proj")
     if own and (zone := _utm_zone(outline)):
@@ -147,12 +144,7 @@ def map_crs(result: RunResult) -> MapCrs:
         crs = pyproj.CRS.from_json_dict({**crs.to_json_dict(), "name": _NAME})
     to_plane = pyproj.Transformer.from_crs("OGC:CRS84", crs, always_xy=True)
     planar = np.stack(to_plane.transform(outline[:, 0], outline[:, 1]), axis=-1)
-    return MapCrs(
-        ReferenceSystem(crs.to_wkt(), authority, crs.name),
-        is_lonlat=False,
-        bounds=_bounds(planar),
-        convergence=_convergence(projection, outline),
-    )
+    return MapCrs(crs, authority, _bounds(planar), _convergence(projection, outline))
 
 
 def _utm_zone(outline: FloatArray) -> Projection | None:
@@ -164,13 +156,6 @@ def _utm_zone(outline: FloatArray) -> Projection | None:
     code = (32600 if south + north >= 0 else 32700) + zone
     utm = Projection(f"EPSG:{code}", central_longitude=(zone - 0.5) * _ZONE_DEG - 180)
     return utm if np.abs(utm.point_scale(outline) - 1).max() <= _MAX_SCALE_ERROR else None
-
-
-@lru_cache(maxsize=1)
-def lonlat_system() -> ReferenceSystem:
-    """Return the reference system of the file, EPSG:4326."""
-    crs = pyproj.CRS("EPSG:4326")
-    return ReferenceSystem(crs.to_wkt(), "EPSG:4326", crs.name)
 
 
 def _bounds(points: FloatArray) -> Bounds:
@@ -200,165 +185,6 @@ def _convergence(projection: Projection, points: FloatArray) -> str:
 
 # Maximum number of characters of a name in the list of layers.
 _MAX_TITLE_LENGTH = 60
-# An arrow that points up, as slim as those of the report's maps, in a square.
-_ARROW_SVG = (
-    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100"><path '
-    'fill="param(fill)" fill-opacity="param(fill-opacity)" stroke="none" '
-    'd="M50 0 L67 42 L54.5 38 L54.5 100 L45.5 100 L45.5 38 L33 42 Z"/></svg>'
-)
-_ARROW = "base64:" + base64.b64encode(_ARROW_SVG.encode()).decode()
-
-
-@dataclass(frozen=True)
-class SymbolLayer:
-    """A layer of a symbol: QGIS's kind and options; `rotation` is an expression, in degrees.
-
-    Where a renderer has levels, layers are drawn in their order, across all features.
-    """
-
-    kind: str
-    options: Mapping[str, str]
-    level: int = 0
-    rotation: str = ""
-
-
-@dataclass(frozen=True)
-class Rule:
-    """A rule of a renderer: label, condition on features, and symbol.
-
-    `symbol` has layers, bottom first. `finer_than` is the denominator of the smallest scale at
-    which it is drawn; 0 means every scale. `on` says whether it is ticked.
-    """
-
-    label: str
-    condition: str = ""
-    symbol: Sequence[SymbolLayer] = ()
-    children: "Sequence[Rule]" = ()
-    on: bool = True
-    finer_than: float = 0.0
-
-    def symbols(self) -> Iterator[Sequence[SymbolLayer]]:
-        """Yield its own symbol and its children's symbols, if there are any."""
-        if self.symbol:
-            yield self.symbol
-        for child in self.children:
-            yield from child.symbols()
-
-
-@dataclass(frozen=True)
-class Label:
-    """Text on a map: an expression, drawn for features that fulfil `condition`."""
-
-    expression: str
-    condition: str
-    colour: str
-    size_pt: float
-    along_line: bool = False
-    finer_than: float = 0.0
-
-
-@dataclass(frozen=True)
-class Style:
-    """How a layer's features are drawn and labelled, and the layer's opacity.
-
-    `kind` is line, fill or marker, to suit the layer's geometry.
-    """
-
-    kind: str
-    rules: Sequence[Rule]
-    labels: Sequence[Label] = ()
-    levels: bool = False
-    opacity: float = 1.0
-
-    @property
-    def symbols(self) -> list[Sequence[SymbolLayer]]:
-        """Symbols of all rules, in their order."""
-        return [symbol for rule in self.rules for symbol in rule.symbols()]
-
-
-def colour(hexadecimal: str, opacity: float = 1.0) -> str:
-    """Write a colour such as "#c9a97c" as QGIS does: red,green,blue,alpha."""
-    red, green, blue = bytes.fromhex(hexadecimal.removeprefix("#"))
-    return f"{red},{green},{blue},{round(255 * opacity)}"
-
-
-def line(line_colour: str, width: float, *, level: int = 0) -> SymbolLayer:
-    """Return the line in a colour that `colour` gives."""
-    return SymbolLayer(
-        "SimpleLine",
-        {
-            "line_color": line_colour,
-            "line_width": f"{width:g}",
-            "line_width_unit": "MM",
-            "capstyle": "round",
-            "joinstyle": "round",
-            "customdash": "5;2",
-            "customdash_unit": "MM",
-            "use_custom_dash": "0",
-        },
-        level,
-    )
-
-
-def fill(
-    fill_colour: str, outline: str = "", width: float = 0.0, *, dotted: bool = False
-) -> SymbolLayer:
-    """Return filled area, with an outline if its colour is given."""
-    style = "dot" if dotted else "solid"
-    return SymbolLayer(
-        "SimpleFill",
-        {
-            "color": fill_colour,
-            "style": "solid",
-            "outline_color": outline or fill_colour,
-            "outline_style": style if outline else "no",
-            "outline_width": f"{width:g}",
-            "outline_width_unit": "MM",
-            "joinstyle": "round",
-        },
-    )
-
-
-def marker(
-    shape: str, fill_colour: str, outline: str, size: float, width: float = 0.0, *, level: int = 0
-) -> SymbolLayer:
-    """Return the marker of a shape that QGIS knows, such as circle, diamond or cross2."""
-    return SymbolLayer(
-        "SimpleMarker",
-        {
-            "name": shape,
-            "color": fill_colour,
-            "outline_color": outline,
-            "outline_style": "solid" if width else "no",
-            "outline_width": f"{width:g}",
-            "outline_width_unit": "MM",
-            "size": f"{size:g}",
-            "size_unit": "MM",
-        },
-        level,
-    )
-
-
-def arrow(
-    fill_colour: str, length_m: float, rotation: str, limits_mm: tuple[float, float]
-) -> SymbolLayer:
-    """Return the arrow of a true length (m) within limits on paper, rotated by an expression.
-
-    The expression gives degrees clockwise from up.
-    """
-    shortest, longest = limits_mm
-    return SymbolLayer(
-        "SvgMarker",
-        {
-            "name": _ARROW,
-            "color": fill_colour,
-            "outline_width": "0",
-            "size": f"{length_m:.6g}",
-            "size_unit": "RenderMetersInMapUnits",
-            "size_map_unit_scale": f"3x:0,0,1,{shortest:g},1,{longest:g}",
-        },
-        rotation=rotation,
-    )
 
 
 def rendered(template: str, **values: object) -> str:

@@ -20,7 +20,7 @@ import renew
 from pipeline.cli.main import app
 from pipeline.errors import RequestError
 from pipeline.findings.result import RunResult
-from pipeline.model import Replanned
+from pipeline.model import ReplanFigures
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
@@ -62,7 +62,7 @@ def again(voyage: Path, **changes: Any) -> RunResult:  # noqa: ANN401 - as under
     return result_of(under_way(voyage, **changes), voyage.parent)
 
 
-def answer(result: RunResult) -> Replanned:
+def answer(result: RunResult) -> ReplanFigures:
     (plan,) = result.results
     assert plan.replanned is not None
     return plan.replanned

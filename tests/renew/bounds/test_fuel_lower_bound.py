@@ -20,12 +20,19 @@ from renew.voyage.fuel import ground_speed
 from renew.voyage.voyage import Voyage, Waters
 from tests.compiler import uncompiled
 from tests.renew.bounds.test_grids import CORNER, FIELDS, OPPOSITE
-from tests.strategies import PAPER_VESSEL, examples, random_scene, seeds, single_gyre, voyage_on
+from tests.strategies import (
+    PAPER_VESSEL,
+    STILL,
+    examples,
+    random_scene,
+    seeds,
+    single_gyre,
+    voyage_on,
+)
 
 CELLS = 16_000
 """Number of cells of a grid that is looked at cell by cell."""
 
-STILL = renew.UniformCurrent(0.0, 0.0)
 DRIFTS: tuple[Drift, Drift] = ("projected", "crab")
 
 

@@ -15,7 +15,7 @@ from renew.bounds.grids import deviation_radius, sampled, wet_cells, whole_grid
 from renew.bounds.travel_time import TravelGrid, locate, solve, source
 from renew.kernels.ground_speed import Polar, ground_speed
 from tests.compiler import uncompiled
-from tests.strategies import StreamFunctionCurrent, voyage_on
+from tests.strategies import STILL, StreamFunctionCurrent, voyage_on
 
 CORNER, OPPOSITE = np.array([10.0, 10.0]), np.array([90.0, 90.0])
 """Start and goal."""
@@ -51,7 +51,6 @@ def in_triangles(rng: np.random.Generator, count: int) -> tuple[FloatArray, Floa
 
 START = np.array([30.0, 40.0])
 EMPTY = renew.Chart(box(0, 0, 100, 100))
-STILL = renew.UniformCurrent(0.0, 0.0)
 # Empty times, so that a search doesn't stop early; a slice, so that the compiler sees the type of a
 # grid's view.
 EVERYWHERE = np.full((3, 3), np.inf)[:2, :2]

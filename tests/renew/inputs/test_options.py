@@ -13,7 +13,7 @@ from shapely import box
 
 import renew
 from renew.inputs.options import RANGES, Padding
-from tests.strategies import PAPER_VESSEL, single_gyre
+from tests.strategies import PAPER_VESSEL, STILL, single_gyre
 
 ANY: Any = renew
 """The API without its types."""
@@ -73,9 +73,6 @@ def test_options_as_an_object_and_by_name_give_one_plan() -> None:
     assert swept.plan.best.fuel == by_name.best.fuel
     with pytest.raises(dataclasses.FrozenInstanceError):
         ANY.PlanOptions().risk = 0.1
-
-
-STILL = renew.UniformCurrent(0.0, 0.0)
 
 
 @pytest.mark.parametrize(

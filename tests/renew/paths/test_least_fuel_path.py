@@ -16,16 +16,9 @@ from shapely import box
 import renew
 from renew.paths.least_fuel_path import path_near, path_through_sections, refined_path
 from tests.renew.paths.scenes import corridor_in_scene, corridor_of
-from tests.strategies import (
-    SIZE,
-    examples,
-    random_islands,
-    random_scene,
-    seeds,
-)
+from tests.strategies import SIZE, STILL, examples, random_islands, random_scene, seeds
 
 NIMBLE = renew.Vessel(speed=1.0, turn_rate=math.radians(2000))
-STILL = renew.UniformCurrent(0.0, 0.0)
 
 
 def visibility_length(chart: renew.Chart, start: np.ndarray, goal: np.ndarray) -> float:

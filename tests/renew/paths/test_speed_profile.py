@@ -22,7 +22,7 @@ from renew.paths.speed_profile import (
     trade_off,
     trade_off_by_clock,
 )
-from renew.voyage.voyage import SpeedRange, Voyage, Waters
+from renew.voyage.voyage import SpeedsByLeg, Voyage, Waters
 from tests.moving_waters import moving_scene
 from tests.speed_oracles import CostModel, least_fuel
 from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent
@@ -47,7 +47,7 @@ def _voyage(
     speeds: tuple[float, float] = (0.1, 3.0),
 ) -> Voyage:
     vessel = renew.Vessel(speed=speeds[1], turn_rate=1.0, fuel_exponent=exponent)
-    choice = SpeedRange(speeds[0], deadline=deadline)
+    choice = SpeedsByLeg(speeds[0], deadline=deadline)
     return Voyage(Waters(CHART, as_field(current)), vessel, path[0], path[-1], drift, choice=choice)
 
 
@@ -136,7 +136,7 @@ def voyage_and_path(seed: int, exponent: float, under_way: float) -> tuple[Voyag
     scene = moving_scene(seed)
     middle = (scene.start + scene.goal) / 2 + np.array([6.0, -6.0])
     vessel = replace(PAPER_VESSEL, speed=SPEEDS[1], fuel_exponent=exponent)
-    choice = SpeedRange(SPEEDS[0], deadline=scene.departure + under_way)
+    choice = SpeedsByLeg(SPEEDS[0], deadline=scene.departure + under_way)
     voyage = Voyage(
         Waters(scene.chart, scene.current),
         vessel,

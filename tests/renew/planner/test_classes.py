@@ -17,9 +17,8 @@ from renew.classes import class_enumerator, roadmap
 from renew.planner import classes
 from renew.planner.problem import Problem
 from tests.bounded_scenes import bounded_scene
-from tests.strategies import PAPER_VESSEL, single_gyre, voyage_on
+from tests.strategies import PAPER_VESSEL, STILL, single_gyre, voyage_on
 
-STILL = renew.UniformCurrent(0.0, 0.0)
 # A strait of 6 m between two walls; the way round leads past the end of one of them.
 NARROW = [box(0, 45, 47, 55), box(53, 45, 90, 55)]
 START, GOAL = (50.0, 10.0), (50.0, 90.0)

@@ -15,7 +15,7 @@ import renew
 from renew._types import FloatArray
 from renew.errors import InfeasibleError, TooLateError
 from renew.planner.hindrances import with_hours
-from tests.strategies import PAPER_VESSEL, examples
+from tests.strategies import PAPER_VESSEL, STILL, examples
 
 PEAK, PERIOD, MIDDLE = 1.5, 200.0, 100.0
 """Strongest current (m/s) of a strait's tide, its period (s), and where the strait lies (m)."""
@@ -143,7 +143,6 @@ def test_a_reason_keeps_its_kind_and_places(kind: type[InfeasibleError]) -> None
 CLEARANCE, SHARE = 100.0, 0.5
 VESSEL = renew.Vessel(speed=3.0, turn_rate=0.3)
 RADIUS = VESSEL.speed / VESSEL.turn_rate
-STILL = renew.UniformCurrent(0.0, 0.0)
 EXTENT = shapely.box(0, 0, 6000, 2000)
 START, GOAL = (200.0, 300.0), (5800.0, 300.0)
 

@@ -22,7 +22,7 @@ from renew.steering.trajectory import (
     sharp_corners,
     steerable,
 )
-from tests.strategies import PAPER_VESSEL, angles, seeds
+from tests.strategies import PAPER_VESSEL, STILL, angles, seeds
 
 
 @settings(max_examples=40)
@@ -194,9 +194,6 @@ def test_corners_near_a_sharp_one_are_in_its_way() -> None:
     assert 2.5 < 1.5 * chord < 10
     assert crowding(path, sharp, radius).tolist() == [False, True, False, True, False]
     assert not crowding(path, np.zeros(5, dtype=bool), radius).any()
-
-
-STILL = renew.UniformCurrent(0.0, 0.0)
 
 
 def test_a_corner_needs_room_for_its_arc() -> None:

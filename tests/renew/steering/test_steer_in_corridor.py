@@ -15,9 +15,7 @@ from renew.steering.steer_in_corridor import steer_in_corridor, steer_simplified
 from tests.bounded_scenes import walls
 from tests.renew.paths.scenes import corridor_of
 from tests.renew.steering.motion import assert_sailable
-from tests.strategies import PAPER_VESSEL, random_scene, voyage_on
-
-STILL = renew.UniformCurrent(0.0, 0.0)
+from tests.strategies import PAPER_VESSEL, STILL, random_scene, voyage_on
 
 
 def test_unpadded_corners_are_passed_closely_and_can_still_be_steered() -> None:

@@ -12,9 +12,7 @@ from hypothesis import given, settings, strategies as st
 import renew
 from renew.steering.trajectory import steer
 from tests.renew.steering.motion import assert_sailable
-from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, seeds, single_gyre
-
-STILL = renew.UniformCurrent(0.0, 0.0)
+from tests.strategies import PAPER_VESSEL, SIZE, STILL, StreamFunctionCurrent, seeds, single_gyre
 
 
 def test_trajectory_takes_as_long_as_the_crab_model_says() -> None:

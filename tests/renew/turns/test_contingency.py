@@ -16,10 +16,9 @@ import renew
 from renew.inputs.current import TabulatedCurrent
 from renew.turns.contingency import TurnsBegun, fly_turns, perturbations, stations
 from renew.turns.turn_reach import MAX_DEVIATIONS, turn_reach
-from tests.strategies import PAPER_VESSEL, SIZE, StreamFunctionCurrent, random_scene, seeds
+from tests.strategies import PAPER_VESSEL, SIZE, STILL, StreamFunctionCurrent, random_scene, seeds
 
 BOUNDS = (0.0, 0.0, SIZE, SIZE)
-STILL = renew.UniformCurrent(0.0, 0.0)
 
 
 @settings(max_examples=8, deadline=None)

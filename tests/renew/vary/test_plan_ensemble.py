@@ -11,10 +11,9 @@ import pytest
 import renew
 from renew.vary.statistics import statistic
 from tests.ensembles import Lattice, gyre_chart, stirred
-from tests.strategies import PAPER_VESSEL
+from tests.strategies import PAPER_VESSEL, STILL
 
 START, GOAL = np.array([10.0, 10.0]), np.array([90.0, 90.0])
-STILL = renew.UniformCurrent(0.0, 0.0)
 
 
 def gyre_members(count: int, spread: float, seed: int) -> list[renew.GriddedCurrent]:

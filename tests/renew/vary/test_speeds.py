@@ -14,8 +14,8 @@ from scipy.optimize import minimize_scalar
 from shapely import box
 
 import renew
-from tests.renew.test_shut_areas import BARRIER, CHART, START, STILL, flights_inside
-from tests.strategies import PAPER_VESSEL, StreamFunctionCurrent
+from tests.renew.test_shut_areas import BARRIER, CHART, START, flights_inside
+from tests.strategies import PAPER_VESSEL, STILL, StreamFunctionCurrent
 
 GOAL = (180.0, 30.0)
 ISLAND = renew.Chart(box(0, 0, 150, 150), [box(60, 55, 90, 84)])

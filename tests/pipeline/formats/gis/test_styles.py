@@ -22,7 +22,7 @@ import renew
 from pipeline.findings.result import RunResult
 from pipeline.formats.gis import frames
 from pipeline.formats.gis.geopackage import PROJECT, write_geopackage
-from pipeline.formats.gis.qgis import Rule, Style, inert, literal, map_crs, rendered, view
+from pipeline.formats.gis.qgis import inert, literal, map_crs, rendered, view
 from pipeline.formats.gis.styles import qml, style
 from pipeline.formats.palette import COLOURS
 from pipeline.geo.projection import Projection
@@ -58,8 +58,8 @@ def test_the_map_is_in_a_utm_zone_that_is_to_scale(
 ) -> None:
     """Where a zone is wrong by more than 0.5 % somewhere, the map is in the planner's plane."""
     chosen = map_crs(in_waters(result, *box))
-    assert chosen.system.authority == authority
-    plane, west_to_east = Projection(chosen.system.wkt), np.linspace(box[0], box[2], 50)
+    assert chosen.authority == authority
+    plane, west_to_east = Projection(chosen.system.to_wkt()), np.linspace(box[0], box[2], 50)
     points = [(lon, lat) for lon in west_to_east for lat in np.linspace(box[1], box[3], 50)]
     if authority:
         assert np.abs(plane.point_scale(points) - 1).max() <= 5e-3
@@ -84,7 +84,7 @@ def test_arrows_are_turned_by_the_maps_convergence(
 ) -> None:
     """The formula, evaluated in Python, against the projection at points all over the chart."""
     chosen = map_crs(in_waters(result, *box))
-    formula, projection = chosen.convergence, Projection(chosen.system.wkt)
+    formula, projection = chosen.convergence, Projection(chosen.system.to_wkt())
     python = formula.replace("x($geometry)", "lon").replace("y($geometry)", "lat")
     for lon, lat in np.random.default_rng(0).uniform(box[:2], box[2:], (50, 2)):
         place = {"lon": lon, "lat": lat, "sin": np.sin, "radians": np.radians}
@@ -109,7 +109,7 @@ def test_on_a_map_around_the_pole_arrows_turn_with_the_longitude(result: RunResu
 def test_across_180_degrees_the_map_is_in_continuous_longitudes(result: RunResult) -> None:
     here, there = map_crs(result), map_crs(moved_east(result, 60.4))
     assert not here.is_lonlat
-    assert there.system.authority == "EPSG:4326"
+    assert there.authority == "EPSG:4326"
     assert there.bounds == pytest.approx((179.4 - 0.036, 8.964, 180.6 + 0.036, 10.036), abs=2e-3)
 
 
@@ -121,7 +121,11 @@ def test_dense_currents_are_thinned_on_a_map_of_the_whole(result: RunResult) -> 
     )
     dense = replace(coarse, cases=seasons)
     plain, thinned = (
-        [rule.condition for group in style("currents", one).rules for rule in group.children]
+        [
+            rule["condition"]
+            for group in style("currents", one)["rules"]
+            for rule in group["children"]
+        ]
         for one in (coarse, dense)
     )
     assert len(plain) == len(thinned) > 1
@@ -332,8 +336,9 @@ def test_inert_text_is_no_expression(text: str) -> None:
 def test_what_is_filled_in_is_read_as_it_was_also_in_attributes(text: str) -> None:
     """White space too, which XML would fold."""
     text = f"{text}\n\t{text}"
-    rules = [Rule("any", text)]
-    content = rendered("layer.qml.jinja", style=Style("line", rules), columns=[], fields={})
+    about = style("region", view(small_run.parts()))
+    about["rules"][0]["condition"] = text
+    content = rendered("layer.qml.jinja", style=about, columns=[], fields={})
     rule = etree.fromstring(content.encode()).find(".//rule")
     assert (rule.get("filter") or "") == text
 
