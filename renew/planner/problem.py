@@ -197,10 +197,10 @@ def check_endpoints(voyage: Voyage) -> None:
             )
             places += [point, nearest]
             error = error or kind
-    for (one, here), (other, after) in itertools.pairwise(zip(names, stops, strict=True)):
-        if math.dist(here, after) <= chart.precision:
-            faults.append(f"{one} and {other} are the same point {{{len(places)}}}; move one")
-            places.append(here)
+    for (before, point), (after, following) in itertools.pairwise(zip(names, stops, strict=True)):
+        if math.dist(point, following) <= chart.precision:
+            faults.append(f"{before} and {after} are the same point {{{len(places)}}}; move one")
+            places.append(point)
             error = error or ParameterError
     if error is not None:
         raise error("; ".join(faults), *places)
@@ -261,8 +261,8 @@ def _until(voyage: Voyage, point: FloatArray) -> Text:
     """Say until when the current at a point (2,) stays as strong as the vessel; empty if always."""
     if voyage.current.is_steady:
         return Text("")
-    now, speed = voyage.departure, voyage.vessel.speed
-    end = overpowered_spells(voyage.table, point, speed, now, now)[:, 1].max(initial=now)
-    if not now < end < math.inf:
+    begin, speed = voyage.departure, voyage.vessel.speed
+    end = overpowered_spells(voyage.table, point, speed, begin, begin)[:, 1].max(initial=begin)
+    if not begin < end < math.inf:
         return Text("")
     return Text(", and the current stays so until {0}", (Moment(float(end)),))

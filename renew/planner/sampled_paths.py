@@ -44,9 +44,10 @@ _COLUMNS = 64
 class _Water(NamedTuple):
     """The current that times legs, the capsules that legs avoid, and the rays that define classes.
 
-    Those of column k, of even width from `west` (m) on, are member[first[k] : first[k + 1]].
-    `exempt` (2, 2, c) says which a leg may meet: if it is the first, if it is the last. Paths begin
-    at `departure`, s.
+    The chart is cut into columns of even width, `per_metre` of them a metre, from `west` (m) on.
+    Column k meets the capsules member[first[k] : first[k + 1]]. `exempt[i, j]` (c,) says which
+    capsules a leg may meet: i is 1 for a path's first leg, j is 1 for its last. Paths begin at
+    `departure`, s.
     """
 
     table: CurrentTable

@@ -141,7 +141,7 @@ _EQUAL_BY = 0.5
 
 def abort_points(survey: Survey) -> tuple[LastTurn, ...]:
     """Return the last place for each haven that is within the limits from some place."""
-    found = list[LastTurn]()
+    last_turns = list[LastTurn]()
     for number, least in enumerate(survey.least):
         may_be = np.flatnonzero(least[:-1] - survey.step <= survey.limit[:-1])
         if not len(may_be):
@@ -153,8 +153,8 @@ def abort_points(survey: Survey) -> tuple[LastTurn, ...]:
             first = int(np.searchsorted(survey.times, known))
         last = _last_turn(survey, number, first, int(may_be[-1]) + 1, survey.within)
         if last is not None:
-            found.append(last)
-    return tuple(found)
+            last_turns.append(last)
+    return tuple(last_turns)
 
 
 def _last_turn(survey: Survey, number: int, good: int, bad: int, within: float) -> LastTurn | None:
@@ -220,50 +220,51 @@ def no_return(survey: Survey) -> LastTurn | None:
 def equal_points(survey: Survey) -> tuple[EqualPoint, ...]:
     """Return the places where the nearest haven changes."""
     nearest = survey.least.argmin(axis=0)
-    found = list[EqualPoint]()
+    points = list[EqualPoint]()
     for change in (np.flatnonzero(np.diff(nearest)) + 1).tolist():
         one, other = int(nearest[change - 1]), int(nearest[change])
         if survey.least[one, change] <= _EQUAL * survey.limit[change]:
             point = _equal_point(survey, one, other, change)
-            found += [] if point is None else [point]
-    return tuple(found)
+            points += [] if point is None else [point]
+    return tuple(points)
 
 
 def _equal_point(survey: Survey, one: int, other: int, change: int) -> EqualPoint | None:
     """Return the place near a sample before which one haven is nearer, after it the other."""
 
-    def both(sample: int) -> EqualPoint | None:
+    def point_at(sample: int) -> EqualPoint | None:
         before, after = (
             survey.planned(number, sample, is_thorough=False) for number in (one, other)
         )
         return None if before is None or after is None else EqualPoint(before, after)
 
-    def lacks(point: EqualPoint | None) -> float:
+    def difference(point: EqualPoint | None) -> float:
+        """Return how much longer (s) the way to the first haven takes; NaN if one has no way."""
         return math.nan if point is None else point.before.duration - point.after.duration
 
     last, wide = len(survey.times) - 1, SAMPLES // 24
     for _ in range(_WIDENED):
         low, high = max(change - wide, 0), min(change + wide, last)
-        below, above = lacks(both(low)), lacks(both(high))
+        below, above = difference(point_at(low)), difference(point_at(high))
         if below <= 0 < above:
             break
         wide *= 2
     else:
         return None
     while high - low > 1:
-        # The difference is nearly linear; a step stays off the ends, so that both come nearer.
+        # The difference is nearly linear. The middle is kept off both ends: the interval shrinks.
         share = -below / (above - below)
         middle = low + min(max(round(share * (high - low)), 1), high - low - 1)
-        found = lacks(both(middle))
-        if abs(found) <= _EQUAL_BY * survey.step:
-            return both(middle)
-        if found <= 0:
-            low, below = middle, found
-        elif found > 0:
-            high, above = middle, found
+        longer = difference(point_at(middle))
+        if abs(longer) <= _EQUAL_BY * survey.step:
+            return point_at(middle)
+        if longer <= 0:
+            low, below = middle, longer
+        elif longer > 0:
+            high, above = middle, longer
         else:
             return None
-    return both(high)
+    return point_at(high)
 
 
 # Number of parts of the route's time to which the last place is narrowed.

@@ -364,21 +364,15 @@ def _cheaper_of_each_class(plan: Plan, slower: Plan) -> Plan:
         replace(route, fuel_bound=bound) for route in by_fuel if cheapest[route.homotopy] is route
     ]
     rejected = {one.homotopy: one for one in (*slower.rejected, *plan.rejected)}
+    curves = [one for one in (plan.trade_off, slower.trade_off) if one is not None]
+    arrivals = functools.reduce(np.union1d, [curve.arrivals for curve in curves])
+    fuels = [np.interp(arrivals, one.arrivals, one.fuels, left=math.inf) for one in curves]
     return replace(
         plan,
         routes=tuple(routes[: max(len(plan.routes), len(slower.routes))]),
         rejected=tuple(one for name, one in rejected.items() if name not in cheapest),
-        trade_off=_cheaper(plan.trade_off, slower.trade_off),
+        trade_off=TradeOff(arrivals, np.min(fuels, axis=0)),
     )
-
-
-def _cheaper(one: TradeOff | None, other: TradeOff | None) -> TradeOff | None:
-    """Return the cheaper of two trade-offs for each arrival."""
-    if one is None or other is None:
-        return one or other
-    arrivals = np.union1d(one.arrivals, other.arrivals)
-    fuels = [np.interp(arrivals, c.arrivals, c.fuels, left=math.inf) for c in (one, other)]
-    return TradeOff(arrivals, np.min(fuels, axis=0))
 
 
 # Largest number of rounds that improve path and speeds of a class.
