@@ -57,11 +57,6 @@ class Stopped(KeyboardInterrupt):
         self.exit_code = 128 + number
 
 
-def exit_code(error: KeyboardInterrupt) -> int:
-    """Return the exit code of a program that was stopped."""
-    return error.exit_code if isinstance(error, Stopped) else 128 + signal.SIGINT
-
-
 @contextlib.contextmanager
 def reporting_end(report: Callable[[int], None]) -> Iterator[None]:
     """Call `report` with the exit code if a signal arrives inside the `with` block.
@@ -170,7 +165,7 @@ def exit_code_of(error: BaseException) -> int:
     if isinstance(error, PipelineError):
         return error.exit_code
     if isinstance(error, KeyboardInterrupt):
-        return exit_code(error)
+        return error.exit_code if isinstance(error, Stopped) else 128 + signal.SIGINT
     return MachineError.exit_code if _machine_fault(error) else _UNEXPECTED
 
 
@@ -199,7 +194,7 @@ def reported_errors() -> Iterator[None]:
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt as error:
         typer.echo(MESSAGE, err=True)
-        raise typer.Exit(exit_code(error)) from None
+        raise typer.Exit(exit_code_of(error)) from None
     except Exception as error:  # noqa: BLE001 - reported as unexpected
         typer.echo(_machine_fault(error) or _unexpected(error), err=True)
         raise typer.Exit(exit_code_of(error)) from None
@@ -212,16 +207,15 @@ def _unexpected(error: Exception) -> str:
         "error": "unexpected",
         "type": type(error).__name__,
         "message": clean(str(error), _MAX_MESSAGE),
-        "where": [f"{_short(frame.filename)}:{frame.lineno}" for frame in frames],
+        "where": [
+            # The last three parts of each path, to hide the user's folders.
+            f"{'/'.join(Path(frame.filename).parts[-3:])}:{frame.lineno}"
+            for frame in frames
+        ],
         "version": program_version(),
         "report": _REPORT,
     }
     return json.dumps(fields)
-
-
-def _short(filename: str) -> str:
-    """Return the last three parts of a path, to hide the user's folders."""
-    return "/".join(Path(filename).parts[-3:])
 
 
 @contextlib.contextmanager

@@ -7,7 +7,6 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -89,10 +88,23 @@ def watched(
         check_url(url)
         _note(ping(url, "start"), on_event)
     started = datetime.now(UTC)
-    reporter = _Reporter(metrics, url, on_event)
+    reported: list[NightOutcome] = []
+    lock = threading.Lock()
+
+    def report(outcome: NightOutcome) -> None:
+        """Report the end exactly once, even if a signal arrives meanwhile."""
+        with lock:
+            if reported:
+                return
+            # If another job was running, that job writes the metrics.
+            if metrics is not None and outcome.exit_code != BusyError.exit_code:
+                _note(write_metrics(metrics, outcome), on_event)
+            if url and (what := report_for(outcome.exit_code)) is not None:
+                _note(ping(url, what), on_event)
+            reported.append(outcome)
 
     def report_failure(exit_code: int) -> None:
-        reporter.report(NightOutcome("", started, datetime.now(UTC), None, exit_code, {}, {}))
+        report(NightOutcome("", started, datetime.now(UTC), None, exit_code, {}, {}))
 
     with reporting_end(report_failure):
         try:
@@ -100,31 +112,8 @@ def watched(
         except BaseException as error:
             report_failure(exit_code_of(error))
             raise
-        reporter.report(outcome)
+        report(outcome)
     return outcome
-
-
-@dataclass(frozen=True)
-class _Reporter:
-    """Reports the end of a night exactly once, even if a signal arrives meanwhile."""
-
-    metrics: Path | None
-    url: str | None
-    on_event: NightEventHandler
-    _reported: list[NightOutcome] = field(default_factory=list)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
-
-    def report(self, outcome: NightOutcome) -> None:
-        """Report how the night ended, unless it was reported before."""
-        with self._lock:
-            if self._reported:
-                return
-            # If another job was running, that job writes the metrics.
-            if self.metrics is not None and outcome.exit_code != BusyError.exit_code:
-                _note(write_metrics(self.metrics, outcome), self.on_event)
-            if self.url and (what := report_for(outcome.exit_code)) is not None:
-                _note(ping(self.url, what), self.on_event)
-            self._reported.append(outcome)
 
 
 def _note(fault: str, on_event: NightEventHandler) -> None:

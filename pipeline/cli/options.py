@@ -15,7 +15,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from pipeline.errors import shortened
 from pipeline.voyage.request import VoyageRequest
-from pipeline.voyage.table import Option, help_text, options, spelling
+from pipeline.voyage.table import CatalogueSection, Option, help_text, options, spelling
 
 _Command = TypeVar("_Command", bound=Callable[..., None])
 _TYPES: dict[str, type[Any]] = {
@@ -74,14 +74,13 @@ def _info(table: type[Any], one: Option) -> Any:  # noqa: ANN401 - typer's argum
     return typer.Option(*filter(None, (one.typed, one.short)), rich_help_panel=one.group, **known)
 
 
-def known_names(section: str) -> Callable[[str], list[str]]:
+def known_names(section: CatalogueSection) -> Callable[[str], list[str]]:
     """Return a function that completes names of a catalogue section in a shell."""
 
     def completed(incomplete: str) -> list[str]:
         from pipeline.scenario import catalogue
 
-        known = catalogue.stations() if section == "stations" else catalogue.names(section)  # type: ignore[arg-type]
-        return [name for name in known if name.startswith(incomplete)]
+        return [name for name in catalogue.choices(section) if name.startswith(incomplete)]
 
     return completed
 

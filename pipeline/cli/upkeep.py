@@ -210,7 +210,11 @@ def warm() -> str:
     if not _compiled.is_switched_on():
         raise RequestError("NUMBA_DISABLE_JIT is set, and so nothing would be compiled: unset it")
     folder = _compiled.cache_folder()
-    _refuse_elsewhere(folder)
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    if asked and folder.parent.resolve() != Path(asked).resolve():
+        raise StageError(
+            f"NUMBA_CACHE_DIR = {asked!r} can't be written; choose another folder, or unset it"
+        )
     started = time.perf_counter()
     number = 0
     if not _compiled.has_all():
@@ -229,15 +233,6 @@ def warm() -> str:
     if _compiled.cache_is_temporary():
         text += ". That is a temporary folder: set NUMBA_CACHE_DIR to one that lasts"
     return text
-
-
-def _refuse_elsewhere(folder: Path) -> None:
-    """Raise StageError if machine code would go to another folder than NUMBA_CACHE_DIR names."""
-    asked = os.environ.get("NUMBA_CACHE_DIR")
-    if asked and folder.parent.resolve() != Path(asked).resolve():
-        raise StageError(
-            f"NUMBA_CACHE_DIR = {asked!r} can't be written; choose another folder, or unset it"
-        )
 
 
 @contextlib.contextmanager

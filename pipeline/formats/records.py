@@ -40,7 +40,7 @@ from pipeline.findings.text import json_value, os_error, write_json
 from pipeline.geo.projection import Projection
 from pipeline.machine.store import code_commit, code_hash, file_hash
 from pipeline.model import CurrentGrid
-from pipeline.model.hashes import current_hash, land_hash
+from pipeline.model.inputs import current_hash, land_hash
 from pipeline.scenario.season import Period, period
 from renew.inputs.current import as_field
 from renew.kernels.current_table import CurrentTable

@@ -215,15 +215,6 @@ class Freed:
     remaining: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Item:
-    """An artefact, or a download with its sidecar."""
-
-    files: tuple[Path, ...]
-    size: int
-    used: float
-
-
 def prune(
     root: Path, *, max_bytes: float, used_before: float | None = None, keep_since: float = 0.0
 ) -> Freed:
@@ -243,19 +234,19 @@ def prune(
         All files used after this time (s since 1970) stay, whatever their size; 0 for no limit.
     """
     remove_unfinished(root)
-    items = sorted(_items(root), key=lambda item: item.used)
-    total = remaining = sum(item.size for item in items)
+    items = sorted(_items(root))
+    total = remaining = sum(size for _, size, _ in items)
     count = 0
-    for item in items:
-        is_old = used_before is not None and item.used < used_before
-        is_in_use = keep_since > 0 and item.used >= keep_since
+    for used, size, files in items:
+        is_old = used_before is not None and used < used_before
+        is_in_use = keep_since > 0 and used >= keep_since
         if is_in_use or not (is_old or remaining > max_bytes):
             continue
         with contextlib.suppress(OSError):
-            for file in item.files:
+            for file in files:
                 file.unlink(missing_ok=True)
                 count += 1
-            remaining -= item.size
+            remaining -= size
     return Freed(count, total - remaining, remaining)
 
 
@@ -264,12 +255,15 @@ def seconds_ago(days: float) -> float:
     return time.time() - days * 86_400
 
 
-def _items(root: Path) -> Iterator[_Item]:
-    """Yield all items of a store, without its locks and its notes on the results' origins."""
+def _items(root: Path) -> Iterator[tuple[float, int, list[Path]]]:
+    """Yield artefacts, and downloads with their sidecars: last use (s since 1970), size, files.
+
+    Locks, and notes on the results' origins, are not among them.
+    """
     for path in root.glob(f"*/*{SUFFIX}"):
         with contextlib.suppress(OSError):
             state = path.stat()
-            yield _Item((path,), state.st_size, state.st_mtime)
+            yield state.st_mtime, state.st_size, [path]
     groups: dict[Path, list[Path]] = {}
     for path in (root / DOWNLOADS).rglob("*"):
         if path.is_file() and not path.is_symlink():
@@ -279,7 +273,7 @@ def _items(root: Path) -> Iterator[_Item]:
             states = [file.stat() for file in files]
             # Reading a download does not set its modification time.
             used = max(max(state.st_mtime, state.st_atime) for state in states)
-            yield _Item(tuple(files), sum(state.st_size for state in states), used)
+            yield used, sum(state.st_size for state in states), files
 
 
 _ROOT = Path(__file__).resolve().parents[2]

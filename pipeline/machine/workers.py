@@ -345,12 +345,11 @@ def make_task(task: WorkerTask) -> Any:  # noqa: ANN401 - as `WorkerTask.make`
 # --- in the process of a worker ---------------------------------------------------------------
 
 
-class _Answers:
-    """The pipe by which this process answers, if it is a worker, and the calls that wait in it."""
-
-    pipe: "Connection[Any, Any] | None" = None
-    lock = threading.Lock()
-    calls: "queue.SimpleQueue[bytes]" = queue.SimpleQueue()
+# The pipe by which this process answers, if it is a worker, in a list of one.
+_pipe: "list[Connection[Any, Any]]" = []
+# The calls that wait in this worker.
+_calls: "queue.SimpleQueue[bytes]" = queue.SimpleQueue()
+_answering = threading.Lock()
 
 
 def tell(value: object) -> None:
@@ -360,7 +359,7 @@ def tell(value: object) -> None:
 
 def is_call_waiting() -> bool:
     """Whether this worker already has another call to make after the present one."""
-    return not _Answers.calls.empty()
+    return not _calls.empty()
 
 
 def main() -> None:
@@ -371,17 +370,17 @@ def main() -> None:
 
         resource.setrlimit(resource.RLIMIT_DATA, (data_bytes, data_bytes))
     sys.stdout = sys.stderr  # which is kept for messages
-    _Answers.pipe = Connection(number)
-    threading.Thread(target=_take_calls, args=(_Answers.pipe,), daemon=True).start()
+    _pipe.append(Connection(number))
+    threading.Thread(target=_take_calls, daemon=True).start()
     while True:
-        _make(_Answers.calls.get())
+        _make(_calls.get())
 
 
-def _take_calls(pipe: "Connection[Any, Any]") -> None:
+def _take_calls() -> None:
     """Take calls; end this process, and all that it started, when there are no more to come."""
     with contextlib.suppress(EOFError, OSError):
         while True:
-            _Answers.calls.put(pipe.recv_bytes())
+            _calls.put(_pipe[0].recv_bytes())
     os.killpg(os.getpgid(0), signal.SIGKILL)
 
 
@@ -401,9 +400,9 @@ def _make(call: bytes) -> None:
 
 def _answer(kind: AnswerKind, value: object) -> None:
     """Send an answer; in a process that is no worker, do nothing."""
-    if _Answers.pipe is not None:
-        with _Answers.lock:
-            _Answers.pipe.send((kind, value))
+    if _pipe:
+        with _answering:
+            _pipe[0].send((kind, value))
 
 
 # --- compilation ahead ------------------------------------------------------------------------

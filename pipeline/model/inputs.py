@@ -1,8 +1,9 @@
-"""The interfaces of sources, and what they deliver: land and currents with credits and notes.
+"""The interfaces of sources, and what they deliver: land, depths and currents, with their notes.
 
 A note tells a reader something beside the result, as values without words.
 """
 
+import hashlib
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -11,14 +12,76 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
+import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import BoolArray, FloatArray
 from pipeline.geo.lonlat import Bounds, DepthCover, KnownCells, position_text
-from pipeline.model.depths import DepthArea, TidalWater
 from pipeline.scenario.season import Season
 from pipeline.texts import clean
+
+
+@dataclass(frozen=True, slots=True)
+class DepthArea:
+    """Water of a chart between two depths in metres at chart datum, NaN where not charted.
+
+    A negative depth dries. `area` is in lon/lat degrees.
+    """
+
+    kind: Literal["natural", "dredged"]
+    least_m: float
+    greatest_m: float
+    area: BaseGeometry
+
+
+@dataclass(frozen=True, slots=True)
+class TideRange:
+    """The least and the greatest height (m over chart datum) of the tide that is relied on."""
+
+    lowest_m: float
+    highest_m: float
+
+
+NO_TIDE = TideRange(0.0, 0.0)
+"""Water without a tide, always at chart datum."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthRule:
+    """Which charted depths (m) are deep enough for a vessel.
+
+    `safety_depth_m` is draught, squat and under-keel clearance, `tide` the range of the tide.
+    """
+
+    safety_depth_m: float
+    tide: TideRange = NO_TIDE
+
+    @property
+    def least_m(self) -> float:
+        """Depth below which water is never deep enough."""
+        return self.safety_depth_m - self.tide.highest_m
+
+    def need_m(self, depth_m: float) -> float:
+        """Return the height of tide that water of a charted depth needs."""
+        return self.safety_depth_m - depth_m
+
+    def is_tidal(self, depth_m: float) -> bool:
+        """Whether water of a charted depth is deep enough for some hours only."""
+        return self.least_m <= depth_m < self.safety_depth_m - self.tide.lowest_m
+
+
+@dataclass(frozen=True, slots=True)
+class TidalWater:
+    """Water that is deep enough for some hours only, and the height of tide that it needs.
+
+    The height is in metres over chart datum, `area` in lon/lat degrees. `name` says what the chart
+    shows there.
+    """
+
+    name: str
+    need_m: float
+    area: BaseGeometry
 
 
 @dataclass(frozen=True, slots=True)
@@ -418,3 +481,19 @@ class CurrentSource(Protocol):
             The user's own file is invalid.
         """
         ...
+
+
+def land_hash(land: Land) -> str:
+    """Return the SHA-256 of a land's polygons."""
+    digest = hashlib.sha256()
+    for polygon in land.polygons:
+        digest.update(shapely.to_wkb(polygon, byte_order=1))
+    return digest.hexdigest()
+
+
+def current_hash(grid: CurrentGrid) -> str:
+    """Return the SHA-256 of a current's nodes, times and velocities, equal on every machine."""
+    digest = hashlib.sha256()
+    for array in (grid.lon, grid.lat, grid.times_s, grid.u, grid.v):
+        digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    return digest.hexdigest()

@@ -205,6 +205,11 @@ def _names_in(folder: Path) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in folder.glob("*.toml")))
 
 
+def choices(section: Section | Literal["stations"]) -> tuple[str, ...]:
+    """Return the names that an option may give of a section, or of the stations of the tide."""
+    return tuple(stations()) if section == "stations" else names(section)
+
+
 def entry(section: Section, name: str) -> dict[str, Any]:
     """Read an entry without checking it."""
     return read_toml(root() / section / f"{name}.toml")

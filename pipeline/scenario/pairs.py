@@ -163,7 +163,15 @@ def refusals(scenario: Scenario) -> Iterator[str]:
 def _line(pair: RefusedPair, scenario: Scenario, season: Season) -> str:
     """Return the line on a pair in a season; "" where the season lacks one of the two."""
     first, second = (
-        [name for name in group if _has(name, scenario, season)]
+        [
+            name
+            for name in group
+            if (
+                OF_THE_SCENARIO[name](scenario)
+                if name in OF_THE_SCENARIO
+                else OF_A_SEASON[name](season)
+            )
+        ]
         for group in (pair.first, pair.second)
     )
     if not (first and second):
@@ -172,10 +180,3 @@ def _line(pair: RefusedPair, scenario: Scenario, season: Season) -> str:
     about = f"season {season.name!r} " if of_a_season else ""
     have = f"has {' and '.join(first)} together with {' and '.join(second)}"
     return f"{about}{have}: {pair.reason}; {pair.remedy}"
-
-
-def _has(feature: str, scenario: Scenario, season: Season) -> bool:
-    """Whether a scenario, or a season of it, has a feature."""
-    if feature in OF_THE_SCENARIO:
-        return OF_THE_SCENARIO[feature](scenario)
-    return OF_A_SEASON[feature](season)

@@ -148,6 +148,7 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
         f"/static/{path.name}": path.read_text("utf-8")
         for path in sorted((_HERE / "scripts").glob("*.js"))
     }
+    text = assets.own_script("text")
     files = {
         "/": templates.get_template("plan.html.jinja").render(
             options={one.field: one for one in ASKED}
@@ -155,15 +156,11 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
         "/api": templates.get_template("api.html.jinja").render(api=interface),
         "/static/style.css": style,
         "/static/leaflet.js": assets.leaflet(),
-        "/static/text.js": _as_module(assets.own_script("text")),
+        # As a module that exports all that it defines.
+        "/static/text.js": f"{text}\nexport {{ {', '.join(_DEFINED.findall(text))} }};\n",
         **own,
     }
     return {path: content.encode() for path, content in files.items()}
-
-
-def _as_module(script: str) -> str:
-    """Return a script of the report as a module that exports all that it defines."""
-    return f"{script}\nexport {{ {', '.join(_DEFINED.findall(script))} }};\n"
 
 
 def _add_names(app: FastAPI) -> None:

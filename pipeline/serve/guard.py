@@ -81,10 +81,6 @@ def _is_same(given: str, key: str) -> bool:
     return secrets.compare_digest(given.encode(), key.encode())
 
 
-class _TooLongError(Exception):
-    """A body is longer than allowed."""
-
-
 class Guard:
     """Lets a request through to `app` if it may ask (see the module)."""
 
@@ -147,9 +143,8 @@ class Guard:
 
     async def _with_body(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on with a body that is not too long."""
-        try:
-            body = await _body(Headers(scope=scope), receive)
-        except _TooLongError:
+        body = await _body(Headers(scope=scope), receive)
+        if body is None:
             text = f"the body is longer than {MAX_BODY_BYTES:,} bytes; send files to {FILES}"
             await refused(413, text)(scope, receive, send)
             return
@@ -165,18 +160,18 @@ class Guard:
         await self._app(scope, read, send)
 
 
-async def _body(headers: Headers, receive: Receive) -> bytes:
-    """Read a body; raise _TooLongError as soon as it is too long."""
+async def _body(headers: Headers, receive: Receive) -> bytes | None:
+    """Read a body; return None as soon as it is too long."""
     length = headers.get("content-length", "0")
     if not length.isdecimal() or int(length) > MAX_BODY_BYTES:
-        raise _TooLongError
+        return None
     parts, size, more = [], 0, True
     while more:
         message = await receive()
         parts.append(message.get("body", b""))
         size += len(parts[-1])
         if size > MAX_BODY_BYTES:
-            raise _TooLongError
+            return None
         more = message.get("more_body", False)
     return b"".join(parts)
 

@@ -5,10 +5,10 @@ view would read the outlines of continents with millions of vertices, so up to _
 comes from a coarse copy, which is made once and kept in the user's cache.
 """
 
+import contextlib
 import struct
 import threading
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import shapely
@@ -72,16 +72,9 @@ def _near(box: shapely.Polygon, zoom: int, least_deg: float) -> osm.NearPolygons
         return found
     wkb = _coarse()
     if coarse is not None:
-        _keep(coarse, wkb)
+        with contextlib.suppress(OSError):  # a cache that can't be written: it is made each time
+            osm.write_cached(coarse, wkb)
     return osm.read_near(wkb, box, least_deg)
-
-
-def _keep(path: Path, wkb: bytes) -> None:
-    """Keep the coarse copy, unless the cache can't be written: then it is made each time."""
-    try:
-        osm.write_cached(path, wkb)
-    except OSError:
-        return
 
 
 @lru_cache(maxsize=1)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pipeline.errors import PipelineError, StageError
 from pipeline.serve.request import PlanRequest, command_line
-from pipeline.serve.workers import ServingWorker
+from pipeline.serve.worker import ServingWorker
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
@@ -159,10 +159,15 @@ class Plans:
         plan = AskedPlan(request, options)
         ends = ("start", "goal")
         if self._ahead is not None and any(self._ahead[one] != options[one] for one in ends):
-            self._stop_preparing()
+            self._ahead = None  # the voyage that is prepared is not the one that is planned
+            if (task := self._work.pop(_PREPARING, None)) is not None:
+                task.cancel()
         self._plans[plan.id] = plan
         self._waiting.put_nowait(plan)
-        self._forget()
+        # The oldest plans that ended are forgotten; their results stay on the disk.
+        ended = [one.id for one in self._plans.values() if one.state not in _LIVE]
+        for identity in ended[: max(0, len(self._plans) - _MAX_KEPT)]:
+            del self._plans[identity]
         return plan
 
     def prepare(self, options: Mapping[str, Any]) -> None:
@@ -170,12 +175,6 @@ class Plans:
         if self._ahead is None and not any(one.state in _LIVE for one in self._plans.values()):
             self._ahead = options
             self._waiting.put_nowait(None)
-
-    def _stop_preparing(self) -> None:
-        """Stop to prepare a voyage that is not the one that is planned."""
-        self._ahead = None
-        if (task := self._work.pop(_PREPARING, None)) is not None:
-            task.cancel()
 
     def get(self, identity: str) -> AskedPlan | None:
         """Return a plan by its id; None if it is not known."""
@@ -197,12 +196,6 @@ class Plans:
             plan.fail([], "cancelled")
             if (task := self._work.pop(plan.id, None)) is not None:
                 task.cancel()
-
-    def _forget(self) -> None:
-        """Forget the oldest plans that ended; their results stay on the disk."""
-        ended = [one.id for one in self._plans.values() if one.state not in _LIVE]
-        for identity in ended[: max(0, len(self._plans) - _MAX_KEPT)]:
-            del self._plans[identity]
 
     async def _serve(self, worker: ServingWorker, spare: ServingWorker) -> None:
         """Plan with a worker, one plan after the other; the spare one takes over if it was killed.

@@ -192,7 +192,7 @@ class _DrawnAreas(BaseModel):
                 return ""
             return faults.collect(lambda: str(files.path(text, one.key))) or ""
 
-        known = {one.key: _known_names(one) for one in ASKED}
+        known = {one.key: catalogue.choices(one.section) if one.section else () for one in ASKED}
         given: dict[str, Any] = {}
         for one in ASKED:
             value = getattr(self, one.key)
@@ -204,13 +204,6 @@ class _DrawnAreas(BaseModel):
         if self.areas:
             given["avoid"].append(str(files.keep(_geojson(self.areas), "areas.geojson").path))
         return given
-
-
-def _known_names(one: Option) -> tuple[str, ...]:
-    """Return the names of the catalogue from which an option chooses."""
-    if one.section == "stations":
-        return tuple(catalogue.stations())
-    return catalogue.names(one.section) if one.section else ()
 
 
 def _field(one: Option) -> tuple[Any, Any]:

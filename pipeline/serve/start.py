@@ -59,7 +59,13 @@ def serve(options: ServerOptions, on_ready: Callable[[str], None]) -> None:
             limit_concurrency=_MAX_CONNECTIONS + 1,
             timeout_graceful_shutdown=_GRACE_S,
         )
-        server = _Server(config, lambda: _say(keys.address, on_ready, opens=options.opens))
+
+        def tell() -> None:
+            on_ready(keys.address)
+            if options.opens:
+                webbrowser.open(keys.address)
+
+        server = _Server(config, tell)
         server.run(sockets=[opened])
 
 
@@ -110,13 +116,6 @@ class _Server(uvicorn.Server):
         """Begin to answer."""
         await super().startup(sockets=sockets)
         self._on_ready()
-
-
-def _say(address: str, on_ready: Callable[[str], None], *, opens: bool) -> None:
-    """Tell the first address, and open it if asked to."""
-    on_ready(address)
-    if opens:
-        webbrowser.open(address)
 
 
 @contextlib.contextmanager

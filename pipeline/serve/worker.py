@@ -1,24 +1,32 @@
-"""What a server's worker process does: it loads everything first, then plans voyage after voyage.
+"""The workers of a server: started ahead, killed when a plan takes too long, and started again.
 
-It opens the files that the page was given, so it has a limit of memory, and the server kills it
-when a plan takes too long or is cancelled.
+A worker process loads everything first, then plans voyage after voyage, and tells what the page
+shows of them. It opens the files that the page was given, so it has a limit of memory, and the
+server kills it when a plan takes too long or is cancelled.
 """
 
+import asyncio
 import contextlib
 import gc
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from hashlib import sha256
 from typing import Any
 
-from pipeline.errors import PipelineError, one_line
-from pipeline.findings.result import RunResult
-from pipeline.findings.text import json_value
+import numpy as np
+import shapely
+
+from pipeline._types import FloatArray
+from pipeline.errors import PipelineError, StageError, one_line
+from pipeline.findings.note_words import caveats_json, note_texts
+from pipeline.findings.result import RankedRoute, RunCase, RunResult, addressed
+from pipeline.findings.text import capitalised, json_value
+from pipeline.formats.report.season import case_facts
+from pipeline.geo.lonlat import METRES_PER_DEGREE
 from pipeline.machine.interpreters import give_back_memory, seldom_collecting
-from pipeline.machine.workers import is_call_waiting, tell
+from pipeline.machine.workers import Worker, WorkerEndedError, is_call_waiting, tell
 from pipeline.run import Event, prepare
 from pipeline.scenario.model import Scenario
-from pipeline.serve.sides import drawn, sides
 from pipeline.sources.copernicus.client import without_secrets
 from pipeline.stages.region import require_sailable
 from pipeline.voyage.one_line import run_voyage, voyage_scenario
@@ -28,8 +36,8 @@ from renew._compiled import is_cold
 from renew.warming import rehearse_half
 from renew.watching import Step
 
-Tell = Callable[[Mapping[str, Any]], None]
-
+# Plans after which a worker is replaced, so that memory that libraries leak stays bounded.
+_MAX_PLANS = 50
 # What is said of each kind of step of a plan.
 _STEPS = {
     "class": "another way round",
@@ -38,6 +46,102 @@ _STEPS = {
 }
 # Digits of the hash that tells results of different requests between the same positions apart.
 _DIGITS = 6
+# Largest distance of a drawn line from the route, as a share of the route's longer side: half a
+# pixel on a map of 2,000 pixels.
+_DETAIL = 1 / 4000
+# Decimals of drawn positions, degrees: about 1 m.
+_DECIMALS = 5
+
+
+class ServingWorker:
+    """A process that plans, within some bytes of memory; seen from the server."""
+
+    def __init__(self, memory_bytes: int) -> None:
+        self._worker = Worker(data_bytes=memory_bytes)
+        self._plans = 0
+        self._changing = asyncio.Lock()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the process lives."""
+        return self._worker.is_running
+
+    @property
+    def memory_bytes(self) -> int:
+        """Resident memory of the process; 0 where the system does not tell it."""
+        return self._worker.resident_bytes
+
+    async def start(self) -> None:
+        """Start the process unless it runs, and wait until it is ready."""
+        async with self._changing:
+            if self.is_running and self._plans >= _MAX_PLANS:
+                self.kill()
+            if not self.is_running:
+                self._plans = 0
+                self._worker.call(get_ready)
+                await self._event()
+
+    async def plan(self, asked: Mapping[str, Any], limit_s: float) -> AsyncIterator[dict[str, Any]]:
+        """Plan a voyage; yield its events, "done" or "failed" last.
+
+        If `asked` only prepares, the last is "prepared".
+
+        Raises
+        ------
+        StageError
+            It took too long, or the process ended.
+        """
+        await self.start()
+        self._plans += 1
+        try:
+            async with asyncio.timeout(limit_s):
+                self._worker.call(answer_request, asked)
+                while True:
+                    event = await self._event()
+                    yield event
+                    if event["event"] in {"done", "failed", "prepared"}:
+                        return
+        except TimeoutError:
+            self.kill()
+            raise StageError(
+                f"the plan took longer than {limit_s:g} s; plan a shorter voyage, or raise the "
+                "limit: renew serve --limit SECONDS"
+            ) from None
+
+    def kill(self) -> None:
+        """End the process and all that it started, at once."""
+        self._worker.kill()
+
+    async def _event(self) -> dict[str, Any]:
+        """Wait for the next event that the process tells; what its calls return is nothing."""
+        while True:
+            await _readable(self._worker.pipe.fileno())
+            try:
+                kind, value = self._worker.answer()
+            except WorkerEndedError as ended:
+                words = str(ended).removeprefix("its process ").removesuffix(" (out of memory?)")
+                raise StageError(
+                    f"the process that planned {words}; if memory was short, plan a shorter "
+                    "voyage, or raise the limit: renew serve --memory GB"
+                ) from None
+            if kind == "raised":
+                raise value
+            if kind == "told":
+                event: dict[str, Any] = value
+                return event
+
+
+async def _readable(descriptor: int) -> None:
+    """Wait until a file descriptor can be read."""
+    loop, is_readable = asyncio.get_running_loop(), asyncio.Event()
+    loop.add_reader(descriptor, is_readable.set)
+    try:
+        await is_readable.wait()
+    finally:
+        loop.remove_reader(descriptor)
+
+
+# --- in the worker's process ---
 
 
 def get_ready() -> None:
@@ -53,52 +157,41 @@ def get_ready() -> None:
 def answer_request(asked: Mapping[str, Any]) -> None:
     """Plan or prepare the voyage of a request, and tell how it goes."""
     with seldom_collecting():
-        (_prepare if asked["prepares"] else _plan)(asked, _tell)
+        if asked["prepares"]:
+            with contextlib.suppress(Exception):  # what fails is told by the voyage's own plan
+                request, scenario, _ = _scenario(asked)
+                require_sailable(scenario)
+                prepare(scenario, request.output, offline=request.offline)
+            _tell({"event": "prepared"})
+        else:
+            _plan(asked)
     gc.collect()
     give_back_memory()
 
 
-def _tell(fields: Mapping[str, Any]) -> None:
-    """Tell an event, in the values of JSON."""
-    tell(json_value(dict(fields)))
-
-
-def _plan(asked: Mapping[str, Any], tell: Tell) -> None:
+def _plan(asked: Mapping[str, Any]) -> None:
     """Plan a voyage as `renew go` does, and tell how it goes."""
     try:
         request, scenario, notes = _scenario(asked)
-        tell({"event": "scenario", "name": scenario.name, "title": scenario.title})
+        _tell({"event": "scenario", "name": scenario.name, "title": scenario.title})
         for note in notes:
-            tell({"event": "note", "detail": note})
-
-        def on_result(result: RunResult) -> None:
-            tell({"event": "sides", **sides(result)})
-
+            _tell({"event": "note", "detail": note})
         outcome = run_voyage(
             request,
             scenario,
             said=notes,
-            on_event=lambda event: tell(_event(event)),
-            on_step=lambda _, step: tell(_step(step)),
-            on_result=on_result,
+            on_event=_tell_event,
+            on_step=_tell_step,
+            on_result=lambda result: _tell({"event": "sides", **sides(result)}),
         )
     except PipelineError as error:
-        tell({"event": "failed", "faults": without_secrets(str(error)).splitlines()})
+        _tell({"event": "failed", "faults": without_secrets(str(error)).splitlines()})
     except Exception as error:  # noqa: BLE001 - the server tells it, and takes the next request
-        tell({"event": "failed", "faults": [without_secrets(one_line(error))]})
+        _tell({"event": "failed", "faults": [without_secrets(one_line(error))]})
     else:
         files = sorted(one.name for one in outcome.directory.iterdir() if one.is_file())
         directory, failures = str(outcome.directory), outcome.failures
-        tell({"event": "done", "directory": directory, "files": files, "failures": failures})
-
-
-def _prepare(asked: Mapping[str, Any], tell: Tell) -> None:
-    """Make ready what a voyage needs before it is planned; what fails is told by its plan."""
-    with contextlib.suppress(Exception):
-        request, scenario, _ = _scenario(asked)
-        require_sailable(scenario)
-        prepare(scenario, request.output, offline=request.offline)
-    tell({"event": "prepared"})
+        _tell({"event": "done", "directory": directory, "files": files, "failures": failures})
 
 
 def _scenario(
@@ -117,18 +210,106 @@ def _scenario(
     return request, scenario.model_copy(update={"name": name}), notes
 
 
-def _event(event: Event) -> Mapping[str, Any]:
-    """Return an event of a run as the page takes it."""
-    return {
-        "event": "progress",
-        "stage": event.stage,
-        "status": event.status,
-        "season": event.season,
-        "detail": without_secrets(event.detail),
-    }
+def _tell(fields: Mapping[str, Any]) -> None:
+    """Tell an event, in the values of JSON."""
+    tell(json_value(dict(fields)))
 
 
-def _step(step: Step) -> Mapping[str, Any]:
-    """Return a step of a plan as the page takes it."""
+def _tell_event(event: Event) -> None:
+    """Tell an event of a run."""
+    _tell(
+        {
+            "event": "progress",
+            "stage": event.stage,
+            "status": event.status,
+            "season": event.season,
+            "detail": without_secrets(event.detail),
+        }
+    )
+
+
+def _tell_step(_case: object, step: Step) -> None:
+    """Tell a step of a plan."""
     line = None if step.path is None else drawn(step.path)
-    return {"event": "step", "detail": _STEPS[step.kind], "line": line}
+    _tell({"event": "step", "detail": _STEPS[step.kind], "line": line})
+
+
+def drawn(path: FloatArray) -> list[list[float]]:
+    """Return a path (n, 2), lon/lat degrees, with as many points as a map shows."""
+    line = shapely.LineString(path)
+    west, south, east, north = line.bounds
+    detail = max(east - west, north - south, 1 / METRES_PER_DEGREE) * _DETAIL
+    points = shapely.get_coordinates(shapely.simplify(line, detail))
+    shown: list[list[float]] = np.round(points, _DECIMALS).tolist()
+    return shown
+
+
+def sides(result: RunResult) -> dict[str, Any]:
+    """Return each case's routes with their figures and sentences, ready for JSON.
+
+    Lengths and distances are in true metres, durations in seconds. The first route by each passage
+    of the main island is marked as a side's best one. `gap` is a share, None where none is proven.
+    `warnings` tell which currents stand in for others.
+    """
+    stand_ins = addressed(result.fetched.stand_in_notes, result.scenario)
+    return dict(
+        json_value(
+            {
+                "name": result.scenario.name,
+                "title": result.scenario.title,
+                "no_go": result.fetched.land.no_go_name,
+                "seasons": [
+                    {
+                        "name": case.name,
+                        "title": case.title,
+                        "failure": case.result.failure,
+                        "routes": list(_routes(case)),
+                    }
+                    for case in result.cases
+                ],
+                "warnings": [capitalised(one) for one in note_texts(stand_ins)],
+                **caveats_json(result),
+                "notes": [capitalised(one) for one in note_texts(result.fetched.notes)],
+            }
+        )
+    )
+
+
+def _routes(case: RunCase) -> Iterator[dict[str, Any]]:
+    """Yield the routes of a case, best first."""
+    facts = case_facts(case)
+    passed: set[str] = set()
+    for one in case.routes:
+        row = one.metrics
+        because = "" if facts is None else facts.because() if one.rank == 1 else ""
+        if facts is not None and one.rank > 1:
+            because = facts.why_dearer(row)
+        yield {
+            **_figures(one),
+            "excess": row.fuel / case.routes[0].metrics.fuel - 1,
+            "because": because,
+            "certainty": facts.certainty() if facts is not None and one.rank == 1 else "",
+            "is_side": row.main_passage not in passed,
+        }
+        passed.add(row.main_passage)
+
+
+def _figures(ranked: RankedRoute) -> dict[str, Any]:
+    """Return a route's figures and its line."""
+    row, case = ranked.metrics, ranked.case
+    passage = case.scenario.passage(case.name, round(row.duration_s))
+    return {
+        "rank": row.rank,
+        "way": row.way,
+        "side": row.main_passage,
+        "fuel": row.fuel,
+        "length_m": row.length_m,
+        "duration_s": row.duration_s,
+        "clearance_m": row.clearance_m,
+        "gap": case.proven_gap(row),
+        "trials": row.trials,
+        "collisions": row.collisions,
+        "departure": passage[0].isoformat() if passage else None,
+        "arrival": passage[1].isoformat() if passage else None,
+        "line": drawn(case.run.water.projection.to_lonlat(np.asarray(ranked.route.path))),
+    }

@@ -28,8 +28,7 @@ from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, DepthCover, KnownCell
 from pipeline.machine.paths import require_readable, shown
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, Zone
-from pipeline.model.depths import DepthRule, TidalWater
-from pipeline.model.inputs import LandSource
+from pipeline.model.inputs import DepthRule, LandSource, TidalWater
 from pipeline.sources.cf.axes import axis_role, coordinate_axis, grid_fault
 from pipeline.sources.cf.dataset import check_values, fatal_files, open_dataset, reading
 from pipeline.sources.cf.fields import find_window, read_window

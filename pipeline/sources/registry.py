@@ -21,8 +21,7 @@ from pipeline.errors import RequestError, StageError
 from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
-from pipeline.model.depths import NO_TIDE, DepthRule, TideRange
-from pipeline.model.inputs import CurrentSource, Issue, LandSource
+from pipeline.model.inputs import NO_TIDE, CurrentSource, DepthRule, Issue, LandSource, TideRange
 from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import EmbeddedTableSpec, StillSpec
 from pipeline.scenario.model import Scenario

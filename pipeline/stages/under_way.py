@@ -24,7 +24,7 @@ from pipeline.machine.paths import expanded, shown, unreadable_reason
 from pipeline.machine.store import Artefact, artefact_key
 from pipeline.model import Case, CaseResult, SimplifiedLand, VoyageBefore
 from pipeline.model.case import true_duration_s
-from pipeline.model.hashes import current_hash, land_hash
+from pipeline.model.inputs import current_hash, land_hash
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario, UnderWay
 from pipeline.stages.choose import Chosen

@@ -190,21 +190,18 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     if request.clearance_m is not None:
         data["planner"] = {"clearance": request.clearance_m}
     scenario = parse_scenario(data)
-    notes = tuple(_position_notes(scenario, (start, goal, *via)))
+    places = (start, goal, *via)
+    doubtful = [(place.lon, place.lat) for place in places if place.either_order]
+    # How a position was read is no news if the other order of its figures is not possible.
+    is_doubtful = bool(doubtful) and are_water_swapped(scenario, doubtful)
+    notes = tuple(
+        place.note for place in places if place.note and (is_doubtful or not place.either_order)
+    )
     if request.until and request.is_still and not request.tide:
         notes += (
             "in still water no later departure needs less fuel: the vessel leaves at the first",
         )
     return (scenario.explaining_gap() if request.explain_gap else scenario), notes
-
-
-def _position_notes(scenario: Scenario, places: Sequence[Position]) -> Iterator[str]:
-    """Yield notes on how positions were read; none if only one order of the figures is possible."""
-    doubtful = [(place.lon, place.lat) for place in places if place.either_order]
-    is_doubtful = bool(doubtful) and are_water_swapped(scenario, doubtful)
-    for place in places:
-        if place.note and (is_doubtful or not place.either_order):
-            yield place.note
 
 
 def _vessel(request: VoyageRequest) -> VesselSpec:

@@ -16,13 +16,9 @@ from pipeline.machine.paths import folder_to_write
 
 Asker = Literal["command", "page", "python"]
 Kind = Literal["text", "place", "time", "file", "source", "folder", "flag", "number", "count"]
+CatalogueSection = Literal["scenarios", "vessels", "stations", "sources"]
 _Value = TypeVar("_Value")
 _Table = TypeVar("_Table")
-
-
-def _as_it_is(value: Any) -> Any:  # noqa: ANN401 - whatever was given
-    """Take a value that needs no reading."""
-    return value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +67,7 @@ class Option:
     help: str
     label: str = ""
     example: str = ""
-    read: Callable[[Any], Any] = _as_it_is
+    read: Callable[[Any], Any] = lambda value: value
     kind: Kind = "text"
     name: str = ""
     argument: str = ""
@@ -80,7 +76,7 @@ class Option:
     most: int = 0
     least: float | None = None
     limit: float | None = None
-    section: Literal["", "scenarios", "vessels", "stations", "sources"] = ""
+    section: CatalogueSection | Literal[""] = ""
     layer: Literal["", "polygon", "point"] = ""
     is_of_run: bool = False
 
@@ -134,16 +130,13 @@ def help_text(one: Option, at: SimpleNamespace) -> str:
     return one.help.format_map(vars(at))
 
 
-def _no_rules(*_: SimpleNamespace) -> Iterable[str]:
-    """Any values go together."""
-    return ()
-
-
 def read(
     table: type[_Table],
     given: Mapping[str, Any],
     at: SimpleNamespace,
-    rules: Callable[[SimpleNamespace, SimpleNamespace, SimpleNamespace], Iterable[str]] = _no_rules,
+    rules: Callable[
+        [SimpleNamespace, SimpleNamespace, SimpleNamespace], Iterable[str]
+    ] = lambda *_: (),
     known: Sequence[str] = (),
 ) -> _Table:
     """Read what was given for the options of a table, by their fields or their names.

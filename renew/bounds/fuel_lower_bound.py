@@ -199,7 +199,8 @@ def _refined(voyage: Voyage, cells: int, halvings: int, wanted: float) -> tuple[
         slices = len(voyage.current.slice_times)
         if proven > wanted or proven >= most * _ALL or 4 * grid.wet.size * slices > _MAX_NODES:
             break
-        # Of a strait a hundred thousand times as long as it is wide the first grid is that fine.
+        # In a strait a hundred thousand times as long as it is wide, even the first grid has more
+        # cells than are asked for.
         if grid.wet.size > cells:
             break
     return most, proven
@@ -328,7 +329,8 @@ def _add_least(corners: FloatArray, rise: Rise, bends: FloatArray, r: int, c: in
     time, low, top, reached = rise
     sw, se, nw, ne = time[r, c], time[r, c + 1], time[r + 1, c], time[r + 1, c + 1]
     lowest, largest = min(sw, se, nw, ne), max(sw, se, nw, ne)
-    # u is off the linear function of its corners by two thirds of its bends at the most.
+    # Within a triangle u differs from the linear function through the corners by at most two thirds
+    # of the bends.
     least = lowest + 2 / 3 * min(bends.min(), 0.0)
     largest += 2 / 3 * max(bends.max(), 0.0)
     levels = len(reached) - 1

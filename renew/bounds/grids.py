@@ -205,7 +205,10 @@ def _sampled_deviation(
 
 @small_kernel
 def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArray) -> float:
-    """How far a velocity is off lines through its neighbours; at an edge, the next inner node's."""
+    """How far the velocity at a node is off the lines through its neighbours along x and along y.
+
+    On the grid's edge, where a neighbour is missing, the figure of the next inner node is taken.
+    """
     m, n = min(max(i, 1), y.size - 2), min(max(j, 1), x.size - 2)
     bend = 0.0
     if x.size > 2:
@@ -217,7 +220,7 @@ def _bend_at(c: FloatArray, at: int, i: int, j: int, x: FloatArray, y: FloatArra
 
 @small_kernel
 def _bend_in_time(c: FloatArray, at: int, i: int, j: int, times: FloatArray) -> float:
-    """How far a velocity is off the line through those at the node one slice before and after."""
+    """How far a node's velocity is off the line through those one slice before and after."""
     return _off_line(c[at - 1, i, j], c[at, i, j], c[at + 1, i, j], times[at - 1 : at + 2])
 
 

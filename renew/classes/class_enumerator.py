@@ -289,7 +289,7 @@ class ViaEnumerator:
         return self._combined(count, lambda _, part: part.channels(count, blocked))
 
     def channels_beside(self, paths: Sequence[FloatArray], count: int) -> list[Channel]:
-        """Return the first `count` channels of paths beside others (n, 2), on a finer roadmap."""
+        """Search again on a finer roadmap near given paths (n, 2); return `count` channels."""
         pieces = [self.voyage.cut(path) for path in paths]
         return self._combined(
             count, lambda at, part: part.channels_beside([one[at] for one in pieces], count)

@@ -55,7 +55,7 @@ def is_connected(triangulation: Triangulation, one: int, other: int) -> bool:
 
 @kernel
 def without_dead_ends(neighbours: IntArray, first: int, last: int) -> BoolArray:
-    """Return which triangles (t,) are in no dead end: a row without repeats never crosses one.
+    """Return which triangles (t,) lie in no dead end; a row without repeats enters none.
 
     `neighbours` (t, 3) are those of :class:`renew.classes.triangulation.Triangulation`.
     """

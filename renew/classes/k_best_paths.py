@@ -143,10 +143,10 @@ def followed(graph: Roadmap, rows: IntArray, row: int, leg: int) -> int:
 
 @kernel
 def _lengthened(task: SearchTask, words: Words, rows: IntArray, place: int, new: int) -> int:
-    """Lengthen a row by the triangle across an edge, as row `new`; return 1, or 0 if it can't be.
+    """Write row `new`: a row with the triangle across an edge added. Return how many were written.
 
-    If the triangle may not be entered, the table of rows notes it. `place` is three times the row
-    that is lengthened, plus the corner opposite to the edge.
+    That is 1, or 0 if the triangle may not be entered; then the table of rows notes that. `place`
+    is three times the row that is lengthened, plus the corner opposite to the edge.
     """
     mesh, rays = task.graph.mesh, task.rays
     row, out = divmod(place, 3)
@@ -273,7 +273,7 @@ def up_to(table: IntArray, row: int, column: int, before: int) -> IntArray:
 
 @kernel
 def appended(rays: RayColumns, words: Words, word: int, leg: Segment) -> int:
-    """Return the number of the word that a leg makes of a word."""
+    """Return the number of the word that a path has after a leg, if it had `word` before."""
     first, last, step = rays_between(rays.x, leg.ax, leg.bx)
     for i in range(first, last, step):
         if not is_crossed(rays.x[i], rays.y[i], leg):
@@ -339,8 +339,8 @@ _FIRST_LABELS = 1024
 _BUCKETS = 1 << 18
 # Ratio of the times of successive buckets, less 1.
 _BUCKET_SIZE = 2e-5
-# Largest time of the paths that are looked for, as a multiple of the best path's time, in a mesh of
-# many triangles: most of the slower paths there wind about islands that no better path has to pass.
+# In a mesh of many triangles, paths are looked for up to this multiple of the best path's time:
+# most slower ones wind about islands that no better path has to pass.
 _DEAREST = 1.6
 # The same in any other mesh: no limit, but finite, so that 0 times it is 0.
 _ANY = 1e300
@@ -460,7 +460,10 @@ def k_best_paths(
 def _by_clock(
     graph: Roadmap, node: int, other: int, now: float, least: float, stream: Stream
 ) -> float:
-    """Return the time (s) since departure at the end of a leg begun now; the least if steady."""
+    """Return the time (s) since departure at the end of a leg that is begun at the time `now`.
+
+    `least` is a lower bound on it, and the time itself in a steady current.
+    """
     if len(stream.table.times) == 1:
         return least
     (ax, ay), (bx, by) = graph.points[node], graph.points[other]
@@ -471,7 +474,7 @@ def _by_clock(
 
 @kernel
 def _no_rows() -> list[IntArray]:
-    """Return an empty list of rows; a row is removed again so that the compiler knows its type."""
+    """Return an empty list of rows. A row is put in and removed: it tells the compiler the type."""
     rows = [np.empty(0, dtype=np.int64)]
     rows.clear()
     return rows
@@ -479,7 +482,7 @@ def _no_rows() -> list[IntArray]:
 
 @kernel
 def _queued(entries: list[tuple[int, int]], label: int, older: int) -> int:
-    """Return the number of a new entry for a label; it leads to the older ones of its bucket."""
+    """Add an entry for a label, before the `older` one of its bucket; return its number."""
     entries.append((label, older))
     return len(entries) - 1
 

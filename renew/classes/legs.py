@@ -185,9 +185,10 @@ def legs_between(
 def _crossings(
     points: FloatArray, triangle: IntArray, pairs: IntArray, mesh: Mesh
 ) -> tuple[IntArray, IntArray]:
-    """Return edges that the lines between pairs of nodes cross, and where each line's (p,) begin.
+    """Return the edges that the lines between pairs of nodes cross, one line after the other.
 
-    The edges of a line end where the next line's begin; -1 stands for a line that can't be sailed.
+    Also returns the place of each line's first edge (p + 1,), the last being the number of edges;
+    -1 for a line that can't be sailed. A line's edges end where those of the next one begin.
     """
     begin = np.full(len(pairs) + 1, -1, dtype=np.int64)
     edges, count = np.empty(len(pairs) + _MAX_CROSSED, dtype=np.int64), 0
@@ -206,9 +207,9 @@ def _crossings(
 
 @reading_kernel
 def _crossed(mesh: Mesh, leg: Segment, triangle: int, last: int, edges: IntArray) -> int:
-    """Return number of edges that a leg from one triangle to the last crosses, noted in `edges`.
+    """Write the edges that a leg crosses between two triangles to `edges`; return their number.
 
-    -1 where one of them can't be passed.
+    It is -1 where one of them can't be passed.
     """
     entry = -1
     for count in range(_MAX_CROSSED):

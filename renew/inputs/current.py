@@ -56,7 +56,7 @@ class CurrentField(ABC):
     """
 
     def __init_subclass__(cls) -> None:
-        """Have a user's own field work on copies; the package's own fields write into nothing."""
+        """Let a user's own field work on copies only; this package's fields change no array."""
         for name in ("__call__", "velocity", "samples", "statistics"):
             if name in vars(cls) and not cls.__module__.startswith("renew."):
                 setattr(cls, name, _on_copies(vars(cls)[name]))

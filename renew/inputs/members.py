@@ -115,7 +115,7 @@ def mean_of(fields: Sequence[CurrentField], weights: FloatArray) -> CurrentField
 
 
 def _shared(fields: Iterable[CurrentField]) -> tuple[CurrentField, ...]:
-    """Return fields, in place of each that equals an earlier one that earlier one."""
+    """Return the fields; each that equals an earlier one is replaced by that one."""
     found: list[CurrentField] = []
     for one in fields:
         found.append(next((other for other in found if _are_equal(one, other)), one))

@@ -415,7 +415,7 @@ class TidalDepth:
 
 @dataclass(frozen=True, eq=False)
 class Haven:
-    """A place where a vessel can take refuge, by the user's word.
+    """A place where a vessel can take refuge, as the user says; nothing here can check that.
 
     Parameters
     ----------

@@ -108,7 +108,7 @@ class PlanOptions:
 
     @property
     def fixed_width(self) -> float:
-        """Width (m) that every padding has without the clearance; 0 if it adapts."""
+        """Width (m) of every padding before a clearance widens it; 0 if padding adapts."""
         return 0.0 if isinstance(self.padding, str) else float(self.padding)
 
     @property
@@ -117,7 +117,7 @@ class PlanOptions:
         return max(self.fixed_width, self.clearance)
 
     def likely_width(self, turning_radius: float) -> float:
-        """Width (m) that nearly every padding has: a turn reaches further than its radius."""
+        """Width (m) that nearly no padding falls below: a turn reaches further than its radius."""
         least = self.min_width if self.narrow_share == 1.0 else self.fixed_width
         return max(least, turning_radius if self.is_adaptive else 0.0)
 

@@ -12,7 +12,7 @@ from renew.kernels.current_table import CurrentTable, largest_speed, table_of, v
 
 # Number of cells along each side of the first table.
 _MIN_CELLS = 64
-# Number of cells along each side up to which they are halved, until the table is fine: 16 MB.
+# Cells are halved until the table is fine, or has this number of cells along each side: 16 MB.
 _MAX_CELLS = 1024
 # Refining stops if the error falls by less than this ratio when cells are halved. The ratio is 1/4
 # in a smooth field, and larger in a field with a step.

@@ -95,7 +95,7 @@ def _between(value: float, slope: float, low: float, high: float) -> tuple[float
 
 @kernel
 def extremes(values: FloatArray) -> tuple[float, float]:
-    """Return the least and the largest of some numbers, at least one.
+    """Return the least and the largest of one or more numbers.
 
     Numba takes several times as long to compile NumPy's functions for this.
     """
@@ -148,9 +148,9 @@ def _intersecting(bounds: FloatArray, boxes: FloatArray, chosen: IntArray) -> in
 
 @kernel
 def capsules_near(capsules: Capsules, path: FloatArray, distance: float) -> IntArray:
-    """Return the capsules whose bounding box is within a distance (m) of a leg's, as indices.
+    """Return the indices of capsules that may be within a distance (m) of a path (n, 2).
 
-    The legs are those of a path (n, 2).
+    Their bounding boxes are within that distance of the box of at least one leg.
     """
     bounds = capsule_bounds(capsules)
     close = np.zeros(len(bounds), dtype=np.bool_)

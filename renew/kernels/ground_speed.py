@@ -45,7 +45,7 @@ class Polar(NamedTuple):
 
 @small_kernel
 def sailing_at(speed: float, crab: bool, most: float) -> Polar:
-    """Return polar at a speed through water (m/s) below the vessel's highest one."""
+    """Return the polar at a speed through water (m/s) below the vessel's highest one."""
     return Polar(speed, crab, math.inf, 0.0, 2.0, 1.0, 0.0, most)
 
 

@@ -190,7 +190,8 @@ def quickest_chain(
     # Padded with points that are never reached, so that the loop can be vectorised.
     wide = -(-count // _LANES) * _LANES
     x, y = np.empty((rows, wide)), np.empty((rows, wide))
-    # Assigned as slices, these would take the compiler three seconds: it prepares a message.
+    # A loop, because an assignment to slices takes three seconds to compile: Numba compiles the
+    # error message for shapes that differ, too.
     for row in range(rows):
         for j in range(wide):
             x[row, j], y[row, j] = points[row, j if j < count else 0]
@@ -372,7 +373,7 @@ def _arrivals(
 
 @kernel
 def _capsules_between(here: _Row, there: _Row, bounds: FloatArray) -> IntArray:
-    """Return the capsules whose bounds (c, 4) intersect the box around two rows, as indices."""
+    """Return the indices of capsules whose bounds (c, 4) intersect the box around two rows."""
     (west, east), (south, north) = extremes(here.x), extremes(here.y)
     (left, right), (low, high) = extremes(there.x), extremes(there.y)
     west, east, south, north = min(west, left), max(east, right), min(south, low), max(north, high)

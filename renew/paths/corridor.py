@@ -178,7 +178,7 @@ class Corridor:
         return np.asarray(exits[length.argmin()]) if len(exits) else None
 
     def _straight_from(self, at: int, path: FloatArray) -> FloatArray:
-        """Return a path (n, 2) from an end with one leg in the capsules that hold it, if any."""
+        """Return a path (n, 2) from an end with a first leg out of the capsules that hold it."""
         first = self._legs_in_soft_end(path, at)
         if not first:
             return path
@@ -199,14 +199,14 @@ class Corridor:
         (free,), (count,) = intervals_outside(path[:1].copy(), path[1:2].copy(), soft)
         radius, leg = self.voyage.vessel.turning_radius, path[1] - path[0]
         length = np.linalg.norm(leg)
-        # A leg that goes on beyond can bend there.
+        # If the leg goes on far beyond the capsules, the path may bend just outside of them.
         if count and length * (1.0 - free[count - 1, 0]) > radius:
             outside = free[count - 1, 0] + SLACK * radius / length
             path = np.insert(path, 1, path[0] + outside * leg, axis=0)
         return path
 
     def _beyond(self, end: FloatArray, holding: BoolArray) -> Capsules:
-        """Return other parts of V than those that hold an end, and the land within these."""
+        """Return what a leg from an end avoids: V elsewhere, and land in capsules that hold it."""
         capsules, slack = self.hard_capsules, SLACK * self.voyage.vessel.turning_radius
         # If an end lies on an edge, each leg from it touches that edge.
         on_edge = segment_distance(end, capsules.start, capsules.end) <= slack

@@ -262,7 +262,7 @@ _FIRST_LATE = 0.02
 _LATE_AT_LAST = 1e-7
 # Number of constant speeds tried.
 _CONSTANT = 24
-# Number of halvings between the two of them beside the speed that is looked for.
+# Number of halvings, between two of these, to find the slowest speed that is in time.
 _HALVINGS = 30
 
 
@@ -286,7 +286,7 @@ class TimedPath:
 
     @property
     def every(self) -> IntArray:
-        """Legs (r,) if every row has its own speed."""
+        """The leg (r,) of each piece between two rows, if each piece is a leg of its own."""
         return np.arange(len(self.own_leg))
 
     def costs(self, deadline: float = math.inf) -> CostModel:
@@ -484,7 +484,7 @@ def speeds_by_clock(path: FloatArray, voyage: Voyage) -> SpeedProfile:
     corners = np.vstack([way.rows[first], path[-1:]])
     time = np.diff(way.sailed(speeds).times)
     speeds = np.add.reduceat(time * speeds, first) / np.add.reduceat(time, first)
-    # The highest speed has a price, too: any finite one gives a lower bound.
+    # The profile at the highest speed has a finite price, too: any one gives a lower bound on fuel.
     vessel = voyage.vessel
     target, least = voyage.deadline, fastest._replace(price=vessel.fuel_exponent * vessel.fuel_rate)
     for _ in range(_CLOCK_ROUNDS):

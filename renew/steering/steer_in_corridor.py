@@ -35,26 +35,26 @@ _MOST_AT_ONCE = 1.13
 _LARGEST = 1.5
 # Number of times that discs may grow.
 _MAX_GROWTHS = 6
-# Ratio of the disc that is needed to the one that is there, up to which the disc is large enough.
+# A disc counts as large enough if the needed one is at most this many times as large.
 _GROWTH = 1.01
 # Tolerances, as shares of v/ω, for simplifying a path: where sections meet, close points leave a
 # sharp corner no room. The last tolerances are used only if the path can't be steered otherwise.
 _TOLERANCES = (0.01, 0.03, 0.1, 0.3, 0.6, 1.0)
-# Largest number of tolerances with which the whole path is simplified.
+# The whole path is simplified with at most this number of the tolerances, the smallest first.
 _MAX_SIMPLIFIED = 4
-# The number at first, if it differs from place to place later.
+# Where single places are to be simplified more, the whole path begins with this number of them.
 _FIRST_SIMPLIFIED = 3
 # Distance, in v/ω, around an unsteerable place within which a path is simplified more.
 _AROUND = 4.0
-# Number of times that this is repeated.
+# Largest number of attempts, each with the path around one more place simplified more.
 _MAX_REPETITIONS = 12
 # Largest distance, in v/ω, at which a path and its track may pass a via point.
 _MISS = 0.02
 # Turns a point into a complex number, so that points can be searched as values.
 _AS_COMPLEX = np.array([1.0, 1.0j])
-# Ratio of a steered path's fuel to the path's own up to which no other way to steer it is tried.
+# Other ways to steer a path are tried if the trajectory needs more than this many times its fuel.
 _CHEAP = 1.005
-# Ratio of these fuels from which the path is also simplified in places.
+# The path is also simplified in places if it still needs more than this many times the fuel.
 _DEAR = 1.01
 
 

@@ -27,7 +27,7 @@ from renew.turns.turn_reach import TurnSampler, TurnsAtEdges, furthest_reach, no
 # A path may bulge by this number of triangles out of its channel, or out of the triangles of the
 # path by which its class was found.
 _LAYERS = 2
-# Number of triangles that are surveyed besides the ones asked for: a small chart is done at once.
+# Number of further triangles that are surveyed with those asked for: all those of a small chart.
 _BATCH = 128
 # Where the current changes, edges are searched for up to the reach times this factor, because the
 # reach may be larger in the next window of time.
@@ -250,7 +250,7 @@ class PaddingModel:
         return list(zip(first.tolist(), last.tolist(), strict=True))
 
     def _passing(self, triangles: IntArray, beside: IntArray, otherwise: FloatArray) -> FloatArray:
-        """Return midpoints (n, 2) of the edges shared with triangles `beside`, or `otherwise`."""
+        """Return midpoints (n, 2) of edges shared with triangles `beside`; `otherwise` if none."""
         triangulation = self._triangulation
         shared = triangulation.neighbours[triangles] == beside[:, None]
         edges = triangulation.edge_vertices(triangles, shared.argmax(axis=1))
@@ -267,10 +267,10 @@ class PaddingModel:
         if not new:
             return
         place = np.fromiter(new.values(), dtype=np.int64)
-        places = [one for one, _ in new]
+        places = [crossed for crossed, _ in new]
         self._survey(places)
-        rows = [self._row[one] for one in places]
-        near = [self._near[one] for one in rows]
+        rows = [self._row[crossed] for crossed in places]
+        near = [self._near[number] for number in rows]
         bounds = np.cumsum([0, *map(len, near)])
         row = np.repeat(np.arange(len(new)), np.diff(bounds))
         statistics = CurrentStatistics(*(of[rows] for of in self._statistics))

@@ -288,10 +288,10 @@ def _settled(
     since: FloatArray,
     begin: float,
 ) -> tuple[FloatArray, bool]:
-    """Return times (s + 1,), s, at ends of pieces since their begin, and whether these settled.
+    """Return times (s + 1,), s, since `begin` at the ends of pieces, and whether they settled.
 
-    By Newton's method, from a guess: the time over a piece is taken as linear in the time at its
-    middle, with the slope that the last two rounds show.
+    `since` is a guess. By Newton's method the time over a piece is taken as linear in the time at
+    its middle, with the slope that the last two rounds show.
     """
     middle, lasts, slope = (np.zeros(len(since) - 1) for _ in range(3))
     for at_round in range(_ROUNDS):

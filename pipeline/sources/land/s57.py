@@ -23,7 +23,7 @@ from pipeline.errors import RequestError
 from pipeline.geo.lonlat import DepthCover
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land, Note, PlaceName, Zone
-from pipeline.model.depths import DepthArea, DepthRule, TidalWater
+from pipeline.model.inputs import DepthArea, DepthRule, TidalWater
 from pipeline.sources.land import shapes
 from pipeline.sources.land.s57_cells import Cell, base_files, cell_files, read_cell
 

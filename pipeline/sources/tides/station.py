@@ -31,7 +31,7 @@ from pipeline.errors import Faults, RequestError
 from pipeline.geo.lonlat import position_text
 from pipeline.geo.projection import Projection
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
-from pipeline.model.depths import TideRange
+from pipeline.model.inputs import TideRange
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.model import TideSpec
 from pipeline.scenario.strict import NonNegative, Number, near_miss, shown, validated

@@ -56,6 +56,19 @@ def test_the_planners_options_are_those_of_plan_with_its_defaults() -> None:
     )
 
 
+def asked(**changes: object) -> dict[str, object]:
+    """Return a voyage of a degree in lon/lat, as TOML has it, with other keys."""
+    return {
+        "schema_version": 1,
+        "name": "calm",
+        "region": {"bbox": [119.0, 9.0, 120.2, 10.0]},
+        "vessel": {"length_m": 2.0, "speed_m_s": 4.0, "turn_rate_deg_s": 35.0, "draught_m": 1.0},
+        "start": [119.1, 9.5],
+        "goal": [120.1, 9.5],
+        **changes,
+    }
+
+
 WINDOW = {"first": "2026-11-22T06:00:00Z", "every": "1h", "count": 24}
 CHANGING = {
     "name": "tide",
@@ -144,21 +157,13 @@ def test_a_choice_of_speeds_needs_two_speeds_and_two_times(
 
 
 def test_a_choice_of_speeds_is_of_its_season_and_at_true_scale() -> None:
-    asked = {
-        "schema_version": 1,
-        "name": "calm",
-        "region": {"bbox": [119.0, 9.0, 120.2, 10.0]},
-        "vessel": {"length_m": 2.0, "speed_m_s": 4.0, "turn_rate_deg_s": 35.0},
-        "start": [119.1, 9.5],
-        "goal": [120.1, 9.5],
-        "seasons": [STEADY_SPEED, {"name": "other", "currents": ["still"]}],
-    }
-    scenario = parse_scenario(asked)
+    two = asked(seasons=[STEADY_SPEED, {"name": "other", "currents": ["still"]}])
+    scenario = parse_scenario(two)
     speeds = [scenario.vessel_in(season).speed_m_s for season in scenario.seasons]
     assert speeds == [6.0, 4.0]
     assert scenario.fastest_vessel.speed_m_s == 6.0
     with pytest.raises(RequestError, match="a scale other than 1 together with 'speed'"):
-        parse_scenario({**asked, "scale": 100.0})
+        parse_scenario({**two, "scale": 100.0})
 
 
 def test_currents_are_needed_until_the_last_departure_and_the_arrival() -> None:
@@ -173,19 +178,11 @@ def test_currents_are_needed_until_the_last_departure_and_the_arrival() -> None:
 
 
 def test_changing_currents_are_planned_at_true_scale() -> None:
-    asked = {
-        "schema_version": 1,
-        "name": "tide",
-        "region": {"bbox": [119.0, 9.0, 120.2, 10.0]},
-        "vessel": {"length_m": 2.0, "speed_m_s": 1.0, "turn_rate_deg_s": 35.0},
-        "start": [119.1, 9.5],
-        "goal": [120.1, 9.5],
-        "seasons": [CHANGING],
-    }
-    begin, end = parse_scenario(asked).passage("tide", 5400.0) or (None, None)
+    tide = asked(seasons=[CHANGING])
+    begin, end = parse_scenario(tide).passage("tide", 5400.0) or (None, None)
     assert f"{begin}, {end}" == "2026-11-22 06:00:00+00:00, 2026-11-22 07:30:00+00:00"
     with pytest.raises(RequestError, match=r"a scale other than 1 .* hours of tide"):
-        parse_scenario({**asked, "scale": 1000.0})
+        parse_scenario({**tide, "scale": 1000.0})
 
 
 def test_the_planners_ranges_are_those_of_plan() -> None:
@@ -248,18 +245,10 @@ def test_every_table_is_described() -> None:
 def test_departures_are_chosen_where_something_changes_with_time(
     changes: dict[str, object], words: str
 ) -> None:
-    asked: dict[str, object] = {
-        "schema_version": 1,
-        "name": "calm",
-        "region": {"bbox": [119.0, 9.0, 120.2, 10.0]},
-        "vessel": {"length_m": 2.0, "speed_m_s": 4.0, "turn_rate_deg_s": 35.0, "draught_m": 1.0},
-        "start": [119.1, 9.5],
-        "goal": [120.1, 9.5],
-        "seasons": [{"name": "calm", "currents": ["still"], **changes}],
-    }
+    calm = asked(seasons=[{"name": "calm", "currents": ["still"], **changes}])
     with pytest.raises(RequestError, match=words):
-        parse_scenario(asked)
-    parse_scenario({**asked, "tide": {"stations": ["boston"]}})
+        parse_scenario(calm)
+    parse_scenario({**calm, "tide": {"stations": ["boston"]}})
 
 
 @pytest.mark.parametrize(
@@ -287,19 +276,13 @@ def test_departures_are_chosen_where_something_changes_with_time(
 def test_a_wait_at_an_anchorage_needs_a_clock_and_one_departure(
     changes: dict[str, object], words: str
 ) -> None:
-    asked: dict[str, object] = {
-        "schema_version": 1,
-        "name": "calm",
-        "region": {"bbox": [119.0, 9.0, 120.2, 10.0]},
-        "vessel": {"length_m": 2.0, "speed_m_s": 4.0, "turn_rate_deg_s": 35.0, "draught_m": 1.0},
-        "start": [119.1, 9.5],
-        "goal": [120.1, 9.5],
-        "via": [[119.3, 9.5], {"at": [119.5, 9.5], "wait": "6h"}],
-        "tide": {"stations": ["boston"]},
-        "seasons": [{"name": "calm", "currents": ["still"], "departure": "2026-11-22T06:00Z"}],
-    }
-    scenario = parse_scenario(asked)
+    waits = asked(
+        via=[[119.3, 9.5], {"at": [119.5, 9.5], "wait": "6h"}],
+        tide={"stations": ["boston"]},
+        seasons=[{"name": "calm", "currents": ["still"], "departure": "2026-11-22T06:00Z"}],
+    )
+    scenario = parse_scenario(waits)
     assert scenario.anchorage == (1, timedelta(hours=6))
     assert scenario.stops["via[1]"] == (119.5, 9.5)
     with pytest.raises(RequestError, match=words):
-        parse_scenario({**asked, **changes})
+        parse_scenario({**waits, **changes})

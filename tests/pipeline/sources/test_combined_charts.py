@@ -22,7 +22,7 @@ from pipeline._types import FloatArray
 from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_text
 from pipeline.model import Credit, Land, Note, Zone
-from pipeline.model.depths import DepthRule
+from pipeline.model.inputs import DepthRule
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSource, ChartSpec
 from pipeline.sources import combined_charts

@@ -19,11 +19,9 @@ from pipeline.findings.note_words import note_texts
 from pipeline.run import run
 from pipeline.scenario.loading import load_scenario, parse_scenario
 from pipeline.scenario.model import Anchorage
-from pipeline.sources.current_field import Field
 from pipeline.stages.places import avoided_zones
 from tests.pipeline.formats import small_run
-from tests.pipeline.synthetic_currents import dataset, sea, write
-from tests.pipeline.voyage.waters import scenario_of
+from tests.pipeline.voyage.waters import scenario_of, write_tide
 
 ISLAND = shapely.box(-40.01, 34.985, -39.99, 35.02)
 RANGE = shapely.box(-40.01, 35.02, -39.98, 35.06)
@@ -64,23 +62,8 @@ def scenario_data(folder: Path, **asked: object) -> dict[str, Any]:
     }
 
 
-def write_tide(folder: Path) -> None:
-    """Write currents that turn once, hour by hour."""
-    lon, lat = np.arange(-40.25, -39.7, 0.05), np.arange(34.8, 35.25, 0.05)
-    patterns = sea(lon, lat, 2), sea(lon, lat, 3)
-    hours = np.arange("2026-11-22T00", "2026-11-23T12", dtype="datetime64[h]")
-    steps = []
-    for angle in 2 * np.pi * (np.arange(len(hours)) - 4.2) / 12.42:
-        u, v = (
-            np.cos(angle) * getattr(patterns[0], name) + np.sin(angle) * getattr(patterns[1], name)
-            for name in "uv"
-        )
-        steps.append(Field(lon, lat, u, v))
-    write(folder / "tide.nc", dataset(*steps, times=hours))
-
-
 def test_a_run_passes_its_points_and_keeps_out_of_an_area_in_its_hours(tmp_path: Path) -> None:
-    write_tide(tmp_path)
+    write_tide(tmp_path / "tide.nc")
     scenario = parse_scenario(scenario_data(tmp_path), tmp_path)
     outcome = run(scenario, tmp_path / "outputs")
     assert outcome.exit_code == 0
@@ -161,7 +144,7 @@ def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("plain_report")
 def test_points_on_land_and_areas_that_are_not_there_are_refused(tmp_path: Path) -> None:
-    write_tide(tmp_path)
+    write_tide(tmp_path / "tide.nc")
     on_land = scenario_data(tmp_path, via=[[-40.0, 35.0]])
     with pytest.raises(RequestError, match=r"via\[0\] = \[-40.0, 35.0\] lies on land, .* move it"):
         run(parse_scenario(on_land, tmp_path), tmp_path / "outputs")
@@ -173,7 +156,7 @@ def test_points_on_land_and_areas_that_are_not_there_are_refused(tmp_path: Path)
 
 @pytest.mark.usefixtures("plain_report")
 def test_what_a_message_about_an_area_proposes_works(tmp_path: Path) -> None:
-    write_tide(tmp_path)
+    write_tide(tmp_path / "tide.nc")
     points = shapely.MultiPoint([(-40.005, 35.03), (-39.99, 35.04)])
     (tmp_path / "buoys.geojson").write_text(shapely.to_geojson(points))
     geopandas.GeoSeries([RANGE], crs=4326).to_file(tmp_path / "bare.shp")
@@ -199,7 +182,7 @@ def test_what_a_message_about_an_area_proposes_works(tmp_path: Path) -> None:
 
 
 def test_an_area_of_very_many_vertices_is_covered_by_one_of_few(tmp_path: Path) -> None:
-    write_tide(tmp_path)
+    write_tide(tmp_path / "tide.nc")
     turn = np.linspace(0, 2 * np.pi, 200_001)[:-1]
     radius = 0.02 + 0.002 * np.sin(9 * turn) + 1e-4 * np.sin(2001 * turn)
     lon, lat = -40.0 + radius * np.cos(turn), 35.03 + radius * np.sin(turn)

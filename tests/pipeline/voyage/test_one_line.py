@@ -23,11 +23,10 @@ from pipeline.errors import NoWayError, RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
-from pipeline.sources.current_field import Field
 from tests.pipeline.processes import ROOT
 from tests.pipeline.results import rows_of
 from tests.pipeline.synthetic_currents import dataset, sea, write
-from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics
+from tests.pipeline.voyage.waters import FIGURES, GOAL, ISLAND, START, metrics, write_tide
 
 NO_ACCOUNT = {
     "COPERNICUSMARINE_SERVICE_USERNAME": "",
@@ -141,17 +140,7 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     tmp_path: Path, chart: Path, outputs: Path
 ) -> None:
     """A tide turns an hour after departure: all files have the times that the clock gives."""
-    lon, lat = np.arange(-40.25, -39.7, 0.05), np.arange(34.8, 35.25, 0.05)
-    patterns = sea(lon, lat, 2), sea(lon, lat, 3)
-    hours = np.arange("2026-11-22T00", "2026-11-23T12", dtype="datetime64[h]")
-    angles = 2 * np.pi * (np.arange(len(hours)) - 4.2) / 12.42
-    steps = [
-        Field(lon, lat, *(
-            np.cos(a) * getattr(patterns[0], n) + np.sin(a) * getattr(patterns[1], n) for n in "uv"
-        ))
-        for a in angles
-    ]  # fmt: skip
-    file = write(tmp_path / "tide.nc", dataset(*steps, times=hours))
+    file = write_tide(tmp_path / "tide.nc")
     departure = datetime(2026, 11, 22, 6, 20, tzinfo=UTC)
     outcome = pipeline.go(
         START, GOAL, vessel=FIGURES, depart=departure, currents=(file,), charts=chart,

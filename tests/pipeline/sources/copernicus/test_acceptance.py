@@ -22,6 +22,7 @@ from pipeline.sources.cf.fields import SelectedSteps
 from pipeline.sources.copernicus.adapter import accept, largest_spike
 from pipeline.sources.copernicus.download import SubsetRequest, select
 from pipeline.sources.current_field import Field
+from tests.pipeline import synthetic_currents
 
 REGION = shapely.box(117, 8, 120, 11)
 ISLAND = shapely.box(118, 9, 119.5, 10.5)
@@ -73,34 +74,14 @@ def write(
     names: tuple[str, str] = ("uo", "vo"),
     depth: tuple[float, ...] = (0.494025,),
 ) -> Path:
-    """Write days as the service does: time, depth, latitude, longitude; packed values."""
-    made = steps[0]
-    with netCDF4.Dataset(path, "w") as dataset:
-        for name, size in (
-            ("time", len(steps)),
-            ("depth", len(depth)),
-            ("latitude", made.lat.size),
-            ("longitude", made.lon.size),
-        ):
-            dataset.createDimension(name, size)
-        dataset.createVariable("time", "f8", ("time",))[:] = [
-            time_value + 24 * day for day in range(len(steps))
-        ]
-        dataset["time"].units = "hours since 2024-07-01 00:00:00"
-        dataset["time"].calendar = "gregorian"
-        dataset.createVariable("depth", "f4", ("depth",))[:] = depth
-        dataset.createVariable("latitude", "f4", ("latitude",))[:] = made.lat
-        dataset.createVariable("longitude", "f4", ("longitude",))[:] = made.lon
-        standard = ("eastward_sea_water_velocity", "northward_sea_water_velocity")
-        layers = ([step.u for step in steps], [step.v for step in steps])
-        for name, values, meaning in zip(names, layers, standard, strict=True):
-            shape = ("time", "depth", "latitude", "longitude")
-            variable = dataset.createVariable(name, "i2", shape, fill_value=-32767)
-            variable.scale_factor, variable.add_offset = 6.1e-4, 0.0
-            variable.units, variable.standard_name = units, meaning
-            cells = np.stack([np.stack(values)] * len(depth), axis=1)
-            variable[:] = np.ma.masked_array(np.nan_to_num(cells), mask=np.isnan(cells))
-    return path
+    """Write days as the service does: along time, depth, latitude, longitude; packed."""
+    first = np.datetime64("2024-07-01T00:00") + np.timedelta64(round(60 * time_value), "m")
+    times = [first + np.timedelta64(day, "D") for day in range(len(steps))]
+    data = synthetic_currents.dataset(*steps, times=times, names=names, units=units)
+    packed: dict[str, Any] = {"dtype": "i2", "scale_factor": 6.1e-4, "_FillValue": -32767}
+    encoding = dict.fromkeys(names, packed)
+    encoding |= {axis: {"dtype": "f4"} for axis in ("latitude", "longitude", "depth")}
+    return synthetic_currents.write(path, data.expand_dims(depth=depth, axis=1), **encoding)
 
 
 def test_a_valid_file_is_accepted_unchanged(tmp_path: Path) -> None:
@@ -110,6 +91,16 @@ def test_a_valid_file_is_accepted_unchanged(tmp_path: Path) -> None:
     assert np.allclose(read.lat, made.lat, atol=1e-5)
     assert np.allclose(read.u, made.u, atol=4e-4, equal_nan=True)
     assert np.allclose(read.v, made.v, atol=4e-4, equal_nan=True)
+
+
+def test_descending_latitudes_and_other_longitudes_are_the_same_field(tmp_path: Path) -> None:
+    made = field()
+    other = Field(made.lon - 360, made.lat[::-1], made.u[::-1], made.v[::-1])
+    read, _ = accept(write(tmp_path / "other.nc", other), MONTH, (), LAND)
+    expected, _ = accept(write(tmp_path / "made.nc", made), MONTH, (), LAND)
+    assert np.allclose(read.lon, expected.lon, atol=1e-4)
+    assert np.allclose(read.lat, expected.lat)
+    assert np.array_equal(read.u, expected.u, equal_nan=True)
 
 
 def _shifted(cells: int) -> Field:
@@ -170,6 +161,15 @@ def _days() -> list[Field]:
     return [made, replace(made, u=0.5 * made.u), replace(made, u=-made.u, v=made.v + 0.1)]
 
 
+def test_the_steps_are_summed_by_their_weights(tmp_path: Path) -> None:
+    first, second, third = _days()
+    read, _ = accept(write(tmp_path / "days.nc", first, second, third), DAYS, (), LAND)
+    u = 0.5 * first.u + 0.25 * second.u + 0.25 * third.u
+    v = 0.5 * first.v + 0.25 * second.v + 0.25 * third.v
+    assert np.allclose(read.u, u, atol=4e-4, equal_nan=True)
+    assert np.allclose(read.v, v, atol=4e-4, equal_nan=True)
+
+
 def test_missing_additional_and_unordered_steps_are_refused(tmp_path: Path) -> None:
     days = _days()
     for wrong in (days[:2], [*days, days[0]]):
@@ -193,6 +193,13 @@ def test_a_gap_in_only_one_step_is_refused(tmp_path: Path, day: int) -> None:
     spec = DAYS.spec.model_copy(update={"gaps_vary": True})
     icy, _ = accept(path, replace(DAYS, spec=spec), (), LAND)
     assert np.isnan(icy.u[0, 2, 3]), "a gap in one step is a gap in the mean"
+
+
+def test_an_impossible_speed_in_one_step_is_refused(tmp_path: Path) -> None:
+    days = _days()
+    days[1] = replace(days[1], u=days[1].u * 20)
+    with pytest.raises(StageError, match="at 2024-07-02 speeds reach"):
+        accept(write(tmp_path / "wild.nc", *days), DAYS, (), LAND)
 
 
 # --- chunks that the service does not have ------------------------------------------------------

@@ -243,30 +243,27 @@ def test_every_entry_of_the_catalogue_is_consistent(name: str) -> None:
 
 
 @pytest.fixture
-def home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """Give the client's own folder, empty, without credentials in the environment."""
-    for name in list(os.environ):
-        if name.startswith("COPERNICUS"):
-            monkeypatch.delenv(name)
-    monkeypatch.setenv("COPERNICUSMARINE_CREDENTIALS_DIRECTORY", str(tmp_path))
-    folder = tmp_path / ".copernicusmarine"
-    folder.mkdir()
+def client_folder(tmp_path: Path) -> Path:
+    """Give the client's own folder, empty."""
+    folder = tmp_path / "home" / ".copernicusmarine"
+    folder.mkdir(parents=True)
     return folder
 
 
-def test_credentials_are_removed_from_messages(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_credentials_are_removed_from_messages(
+    client_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv(USERNAME, "captain")
     monkeypatch.setenv(PASSWORD, "captain-nemo")
     stored = "[credentials]\nusername = ahab\npassword = moby=dick\n"
-    (home / ".copernicusmarine-credentials").write_bytes(base64.b64encode(stored.encode()))
+    (client_folder / ".copernicusmarine-credentials").write_bytes(base64.b64encode(stored.encode()))
     text = without_secrets("login captain-nemo of captain or ahab with moby=dick failed")
     assert text == "login *** of *** or *** with *** failed"
 
 
 def test_credentials_are_removed_from_addresses_as_they_are_encoded_there(
-    home: Path, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    del home
     monkeypatch.setenv(USERNAME, "nemo@sea.org")
     monkeypatch.setenv(PASSWORD, "p&ss word")
     text = without_secrets(
@@ -288,8 +285,10 @@ def test_credentials_are_removed_from_addresses_as_they_are_encoded_there(
         "[ahab]\n[moby-dick\n",
     ],
 )
-def test_errors_of_a_damaged_credentials_file_show_nothing_of_it(home: Path, stored: str) -> None:
-    (home / ".copernicusmarine-credentials").write_bytes(base64.b64encode(stored.encode()))
+def test_errors_of_a_damaged_credentials_file_show_nothing_of_it(
+    client_folder: Path, stored: str
+) -> None:
+    (client_folder / ".copernicusmarine-credentials").write_bytes(base64.b64encode(stored.encode()))
     try:
         configparser.RawConfigParser().read_string(stored)
         error = stored

@@ -476,6 +476,3 @@ def test_departures_without_steps_around_them_are_refused_without_a_request(
     assert f"{departure:%Y-%m-%dT%H:%MZ}" in reason
     assert "name another source in 'currents'" in reason
     assert source(name).identity(asked), "which is called first"
-
-
-# --- end to end ---------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from pipeline.errors import RequestError
 from pipeline.findings.note_words import note_texts
 from pipeline.geo.projection import Projection
 from pipeline.model import Land
-from pipeline.model.depths import DepthRule
+from pipeline.model.inputs import DepthRule
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.region import ChartSpec
