@@ -1,11 +1,11 @@
 """What a plan consists of: routes with their figures, and rejected classes with their reasons."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from html import escape
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -177,6 +177,11 @@ class Rejected:
     ways: tuple[Channel, ...] = field(default=(), repr=False)
     fuel_source: float | Callable[[], float] = field(default=math.inf, repr=False)
 
+    @classmethod
+    def of_route(cls, route: Route, cause: PlanningError) -> "Rejected":
+        """Return the class of a route that was found, and can't be taken."""
+        return cls(route.homotopy, str(cause), route.channel, cause=cause, fuel_source=route.fuel)
+
     def __post_init__(self) -> None:
         """Drop tracebacks: they hold the variables of the search, of megabytes, and themselves."""
         error: BaseException | None = self.cause
@@ -272,18 +277,6 @@ class Plan:
         return _plan_html(self)
 
 
-class Departed(NamedTuple):
-    """Outcome of one departure (s): figures of the best route, or the error if there is none."""
-
-    departure: float
-    arrival: float = math.inf
-    fuel: float = math.inf
-    path: FloatArray | None = None
-    times: FloatArray | None = None
-    homotopy: str = ""
-    cause: PlanningError | None = None
-
-
 @dataclass(frozen=True, eq=False)
 class Departures:
     """The best route of each departure that was planned, and the best departure.
@@ -313,13 +306,6 @@ class Departures:
     causes: tuple[PlanningError | None, ...]
     unproven: float
     plan: Plan
-
-    @classmethod
-    def of(cls, found: Iterable[Departed], unproven: float, plan: Plan) -> "Departures":
-        """List the outcome of each departure, with the plan at the best of them."""
-        columns: list[Any] = list(zip(*found, strict=True))
-        columns[:3] = (np.array(numbers, dtype=float) for numbers in columns[:3])
-        return cls(*[*columns, unproven, plan])
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ every kind of current. Once all kernels are compiled, each of these plans takes 
 import contextlib
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from shapely import Polygon, box
@@ -45,14 +45,6 @@ _VESSEL = Vessel(speed=1.0, turn_rate=math.radians(35), length=2.0)
 _GYRE = GyreCurrent(0.8, _SIDE, _SIDE)
 
 
-class Rehearsal(NamedTuple):
-    """A small plan: its description, its current and its options."""
-
-    what: str
-    current: CurrentLike
-    options: dict[str, Any]
-
-
 def _as_grid(field: Callable[[Any], Any]) -> GriddedCurrent:
     """A field on unevenly spaced nodes, like those of a projected chart."""
     axis = np.linspace(0.0, 1.0, 21) ** 1.1 * _SIDE
@@ -60,33 +52,34 @@ def _as_grid(field: Callable[[Any], Any]) -> GriddedCurrent:
     return GriddedCurrent(axis, axis, uv[..., 0], uv[..., 1])
 
 
-REHEARSALS = (
-    Rehearsal("adaptive padding", _GYRE, {}),
-    Rehearsal("a current in a table", _as_grid(_GYRE), {}),
-    Rehearsal("a uniform current", UniformCurrent(0.1, 0.0), {}),
-    Rehearsal("a current that is a function", lambda points: _GYRE(points), {}),  # noqa: PLW0108 - any function, not a field
-    Rehearsal("a current that changes", SwingingGyre(0.2, _SIDE, _SIDE, 0.25, 0.05), {}),
-    Rehearsal("overpowered water", GyreCurrent(1.05, _SIDE, _SIDE), {}),
-    Rehearsal("the exact drift model", _GYRE, {"drift": "crab"}),
-    Rehearsal("no padding", _GYRE, {"padding": "none"}),
-    Rehearsal("fixed padding", _GYRE, {"padding": 3.0}),
-    Rehearsal("a clearance", _GYRE, {"clearance": 4.0}),
-    Rehearsal("a small risk", _GYRE, {"risk": 1e-6}),
-    Rehearsal("risk at each point", _GYRE, {"risk_at": "point"}),
-    Rehearsal("random chains", _GYRE, {"method": "sampled", "samples": 50}),
-    Rehearsal("classes by length", _GYRE, {"order": "length"}),
-    Rehearsal("classes depth first", _GYRE, {"order": "depth-first"}),
-    Rehearsal("distinct classes", _GYRE, {"distinct_by": "auto"}),
-    Rehearsal("chosen speeds", _GYRE, {"speed": (0.9, 1.3), "arrive_by": 120.0}),
-    Rehearsal("chosen speeds, crabbing", _GYRE, {"speed": (0.9, 1.3), "drift": "crab"}),
-    Rehearsal(
+REHEARSALS: tuple[tuple[str, CurrentLike, dict[str, Any]], ...] = (
+    ("adaptive padding", _GYRE, {}),
+    ("a current in a table", _as_grid(_GYRE), {}),
+    ("a uniform current", UniformCurrent(0.1, 0.0), {}),
+    ("a current that is a function", lambda points: _GYRE(points), {}),  # noqa: PLW0108 - any function, not a field
+    ("a current that changes", SwingingGyre(0.2, _SIDE, _SIDE, 0.25, 0.05), {}),
+    ("overpowered water", GyreCurrent(1.05, _SIDE, _SIDE), {}),
+    ("the exact drift model", _GYRE, {"drift": "crab"}),
+    ("no padding", _GYRE, {"padding": "none"}),
+    ("fixed padding", _GYRE, {"padding": 3.0}),
+    ("a clearance", _GYRE, {"clearance": 4.0}),
+    ("a small risk", _GYRE, {"risk": 1e-6}),
+    ("risk at each point", _GYRE, {"risk_at": "point"}),
+    ("random chains", _GYRE, {"method": "sampled", "samples": 50}),
+    ("classes by length", _GYRE, {"order": "length"}),
+    ("classes depth first", _GYRE, {"order": "depth-first"}),
+    ("distinct classes", _GYRE, {"distinct_by": "auto"}),
+    ("chosen speeds", _GYRE, {"speed": (0.9, 1.3), "arrive_by": 120.0}),
+    ("chosen speeds, crabbing", _GYRE, {"speed": (0.9, 1.3), "drift": "crab"}),
+    (
         "chosen speeds as the current changes",
         VaryingCurrent([0.0, 400.0], [_GYRE, GyreCurrent(0.6, _SIDE, _SIDE)]),
         {"speed": (0.9, 1.3), "arrive_by": 120.0, "classes": 2},
     ),
-    Rehearsal("no way through", _GYRE, {"padding": 30.0}),
+    ("no way through", _GYRE, {"padding": 30.0}),
 )
-"""Together these call every kernel with all its types. The first takes most of the time."""
+"""Small plans: their descriptions, currents and options. Together they call every kernel with all
+its types. The first takes most of the time."""
 
 
 def rehearse() -> Iterator[str]:

@@ -246,7 +246,11 @@ class ClassSearch:
         asked = replace(channel, word=word)
         tell(Step("class"))
         try:
-            found = self._find(asked)
+            found = self._planner.find(asked)
+            own = self._planner.problem.word(found.path)
+            if own != word:
+                _keep_best(self._slipped, own, found)
+                raise InfeasibleError("its least-fuel path slips into another class")  # noqa: TRY301 - as if none was found
         except InfeasibleError as error:
             known = self.rejected.get(word)
             self.rejected[word] = (
@@ -261,15 +265,6 @@ class ClassSearch:
         _keep_best(self.found, word, found)
         tell(Step("path", found.path))
         return frozenset()
-
-    def _find(self, channel: Channel) -> ClassPath:
-        """Return a channel's path if it stays in its class; else keep it for the class it is in."""
-        found = self._planner.find(channel)
-        word = self._planner.problem.word(found.path)
-        if word != channel.word:
-            _keep_best(self._slipped, word, found)
-            raise InfeasibleError("its least-fuel path slips into another class")
-        return found
 
     def _add_slipped(self) -> None:
         """Add each path that left its class to the class that it belongs to."""
@@ -322,10 +317,12 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
     alike: dict[str, list[Rejected]] = {}
     for one in rejected:
         alike.setdefault(one.reason, []).append(one)
-    reasons = [
-        Text("{0}: {1}", (_named(group), group[0].text))
-        for group in itertools.islice(alike.values(), _MAX_REASONS)
-    ]
+    reasons = list[Text]()
+    for group in itertools.islice(alike.values(), _MAX_REASONS):
+        names = Text.joined(", ", [_class_name(one) for one in group[:_MAX_REASONS]])
+        others = f" and {len(group) - _MAX_REASONS} more" if len(group) > _MAX_REASONS else ""
+        classes = f"class{'es' * (len(group) > 1)}"
+        reasons.append(Text(f"{classes} {{0}}{others}: {{1}}", (names, group[0].text)))
     left = len(alike) - _MAX_REASONS
     more = f" (and {left} more reason{'s' * (left > 1)})" if left > 0 else ""
     if all(isinstance(one.cause, TooLateError) for one in rejected):
@@ -347,93 +344,82 @@ def no_class_error(rejected: tuple[Rejected, ...], planner: ClassPlanner) -> Unr
     return error
 
 
-def _named(group: list[Rejected]) -> Text:
-    """Name the first of several classes, and count the others."""
-    names = [_class_name(one) for one in group[:_MAX_REASONS]]
-    more = f" and {len(group) - _MAX_REASONS} more" if len(group) > _MAX_REASONS else ""
-    return Text(f"class{'es' * (len(group) > 1)} {{0}}{more}", (Text.joined(", ", names),))
-
-
 def _class_name(one: Rejected | Route) -> Text:
     """Return the name of a class for a sentence."""
     return Text("{0}", (ClassName(shortened(one.homotopy)),))
 
 
 def suggest_relaxations(planner: ClassPlanner, rejected: Sequence[Rejected]) -> list[Text]:
-    """Return tried remedies that leave a route; the widest way through comes first."""
-    options, search = planner.options, _RelaxationSearch(planner, rejected)
-    triangulation = planner.problem.triangulation
-    stops = [triangulation.locate(stop) for stop in planner.problem.voyage.stops]
-    gap = min(widest_gap(triangulation, *both) for both in itertools.pairwise(stops))
-    found = [Text("the widest way through has a gap of {0}", (Length(gap),))]
-    if not isinstance(options.padding, str) and options.padding > 0:
-        route = search.route(padding="adaptive")
-        if route is not None:
-            found.append(Text('padding = "adaptive" would leave one, {0}', (_description(route),)))
-    if options.is_adaptive and options.risk < _MAX_RISK:
-        found.append(Text(search.least_risk()))
-    return found + search.largest_padding(options.min_width or math.inf)
+    """Return tried remedies that leave a route; the widest way through comes first.
 
-
-class _RelaxationSearch:
-    """Plans with other padding, to find how much less padding leaves a route.
-
-    The ways of rejected classes are planned again, the widest first: a search for other classes
-    would take a roadmap for each padding.
+    The ways of rejected classes are planned again with other padding, the widest first: a search
+    for other classes would take a roadmap for each padding.
     """
+    problem, options = planner.problem, planner.options
+    ways = [way for one in rejected for way in one.ways]
+    widest = sorted(ways, key=_narrowest_gap, reverse=True)[:_MAX_WAYS]
 
-    def __init__(self, planner: ClassPlanner, rejected: Sequence[Rejected]) -> None:
-        self._problem, self._options = planner.problem, planner.options
-        ways = [way for one in rejected for way in one.ways]
-        self._ways = sorted(ways, key=_narrowest_gap, reverse=True)[:_MAX_WAYS]
-
-    def route(self, **changes: Any) -> Route | None:  # noqa: ANN401 - as of PlanOptions
+    def route_with(**changes: Any) -> Route | None:  # noqa: ANN401 - as of PlanOptions
         """Return the route of the widest way that has one with changed options, or None."""
-        options = replace(self._options, **changes)
         # Making room to turn takes long, and less padding leaves more room.
-        planner = ClassPlanner(self._problem.with_options(options), thorough=False)
-        for way in self._ways:
+        relaxed = ClassPlanner(problem.with_options(replace(options, **changes)), thorough=False)
+        for way in widest:
             with contextlib.suppress(InfeasibleError):
-                return planner.route(planner.find(way))
+                return relaxed.route(relaxed.find(way))
         return None
 
-    def least_risk(self) -> str:
-        """Return as text the least risk, to 1 %, that leaves a route."""
-        low, high = self._options.risk, _MAX_RISK
-        if self.route(risk=high) is None:
-            return f"a risk of {_MAX_RISK:g} would leave none of the widest ways"
-        while high - low > _RISK_STEP:
-            middle = math.ceil((low + high) / 2 / _RISK_STEP) * _RISK_STEP
-            if middle >= high:
-                break
-            if self.route(risk=middle) is None:
-                low = middle
-            else:
-                high = middle
-        return f"a risk of {high:g} would leave one"
+    stops = [problem.triangulation.locate(stop) for stop in problem.voyage.stops]
+    gap = min(widest_gap(problem.triangulation, *both) for both in itertools.pairwise(stops))
+    remedies = [Text("the widest way through has a gap of {0}", (Length(gap),))]
+    if not isinstance(options.padding, str) and options.padding > 0:
+        route = route_with(padding="adaptive")
+        if route is not None:
+            remedies.append(
+                Text('padding = "adaptive" would leave one, {0}', (_description(route),))
+            )
+    if options.is_adaptive and options.risk < _MAX_RISK:
+        remedies.append(Text(_least_risk(route_with, options.risk)))
+    most = min(options.min_width or math.inf, max(map(_narrowest_gap, widest), default=0.0) / 2)
+    return remedies + _largest_padding(route_with, most)
 
-    def largest_padding(self, most: float) -> list[Text]:
-        """Return as text the largest fixed padding up to `most` m, to 2 %, that leaves a route."""
-        most = min(most, max(map(_narrowest_gap, self._ways), default=0.0) / 2)
-        if not 0 < most < math.inf:
-            return []
-        low, high, best = 0.0, most, None
-        # Each try takes as long as a plan, and a little less than `most` is usually enough.
-        tried = _NEARLY * most
-        for _ in range(_TRIES):
-            route = self.route(padding=tried, clearance=0.0, risk_at="route")
-            if route is None:
-                high = tried
-            else:
-                low, best = tried, route
-            if high - low <= (1 - _NEARLY) * most:
-                break
-            tried = (low + high) / 2
-        if best is None:
-            return []
-        # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
-        safe = f"{low * (1 - 5e-4):.4g}"
-        return [Text(f"padding = {safe} (planar m) would leave one, {{0}}", (_description(best),))]
+
+def _least_risk(route_with: Callable[..., Route | None], low: float) -> str:
+    """Return as text the least risk above `low`, to 1 %, with which there is a route."""
+    high = _MAX_RISK
+    if route_with(risk=high) is None:
+        return f"a risk of {_MAX_RISK:g} would leave none of the widest ways"
+    while high - low > _RISK_STEP:
+        middle = math.ceil((low + high) / 2 / _RISK_STEP) * _RISK_STEP
+        if middle >= high:
+            break
+        if route_with(risk=middle) is None:
+            low = middle
+        else:
+            high = middle
+    return f"a risk of {high:g} would leave one"
+
+
+def _largest_padding(route_with: Callable[..., Route | None], most: float) -> list[Text]:
+    """Return as text the largest fixed padding up to `most` m, to 2 %, that leaves a route."""
+    if not 0 < most < math.inf:
+        return []
+    low, high, best = 0.0, most, None
+    # Each try takes as long as a plan, and a little less than `most` is usually enough.
+    tried = _NEARLY * most
+    for _ in range(_TRIES):
+        route = route_with(padding=tried, clearance=0.0, risk_at="route")
+        if route is None:
+            high = tried
+        else:
+            low, best = tried, route
+        if high - low <= (1 - _NEARLY) * most:
+            break
+        tried = (low + high) / 2
+    if best is None:
+        return []
+    # In the unit of the option, whatever unit the message uses for lengths, and rounded down.
+    safe = f"{low * (1 - 5e-4):.4g}"
+    return [Text(f"padding = {safe} (planar m) would leave one, {{0}}", (_description(best),))]
 
 
 def _narrowest_gap(way: Channel) -> float:

@@ -158,12 +158,22 @@ def _near_rough_or_bulging(
     first path needs much more padding, which the second path then has, too.
     """
     near = path_from(corridor, near_rough, growth)
-    is_doubtful = _is_much_wider(near[0], corridor) or _pays_tacking(*near)
-    if not (is_doubtful or _is_pushed_off(*near)):
+    padded, path = near
+    is_much_wider = any(
+        bool((after.padding > _MUCH * before.padding).any())
+        for before, after in zip(corridor.paddings, padded.paddings, strict=True)
+    )
+    is_doubtful = is_much_wider or _pays_tacking(padded, path)
+    voyage = corridor.voyage
+    first_rough = corridor.channel.rough_path(voyage.start, voyage.goal)
+    if not is_doubtful and voyage.fuel(path) <= _PUSHED_OFF * voyage.fuel(first_rough):
         return near
     with contextlib.suppress(InfeasibleError):
         rough = _bulging(corridor)
-        if is_doubtful or not _leads_to(rough, near[1]):
+        line = shapely.LineString(path)
+        # A rough path as close to the path that was found would end there.
+        is_close = shapely.LineString(rough).hausdorff_distance(line) < _CLOSE * line.length
+        if is_doubtful or not is_close:
             bulging = _path_near(rough, corridor, _bulging, growth)
             return min(near, bulging, key=lambda found: corridor.voyage.fuel(found[1]))
     return near
@@ -192,19 +202,6 @@ def _path_near(
         return _refined(fitted, rough_path(fitted))
 
 
-def _is_pushed_off(corridor: Corridor, path: FloatArray) -> bool:
-    """Whether a path (n, 2) needs clearly more fuel than the rough path of its class."""
-    voyage = corridor.voyage
-    rough = corridor.channel.rough_path(voyage.start, voyage.goal)
-    return voyage.fuel(path) > _PUSHED_OFF * voyage.fuel(rough)
-
-
-def _leads_to(rough: FloatArray, path: FloatArray) -> bool:
-    """Whether a rough path runs so close to a least-fuel one (n, 2) that it would end there."""
-    one, other = shapely.linestrings(rough), shapely.linestrings(path)
-    return bool(shapely.hausdorff_distance(one, other) < _CLOSE * shapely.length(other))
-
-
 def _pays_tacking(corridor: Corridor, path: FloatArray) -> bool:
     """Whether Eq. 4 rewards tacking somewhere on a path (n, 2): in a head current above v/2."""
     if corridor.polar.crab:
@@ -216,14 +213,6 @@ def _pays_tacking(corridor: Corridor, path: FloatArray) -> bool:
     along = (velocity * course).sum(axis=1)
     speed = chosen_speeds(velocity, course, voyage.polar)
     return bool((along < -speed / 2).any())
-
-
-def _is_much_wider(grown: Corridor, corridor: Corridor) -> bool:
-    """Whether padding of a corridor has grown considerably anywhere."""
-    return any(
-        bool((after.padding > _MUCH * before.padding).any())
-        for before, after in zip(corridor.paddings, grown.paddings, strict=True)
-    )
 
 
 def near_rough(corridor: Corridor) -> FloatArray:

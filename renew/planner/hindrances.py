@@ -15,7 +15,7 @@ hours of a rejected class are the hours when the vessel would reach the place th
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 import shapely
@@ -156,27 +156,30 @@ _MAX_NAMED = 3
 _Error = TypeVar("_Error", bound=InfeasibleError)
 
 
-class _Spell(NamedTuple):
-    """Index of a point on a path, and the begin and end (s) of a time when the current shuts it."""
-
-    at: int
-    begin: float
-    end: float
+_Spell: TypeAlias = tuple[int, float, float]
+"""Index of a point on a path, and the begin and end (s) of a time when the current shuts it."""
 
 
 def hours_along(
     path: FloatArray, times: FloatArray, voyage: Voyage
 ) -> tuple[OverpoweredHours, ...]:
     """Return the hours when water is shut on a path (n, 2) passed at times (n,), s."""
-    points = _PathPoints.of(path, voyage)
-    passed = np.interp(shares(points.points), shares(path), times)
-    return points.stretches(points.passed_at(passed))
+    points, is_shut = _points_on(path, voyage)
+    early, late = voyage.early_and_late(np.interp(shares(points), shares(path), times))
+    spells = (
+        spell
+        for at in np.flatnonzero(is_shut).tolist()
+        for spell in _spells(voyage, points, at, early[at], late[at])
+    )
+    return _longest_of_stretches(points, spells)
 
 
 def hours_of(channel: Channel, voyage: Voyage) -> tuple[OverpoweredHours, ...]:
     """Return the hours when water is shut on the rough path of a class."""
-    points = _PathPoints.of(channel.rough_path(voyage.start, voyage.goal), voyage)
-    return points.stretches(points.waiting()) if points.is_shut.any() else ()
+    points, is_shut = _points_on(channel.rough_path(voyage.start, voyage.goal), voyage)
+    if not is_shut.any():
+        return ()
+    return _longest_of_stretches(points, _spells_met_waiting(points, is_shut, voyage))
 
 
 def with_hours(error: _Error, hours: tuple[OverpoweredHours, ...]) -> _Error:
@@ -213,76 +216,63 @@ def overpowered_error(channel: Channel, voyage: Voyage) -> UnreachableError:
     )
 
 
-class _PathPoints(NamedTuple):
-    """Points (n, 2) on a path, and whether the current ever shuts each (n,)."""
+def _points_on(path: FloatArray, voyage: Voyage) -> tuple[FloatArray, BoolArray]:
+    """Add points to a path; return all (n, 2), and whether the current ever shuts each (n,)."""
+    table, count = voyage.table, len(voyage.table.times)
+    if table.is_steady or table.strongest < _level(voyage):
+        return path, np.zeros(len(path), dtype=bool)
+    line = shapely.LineString(path)
+    points = shapely.get_coordinates(line.segmentize(line.length / _PIECES))
+    times = np.tile(table.times, len(points))
+    current = velocities(table, np.repeat(points, count, axis=0), times)
+    # Between two slices the current is no stronger than in the stronger one.
+    strongest = np.linalg.norm(current, axis=1).reshape(-1, count).max(axis=1)
+    return points, strongest >= _level(voyage)
 
-    points: FloatArray
-    is_shut: BoolArray
-    voyage: Voyage
 
-    @classmethod
-    def of(cls, path: FloatArray, voyage: Voyage) -> "_PathPoints":
-        """Add points to a path (n, 2)."""
-        table, count = voyage.table, len(voyage.table.times)
-        if table.is_steady or table.strongest < _level(voyage):
-            return cls(path, np.zeros(len(path), dtype=bool), voyage)
-        line = shapely.LineString(path)
-        points = shapely.get_coordinates(line.segmentize(line.length / _PIECES))
-        times = np.tile(table.times, len(points))
-        current = velocities(table, np.repeat(points, count, axis=0), times)
-        # Between two slices the current is no stronger than in the stronger one.
-        strongest = np.linalg.norm(current, axis=1).reshape(-1, count).max(axis=1)
-        return cls(points, strongest >= _level(voyage), voyage)
-
-    def passed_at(self, times: FloatArray) -> Iterator[_Spell]:
-        """Yield the spells that shut a point while the vessel may be there; `times` (n,) in s."""
-        early, late = self.voyage.early_and_late(times)
-        for at in np.flatnonzero(self.is_shut).tolist():
-            for begin, end in self._spells(at, early[at], late[at]):
-                yield _Spell(at, begin, end)
-
-    def waiting(self) -> Iterator[_Spell]:
-        """Yield the spells that the vessel meets if it waits until shut water opens."""
-        voyage, now = self.voyage, self.voyage.departure
-        legs = np.diff(self.points, axis=0)
-        lengths = np.linalg.norm(legs, axis=1)
-        for at in range(len(self.points)):
-            (early, *_), _ = voyage.early_and_late(np.array([now]))
-            if self.is_shut[at]:
-                for _, end in self._spells(at, now, now):
-                    now = max(now, end)
-                if math.isinf(now):
-                    # The vessel does not reach points beyond this one.
-                    late = now
-                else:
-                    _, (late, *_) = voyage.early_and_late(np.array([now]))
-                for begin, end in self._spells(at, early, late):
-                    yield _Spell(at, begin, end)
-            if math.isinf(now) or at == len(legs):
-                return
-            (x, y), (tx, ty) = self.points[at], legs[at] / lengths[at]
-            u, v = velocity(voyage.table, x, y, now)
-            now += lengths[at] * slowness(u, v, tx, ty, voyage.polar)
-
-    def stretches(self, spells: Iterable[_Spell]) -> tuple[OverpoweredHours, ...]:
-        """Return the longest spell of each stretch: successive points shut in overlapping hours."""
-        found: list[tuple[_Spell, _Spell]] = []  # the longest and the last spell of each stretch
-        for spell in spells:
-            for k, (longest, last) in enumerate(found):
-                if spell.at - last.at <= 1 and spell.begin <= last.end and spell.end >= last.begin:
-                    found[k] = max(longest, spell, key=lambda one: one.end - one.begin), spell
-                    break
+def _spells_met_waiting(points: FloatArray, is_shut: BoolArray, voyage: Voyage) -> Iterator[_Spell]:
+    """Yield the spells that the vessel meets if it waits until shut water opens."""
+    now = voyage.departure
+    legs = np.diff(points, axis=0)
+    lengths = np.linalg.norm(legs, axis=1)
+    for at in range(len(points)):
+        (early, *_), _ = voyage.early_and_late(np.array([now]))
+        if is_shut[at]:
+            for _, _, end in _spells(voyage, points, at, now, now):
+                now = max(now, end)
+            if math.isinf(now):
+                # The vessel does not reach points beyond this one.
+                late = now
             else:
-                found.append((spell, spell))
-        return tuple(
-            OverpoweredHours(self.points[spell.at], spell.begin, spell.end) for spell, _ in found
-        )
+                _, (late, *_) = voyage.early_and_late(np.array([now]))
+            yield from _spells(voyage, points, at, early, late)
+        if math.isinf(now) or at == len(legs):
+            return
+        (x, y), (tx, ty) = points[at], legs[at] / lengths[at]
+        u, v = velocity(voyage.table, x, y, now)
+        now += lengths[at] * slowness(u, v, tx, ty, voyage.polar)
 
-    def _spells(self, at: int, begin: float, end: float) -> list[tuple[float, float]]:
-        """Return the spells (s) that shut a point and overlap the time from `begin` to `end`."""
-        place, table = self.points[at], self.voyage.table
-        spells = overpowered_spells(table, place, _level(self.voyage), begin, end)
-        return [(float(first), float(last)) for first, last in spells]
+
+def _longest_of_stretches(
+    points: FloatArray, spells: Iterable[_Spell]
+) -> tuple[OverpoweredHours, ...]:
+    """Return the longest spell of each stretch: successive points shut in overlapping hours."""
+    stretches: list[tuple[_Spell, _Spell]] = []  # the longest and the last spell of each
+    for spell in spells:
+        at, begin, end = spell
+        for k, (longest, (last, last_begin, last_end)) in enumerate(stretches):
+            if at - last <= 1 and begin <= last_end and end >= last_begin:
+                stretches[k] = max(longest, spell, key=lambda one: one[2] - one[1]), spell
+                break
+        else:
+            stretches.append((spell, spell))
+    return tuple(OverpoweredHours(points[at], begin, end) for (at, begin, end), _ in stretches)
+
+
+def _spells(voyage: Voyage, points: FloatArray, at: int, begin: float, end: float) -> list[_Spell]:
+    """Return the spells that shut a point and overlap the time from `begin` to `end` (s)."""
+    spells = overpowered_spells(voyage.table, points[at], _level(voyage), begin, end)
+    return [(at, float(first), float(last)) for first, last in spells]
 
 
 def _level(voyage: Voyage) -> float:

@@ -176,7 +176,15 @@ class ClassPlanner:
 
     def corridor(self, channel: Channel) -> Corridor:
         """Return the corridor in which a class's paths are planned."""
-        return self._corridor(channel, self._padded)
+        options, triangulation = self.options, self.problem.triangulation
+
+        def padded(own: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
+            edges = self._beside(own, voyage, path)
+            return with_clearance(
+                edges, options.clearance, options.narrow_share, own, voyage, triangulation
+            )
+
+        return self._corridor(channel, padded)
 
     def _corridor(
         self, channel: Channel, padded_edges: Callable[[Channel, Voyage, FloatArray], PaddedEdges]
@@ -199,14 +207,6 @@ class ClassPlanner:
             padded=padded[0],
         )
         return corridor.with_padding(padded)
-
-    def _padded(self, channel: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
-        """Return the padding beside a channel without via points, for a path (n, 2)."""
-        padded = self._beside(channel, voyage, path)
-        options, triangulation = self.options, self.problem.triangulation
-        return with_clearance(
-            padded, options.clearance, options.narrow_share, channel, voyage, triangulation
-        )
 
     def _beside(self, channel: Channel, voyage: Voyage, path: FloatArray) -> PaddedEdges:
         """Return the padding for turns beside a channel without via points, for a path (n, 2)."""

@@ -161,12 +161,7 @@ def without_meeting(
             routes.append(route)
             continue
         met |= {area: min(route.fuel, met.get(area, route.fuel)) for area in reasons}
-        reason = next(iter(reasons.values()))
-        rejected.append(
-            Rejected(
-                route.homotopy, str(reason), route.channel, cause=reason, fuel_source=route.fuel
-            )
-        )
+        rejected.append(Rejected.of_route(route, next(iter(reasons.values()))))
     chosen = chosen_class(routes) if routes else 0
     return replace(plan, routes=tuple(routes), rejected=tuple(rejected), chosen=chosen), met
 

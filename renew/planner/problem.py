@@ -31,6 +31,7 @@ from renew.errors import (
     UnreachableError,
     ViaInNoGoError,
 )
+from renew.inputs.chart import Chart
 from renew.inputs.current import CurrentField
 from renew.inputs.options import PlanOptions
 from renew.kernels.current_table import changes, overpowered_spells
@@ -46,16 +47,12 @@ class Problem:
 
     Parts that depend on neither departure nor speeds are taken from the `first` problem, so that
     classes keep their names. Roadmaps are taken from `base`, a problem at another departure.
-    Water `closed` is left out as overpowered water is; classes keep the names that they have in the
-    `whole` problem without it.
     """
 
     voyage: Voyage
     options: PlanOptions
     first: "Problem | None" = None
     base: "Problem | None" = None
-    closed: BaseGeometry | None = None
-    whole: "Problem | None" = None
 
     @cached_property
     def overpowered_water(self) -> BaseGeometry:
@@ -63,29 +60,18 @@ class Problem:
         return self.first.overpowered_water if self.first else overpowered_water(self.voyage)
 
     @cached_property
-    def closed_water(self) -> BaseGeometry:
-        """Water without triangles: overpowered, or closed."""
-        if self.closed is None:
-            return self.overpowered_water
-        return shapely.union(
-            self.overpowered_water, self.closed, grid_size=self.voyage.chart.precision
-        )
-
-    @cached_property
     def triangulation(self) -> Triangulation:
-        """Triangles of the water that is neither overpowered nor closed."""
+        """Triangles of the water that is not overpowered."""
         if self.first:
             return self.first.triangulation
-        chart, closed = self.voyage.chart, self.closed_water
-        return triangulation_of(chart) if closed.is_empty else triangulate(chart, closed=closed)
+        chart, shut = self.voyage.chart, self.overpowered_water
+        return triangulation_of(chart) if shut.is_empty else triangulate(chart, closed=shut)
 
     @cached_property
     def rays(self) -> Rays:
         """Rays that define the classes."""
         if self.first:
             return self.first.rays
-        if self.whole:
-            return replace(self.whole.rays, omits_islands=True)
         rays, options = self.all_rays, self.options
         if options.distinct_by != "auto":
             return rays.only(rays.size >= options.distinct_by)
@@ -100,7 +86,7 @@ class Problem:
         """Rays of all islands."""
         if self.first:
             return self.first.all_rays
-        return Rays.of(self.voyage.chart, self.closed_water)
+        return Rays.of(self.voyage.chart, self.overpowered_water)
 
     @cached_property
     def reach(self) -> TurnReach:
@@ -163,7 +149,7 @@ class Problem:
         try:
             return ClassEnumerator.of(voyage, water, rays, order, clearance=clearance + slack)
         except UnreachableError:
-            if self.closed is None and not self.overpowered_water.is_empty:
+            if not self.overpowered_water.is_empty:
                 # Where land separates the two, this raises the same error.
                 open_water = triangulation_of(voyage.chart)
                 ways = ClassEnumerator.of(voyage, open_water, rays, "length").channels(1)
@@ -182,6 +168,19 @@ class Problem:
 _MAX_PACE = 0.5
 
 
+def off_water(point: FloatArray, chart: Chart) -> tuple[str, FloatArray] | None:
+    """Say where a point (2,) lies that is not in the water, and the nearest one that is; or None.
+
+    Water is snapped to the chart's grid: a point on its edge may lie just outside.
+    """
+    here = shapely.Point(point)
+    if shapely.dwithin(chart.water, here, 4 * chart.precision):
+        return None
+    nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1]
+    where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
+    return where, nearest
+
+
 def check_endpoints(voyage: Voyage) -> None:
     """Refuse stops that are not in the water, all at once, and a departure without a current."""
     chart, stops = voyage.chart, voyage.stops
@@ -190,11 +189,8 @@ def check_endpoints(voyage: Voyage) -> None:
     faults, places = list[str](), list[FloatArray]()
     error: type[PlanningError] | None = None
     for name, kind, point in zip(names, kinds, stops, strict=True):
-        here = shapely.Point(point)
-        # Water is snapped to the chart's grid: a point on its edge may lie just outside.
-        if not shapely.dwithin(chart.water, here, 4 * chart.precision):
-            nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1].round(3)
-            where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
+        if off := off_water(point, chart):
+            where, nearest = off[0], off[1].round(3)
             faults.append(
                 f"{name} {{{len(places)}}} lies {where}, {math.dist(point, nearest):.4g} m from "
                 f"the nearest water at {{{len(places) + 1}}}; move it there or beyond"

@@ -41,13 +41,6 @@ _GAUSS = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 _COLUMNS = 64
 
 
-class Shortened(NamedTuple):
-    """Chains after smoothing: paths (n, 2), m, and times (c,), s."""
-
-    paths: list[FloatArray]
-    times: FloatArray
-
-
 class _Water(NamedTuple):
     """The current that times legs, the capsules that legs avoid, and the rays that define classes.
 
@@ -76,15 +69,18 @@ def with_shortcuts(corridor: Corridor, rays: Rays, path: FloatArray) -> FloatArr
     return path
 
 
-def each_shortened(corridor: Corridor, rays: Rays, chains: FloatArray) -> Shortened:
+def each_shortened(
+    corridor: Corridor, rays: Rays, chains: FloatArray
+) -> tuple[list[FloatArray], FloatArray]:
     """Smooth chains (c, n, 2) by shortcuts between their places; omit those without a clear way.
 
-    A chain may itself cross V if a shortcut avoids that leg.
+    Returns paths (n, 2), m, and their times (p,), s. A chain may itself cross V if a shortcut
+    avoids that leg.
     """
     water = _water(corridor, rays)
     found = [_shortened(chain, _CHAIN_PIECES, 1, water) for chain in chains]
     found = [(time, path) for time, path in found if math.isfinite(time)]
-    return Shortened([path for _, path in found], np.array([time for time, _ in found]))
+    return [path for _, path in found], np.array([time for time, _ in found])
 
 
 def _water(corridor: Corridor, rays: Rays) -> _Water:

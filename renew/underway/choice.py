@@ -1,8 +1,5 @@
 """Choose the class of the way ahead: the one that was planned, unless another saves enough."""
 
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
-
 from renew._types import FloatArray
 from renew.classes.h_signature import Word
 from renew.errors import InfeasibleError
@@ -14,23 +11,11 @@ from renew.request import Request
 from renew.results import Plan, Rejected, Route
 from renew.underway.lead import channel_along, led_in
 
-Answer: TypeAlias = Literal["kept", "switched", "turn off", "no way"]
-
 # Share of the fuel that a new path has to save to replace the planned one; two searches for the
 # same path differ by less.
 _WORTH = 1e-4
 # Ratio of a class's estimate on the roadmap to its fuel; it is hardly ever exceeded.
 _ROUGH = 1.03
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """The answer, the plan from here on, the route in the class planned, and rejected classes."""
-
-    answer: Answer
-    plan: Plan | None = None
-    kept: Route | None = None
-    rejected: tuple[Rejected, ...] = ()
 
 
 def choose(
@@ -41,12 +26,14 @@ def choose(
     *,
     is_proven: bool,
     track: FloatArray | None,
-) -> Choice:
+) -> tuple[Plan, Route | None]:
     """Choose between the class of the way `ahead` (n, 2) that was planned, if any, and others.
 
     The vessel has a `heading` (rad) if one is given. `is_proven`: the plan is proven for the vessel
     at this place and time, in the same current; the way ahead is then kept as it is. `track` (m, 4)
     is the rest of the planned trajectory if the vessel is in time for it, else None.
+    Returns the plan from here on, and the route in the class planned: the plan's best one if that
+    class is kept, None if it can't be sailed.
     Raises PlanningError if no class can be sailed.
     """
     planner = planner_of(request)
@@ -65,17 +52,19 @@ def choose(
     if kept is not None and routes[0].fuel >= (1 - switch_above) * kept.fuel:
         routes = [kept, *(one for one in routes if one is not kept)]
     for at, route in enumerate(routes):
+        reason: InfeasibleError | None = None
         try:
             best = led_in(route, planner, heading, follow=_follow, is_proven=is_proven)
-            _check_areas(best, request, planner)
         except InfeasibleError as error:
-            rejected.append(_rejected(route, error))
+            reason = error
+        else:
+            reason = next(iter(meetings(best, request.areas, planner).values()), None)
+        if reason is not None:
+            rejected.append(Rejected.of_route(route, reason))
             kept = None if route is kept else kept
             continue
         plan = Plan((best, *routes[at + 1 :]), tuple(rejected), 0, problem.overpowered_water)
-        if route is kept:
-            return Choice("kept", plan, best, tuple(rejected))
-        return Choice("switched", plan, kept, tuple(rejected))
+        return plan, best if route is kept else kept
     raise no_class_error(tuple(rejected), planner)
 
 
@@ -152,14 +141,3 @@ def _follow(
     if drawn is not None and found.fuel > (1 - _WORTH) * drawn.fuel:
         return drawn
     return found
-
-
-def _check_areas(route: Route, request: Request, planner: ClassPlanner) -> None:
-    """Raise InfeasibleError if a route meets an area while it is shut."""
-    for error in meetings(route, request.areas, planner).values():
-        raise error
-
-
-def _rejected(route: Route, error: InfeasibleError) -> Rejected:
-    """Return the class of a route that can't be begun on the vessel's heading."""
-    return Rejected(route.homotopy, str(error), route.channel, cause=error, fuel_source=route.fuel)

@@ -4,12 +4,12 @@ From an earlier place a change to the class of another route costs no more: the 
 along its route, and change later, in the same class. So the last place is found by bisection.
 """
 
+import contextlib
 import math
 from collections.abc import Sequence
 from typing import Unpack
 
 import numpy as np
-import shapely
 
 from renew.errors import (
     GoalInNoGoError,
@@ -28,10 +28,10 @@ from renew.inputs.openings import Haven
 from renew.inputs.options import Changes, PlanOptions, check_objects
 from renew.inputs.vessel import Vessel
 from renew.planner.plan import planner_of
+from renew.planner.problem import off_water
 from renew.request import Request
 from renew.results import Route
 from renew.underway.coverage import ClassTurn, Coverage, Diversion, EqualPoint, LastTurn
-from renew.underway.diversions import Diverter, Limits
 from renew.underway.survey import SAMPLES, Survey
 
 # Share by which the time along a route may differ from its own in the current that is given.
@@ -47,8 +47,8 @@ def check_cover(
     within: float | None,
     within_fuel: float | None,
     endurance: float | None,
-) -> Limits:
-    """Return the limits; refuse arguments out of range: the error names all faults."""
+) -> None:
+    """Refuse arguments out of range: the error names all faults."""
     check_kind("route", route, Route)
     check_objects(chart, vessel)
     for at, haven in enumerate(havens):
@@ -80,8 +80,6 @@ def check_cover(
         )
     if faults:
         raise ParameterError("; ".join(faults))
-    limits = (math.inf if one is None else float(one) for one in (within, within_fuel, endurance))
-    return Limits(*limits)
 
 
 def usable(
@@ -112,10 +110,8 @@ def usable(
 
 def _fault(haven: Haven, request: Request) -> PlanningError | None:
     """Return why a haven can't be used, or None."""
-    chart, here = request.chart, shapely.Point(haven.place)
-    if not shapely.dwithin(chart.water, here, 4 * chart.precision):
-        nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1].round(3)
-        where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
+    if off := off_water(haven.place, request.chart):
+        where, nearest = off[0], off[1].round(3)
         return GoalInNoGoError(
             f"haven {haven.name} {{0}} lies {where}, {{1}} from the nearest water at {{2}}",
             haven.place,
@@ -150,34 +146,38 @@ def abort_points(survey: Survey) -> tuple[LastTurn, ...]:
         may_be = np.flatnonzero(least[:-1] - survey.step <= survey.limit[:-1])
         if not len(may_be):
             continue
-        known = survey.diverter.left(number, survey.limits)
-        first = int(np.searchsorted(survey.times, max(known, default=0.0)))
-        if not known:
+        known = survey.last_within(number)
+        if known is None:
             first = int((least - survey.limit).argmin())
-        last = _last_turn(survey, number, first, int(may_be[-1]) + 1, survey.limits)
+        else:
+            first = int(np.searchsorted(survey.times, known))
+        last = _last_turn(survey, number, first, int(may_be[-1]) + 1, survey.within)
         if last is not None:
             found.append(last)
     return tuple(found)
 
 
-def _last_turn(survey: Survey, number: int, good: int, bad: int, limits: Limits) -> LastTurn | None:
-    """Return the last sample between two from which a haven is within limits, if any."""
+def _last_turn(survey: Survey, number: int, good: int, bad: int, within: float) -> LastTurn | None:
+    """Return the last sample between two from which a haven is within limits, if any.
+
+    The limits are `within` (s), and the survey's endurance.
+    """
     not_after, way = float(survey.times[bad]), survey.planned(number, good)
-    if way is None or not survey.diverter.is_within(way, limits):
+    if way is None or survey.excess(way, within) > 0:
         return None
     end = bad
     while True:
-        good, bad, way = _narrowed(survey, number, good, bad, way, limits)
+        good, bad, way = _narrowed(survey, number, good, bad, way, within)
         # Near the last place another class may lead further.
         further = survey.planned(number, bad)
-        if bad == end or further is None or not survey.diverter.is_within(further, limits):
+        if bad == end or further is None or survey.excess(further, within) > 0:
             break
         good, bad, way = bad, end, further
     return LastTurn(way, not_after)
 
 
 def _narrowed(
-    survey: Survey, number: int, good: int, bad: int, way: Diversion, limits: Limits
+    survey: Survey, number: int, good: int, bad: int, way: Diversion, within: float
 ) -> tuple[int, int, Diversion]:
     """Return two samples close together: by ways near each other, the first is the last within.
 
@@ -186,12 +186,12 @@ def _narrowed(
     beyond = math.inf
     while bad - good > _LAST:
         # Between two known ways the excess over the limits is nearly linear.
-        spare = -survey.diverter.excess(way, limits)
+        spare = -survey.excess(way, within)
         share = 0.5 if math.isinf(beyond) else spare / (spare + beyond)
         wide, least = bad - good, _LAST // 2
         middle = good + min(max(round(share * wide), least), wide - least)
         further = survey.planned(number, middle, is_thorough=False)
-        excess = math.inf if further is None else survey.diverter.excess(further, limits)
+        excess = math.inf if further is None else survey.excess(further, within)
         if further is not None and excess <= 0:
             good, way = middle, further
         else:
@@ -201,18 +201,17 @@ def _narrowed(
 
 def no_return(survey: Survey) -> LastTurn | None:
     """Return the last place from which the way back to the start is within the endurance."""
-    limits = Limits(endurance=survey.limits.endurance)
-    if math.isinf(limits.endurance):
+    if math.isinf(survey.endurance):
         return None
-    voyage = planner_of(survey.diverter.request).problem.voyage
-    places = np.array([survey.diverter.row(time)[:2] for time in survey.times.tolist()])
+    voyage = planner_of(survey.request).problem.voyage
+    places = np.array([survey.row(time)[:2] for time in survey.times.tolist()])
     quickest = voyage.vessel.speed + voyage.table.strongest
     back = np.linalg.norm(places - voyage.start, axis=1) / quickest
-    left = [survey.diverter.limit(time, limits) for time in survey.times.tolist()]
+    left = [survey.limit_at(time, math.inf) for time in survey.times.tolist()]
     may_be = np.flatnonzero(back <= left)
     last = min(int(may_be[-1]) + 1, len(survey.times) - 1)
     for good in (last, last // 2, last // 8, last // 32):
-        found = _last_turn(survey, -1, good, last, limits) if good > 0 else None
+        found = _last_turn(survey, -1, good, last, math.inf) if good > 0 else None
         if found is not None:
             return found
     return None
@@ -271,49 +270,34 @@ def _equal_point(survey: Survey, one: int, other: int, change: int) -> EqualPoin
 _PARTS = 64
 
 
-def check_others(others: Sequence[Route], dearer_by: object) -> None:
-    """Refuse other routes, and a share by which a voyage may become dearer, that can't be used."""
-    for at, other in enumerate(others):
-        check_kind(f"others[{at}]", other, Route)
-    if not (is_finite(dearer_by) and 0 <= dearer_by <= 1):
-        raise ParameterError(f"dearer_by = {shown(dearer_by)} must be a share from 0 to 1")
-
-
-def class_turns(
-    diverter: Diverter, others: Sequence[Route], dearer_by: float
-) -> tuple[ClassTurn, ...]:
+def class_turns(survey: Survey, others: Sequence[Route], dearer_by: float) -> tuple[ClassTurn, ...]:
     """Return the last places to change to other routes' classes, dearer by a share at most."""
-    word = planner_of(diverter.request).problem.word
-    own = word(diverter.route.path)
-    found = (
-        _last_change(diverter, other, (1 + dearer_by) * other.fuel)
+    word = planner_of(survey.request).problem.word
+    own = word(survey.route.path)
+    turns = [
+        _last_change(survey, other, (1 + dearer_by) * other.fuel)
         for other in others
         if word(other.path) != own
-    )
-    return tuple(one for one in found if one is not None)
+    ]
+    return tuple(turn for turn in turns if turn is not None)
 
 
-def _last_change(diverter: Diverter, other: Route, most: float) -> ClassTurn | None:
+def _last_change(survey: Survey, other: Route, most: float) -> ClassTurn | None:
     """Return the last place to change to a class so that the voyage takes at most some fuel."""
     good, bad, last = 0, _PARTS, None
     while bad - good > 1:
         middle = (good + bad) // 2
-        turn = _change(diverter, other, middle / _PARTS)
+        spent = middle / _PARTS * (survey.end - survey.begin)
+        turn: ClassTurn | None = None
+        with contextlib.suppress(PlanningError):
+            way = survey.onto(other, survey.begin + spent)
+            fuel = survey.request.vessel.fuel_rate * spent + way.fuel
+            turn = ClassTurn(other, way, fuel)
         if turn is None or turn.fuel > most:
             bad = middle
         else:
             good, last = middle, turn
     return last
-
-
-def _change(diverter: Diverter, other: Route, share: float) -> ClassTurn | None:
-    """Return the change to another route's class after a share of the route's time, if possible."""
-    spent = share * (diverter.end - diverter.begin)
-    try:
-        way = diverter.onto(other, diverter.begin + spent)
-    except PlanningError:
-        return None
-    return ClassTurn(other, way, diverter.request.vessel.fuel_rate * spent + way.fuel)
 
 
 def cover(
@@ -370,10 +354,16 @@ def cover(
         No limit, or one that no route can keep; a route that chose speeds, or of another vessel or
         current; havens that can't be used, if none is left.
     """
-    limits = check_cover(
+    check_cover(
         route, chart, vessel, havens, within=within, within_fuel=within_fuel, endurance=endurance
     )
-    check_others(others, dearer_by)
+    for at, other in enumerate(others):
+        check_kind(f"others[{at}]", other, Route)
+    if not (is_finite(dearer_by) and 0 <= dearer_by <= 1):
+        raise ParameterError(f"dearer_by = {shown(dearer_by)} must be a share from 0 to 1")
+    within, within_fuel, endurance = (
+        math.inf if limit is None else float(limit) for limit in (within, within_fuel, endurance)
+    )
     request = Request.of(
         chart,
         current,
@@ -384,25 +374,29 @@ def cover(
         departure=float(route.trajectory[0, 0]),
     )
     usable_ones, left_out = usable(havens, request, route)
-    survey = Survey(Diverter(request, route), tuple(usable_ones), limits)
+    rate = vessel.fuel_rate
+    survey = Survey(
+        request, route, tuple(usable_ones), min(within, within_fuel / rate), endurance / rate
+    )
+    # In this order: a way that one step has planned is known to the next.
     stretches = survey.stretches()
     aborts, equals = abort_points(survey), equal_points(survey)
     no_way_back = no_return(survey)
-    turns = class_turns(survey.diverter, others, dearer_by)
-    faults = [survey.diverter.fault(number) for number in range(len(usable_ones))]
-    found = list(zip(usable_ones, faults, strict=True))
-    left_out += [(haven, fault) for haven, fault in found if fault is not None]
+    turns = class_turns(survey, others, dearer_by)
+    faults = [survey.fault(number) for number in range(len(usable_ones))]
+    with_faults = list(zip(usable_ones, faults, strict=True))
+    left_out += [(haven, fault) for haven, fault in with_faults if fault is not None]
     return Coverage(
         route=route,
         abort_points=aborts,
         no_return=no_way_back,
         equal_points=equals,
         class_turns=turns,
-        havens=tuple(haven for haven, fault in found if fault is None),
+        havens=tuple(haven for haven, fault in with_faults if fault is None),
         left_out=tuple(left_out),
         stretches=tuple(stretches),
-        diversions=survey.diverter.found,
-        within=limits.within,
-        within_fuel=limits.within_fuel,
-        endurance=limits.endurance,
+        diversions=survey.found,
+        within=within,
+        within_fuel=within_fuel,
+        endurance=endurance,
     )

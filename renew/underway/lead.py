@@ -162,7 +162,7 @@ def first_arcs(heading: float, path: FloatArray, voyage: Voyage) -> list[Arc]:
     tracks = _tracks(heading, replace(voyage, vessel=vessel))
     times = voyage.departure + np.arange(_STEPS + 1) * vessel.turn_period / _STEPS
     ahead, length = shares(path), float(shapely.LineString(path).length)
-    radius = voyage.vessel.turning_radius / length
+    radius, chart = voyage.vessel.turning_radius / length, voyage.chart
     found = list[Arc]()
     joints = {min(multiple * radius, 1.0) for multiple in _JOINED_AT}
     for along in sorted({*joints, min(max(ahead[1], _NEAREST * radius), 1.0)}):
@@ -170,7 +170,10 @@ def first_arcs(heading: float, path: FloatArray, voyage: Voyage) -> list[Arc]:
         rest = path[ahead > along + 1e-9]
         for side, track in zip((1.0, -1.0), tracks, strict=True):
             rows = _until_towards(joint, track, times, heading, side, voyage)
-            if rows is None or not _is_clear(rows[:, 1:3], voyage):
+            if rows is None:
+                continue
+            flown = shapely.LineString(rows[:, 1:3])
+            if not chart.extent.covers(flown) or shapely.intersects(flown, chart.hard_no_go):
                 continue
             way = np.vstack([rows[-1, 1:3], joint, rest])
             onwards = replace(voyage, start=way[0]).leaving(float(rows[-1, 0]))
@@ -228,12 +231,6 @@ def _until_towards(
     )
 
 
-def _is_clear(track: FloatArray, voyage: Voyage) -> bool:
-    """Whether a track (n, 2) stays in the chart and off land."""
-    line, chart = shapely.LineString(track), voyage.chart
-    return bool(chart.extent.covers(line)) and not shapely.intersects(line, chart.hard_no_go)
-
-
 # Angle (rad) by which a heading may differ from the one that is needed without an arc.
 _STRAIGHT = 1e-6
 # No further arc is tried once a route arrives within this share of a full turn of the quickest arc.
@@ -278,11 +275,11 @@ def _led_out(
 ) -> tuple[FloatArray, Route, ClassPlanner]:
     """Return rows (m, 4) to a point (2,), the class's route from there, and its planner."""
     rows = _leg_to(out, planner, heading)
-    now = _onwards(planner, rows[-1])
-    ahead = way_ahead(route.path, abeam(route.path, route.times, out), now.problem.voyage)
+    there = _onwards(planner, rows[-1])
+    ahead = way_ahead(route.path, abeam(route.path, route.times, out), there.problem.voyage)
     if ahead is None:
         raise InfeasibleError("no straight leg leads from {0} back to its route", out)
-    return rows, now.route(follow(now, ahead)), now
+    return rows, there.route(follow(there, ahead)), there
 
 
 def _way_out(route: Route, planner: ClassPlanner) -> FloatArray | None:
@@ -349,18 +346,13 @@ def _first_of(arcs: list[Arc], planner: ClassPlanner) -> tuple[FloatArray, Route
     for arc in arcs:
         if best is not None and arc.arrival >= _arrival(best):
             break
-        found = _drawn(arc, planner)
-        if found is not None and (best is None or found.times[-1] < _arrival(best)):
-            best = arc.rows, found
+        there = _onwards(planner, arc.rows[-1])
+        channel = channel_along(arc.way, there.problem)
+        path = None if channel is None else as_drawn(there, arc.way, channel)
+        route = None if path is None else there.route(path)
+        if route is not None and (best is None or route.times[-1] < _arrival(best)):
+            best = arc.rows, route
     return best
-
-
-def _drawn(arc: Arc, planner: ClassPlanner) -> Route | None:
-    """Return the route that follows an arc's way from the arc's end, or None if it is not safe."""
-    after = _onwards(planner, arc.rows[-1])
-    channel = channel_along(arc.way, after.problem)
-    found = None if channel is None else as_drawn(after, arc.way, channel)
-    return None if found is None else after.route(found)
 
 
 def _onwards(planner: ClassPlanner, row: FloatArray) -> ClassPlanner:

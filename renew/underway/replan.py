@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Literal, TypeAlias, cast
 
 import numpy as np
 import shapely
@@ -25,13 +25,15 @@ from renew.inputs.openings import Haven
 from renew.inputs.options import as_point
 from renew.kernels.current_table import are_same
 from renew.planner.plan import planner_of, with_least_water
-from renew.planner.problem import check_endpoints
+from renew.planner.problem import check_endpoints, off_water
 from renew.request import Request
 from renew.results import Plan, Rejected, Route
-from renew.underway.choice import Answer, Choice, choose
-from renew.underway.diversions import entered
+from renew.underway.choice import choose
 from renew.underway.lead import ON_TIME, Abeam, abeam, track_ahead, way_ahead
+from renew.underway.survey import entered
 from renew.voyage.voyage import Voyage, shares
+
+Answer: TypeAlias = Literal["kept", "switched", "turn off", "no way"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +75,7 @@ def _turn_off(haven: Haven, request: Request, heading: float | None) -> TurnOff:
     stops = np.vstack([request.stops[0], haven.place])
     there = replace(request, stops=stops, like=request)
     check_endpoints(planner_of(there).problem.voyage)
-    choice = choose(there, None, heading, 1.0, is_proven=False, track=None)
-    plan = cast("Plan", choice.plan)  # without a way, an error was raised
+    plan, _ = choose(there, None, heading, 1.0, is_proven=False, track=None)
     if plan.best.ends_in_soft_no_go:
         raise InfeasibleError(
             f"haven {haven.name} {{0}} lies in the soft no-go zone, where no turn is verified; "
@@ -233,22 +234,29 @@ def replan(
     track = None
     if is_proven and is_in_time:
         track = track_ahead(route.trajectory, at, float(time))
-    choice, cause, goes_to = Choice("no way"), None, request
+    answer: Answer = "no way"
+    plan: Plan | None = None
+    kept: Route | None = None
+    cause, goes_to, rejected = None, request, tuple[Rejected, ...]()
     ways, left_out = tuple[TurnOff, ...](), tuple[tuple[Haven, PlanningError], ...]()
     try:
-        choice = choose(request, ahead, heading, switch_above, is_proven=is_proven, track=track)
+        plan, kept = choose(request, ahead, heading, switch_above, is_proven=is_proven, track=track)
     except PlanningError as error:
         cause = error
         ways, left_out = turn_offs(havens, request, heading)
         if ways:
-            choice = Choice("turn off", ways[0].plan)
-            goes_to = cast("Request", ways[0].plan.voyage)
-    plan = None if choice.plan is None else with_least_water(choice.plan, goes_to)
+            answer, plan = "turn off", ways[0].plan
+            goes_to = cast("Request", plan.voyage)
+    else:
+        answer, rejected = "kept" if plan.best is kept else "switched", plan.rejected
+    if plan is not None:
+        plan = replace(with_least_water(plan, goes_to), voyage=goes_to)
+        kept = plan.best if answer == "kept" else kept
     return Replanned(
-        answer=choice.answer,
-        plan=None if plan is None else replace(plan, voyage=goes_to),
-        kept=plan.best if plan is not None and choice.answer == "kept" else choice.kept,
-        rejected=choice.rejected,
+        answer=answer,
+        plan=plan,
+        kept=kept,
+        rejected=rejected,
         off=place.off,
         late=float(time) - place.due,
         moved=moved,
@@ -305,20 +313,17 @@ def _in_water(at: FloatArray, chart: Chart, radius: float) -> tuple[FloatArray, 
     The vessel has a turning `radius`, v/ω (m).
     Raises StartInNoGoError on land, and outside the chart.
     """
-    here = shapely.Point(at)
-    if shapely.dwithin(chart.water, here, 4 * chart.precision):
+    off = off_water(at, chart)
+    if off is None:
         return at, 0.0
-    nearest = shapely.get_coordinates(shapely.shortest_line(here, chart.water))[-1]
+    where, nearest = off
     far = math.dist(at, nearest)
-    if shapely.covers(chart.open_water, here):
+    if shapely.covers(chart.open_water, shapely.Point(at)):
         # From the very edge of land no track leads off it.
-        off = nearest + _OFF * radius / max(far, chart.precision) * (nearest - at)
-        return (
-            (off, math.dist(at, off))
-            if chart.water.contains(shapely.Point(off))
-            else (nearest, far)
-        )
-    where = "in the no-go zone" if shapely.covers(chart.extent, here) else "off the chart"
+        clear = nearest + _OFF * radius / max(far, chart.precision) * (nearest - at)
+        if chart.water.contains(shapely.Point(clear)):
+            return clear, math.dist(at, clear)
+        return nearest, far
     raise StartInNoGoError(
         f"at {{0}} lies {where}, {{1}} from the nearest water at {{2}}", at, Length(far), nearest
     )

@@ -1,10 +1,11 @@
 """Survey a route: from which places a haven is reached within limits; proven, refuted, or neither.
 
-Between two stations the vessel may carry on and turn off at the next one: its time to the haven is
-then at most the rest of the stretch and the way from there. So one planned way covers all places
-before it, as far as the limits go. Conversely, a vessel at x has passed a place a before it, and
-needs at least the least time from a to the haven, less the time from a to x. So bounds at close
-samples prove all places between them uncovered.
+Ways to havens are planned from places of the route, on its heading, for vessels that are early, on
+time and late. Between two stations the vessel may carry on and turn off at the next one: its time
+to the haven is then at most the rest of the stretch and the way from there. So one planned way
+covers all places before it, as far as the limits go. Conversely, a vessel at x has passed a place a
+before it, and needs at least the least time from a to the haven, less the time from a to x. So
+bounds at close samples prove all places between them uncovered.
 """
 
 import itertools
@@ -16,12 +17,28 @@ import numpy as np
 
 from renew._types import BoolArray, FloatArray
 from renew.bounds.fuel_lower_bound import HavenBound, least_time
-from renew.errors import PlanningError
+from renew.errors import InfeasibleError, Moment, PlanningError
 from renew.inputs.openings import Haven
 from renew.planner.plan import planner_of
+from renew.request import Request
+from renew.results import Route
+from renew.underway.choice import choose
 from renew.underway.coverage import Diversion, State, Stretch
-from renew.underway.diversions import Diverter, Limits
+from renew.voyage.voyage import Voyage
 
+# Number of classes that are planned for a way to a haven.
+_CLASSES = 2
+# Least number of departures between early and late at which a way is timed.
+_TIMED = 9
+# Time between two such departures, as a share of the way's time.
+_APART = 0.01
+# Largest number of such departures.
+_MOST_TIMED = 129
+# Factor by which the hours at the begin of a stretch are widened until they hold every vessel that
+# is in time on it.
+_WIDER = 1.25
+# Largest number of times that they are widened.
+_TRIES = 12
 SAMPLES = 360
 """Number of samples in the time of a limit."""
 # Largest number of samples in all.
@@ -40,38 +57,262 @@ _PROOF_CELLS = 128_000
 _ABOVE = 1.02
 
 
+def entered(haven: Haven, arrival: float) -> float:
+    """Return when (s) a vessel enters a haven that it reaches at some time (s)."""
+    if arrival > haven.closes:
+        raise InfeasibleError(
+            f"haven {haven.name} closes at {{0}}; the vessel arrives at {{1}}",
+            Moment(haven.closes),
+            Moment(arrival),
+        )
+    return max(arrival, haven.opens)
+
+
 @dataclass(eq=False)
 class Survey:
-    """A survey of a route at samples, close together in time.
+    """Ways from a route's track to havens, each planned once, and the route at close samples.
 
+    A way is within the limits if it takes at most `within` (s), and leaves by the `endurance`: the
+    time (s) from departure on for which the fuel on board lasts.
     `times` (n,), s, are those of the samples, `limit` (n,), s, the limits there, and `least` (m, n)
-    bounds on the time to each haven (s), by `bounds` if they are known.
+    bounds on the time to each haven (s).
     """
 
-    diverter: Diverter
+    request: Request
+    route: Route
     havens: tuple[Haven, ...]
-    limits: Limits
-    bounds: Sequence[HavenBound] = ()
+    within: float
+    endurance: float
     times: FloatArray = field(init=False)
     limit: FloatArray = field(init=False)
     least: FloatArray = field(init=False)
     cause: PlanningError | None = None
+    _found: dict[tuple[int, float], Diversion | PlanningError] = field(default_factory=dict)
+    _whole: set[tuple[int, float]] = field(default_factory=set)
     _known: dict[int, list[Diversion]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Take samples, and the bound from each to each haven."""
-        begin, end = self.diverter.begin, self.diverter.end
-        tightest = min(self.diverter.limit(begin, self.limits), end - begin)
+        begin, end = self.begin, self.end
+        tightest = min(self.limit_at(begin, self.within), end - begin)
         step = max(tightest / SAMPLES, (end - begin) / _MOST_SAMPLES)
         self.times = np.linspace(begin, end, max(2, math.ceil((end - begin) / step) + 1))
-        self.limit = np.array([self.diverter.limit(one, self.limits) for one in self.times])
-        places = np.array([self.diverter.row(time)[:2] for time in self.times.tolist()])
-        if not self.bounds:
-            last = end + self.diverter.off(end)
-            self.bounds = bounds_to(self.havens, self.diverter, float(self.limit.max()), last)
-        self.least = np.array([one.at(places) for one in self.bounds])
-        if not self.diverter.request.current.is_steady:
+        self.limit = np.array([self.limit_at(one, self.within) for one in self.times])
+        places = np.array([self.row(time)[:2] for time in self.times.tolist()])
+        # Bounds are close up to the limits, and hold for whoever is under way until the last does.
+        voyage, most = planner_of(self.request).problem.voyage, _ABOVE * float(self.limit.max())
+        last = end + self.off(end)
+        bounds = [
+            HavenBound.of(replace(voyage, goal=one.place), most, last + most) for one in self.havens
+        ]
+        self.least = np.array([one.at(places) for one in bounds])
+        if not self.request.current.is_steady:
             self._raise_with_clock()
+
+    @property
+    def begin(self) -> float:
+        """When a vessel on time departs, s."""
+        return float(self.route.trajectory[0, 0])
+
+    @property
+    def end(self) -> float:
+        """When a vessel on time arrives, s."""
+        return float(self.route.trajectory[-1, 0])
+
+    @property
+    def found(self) -> tuple[Diversion, ...]:
+        """All ways that were found, in the order of their times."""
+        ways = [one for one in self._found.values() if isinstance(one, Diversion)]
+        return tuple(sorted(ways, key=lambda one: one.time))
+
+    def row(self, time: float) -> FloatArray:
+        """Return place (m) and heading (rad) of a vessel that is on time (3,)."""
+        track = self.route.trajectory
+        return np.array([np.interp(time, track[:, 0], column) for column in track.T[1:]])
+
+    def stretch(self, begin: float, end: float) -> FloatArray:
+        """Return rows (n, 3) of t (s), x and y (m) of the track between two times (s)."""
+        track = self.route.trajectory
+        inside = track[(track[:, 0] > begin) & (track[:, 0] < end), :3]
+        ends = [[time, *self.row(time)[:2]] for time in (begin, end)]
+        return np.vstack([ends[0], inside, ends[1]])
+
+    def off(self, time: float) -> float:
+        """Return by how much (s) a vessel may be early or late for its ways; 0 if steady."""
+        return 0.0 if self.request.current.is_steady else self.late(time)
+
+    def late(self, time: float) -> float:
+        """Return by how much (s) a vessel may be early or late where it should be at a time (s)."""
+        options = self.request.options
+        return float(max(options.lateness * (time - self.begin), options.min_lateness))
+
+    def last_within(self, haven: int) -> float | None:
+        """Return the last time (s) from which a way within the limits was found to a haven."""
+        ways = [one for (which, _), one in self._found.items() if which == haven]
+        within = [one.time for one in ways if isinstance(one, Diversion) and self.is_within(one)]
+        return max(within, default=None)
+
+    def fault(self, haven: int) -> PlanningError | None:
+        """Return why no way to a haven was found; None if one was, or none was looked for."""
+        asked = [one for (which, _), one in self._found.items() if which == haven]
+        faults = [one for one in asked if isinstance(one, PlanningError)]
+        return faults[-1] if faults and len(faults) == len(asked) else None
+
+    def _nearest(self, haven: int, time: float, most: float) -> Diversion | None:
+        """Return the way to a haven that is nearest in time to a time (s), up to `most` (s)."""
+        ways = [
+            one
+            for (which, _), one in self._found.items()
+            if which == haven and isinstance(one, Diversion) and abs(one.time - time) <= most
+        ]
+        return min(ways, key=lambda one: abs(one.time - time), default=None)
+
+    def _to(self, number: int, time: float, near: Diversion | None) -> Diversion:
+        """Return the way to a haven for a vessel that is on time at a time (s).
+
+        It is planned in the class of a way `near`, if one is given and its class can be sailed;
+        else in the first classes. Haven number -1 is the start. Raises PlanningError if there is
+        none.
+        """
+        haven = self.havens[number] if number >= 0 else Haven("start", self.route.path[0])
+        key = number, time
+        if key not in self._found or (near is None and key not in self._whole):
+            known = self._found.get(key)
+            try:
+                way = self._planned(haven, time, near, is_start=number < 0)
+            except PlanningError as error:
+                self._found.setdefault(key, error)
+            else:
+                if not (isinstance(known, Diversion) and known.longest <= way.longest):
+                    self._found[key] = way
+            if near is None:
+                self._whole.add(key)
+        found = self._found[key]
+        if isinstance(found, PlanningError):
+            raise found
+        return found
+
+    def onto(self, other: Route, time: float) -> Diversion:
+        """Return the way to the goal in the class of another route, from the place at a time (s).
+
+        Raises PlanningError if there is none in that class.
+        """
+        goal, word = Haven(other.homotopy, other.path[-1]), planner_of(self.request).problem.word
+        whole = Diversion(
+            goal, self.begin, other.path[0], math.nan, other, other.duration, other.fuel, math.nan
+        )
+        way = self._planned(goal, time, whole, is_start=True)
+        back = self.stretch(self.begin, time)[::-1, 1:]
+        if word(way.route.path) != word(np.vstack([back, other.path[1:]])):
+            raise InfeasibleError("no way leads on from {0} in the other class", way.place)
+        return way
+
+    def _planned(
+        self, haven: Haven, time: float, near: Diversion | None, *, is_start: bool
+    ) -> Diversion:
+        """Plan a way to a haven."""
+        off, (x, y, heading) = self.off(time), self.row(time)
+        place = np.array([x, y])
+        early = max(time - off, self.begin)
+        options = self.request.options
+        request = replace(
+            self.request,
+            stops=np.vstack([place, haven.place]),
+            like=self.request,
+            options=replace(
+                options,
+                classes=min(_CLASSES, options.classes),
+                min_lateness=max(options.min_lateness, time + off - early),
+            ),
+            departure=early,
+        )
+        ahead = None
+        if near is not None:
+            between = self.stretch(*sorted((time, near.time)))[:: 1 if time < near.time else -1]
+            ahead = np.vstack([between[:, 1:], near.route.path[1:]])
+        plan, _ = choose(request, ahead, heading, 1.0, is_proven=False, track=None)
+        route = plan.best
+        if route.ends_in_soft_no_go and not is_start:
+            raise InfeasibleError(
+                f"haven {haven.name} {{0}} lies in the soft no-go zone, where no turn is verified; "
+                "move it off",
+                haven.place,
+            )
+        voyage = planner_of(request).problem.voyage
+        rate = self.request.vessel.fuel_rate
+        if off == 0.0:
+            late, took = self.late(time), route.duration
+            duration = entered(haven, time + took) - time
+            leaving = (max(time - late, self.begin), time, time + late)
+            longest = max(entered(haven, at + took) - at for at in leaving)
+        else:
+            duration = entered(haven, float(voyage.leaving(time).arrivals(route.path)[-1]))
+            duration -= time
+            longest = self._longest(haven, route.path, voyage, (early, time + off))
+        return Diversion(haven, time, place, heading, route, duration, rate * duration, longest)
+
+    def _longest(
+        self, haven: Haven, path: FloatArray, voyage: Voyage, hours: tuple[float, float]
+    ) -> float:
+        """Return the most time (s) along a path (n, 2) to a haven, for departures between two.
+
+        On one path no vessel overtakes: one that leaves between two others arrives no later than
+        the second.
+        """
+        apart = _APART * float(np.diff(voyage.leaving(hours[1]).arrivals(path)[[0, -1]])[0])
+        count = math.ceil((hours[1] - hours[0]) / apart) + 1
+        leaving = np.linspace(*hours, min(max(count, _TIMED), _MOST_TIMED))
+        arrivals = [float(voyage.leaving(at).arrivals(path)[-1]) for at in leaving.tolist()]
+        waited = np.array([entered(haven, at) for at in arrivals])
+        return float((waited[1:] - leaving[:-1]).max())
+
+    def longest_from(self, time: float, way: Diversion) -> float:
+        """Return the most time (s) to a haven from any place between a time (s) and a way's time.
+
+        The vessel carries on to the way's place, early, on time or late, and turns off there.
+        """
+        if time == way.time:
+            return way.longest
+        if self.off(way.time) == 0.0:
+            return way.time - time + way.longest
+        voyage = planner_of(self.request).problem.voyage
+        rows = self.stretch(time, way.time)
+        path = np.vstack([rows[:, 1:], way.route.path[1:]])
+        return self._longest(way.haven, path, voyage, self._hours(rows, voyage))
+
+    def _hours(self, rows: FloatArray, voyage: Voyage) -> tuple[float, float]:
+        """Return hours at the begin of a stretch (n, 3) that hold all vessels in time on it."""
+        times, path = rows[:, 0], rows[:, 1:]
+        off = np.array([self.off(time) for time in times.tolist()])
+        wide = float(off.max())
+        for _ in range(_TRIES):
+            early, late = max(times[0] - wide, self.begin), times[0] + wide
+            first, last = (voyage.leaving(at).arrivals(path) for at in (early, late))
+            is_early = early == self.begin or (first <= times - off).all()
+            if is_early and (last >= times + off).all():
+                break
+            wide *= _WIDER
+        else:
+            return times[0], math.inf
+        return early, late
+
+    def is_within(self, way: Diversion, time: float | None = None) -> bool:
+        """Whether a way keeps the limits from its own place, or from that passed at a time (s)."""
+        return self.excess(way, self.within, time) <= 0
+
+    def excess(self, way: Diversion, within: float, time: float | None = None) -> float:
+        """Return by how much (s) a way takes more than `within` (s), or than the endurance leaves.
+
+        It is taken from its own place, or from that passed at an earlier time (s).
+        """
+        time = way.time if time is None else time
+        # A late vessel has burnt more: all that arrive by the latest arrival keep the endurance.
+        left = self.endurance - (time + self.late(time) - self.begin)
+        return self.longest_from(time, way) - min(within, left)
+
+    def limit_at(self, time: float, within: float) -> float:
+        """Return the limits as a time (s), for a vessel on time at a time (s)."""
+        return min(within, self.endurance - (time - self.begin))
 
     def _raise_with_clock(self) -> None:
         """Raise the bounds by those from places of the route, which know the hours.
@@ -92,12 +333,12 @@ class Survey:
 
     def _least_from(self, sample: int, enough: float) -> float:
         """Return a bound on the time (s) to any haven from a sample, close up to `enough` (s)."""
-        voyage, least = planner_of(self.diverter.request).problem.voyage, math.inf
+        voyage, least = planner_of(self.request).problem.voyage, math.inf
         time = float(self.times[sample])
         for haven, known in zip(self.havens, self.least[:, sample].tolist(), strict=True):
             bound = known
             if bound < min(enough, least):
-                ahead = replace(voyage, start=self.diverter.row(time)[:2], goal=haven.place)
+                ahead = replace(voyage, start=self.row(time)[:2], goal=haven.place)
                 bound = max(bound, least_time(ahead.leaving(time), _PROOF_CELLS, enough))
             least = min(least, bound)
         return least
@@ -116,14 +357,6 @@ class Survey:
         """Return the whole route in stretches."""
         return _joined(list(self._backwards())[::-1])
 
-    def first_gap(self) -> Stretch | None:
-        """Return a stretch that is not covered, None if there is none; quicker than all of them."""
-        if self.is_out.any():
-            least = self.least.min(axis=0)[:-1] - self.limit[:-1]
-            worst = int(least.argmax())
-            return self._stretch(worst, worst + 1, "uncovered")
-        return next((one for one in self._backwards() if one.state != "covered"), None)
-
     def _backwards(self) -> Iterator[Stretch]:
         """Yield stretches from the end backwards: each way helps to plan the one before it."""
         is_out = self.is_out
@@ -141,8 +374,8 @@ class Survey:
         """Yield stretches between two stations, the last first, by as few of their ways as do."""
         way: Diversion | None = None
         for one in stretches:
-            if one.diversion is not None and way is not None and self._is_within(way, one.begin):
-                longest = self._longest(one.begin, way)
+            if one.diversion is not None and way is not None and self.is_within(way, one.begin):
+                longest = self.longest_from(one.begin, way)
                 yield replace(one, diversion=way, longest=longest)
                 continue
             way = one.diversion
@@ -151,11 +384,11 @@ class Survey:
     def _settled(self, first: int, last: int) -> Iterator[Stretch]:
         """Yield the stretches between two samples, the last first."""
         before = float(self.times[first])
-        ways = [one for one in self._ways(last) if self._is_within(one, before)]
+        ways = [one for one in self._ways(last) if self.is_within(one, before)]
         if ways:
             way = min(ways, key=lambda one: one.longest)
             stretch = self._stretch(first, last, "covered")
-            yield replace(stretch, diversion=way, longest=self._longest(before, way))
+            yield replace(stretch, diversion=way, longest=self.longest_from(before, way))
         elif last - first == 1 or (
             last - first <= _CLOSE and not self._ways(first) and not self._ways(last)
         ):
@@ -172,14 +405,6 @@ class Survey:
             float(self.times[first]), float(self.times[last]), state, least=max(least, 0.0)
         )
 
-    def _is_within(self, way: Diversion, time: float) -> bool:
-        """Whether a way keeps the limits from a place before it, passed at a time (s)."""
-        return self.diverter.is_within(way, self.limits, time)
-
-    def _longest(self, time: float, way: Diversion) -> float:
-        """Return the most time (s) to a haven, going on from a time (s) to a later way."""
-        return self.diverter.longest_from(time, way) if time < way.time else way.longest
-
     def _ways(self, sample: int) -> list[Diversion]:
         """Return ways from a sample within the limits: the nearest haven's among them."""
         if sample not in self._known:
@@ -194,56 +419,26 @@ class Survey:
             if least > self.limit[sample] or any(one.duration <= least for one in ways):
                 break
             way = self.planned(number, sample)
-            if way is not None and self._is_within(way, time):
+            if way is not None and self.is_within(way, time):
                 ways.append(way)
         return ways
-
-    def quickest(self, sample: int) -> Diversion | None:
-        """Return the way from a sample that gets to any haven soonest, whatever the limits."""
-        best: Diversion | None = None
-        for number in np.argsort(self.least[:, sample], kind="stable").tolist():
-            if best is not None and best.longest <= self.least[number, sample]:
-                break
-            way = self.planned(number, sample)
-            if way is not None and (best is None or way.longest < best.longest):
-                best = way
-        return best
 
     def planned(self, number: int, sample: int, *, is_thorough: bool = True) -> Diversion | None:
         """Return the way to a haven from a sample, near a known one if that is good enough.
 
         If not `is_thorough`, one near a known one is good enough.
         """
-        haven, time = self._haven(number), float(self.times[sample])
-        near = self.diverter.nearest(number, time, self.step * _STATIONS)
+        time = float(self.times[sample])
+        near = self._nearest(number, time, self.step * _STATIONS)
         for start in (near, None) if near else (None,):
             try:
-                way = self.diverter.to(number, haven, time, start)
+                way = self._to(number, time, start)
             except PlanningError as error:
                 self.cause = error
                 continue
-            if start is None or not is_thorough or self._is_within(way, time):
+            if start is None or not is_thorough or self.is_within(way, time):
                 return way
         return None
-
-    def _haven(self, number: int) -> Haven:
-        """Return a haven by its number; -1 is the start."""
-        if number < 0:
-            return Haven("start", self.diverter.route.path[0])
-        return self.havens[number]
-
-
-def bounds_to(
-    havens: Sequence[Haven], diverter: Diverter, limit: float, last: float
-) -> tuple[HavenBound, ...]:
-    """Return the bounds on the time to havens, close up to a limit (s), for vessels until `last`.
-
-    They hold for whoever is under way between the route's departure and `last` (s).
-    """
-    voyage, most = planner_of(diverter.request).problem.voyage, _ABOVE * limit
-    return tuple(
-        HavenBound.of(replace(voyage, goal=one.place), most, last + most) for one in havens
-    )
 
 
 def _joined(stretches: Sequence[Stretch]) -> list[Stretch]:

@@ -38,6 +38,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from renew._types import FloatArray
 from renew.classes.h_signature import name
 from renew.errors import (
@@ -55,7 +57,7 @@ from renew.planner.one_class import ClassPath, ClassPlanner, as_drawn, fuel_esti
 from renew.planner.plan import meetings, planner_of, unavoidable, without_meeting
 from renew.planner.problem import check_current_at_endpoints
 from renew.request import Request
-from renew.results import Departed, Departures, Plan, Rejected
+from renew.results import Departures, Plan, Rejected
 from renew.voyage.voyage import Voyage
 
 # A later departure's path is also sailed from the departure before if this arrives earlier by more
@@ -65,13 +67,17 @@ _OVERTAKES_BY = 1e-9
 
 @dataclass(frozen=True)
 class Sailing:
-    """Outcome of a departure (s): its least-fuel path, or the reason why it has no path."""
+    """Outcome of a departure (s): its least-fuel path, or the reason why it has no path.
+
+    Areas in `closed` were closed like land, because a route would have met them while shut.
+    """
 
     departure: float
     planner: ClassPlanner
     found: ClassPath | None
     cause: PlanningError | None = None
     rejected: tuple[Rejected, ...] = ()
+    closed: frozenset[Opening] = frozenset()
 
     @property
     def fuel(self) -> float:
@@ -87,16 +93,6 @@ class Sailing:
     def arrival(self) -> float:
         """Time of arrival at the goal (s); infinite without a path."""
         return self.departure + self.duration
-
-    @property
-    def outcome(self) -> Departed:
-        """The path's figures, or the reason why there is no path."""
-        if self.found is None:
-            return Departed(self.departure, cause=self.cause)
-        problem, path = self.planner.problem, self.found.path
-        times = problem.voyage.arrivals(path)
-        homotopy = name(problem.word(path))
-        return Departed(self.departure, self.arrival, self.fuel, path, times, homotopy)
 
     @property
     def plan(self) -> Plan:
@@ -118,82 +114,51 @@ class Sailing:
         return bool(causes) and all(isinstance(cause, TooLateError) for cause in causes)
 
 
-class Sailings:
-    """Plans the best route of each departure, around areas that it would meet while they are shut.
+def sailing_at(request: Request, departure: float) -> Sailing:
+    """Return the best route at a departure (s), around areas that it would meet while shut.
 
-    All departures share the planners and what these know. Areas that a route met are closed like
-    land.
+    All departures share the request's planners and what these know. Areas that a route met are
+    closed like land.
     """
+    closed: frozenset[Opening] = frozenset()
+    first: Sailing | None = None
+    while True:
+        try:
+            planner = planner_of(request, closed)
+            problem = planner.problem.leaving(departure)
+            sailing = best_sailing(
+                planner.for_problem(problem), planner.unpadded.for_problem(problem)
+            )
+            first = first or sailing
+        except PlanningError as error:
+            if first is None:
+                raise
+            areas = [area for area in request.areas if area in closed]
+            return replace(
+                first, found=None, cause=unavoidable(areas, departure, error), rejected=()
+            )
+        others = [area for area in request.areas if area not in closed]
+        met = frozenset[Opening]()
+        if sailing.found is not None and others:
+            met = frozenset(meetings(sailing.planner.route(sailing.found), others, sailing.planner))
+        if not met:
+            return replace(sailing, closed=closed)
+        closed |= met
 
-    def __init__(self, request: Request) -> None:
-        self._request = request
-        self._closed_at: dict[float, frozenset[Opening]] = {}
 
-    @property
-    def has_areas(self) -> bool:
-        """Whether some areas are shut for some hours."""
-        return bool(self._request.areas)
-
-    def last_departure(self, arrive_by: float) -> float:
-        """Time (s) after which no voyage departs that arrives by a time (s)."""
-        least_duration = planner_of(self._request).problem.voyage.least_duration
-        return min(arrive_by - least_duration, self._request.current.span[1])
-
-    def sailing(self, departure: float) -> Sailing:
-        """Return the best route at a departure (s)."""
-        closed: frozenset[Opening] = frozenset()
-        first: Sailing | None = None
-        while True:
-            try:
-                sailing = self._sailing(departure, closed)
-                first = first or sailing
-            except PlanningError as error:
-                if first is None:
-                    raise
-                areas = [area for area in self._request.areas if area in closed]
-                return replace(
-                    first, found=None, cause=unavoidable(areas, departure, error), rejected=()
-                )
-            met = self._met(sailing, closed)
-            if not met:
-                self._closed_at[departure] = closed
-                return sailing
-            closed |= met
-
-    def plan(self, sailing: Sailing) -> tuple[Plan, Sailing]:
-        """Plan all classes at a sailing's departure; return the plan and its best sailing."""
-        closed, planner = self._closed_at[sailing.departure], sailing.planner
-        word, classes = planner.problem.word, self._request.options.classes
-        known = {} if sailing.found is None else {word(sailing.found.path): sailing.found}
-        search = ClassSearch(planner, known)
-        search.find_first(classes)
-        areas = self._request.areas
-        plan, met = without_meeting(
-            search.plan(classes), [area for area in areas if area not in closed], planner
-        )
-        plan = replace(plan, shut=tuple(area for area in areas if area in closed))
-        return plan, sailing if met else replace(sailing, found=search.best)
-
-    def by_arrival(self, sailings: Sequence[Sailing]) -> list[Sailing]:
-        """Return sailings improved so that, if possible, none arrives later than the next.
-
-        With shut areas nothing changes, because the path of another departure may meet an area.
-        """
-        return list(sailings) if self._request.areas else in_order_of_arrival(sailings)
-
-    def _sailing(self, departure: float, closed: frozenset[Opening]) -> Sailing:
-        """Return the best route at a departure (s), with some areas closed like land."""
-        first = planner_of(self._request, closed)
-        problem = first.problem.leaving(departure)
-        return best_sailing(first.for_problem(problem), first.unpadded.for_problem(problem))
-
-    def _met(self, sailing: Sailing, closed: frozenset[Opening]) -> frozenset[Opening]:
-        """Return the areas that a sailing meets while they are shut."""
-        others = [area for area in self._request.areas if area not in closed]
-        if sailing.found is None or not others:
-            return frozenset()
-        route = sailing.planner.route(sailing.found)
-        return frozenset(meetings(route, others, sailing.planner))
+def all_classes_at(request: Request, sailing: Sailing) -> tuple[Plan, Sailing]:
+    """Plan all classes at a sailing's departure; return the plan and its best sailing."""
+    planner, word = sailing.planner, sailing.planner.problem.word
+    known = {} if sailing.found is None else {word(sailing.found.path): sailing.found}
+    search = ClassSearch(planner, known)
+    search.find_first(request.options.classes)
+    plan, met = without_meeting(
+        search.plan(request.options.classes),
+        [area for area in request.areas if area not in sailing.closed],
+        planner,
+    )
+    plan = replace(plan, shut=tuple(area for area in request.areas if area in sailing.closed))
+    return plan, sailing if met else replace(sailing, found=search.best)
 
 
 def best_sailing(planner: ClassPlanner, unpadded: ClassPlanner) -> Sailing:
@@ -269,29 +234,28 @@ class _Interval(NamedTuple):
 class DepartureWindow:
     """Planned departures (n,), s, ascending; further ones are added where one may beat the best.
 
-    No voyage takes less than `least_duration` (s). `speed_change` (1/s) is the largest relative
-    change of the speed over ground per second; if infinite, departures between planned ones have no
-    bound. Departures that are added are whole multiples of `spacing` (s) after the first, unless
-    it is 0.
+    Departures that are added are whole multiples of `spacing` (s) after the first, unless it is 0.
+    With areas that are shut for some hours, departures between planned ones have no bound.
     """
 
     def __init__(
         self,
-        sailings: Sailings,
+        request: Request,
         departures: Sequence[float],
-        least_duration: float,
         *,
-        speed_change: float,
         spacing: float = 0.0,
         progress: Progress | None,
     ) -> None:
-        self._planner, self._least, self._change = sailings, least_duration, speed_change
+        voyage = planner_of(request).problem.voyage
+        self._request, self._least = request, voyage.least_duration
+        # Largest relative change of the speed over ground per second; without a bound, infinite.
+        self._change = math.inf if request.areas else voyage.speed_change
         self._first, self._spacing = departures[0], spacing
         self._progress = progress
         self.sailings: list[Sailing] = []
         for departure in departures:
             self._plan(departure)
-        self.sailings = self._planner.by_arrival(self.sailings)
+        self._order_by_arrival()
 
     @property
     def best(self) -> Sailing:
@@ -325,7 +289,7 @@ class DepartureWindow:
                 break
             one = min(open_ones, key=lambda interval: interval.least_duration)
             self._plan(self._on_grid(max(one.reach(goal), one.begin + tolerance)))
-        self.sailings = self._planner.by_arrival(self.sailings)
+        self._order_by_arrival()
 
     def refine_around_best(self) -> None:
         """Plan departures ever closer to the best one, on both sides; no bound requires them."""
@@ -336,19 +300,43 @@ class DepartureWindow:
                 middle = self._on_grid((begin + end) / 2)
                 if begin < middle < end:
                     self._plan(middle)
-        self.sailings = self._planner.by_arrival(self.sailings)
+        self._order_by_arrival()
 
     def plan_best(self) -> Plan:
         """Plan all classes at the best departure, and keep its best sailing."""
-        plan, sailing = self._planner.plan(self.best)
+        plan, sailing = all_classes_at(self._request, self.best)
         kept = [one for one in self.sailings if one.departure != sailing.departure]
         self._insert(kept, sailing)
-        self.sailings = self._planner.by_arrival(self.sailings)
+        self._order_by_arrival()
         return plan
 
     def departures(self, plan: Plan) -> Departures:
         """Return the result, with the plan of the best departure."""
-        return Departures.of([one.outcome for one in self.sailings], self.unproven, plan)
+        paths = [None if one.found is None else one.found.path for one in self.sailings]
+        times, names = list[FloatArray | None](), list[str]()
+        for one, path in zip(self.sailings, paths, strict=True):
+            problem = one.planner.problem
+            times.append(None if path is None else problem.voyage.arrivals(path))
+            names.append("" if path is None else name(problem.word(path)))
+        return Departures(
+            departures=np.array([one.departure for one in self.sailings]),
+            arrivals=np.array([one.arrival for one in self.sailings]),
+            fuels=np.array([one.fuel for one in self.sailings]),
+            paths=tuple(paths),
+            times=tuple(times),
+            homotopies=tuple(names),
+            causes=tuple(one.cause if one.found is None else None for one in self.sailings),
+            unproven=self.unproven,
+            plan=plan,
+        )
+
+    def _order_by_arrival(self) -> None:
+        """Improve sailings so that, if possible, none arrives later than the next.
+
+        With shut areas nothing changes, because the path of another departure may meet an area.
+        """
+        if not self._request.areas:
+            self.sailings = in_order_of_arrival(self.sailings)
 
     def _on_grid(self, departure: float) -> float:
         """Return the last departure (s) up to this one that may be added."""
@@ -359,7 +347,7 @@ class DepartureWindow:
 
     def _plan(self, departure: float) -> None:
         """Plan a further departure."""
-        self._insert(self.sailings, self._planner.sailing(departure))
+        self._insert(self.sailings, sailing_at(self._request, departure))
         if self._progress is not None:
             self._progress(len(self.sailings), self.unproven)
 
@@ -398,13 +386,13 @@ _FASTEST = 4.0
 _EARLIEST = 4.0
 
 
-def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> Sailing:
+def latest_departure(request: Request, earliest: float, arrive_by: float) -> Sailing:
     """Return nearly the latest sailing from `earliest` on that reaches the goal by a time (s).
 
     With areas that are shut for some hours, a later one may lie between two of `_STEPS` departures.
     Raises ArrivalError, with remedies, if the earliest departure is already too late.
     """
-    best, too_late = _in_time(sailings, earliest, arrive_by)
+    best, too_late = _in_time(request, earliest, arrive_by)
     if best.found is None:
         raise best.error
     if best.arrival > arrive_by:
@@ -420,7 +408,7 @@ def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> S
             # Between the two, as if the arrival rose linearly; or halfway.
             share = early_by / (early_by + late_by) if late_by < math.inf else 0.5
             guess = best.departure + min(max(share, 0.1), 0.9) * room
-        tried = sailings.sailing(guess)
+        tried = sailing_at(request, guess)
         if tried.arrival <= arrive_by:
             best = tried
         else:
@@ -428,20 +416,22 @@ def latest_departure(sailings: Sailings, earliest: float, arrive_by: float) -> S
     return best
 
 
-def _in_time(sailings: Sailings, earliest: float, arrive_by: float) -> tuple[Sailing, float]:
+def _in_time(request: Request, earliest: float, arrive_by: float) -> tuple[Sailing, float]:
     """Return a sailing that may be in time, and a later departure (s) that is too late or shut.
 
     Without areas that are shut for some hours it is the earliest. Otherwise it is the last one in
     time of departures in even steps, or the earliest if none of these is in time.
     """
-    last = sailings.last_departure(arrive_by)
-    if sailings.has_areas and last > earliest:
+    # No voyage that departs later arrives in time.
+    least_duration = planner_of(request).problem.voyage.least_duration
+    last = min(arrive_by - least_duration, request.current.span[1])
+    if request.areas and last > earliest:
         step = (last - earliest) / _STEPS
         for steps in range(_STEPS):
-            tried = sailings.sailing(last - steps * step)
+            tried = sailing_at(request, last - steps * step)
             if tried.arrival <= arrive_by:
                 return tried, tried.departure + step
-    return sailings.sailing(earliest), last
+    return sailing_at(request, earliest), last
 
 
 def too_late_error(
@@ -454,8 +444,21 @@ def too_late_error(
     """
     voyage = first.planner.problem.voyage
     path = first.found.path if first.found else voyage.start[None]
-    remedies = [Text("arrive later"), *_earlier(voyage, path, first.duration, arrive_by)]
-    remedies += _faster(voyage, path, arrive_by, faster)
+    speed = voyage.vessel.speed
+
+    def is_in_time(other: Voyage) -> bool:
+        return bool(other.arrivals(path)[-1] <= arrive_by)
+
+    remedies = [Text("arrive later")]
+    most = min(voyage.departure - voyage.current.span[0], _EARLIEST * first.duration)
+    earlier = _least(lambda by: is_in_time(voyage.leaving(voyage.departure - by)), 0.0, most)
+    if earlier is not None:
+        remedies.append(Text("leave before {0}", (Moment(voyage.departure - earlier),)))
+    enough = _least(lambda higher: is_in_time(voyage.at_speed(higher)), speed, _FASTEST * speed)
+    if enough is not None:
+        # To three digits, rounded up, so that it is still sufficient.
+        step = 10.0 ** (math.floor(math.log10(enough)) - 2)
+        remedies.append(Text(faster.format(f"{math.ceil(enough / step) * step:.3g}")))
     return ArrivalError(
         "arrive_by = {0} can't be made: a departure at {1} arrives at {2} at the earliest: {3}",
         Moment(arrive_by),
@@ -463,35 +466,6 @@ def too_late_error(
         Moment(first.arrival),
         Text.joined(", or ", remedies),
     )
-
-
-def _earlier(voyage: Voyage, path: FloatArray, duration: float, arrive_by: float) -> list[Text]:
-    """Return a text with the latest departure at which a path is in time, or nothing."""
-
-    def is_in_time(earlier: float) -> bool:
-        arrivals = voyage.leaving(voyage.departure - earlier).arrivals(path)
-        return bool(arrivals[-1] <= arrive_by)
-
-    most = min(voyage.departure - voyage.current.span[0], _EARLIEST * duration)
-    found = _least(is_in_time, 0.0, most)
-    return [] if found is None else [Text("leave before {0}", (Moment(voyage.departure - found),))]
-
-
-def _faster(voyage: Voyage, path: FloatArray, arrive_by: float, text: str) -> list[Text]:
-    """Return a text with the least speed at which a path is in time, or nothing."""
-
-    def is_in_time(speed: float) -> bool:
-        return bool(voyage.at_speed(speed).arrivals(path)[-1] <= arrive_by)
-
-    speed = voyage.vessel.speed
-    found = _least(is_in_time, speed, _FASTEST * speed)
-    return [] if found is None else [Text(text.format(_rounded_up(found)))]
-
-
-def _rounded_up(speed: float) -> str:
-    """Write a speed to three digits, rounded up, so that it is still sufficient."""
-    step = 10.0 ** (math.floor(math.log10(speed)) - 2)
-    return f"{math.ceil(speed / step) * step:.3g}"
 
 
 def _least(is_enough: Callable[[float], bool], low: float, high: float) -> float | None:

@@ -16,7 +16,7 @@ when a fuel rises. The larger one counts. Proofs: `docs/explanation/lower-bound.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple, Unpack
 
 import numpy as np
@@ -62,14 +62,12 @@ class EnsembleBound:
     members: Members
     paths: Sequence[FloatArray]
     in_mean: FuelBound
-    _known: dict[str, FloatArray] = field(default_factory=dict, init=False)
+    _known: dict[str, float] = field(default_factory=dict, init=False)
 
-    @property
+    @cached_property
     def of_members(self) -> FloatArray:
         """The bound on the fuel of any route in each member (m,)."""
-        if "members" not in self._known:
-            self._known["members"] = self._each()
-        return self._known["members"]
+        return self._by_member(fuel_lower_bound)
 
     def of(self, name: Statistic, tail: float = TAIL) -> float:
         """Return the bound on a statistic of the fuel of any one route (fuel units).
@@ -79,10 +77,10 @@ class EnsembleBound:
         """
         key = f"{name} {tail}"
         if key not in self._known:
-            self._known[key] = np.array(self._found(name, tail))
-        return float(self._known[key])
+            self._known[key] = self._larger(name, tail)
+        return self._known[key]
 
-    def _found(self, name: Statistic, tail: float) -> float:
+    def _larger(self, name: Statistic, tail: float) -> float:
         """Return the larger of the two bounds."""
         if name == "regret":
             return 0.0
@@ -94,7 +92,8 @@ class EnsembleBound:
     def _dual(self, tail: float) -> float:
         """Return the largest bound in a mean current by weights that CVaR may take."""
         weights, best = self.members.weights, 0.0
-        fuels = np.array([self._fuels(path) for path in self.paths])
+        # In each member, infinite where no way is made.
+        fuels = np.array([self._by_member(partial(Voyage.fuel, path=path)) for path in self.paths])
         for at in range(_ROUNDS):
             # Which members are the worst hardly depends on which path that is good here it is.
             here = self._in_mean(weights)
@@ -104,14 +103,6 @@ class EnsembleBound:
             weights = (1 - step) * weights + step * worst
             best = max(best, fuel_lower_bound(self._in_mean(weights)))
         return best
-
-    def _each(self) -> FloatArray:
-        """Return the bound in each member (m,); members that share a field share it."""
-        return self._by_member(fuel_lower_bound)
-
-    def _fuels(self, path: FloatArray) -> FloatArray:
-        """Return the fuel (m,) along a path (n, 2), m, in each member; inf where no way is made."""
-        return self._by_member(lambda voyage: voyage.fuel(path))
 
     def _by_member(self, figure: Callable[[Voyage], float]) -> FloatArray:
         """Return a figure (m,) of the voyage in each member, found once for each field."""
@@ -318,9 +309,7 @@ def _flown(
     """Return the fuel (k, m) of each route in each member, and where it can't be sailed."""
     fuels, shut = np.empty((len(routes), len(members.fields))), list[ShutInMember]()
     for k, route in enumerate(routes):
-        known: dict[int, tuple[float, InfeasibleError | None]] = {}
-        for own in bound.voyages:
-            known[id(own.current)] = _sailed(route.path, own)
+        known = {id(own.current): _sailed(route.path, own) for own in bound.voyages}
         for m, (one, name) in enumerate(zip(members.fields, members.names, strict=True)):
             fuels[k, m], cause = known[id(one)]
             if cause is not None:

@@ -1,6 +1,5 @@
 """Plan a voyage, or the best of several departures: what a caller asks of the planner."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Unpack
@@ -21,11 +20,11 @@ from renew.inputs.options import (
     is_one_of,
 )
 from renew.inputs.vessel import Vessel
-from renew.planner.plan import finished, plan_request, planner_of
+from renew.planner.plan import finished, plan_request
 from renew.planner.problem import check_departures
 from renew.request import Place, Request, Speeds, options_by_name
 from renew.results import Departures, Plan
-from renew.vary.departures import DepartureWindow, Progress, Sailings, latest_departure
+from renew.vary.departures import DepartureWindow, Progress, all_classes_at, latest_departure
 from renew.vary.speeds import departures_with_speeds, plan_with_speeds
 
 
@@ -127,8 +126,8 @@ def plan(
     if speed is not None:
         found = plan_with_speeds(request, departure)
     elif arrive_by is not None:
-        sailings = Sailings(request)
-        found = sailings.plan(latest_departure(sailings, departure, float(arrive_by)))[0]
+        latest = latest_departure(request, departure, float(arrive_by))
+        found = all_classes_at(request, latest)[0]
     else:
         found = plan_request(request)
     return finished(found, request)
@@ -230,8 +229,13 @@ def plan_departures(
     if speed is not None:
         found = departures_with_speeds(request, times, progress)
     else:
-        window = _window(request, times, spacing, progress)
-        found = _best_of(window, to_within, with_classes=bool(with_classes))
+        window = DepartureWindow(request, times, spacing=spacing, progress=progress)
+        if window.best.found is None:
+            raise window.sailings[0].error
+        if to_within is not None:
+            window.refine(to_within)
+            window.refine_around_best()
+        found = window.departures(window.plan_best() if with_classes else window.best.plan)
     return replace(found, plan=finished(found.plan, request))
 
 
@@ -253,30 +257,3 @@ def _sweep_faults(method: object, speed: object, arrive_by: object, to_within: o
             "departures that stand closer"
         )
     return faults
-
-
-def _window(
-    request: Request, times: list[float], spacing: float, progress: Progress | None
-) -> DepartureWindow:
-    """Plan each departure (s); return them with what is known of those between."""
-    sailings, voyage = Sailings(request), planner_of(request).problem.voyage
-    return DepartureWindow(
-        sailings,
-        times,
-        voyage.least_duration,
-        speed_change=math.inf if request.areas else voyage.speed_change,
-        spacing=spacing,
-        progress=progress,
-    )
-
-
-def _best_of(window: DepartureWindow, to_within: float | None, *, with_classes: bool) -> Departures:
-    """Plan departures between those of a window, and all classes of the best one, if asked for."""
-    if window.best.found is None:
-        raise window.sailings[0].error
-    if to_within is not None:
-        window.refine(to_within)
-        window.refine_around_best()
-    if not with_classes:
-        return window.departures(window.best.plan)
-    return window.departures(window.plan_best())

@@ -49,7 +49,7 @@ from renew.planner.one_class import ClassPath, ClassPlanner, grown_until_clear
 from renew.planner.plan import plan_around, planner_of
 from renew.planner.problem import check_current_at_endpoints
 from renew.request import Request
-from renew.results import Departed, Departures, Plan, Route, TradeOff
+from renew.results import Departures, Plan, Route, TradeOff
 from renew.steering.steer_in_corridor import steer_as_drawn
 from renew.vary.departures import Progress, best_sailing, too_late_error
 from renew.voyage.voyage import Voyage
@@ -66,7 +66,14 @@ _ARRIVALS = 65
 
 
 class PriceSearch:
-    """Plans a voyage with a choice of speeds, starting from a planner at an infinite price."""
+    """Plans a voyage with a choice of speeds, starting from a planner at an infinite price.
+
+    `speeds_along` gives the speeds of least fuel along a path; `trade_off_along` gives arrivals
+    (m,), s, and the least fuel (m,) for each.
+    """
+
+    speeds_along = staticmethod(speed_profile)
+    trade_off_along = staticmethod(trade_off)
 
     def __init__(self, planner: ClassPlanner) -> None:
         self.planner, self.classes = planner, planner.options.classes
@@ -78,7 +85,12 @@ class PriceSearch:
 
         Raises ArrivalError if no route arrives in time even at the highest speed.
         """
-        fastest = self._fastest()
+        sailing = best_sailing(self.planner, self.planner.unpadded)
+        fastest = sailing.found
+        if fastest is None:
+            raise sailing.error
+        if sailing.arrival > self.voyage.deadline:
+            raise too_late_error(sailing, self.voyage.deadline, "let speed reach {} m/s")
         search, paths = self.first_paths(fastest)
         routes: list[tuple[Route, float]] = []
         rejected = {word: one for word, one in search.rejected.items() if word not in paths}
@@ -102,15 +114,6 @@ class PriceSearch:
             overpowering=self.planner.problem.overpowered_water,
             trade_off=self.trade_off([*(route.path for route in best), fastest.path]),
         )
-
-    def _fastest(self) -> ClassPath:
-        """Return the fastest path of all classes, at the highest speed; raise an error if late."""
-        sailing = best_sailing(self.planner, self.planner.unpadded)
-        if sailing.found is None:
-            raise sailing.error
-        if sailing.arrival > self.voyage.deadline:
-            raise too_late_error(sailing, self.voyage.deadline, "let speed reach {} m/s")
-        return sailing.found
 
     def first_paths(self, fastest: ClassPath) -> tuple[ClassSearch, dict[Word, ClassPath]]:
         """Return the first classes' paths at the price of the best one, and their search."""
@@ -184,7 +187,7 @@ class PriceSearch:
 
     def with_speeds(self, found: ClassPath) -> ClassPath:
         """Return a path with the speeds of least fuel."""
-        return found._replace(profile=speed_profile(found.path, self.voyage))
+        return found._replace(profile=self.speeds_along(found.path, self.voyage))
 
     def _planner_at(self, price: float) -> ClassPlanner:
         """Return the planner for a price of time (fuel units a second)."""
@@ -192,13 +195,9 @@ class PriceSearch:
         problem = problem.with_voyage(problem.voyage.at_price(price))
         return self.planner.for_problem(problem) if problem.voyage.has_price else self.planner
 
-    def curve(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return arrivals (m,), s, and the least fuel (m,) for each along a path (n, 2)."""
-        return trade_off(path, self.voyage)
-
     def trade_off(self, paths: Sequence[FloatArray]) -> TradeOff:
         """Return the least fuel for each arrival among the found paths."""
-        curves = [self.curve(path) for path in paths]
+        curves = [self.trade_off_along(path, self.voyage) for path in paths]
         earliest = min(times[0] for times, _ in curves)
         latest = min(curves, key=lambda curve: curve[1][-1])[0][-1]
         arrivals = np.unique(np.linspace(earliest, latest, _ARRIVALS))
@@ -276,23 +275,22 @@ def departures_with_speeds(
             plans.append(error)
         if progress is not None:
             progress(len(plans), math.inf)
-    outcomes = [
-        Departed(departure, cause=one)
-        if isinstance(one, PlanningError)
-        else Departed(
-            departure,
-            float(one.best.times[-1]),
-            one.best.fuel,
-            one.best.path,
-            one.best.times,
-            one.best.homotopy,
-        )
-        for departure, one in zip(departures, plans, strict=True)
-    ]
-    chosen = plans[min(range(len(plans)), key=lambda at: outcomes[at].fuel)]
+    best = [None if isinstance(one, PlanningError) else one.best for one in plans]
+    fuels = np.array([math.inf if route is None else route.fuel for route in best])
+    chosen = plans[int(fuels.argmin())]
     if isinstance(chosen, PlanningError):
         raise chosen
-    return Departures.of(outcomes, math.inf, chosen)
+    return Departures(
+        departures=np.array(departures),
+        arrivals=np.array([math.inf if route is None else route.times[-1] for route in best]),
+        fuels=fuels,
+        paths=tuple(None if route is None else route.path for route in best),
+        times=tuple(None if route is None else route.times for route in best),
+        homotopies=tuple("" if route is None else route.homotopy for route in best),
+        causes=tuple(one if isinstance(one, PlanningError) else None for one in plans),
+        unproven=math.inf,
+        plan=chosen,
+    )
 
 
 def _plan_up_to(planner_up_to: _PlannerUpTo) -> Plan:
@@ -399,25 +397,28 @@ _CURVES = 3
 class ClockSearch(PriceSearch):
     """Plans a voyage in a changing current for a vessel that chooses its speeds."""
 
+    speeds_along = staticmethod(speeds_by_clock)
+    trade_off_along = staticmethod(trade_off_by_clock)
+
     def first_paths(self, fastest: ClassPath) -> tuple[ClassSearch, dict[Word, ClassPath]]:
         """Return the first classes' paths at one speed, and the search that found them."""
-        problem = self.planner.problem
-        voyage = problem.voyage.at_speed(self._one_speed(fastest))
-        planner = self.planner.for_problem(problem.with_voyage(voyage))
-        return self.search_with(planner, problem.word(fastest.path), self.with_speeds(fastest))
-
-    def _one_speed(self, fastest: ClassPath) -> float:
-        """Return the speed (m/s) at which classes are searched."""
-        most, (_, last) = self.voyage.vessel.speed, self.voyage.current.span
+        problem, (_, last) = self.planner.problem, self.voyage.current.span
         speed = constant_speed(fastest.path, self.voyage)
         at_speed = self.voyage.at_speed(speed)
         if self.voyage.departure + _LONGER * at_speed.duration(fastest.path) > last:
             speed *= _LONGER
-        return min(speed, most)
+        voyage = problem.voyage.at_speed(min(speed, self.voyage.vessel.speed))
+        planner = self.planner.for_problem(problem.with_voyage(voyage))
+        return self.search_with(planner, problem.word(fastest.path), self.with_speeds(fastest))
 
     def settled(self, found: ClassPath) -> ClassPath:
         """Return a class's path after improving course and speeds as long as that saves fuel."""
-        best = self._improved(found)
+        corridor, best = self._on_schedule(found).corridor, None
+        with contextlib.suppress(InfeasibleError):
+            best = self._replanned(found, corridor)
+        if best is None or chosen_fuel(best) > chosen_fuel(found):
+            # The given path may have been found, and been steerable, at another speed.
+            best = self._steered(corridor, found.path)
         for _ in range(_IMPROVING_ROUNDS - 1):
             if not chosen_fuel(best) < (1 - _WORTH_IT) * chosen_fuel(found):
                 break
@@ -425,18 +426,6 @@ class ClockSearch(PriceSearch):
             with contextlib.suppress(InfeasibleError):
                 best = min(best, self._replanned(best, best.corridor), key=chosen_fuel)
         return self.in_time(best)
-
-    def _improved(self, found: ClassPath) -> ClassPath:
-        """Return a path with less fuel; if there is none, the given path steered at its speeds.
-
-        The given path may have been found, and been steerable, at another speed.
-        """
-        corridor = self._on_schedule(found).corridor
-        with contextlib.suppress(InfeasibleError):
-            better = self._replanned(found, corridor)
-            if chosen_fuel(better) <= chosen_fuel(found):
-                return better
-        return self._steered(corridor, found.path)
 
     def verified(self, found: ClassPath) -> ClassPath:
         """Return the path with enough padding that no turn at its hours and speeds touches land."""
@@ -476,14 +465,6 @@ class ClockSearch(PriceSearch):
         voyage = self.voyage.scheduled(profile.path, profile.times)
         corridor = replace(found.corridor, voyage=voyage, polar=voyage.polar)
         return found._replace(corridor=corridor)
-
-    def with_speeds(self, found: ClassPath) -> ClassPath:
-        """Return a path with the speeds of least fuel."""
-        return found._replace(profile=speeds_by_clock(found.path, self.voyage))
-
-    def curve(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return arrivals (m,), s, and the least fuel (m,) for each along a path (n, 2)."""
-        return trade_off_by_clock(path, self.voyage)
 
     def trade_off(self, paths: Sequence[FloatArray]) -> TradeOff:
         """Return the least fuel by arrival along the best paths and the fastest path."""

@@ -39,7 +39,8 @@ from pipeline.stages.choose import (
 )
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.plan_case import planned, planned as planned_case
-from renew.vary.departures import Sailing, Sailings
+from renew.request import Request
+from renew.vary import departures as renew_departures
 from tests.pipeline.planar_cases import case_of
 from tests.pipeline.results import rows_of
 from tests.pipeline.tidal_run import DEPARTURE, run, tide
@@ -142,13 +143,13 @@ def test_each_minute_of_a_window_is_planned_once_at_most(
 ) -> None:
     """Halving steps around the best departure must not end at three times within a minute."""
     planned: list[float] = []
-    sailing = Sailings.sailing
+    sailing_at = renew_departures.sailing_at
 
-    def counted(sailings: Sailings, departure: float) -> Sailing:
+    def counted(request: Request, departure: float) -> renew_departures.Sailing:
         planned.append(departure)
-        return sailing(sailings, departure)
+        return sailing_at(request, departure)
 
-    monkeypatch.setattr(Sailings, "sailing", counted)
+    monkeypatch.setattr(renew_departures, "sailing_at", counted)
     last = DEPARTURE + timedelta(minutes=50)
     window = {"first": DEPARTURE.isoformat(), "every": "30min", "count": 2}
     asked: dict[str, Any] = {

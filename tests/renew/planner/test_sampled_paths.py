@@ -86,7 +86,7 @@ def test_a_path_whose_every_way_crosses_land_has_none() -> None:
     chart = renew.Chart(box(0, 0, 100, 100), [box(45, 45, 55, 55)])
     corridor = corridor_of(voyage_on(chart, (10.0, 50.0), (90.0, 50.0)), "none")
     straight = np.array([[10.0, 50.0], [90.0, 50.0]])
-    assert not each_shortened(corridor, Rays.of(chart), straight[None]).paths
+    assert not each_shortened(corridor, Rays.of(chart), straight[None])[0]
     with pytest.raises(InfeasibleError, match="no legs between places"):
         with_shortcuts(corridor, Rays.of(chart), straight)
 

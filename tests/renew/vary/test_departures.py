@@ -17,7 +17,7 @@ from renew._types import FloatArray
 from renew.inputs.options import Padding
 from renew.planner.classes import ClassSearch
 from renew.request import Request
-from renew.vary.departures import Sailings, in_order_of_arrival
+from renew.vary.departures import in_order_of_arrival, sailing_at
 from renew.voyage.voyage import Voyage
 from tests.moving_waters import moving_scene
 from tests.strategies import PAPER_VESSEL
@@ -161,8 +161,8 @@ def test_the_next_departures_path_is_sailed_where_it_arrives_earlier() -> None:
     voyage = scene.plan(classes=1).best.fuel_bound.source
     assert isinstance(voyage, Voyage)
     options = renew.PlanOptions(classes=4, drift=voyage.drift)
-    sailings = Sailings(Request(scene.chart, voyage.current, PAPER_VESSEL, voyage.stops, options))
-    early, late = sailings.sailing(0.0), sailings.sailing(1.0)
+    request = Request(scene.chart, voyage.current, PAPER_VESSEL, voyage.stops, options)
+    early, late = sailing_at(request, 0.0), sailing_at(request, 1.0)
     assert early.found is not None
     poor = replace(early, found=early.found._replace(fuel=early.found.fuel + 100.0))
     better, same = in_order_of_arrival([poor, late])
