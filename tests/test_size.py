@@ -19,7 +19,7 @@ ROOMS = {
     "pipeline": (1_108, 12),
     "pipeline/cli": (2_501, 8),
     "pipeline/findings": (3_378, 20),
-    "pipeline/formats": (8_092, 21),
+    "pipeline/formats": (8_067, 21),
     "pipeline/geo": (818, 5),
     "pipeline/machine": (1_634, 10),
     "pipeline/model": (1_383, 35),

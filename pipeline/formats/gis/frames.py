@@ -77,6 +77,11 @@ def frame(
     )
 
 
+def rows_frame(geometry: Geometries, rows: Sequence[Mapping[str, Any]]) -> GeoDataFrame:
+    """Make the frame of a layer of one geometry per row of cells by column."""
+    return frame(geometry, {name: [row[name] for row in rows] for name in (rows[:1] or [{}])[0]})
+
+
 def columns_of(records: Sequence[object], *names: str, **renamed: str) -> dict[str, list[Any]]:
     """Return columns of some attributes of records; `renamed` gives the attribute of a column."""
     attributes = {**dict(zip(names, names, strict=True)), **renamed}

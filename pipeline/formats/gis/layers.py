@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 import pyproj
@@ -23,6 +24,7 @@ from pipeline.formats.gis.frames import (
     frame,
     multipolygons,
     route_key,
+    rows_frame,
     to_lonlat,
 )
 from pipeline.formats.passage.safe_corridor import tracks
@@ -79,20 +81,23 @@ def islands(result: RunResult) -> GeoDataFrame:
 
 def _tidal_water(result: RunResult) -> GeoDataFrame:
     """Return areas that the tide shuts for some hours, with the hours of each case's voyage."""
-    found = [
-        (case.name, area, _open_hours(case, area))
+    areas = [
+        (case, area)
         for case in result.cases
         if case.planned is not None and case.planned.tidal_depth is not None
         for area in case.planned.tidal_depth.tidal_areas
     ]
-    return frame(
-        to_lonlat(result, [area.polygon for _, area, _ in found], ZONE_STEP_M),
-        {
-            "season": [name for name, _, _ in found],
-            "name": [area.name for _, area, _ in found],
-            "need_m": [area.need for _, area, _ in found],
-            "hours": [hours for _, _, hours in found],
-        },
+    return rows_frame(
+        to_lonlat(result, [area.polygon for _, area in areas], ZONE_STEP_M),
+        [
+            {
+                "season": case.name,
+                "name": area.name,
+                "need_m": area.need,
+                "hours": _open_hours(case, area),
+            }
+            for case, area in areas
+        ],
     )
 
 
@@ -100,15 +105,10 @@ def _open_hours(case: RunCase, area: renew.TidalArea) -> str:
     """Write when an area has enough water, from a case's departure to a day after arrival."""
     ends = [float(one.route.times[-1]) for one in case.routes]
     hours = area.tide.high_enough(area.need, 0.0, max(ends, default=0.0) + _DAY_S)
-    spelled = [
-        " to ".join(_moment(case.case.moment(one)) for one in pair) for pair in hours.tolist()
-    ]
-    return ", ".join(spelled) or "never"
-
-
-def _moment(moment: datetime | float | None) -> str:
-    """Write a moment of a clock that begins at a date."""
-    return moment_text(moment) if isinstance(moment, datetime) else ""
+    spans = [[case.case.moment(end) for end in span] for span in hours.tolist()]
+    # Only a clock that begins at a date has moments to write.
+    written = [[moment_text(m) if isinstance(m, datetime) else "" for m in span] for span in spans]
+    return ", ".join(map(" to ".join, written)) or "never"
 
 
 def no_go(result: RunResult) -> GeoDataFrame:
@@ -242,27 +242,21 @@ def _path_points(result: RunResult) -> GeoDataFrame:
 
 def _channels(result: RunResult) -> GeoDataFrame:
     """Return channels of triangles, of planned and of rejected classes."""
-    rows: list[tuple[str, int, str, str, FloatArray]] = []
+    channels: list[tuple[FloatArray, dict[str, Any]]] = []
     for case in result.cases:
-        if case.plan is None:
-            continue
-        rows += [(case.name, r.rank, r.metrics.homotopy, "", r.route.channel) for r in case.routes]
         # A rejected class has no route, so no rank among the routes.
-        rows += [
-            (case.name, 0, r.homotopy, case.rejection_reason(r), r.channel)
-            for r in case.plan.rejected
-        ]
-    outlines = [shapely.union_all(shapely.polygons(triangles)) for *_, triangles in rows]
-    return frame(
-        to_lonlat(result, outlines, ZONE_STEP_M),
-        {
-            "season": [row[0] for row in rows],
-            "rank": [row[1] for row in rows],
-            "homotopy": [row[2] for row in rows],
-            "rejected_because": [row[3] for row in rows],
-            "triangles": [len(row[4]) for row in rows],
-        },
-    )
+        for rank, homotopy, reason, triangles in (
+            *((r.rank, r.metrics.homotopy, "", r.route.channel) for r in case.routes),
+            *(
+                (0, r.homotopy, case.rejection_reason(r), r.channel)
+                for r in (case.plan.rejected if case.plan else ())
+            ),
+        ):
+            row = {"season": case.name, "rank": rank, "homotopy": homotopy}
+            row |= {"rejected_because": reason, "triangles": len(triangles)}
+            channels.append((triangles, row))
+    outlines = [shapely.union_all(shapely.polygons(triangles)) for triangles, _ in channels]
+    return rows_frame(to_lonlat(result, outlines, ZONE_STEP_M), [row for _, row in channels])
 
 
 def _soft_no_go(result: RunResult) -> GeoDataFrame:
@@ -303,26 +297,18 @@ def _contingency(result: RunResult) -> GeoDataFrame:
     ranked, to_lonlat = result.routes, result.water.projection.to_lonlat
     turns = [r.case.measures.turns[r.rank - 1] for r in ranked]
     shown = [_shown(np.asarray(t.collided, dtype=bool)) for t in turns]
-    chosen = list(zip(turns, shown, strict=True))
-    return frame(
-        [shapely.points(to_lonlat(np.asarray(t.points)[index])) for t, index in chosen],
-        {
-            **route_key(ranked),
-            "collided": [np.asarray(t.collided)[index] for t, index in chosen],
-        },
-    )
+    points = [np.asarray(t.points)[index] for t, index in zip(turns, shown, strict=True)]
+    collided = [np.asarray(t.collided)[index] for t, index in zip(turns, shown, strict=True)]
+    lonlat = [shapely.points(to_lonlat(places)) for places in points]
+    return frame(lonlat, {**route_key(ranked), "collided": collided})
 
 
 def _shore_crossings(result: RunResult) -> GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
     found = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
-    return frame(
+    return rows_frame(
         shapely.points(np.array([[one.lon, one.lat] for _, one in found]).reshape(-1, 2)),
-        {
-            "season": [name for name, _ in found],
-            "rank": [one.rank for _, one in found],
-            "length_m": [one.length_m for _, one in found],
-        },
+        [{"season": name, "rank": one.rank, "length_m": one.length_m} for name, one in found],
     )
 
 
@@ -333,35 +319,29 @@ def _shown(collided: BoolArray) -> IndexArray:
     return np.sort(np.concatenate([np.flatnonzero(collided), harmless[::step]]))
 
 
-def _covered(result: RunResult) -> list[RunCase]:
-    """Return the cases with a coverage by havens."""
-    return [case for case in result.cases if case.coverage is not None]
-
-
 def _havens(result: RunResult) -> GeoDataFrame:
     """Return the havens of each case, with the reason why one is not used."""
     found = [
-        (name, haven, reason)
+        (haven.place, {"season": name, "name": haven.name, "reason": reason})
         for name, coverage in result.coverages.items()
         for haven, reason in (
             *((haven, "") for haven in coverage.havens),
             *((haven, "no way was found to it") for haven, _ in coverage.left_out),
         )
     ]
-    places = np.array([haven.place for _, haven, _ in found]).reshape(-1, 2)
-    return frame(
-        shapely.points(result.water.projection.to_lonlat(places)),
-        {
-            "season": [name for name, _, _ in found],
-            "name": [haven.name for _, haven, _ in found],
-            "reason": [reason for _, _, reason in found],
-        },
-    )
+    places = np.array([place for place, _ in found]).reshape(-1, 2)
+    lonlat = result.water.projection.to_lonlat(places)
+    return rows_frame(shapely.points(lonlat), [row for _, row in found])
 
 
 def _diversions(result: RunResult) -> GeoDataFrame:
     """Return the ways to havens, one line each."""
-    found = [(case.name, way) for case in _covered(result) for way in haven_ways(case).values()]
+    found = [
+        (case.name, way)
+        for case in result.cases
+        if case.coverage is not None
+        for way in haven_ways(case).values()
+    ]
     ways = [way for _, way in found]
     names = ("haven", "length_m", "duration_s", "longest_s", "fuel", "bearing_deg")
     return frame(
@@ -379,22 +359,27 @@ def _coverage(result: RunResult) -> GeoDataFrame:
     """Return the stretches of the best routes, each in one state."""
     found = [
         (case, row)
-        for case in _covered(result)
+        for case in result.cases
+        if case.coverage is not None
         for row in haven_rows(case)
         if row.kind not in LAST_TURNS
     ]
-    ways = [row.way for _, row in found]
-    lines = [stretch_line(case, row) for case, row in found]
-    return frame(
-        to_lonlat(result, lines, ROUTE_STEP_M),
-        {
-            "season": [case.name for case, _ in found],
-            **columns_of([row for _, row in found], "begin_s", "end_s", "longest_s", "least_s"),
-            "state": [row.kind for _, row in found],
-            "haven": [way.haven if way else "" for way in ways],
-            "diversion": [way.number if way else 0 for way in ways],
-            "reason": [row.reason for _, row in found],
-        },
+    return rows_frame(
+        to_lonlat(result, [stretch_line(case, row) for case, row in found], ROUTE_STEP_M),
+        [
+            {
+                "season": case.name,
+                "begin_s": row.begin_s,
+                "end_s": row.end_s,
+                "longest_s": row.longest_s,
+                "least_s": row.least_s,
+                "state": row.kind,
+                "haven": row.way.haven if row.way else "",
+                "diversion": row.way.number if row.way else 0,
+                "reason": row.reason,
+            }
+            for case, row in found
+        ],
     )
 
 

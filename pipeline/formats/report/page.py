@@ -25,11 +25,10 @@ from pipeline.formats.report import assets
 from pipeline.formats.report.map_data import json_for_script, map_data, place_on_map
 from pipeline.formats.report.season import case_section
 from pipeline.geo.lonlat import position_text
-from pipeline.model import Credit, CurrentGrid, ShutStrait
-from pipeline.scenario.model import PublishedRow
+from pipeline.model import Credit, CurrentGrid
 
 Notice = tuple[str, tuple[tuple[str, str], ...]]
-"""What a reader must know before the answer: a title, and items that are each about a season."""
+"""What a reader must know of the answer: a title, and items that are each about a season."""
 _FILTERS = (
     *("number", "fuel", "hours", "days", "percent", "share", "plain"),
     "capitalised",
@@ -55,7 +54,10 @@ def render(report: dict[str, Any]) -> str:
         land=result.fetched.land,
         straits=result.straits[:MAX_STRAITS],
         position_text=position_text,
-        place_on_map=partial(_place_on_map, result),
+        # A strait's place, for a button.
+        place_on_map=lambda strait: place_on_map(
+            result.water, result.water.projection.to_plane(np.array([strait.lon, strait.lat]))
+        ),
         versions=versions(),
         **style_colours(),
         # Files of this package, without text from elsewhere.
@@ -73,12 +75,6 @@ def _quantity(kind: str, value: float | None) -> Markup:
     return Markup('<span data-{}="{}">{}</span>').format(kind, f"{value:.9g}", written)
 
 
-def _place_on_map(result: RunResult, strait: ShutStrait) -> str:
-    """Return a strait's place for a button."""
-    place = np.array([strait.lon, strait.lat])
-    return place_on_map(result.water, result.water.projection.to_plane(place))
-
-
 def gather(result: RunResult) -> dict[str, Any]:
     """Gather what the templates show of a run, besides the run's own figures.
 
@@ -87,10 +83,15 @@ def gather(result: RunResult) -> dict[str, Any]:
     limits = speed_limits(result)
     # Decisions and unknown facts have parts of their own.
     shown = {*result.decisions, *result.unknowns}
+    crossed = [
+        (case.title, f": {_crossed(case)}")
+        for case in result.cases
+        if case.measures.shore_crossings
+    ]
     xmin, ymin, xmax, ymax = result.water.chart.bounds
     return {
         "result": result,
-        "notices": [(title, items) for title, items in _notices(result) if items],
+        "notices": [("Land of another shoreline on the route", crossed)] if crossed else [],
         "doubts": [(title, items) for title, items in _doubts(result) if items],
         "notes": note_texts(note for note in result.fetched.notes if note not in shown),
         "lacking": [
@@ -99,7 +100,7 @@ def gather(result: RunResult) -> dict[str, Any]:
             if not result.scenario.is_planar
             and (one.metrics.filled_share > 0 or one.metrics.uncharted_share > 0)
         ],
-        "has_crossings": any(case.measures.shore_crossings for case in result.cases),
+        "has_crossings": bool(crossed),
         "seasons": [case_section(case) for case in result.cases],
         "speed_labels": speed_labels(limits) if has_arrows(result) else (),
         # JSON without characters that could end its element.
@@ -121,18 +122,6 @@ def _sources(result: RunResult) -> tuple[tuple[str, Credit], ...]:
     return (
         *(("Land", credit) for credit in result.fetched.land.credits),
         *((f"Currents, {', '.join(of)}", credit) for credit, of in titles.items()),
-    )
-
-
-def _notices(result: RunResult) -> Iterator[Notice]:
-    """Yield the notices above the answer: land of another shoreline."""
-    yield (
-        "Land of another shoreline on the route",
-        tuple(
-            (case.title, f": {_crossed(case)}")
-            for case in result.cases
-            if case.measures.shore_crossings
-        ),
     )
 
 
@@ -221,7 +210,10 @@ def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
                 "is_ours": False,
                 "scale": published.scale,
                 "way": row.side,
-                "fuel_per_distance": _published_ratio(row),
+                # F/D as published, or from fuel and length.
+                "fuel_per_distance": row.fuel / row.length
+                if row.fuel_per_distance is None and row.fuel is not None and row.length is not None
+                else row.fuel_per_distance,
                 "fuel": row.fuel,
                 "length": row.length,
                 "length_m": None if row.length is None else row.length * published.scale,
@@ -231,10 +223,3 @@ def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
             if row.season == case.name or (not row.season and not case.number)
         ]
     return tuple(rows)
-
-
-def _published_ratio(row: PublishedRow) -> float | None:
-    """Return F/D as published, or from fuel and length."""
-    if row.fuel_per_distance is None and row.fuel is not None and row.length is not None:
-        return row.fuel / row.length
-    return row.fuel_per_distance

@@ -127,7 +127,10 @@ def test_the_trade_off_is_what_other_deadlines_come_to() -> None:
 
 @pytest.mark.gate_share(1)
 @pytest.mark.parametrize("exponent", [2.0, 3.0])
-def test_two_equal_slices_give_the_steady_plan(exponent: float) -> None:
+def test_two_equal_slices_give_the_steady_plan(
+    exponent: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("renew.vary.speeds.ClockSearch", None)  # neither current changes
     still = replace(random_scene(3), vessel=replace(PAPER_VESSEL, fuel_exponent=exponent))
     options = {"speed": (0.9, 1.5), "arrive_by": 230.0, "classes": 2}
     steady = still.plan(**options)

@@ -222,22 +222,11 @@ def test_without_a_departure_no_point_has_a_time(any_run: RunResult, tmp_path: P
     assert len(root.findall(f".//{NAMESPACE}time")) == 1
 
 
-def test_a_departure_without_a_zone_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="no time zone"):
-        written(runs.across_180(), tmp_path / "a.gpx", departure=DEPARTURE.replace(tzinfo=None))
-    assert not list(tmp_path.iterdir())
-
-
 def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
     gpx = written(any_run, tmp_path / "a.gpx")
     for credit in any_run.credits:
         assert credit.text in (gpx.description or "")
         assert credit.text in (gpx.copyright_author or "")
-
-
-def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="nowhere"):
-        write_gpx(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a.gpx")
 
 
 def test_without_land_no_clearance_is_stated(tmp_path: Path) -> None:

@@ -122,8 +122,3 @@ def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None
     (description, *_) = texts(written(any_run, tmp_path / "a.kml"), "description")
     for credit in any_run.credits:
         assert credit.text in description
-
-
-def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="nowhere"):
-        write_kml(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a.kml")

@@ -187,13 +187,6 @@ def test_with_a_departure_times_are_in_utc(tmp_path: Path) -> None:
         assert element.get("etd") is None
 
 
-def test_a_departure_without_a_zone_is_refused(tmp_path: Path) -> None:
-    naive = DEPARTURE.replace(tzinfo=None)
-    with pytest.raises(ValueError, match="no time zone"):
-        write_rtz(runs.across_180().case(runs.SEASON), tmp_path / "a.rtz", departure=naive)
-    assert not list(tmp_path.iterdir())
-
-
 def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
     season = any_run.results[0].name
     for version in VERSIONS:
@@ -215,8 +208,3 @@ def test_what_is_not_known_is_in_the_file(tmp_path: Path) -> None:
         for place in (unknown.text, info.get("optimizationMethod")):
             assert "o depths in this chart: the draught was not used" in place
             assert "no figure for 12.5 % of route 1" in place
-
-
-def test_what_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="nowhere"):
-        write_rtz(runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / "a.rtz")

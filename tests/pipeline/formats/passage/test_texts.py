@@ -18,7 +18,7 @@ from pipeline.findings.names import safe_name
 from pipeline.findings.result import RunResult
 from pipeline.findings.text import duration
 from pipeline.formats.gis.geopackage import write_geojson
-from pipeline.formats.passage.missions import write_plan
+from pipeline.formats.passage.missions import write_mission, write_plan
 from pipeline.formats.passage.routes import write_gpx, write_kml, write_rtz
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,
@@ -50,7 +50,24 @@ WRITERS: dict[str, Callable[..., None]] = {
     "gpx": write_gpx,
     "kml": write_kml,
     "plan": write_plan,
+    "waypoints": write_mission,
 }
+# Files with room for words; a mission for ArduPilot's tools has none.
+SPEAKING = ("rtz", "gpx", "kml", "plan")
+
+
+@pytest.mark.parametrize("end", WRITERS)
+def test_what_cannot_be_written_is_an_os_error(end: str, tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="nowhere"):
+        WRITERS[end](runs.across_180().case(runs.SEASON), tmp_path / "nowhere" / f"a.{end}")
+
+
+@pytest.mark.parametrize("end", ["rtz", "gpx", "kml"])
+def test_a_departure_without_a_zone_is_refused(end: str, tmp_path: Path) -> None:
+    naive = datetime(2026, 12, 31, 20, 30)  # noqa: DTZ001 - this is what is refused
+    with pytest.raises(ValueError, match="no time zone"):
+        WRITERS[end](runs.across_180().case(runs.SEASON), tmp_path / "a", departure=naive)
+    assert not list(tmp_path.iterdir())
 
 
 def with_hits(result: RunResult) -> RunResult:
@@ -63,7 +80,7 @@ def with_hits(result: RunResult) -> RunResult:
     return with_measures(result, "winter", routes=(replace(best, collisions=2), *rows), turns=flown)
 
 
-@pytest.mark.parametrize("end", WRITERS)
+@pytest.mark.parametrize("end", SPEAKING)
 def test_a_route_that_is_not_safe_says_so_in_every_file(end: str, tmp_path: Path) -> None:
     result = small_run.parts()
     told = {}
@@ -79,7 +96,7 @@ def test_a_route_that_is_not_safe_says_so_in_every_file(end: str, tmp_path: Path
         assert f"2 of {row.trials:,} simulated hard-over turns met land" in told["unsafe"]
 
 
-@pytest.mark.parametrize("end", WRITERS)
+@pytest.mark.parametrize("end", SPEAKING)
 def test_every_file_names_the_current_that_was_used(end: str, tmp_path: Path) -> None:
     """Summer is planned on a stand-in, winter on what was asked for."""
     result = small_run.parts()
