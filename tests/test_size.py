@@ -35,11 +35,11 @@ ROOMS = {
     "renew/inputs": (2_262, 25),
     "renew/kernels": (1_773, 15),
     "renew/paths": (1_799, 10),
-    "renew/planner": (2_196, 8),
+    "renew/planner": (2_197, 8),
     "renew/steering": (889, 1),
     "renew/turns": (1_553, 13),
-    "renew/underway": (1_948, 12),
-    "renew/vary": (1_672, 8),
+    "renew/underway": (1_949, 12),
+    "renew/vary": (1_666, 8),
     "renew/voyage": (755, 5),
 }
 MOST_FILES = 236
