@@ -109,7 +109,7 @@ def status(*, config: ConfigOption = None, output: NightOutputOption = None) -> 
     """Print the latest cycle, whether a job is at work, and its progress."""
     with reported_errors():
         from pipeline.nightly.config import load_config
-        from pipeline.nightly.status import status_lines
+        from pipeline.nightly.records import status_lines
 
         for line in status_lines(load_config(config, output).output):
             typer.echo(line)
@@ -125,7 +125,7 @@ def show(
     """Print a case of the last cycle: its route, and what changed."""
     with reported_errors():
         from pipeline.nightly.config import load_config
-        from pipeline.nightly.status import case_lines
+        from pipeline.nightly.records import case_lines
 
         for line in case_lines(load_config(config, output).output, case):
             typer.echo(line)

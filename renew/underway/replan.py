@@ -28,8 +28,7 @@ from renew.planner.plan import planner_of, with_least_water
 from renew.planner.problem import check_endpoints, off_water
 from renew.request import Request
 from renew.results import Plan, Rejected, Route
-from renew.underway.choice import choose
-from renew.underway.lead import ON_TIME, Abeam, abeam, track_ahead, way_ahead
+from renew.underway.lead import ON_TIME, Abeam, abeam, choose, track_ahead, way_ahead
 from renew.underway.survey import entered
 from renew.voyage.voyage import Voyage, shares
 

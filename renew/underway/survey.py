@@ -22,8 +22,8 @@ from renew.inputs.openings import Haven
 from renew.planner.plan import planner_of
 from renew.request import Request
 from renew.results import Route
-from renew.underway.choice import choose
 from renew.underway.coverage import Diversion, State, Stretch
+from renew.underway.lead import choose
 from renew.voyage.voyage import Voyage
 
 # Number of classes that are planned for a way to a haven.

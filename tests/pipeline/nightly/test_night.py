@@ -21,7 +21,7 @@ from pipeline.nightly.config import load_config
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.publishing import check_files
-from pipeline.nightly.status import case_lines, status_lines
+from pipeline.nightly.records import case_lines, status_lines
 from pipeline.scenario.loading import load_scenario
 from tests.pipeline.nightly.nights import (
     REFERENCE,
