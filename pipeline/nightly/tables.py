@@ -69,17 +69,27 @@ _GEO = {
     "primary_column": "geometry",
     "columns": {"geometry": {"encoding": "WKB", "geometry_types": ["LineString"]}},
 }
-_COLUMNS = ("case", "status", "outcome", "side", "class", "fuel", "arrival", "saving_percent")
-SCHEMA = pa.schema(
+# Columns of a case that the history keeps.
+_HISTORY_COLUMNS = (
+    "case",
+    "status",
+    "outcome",
+    "side",
+    "class",
+    "fuel",
+    "arrival",
+    "saving_percent",
+)
+HISTORY_SCHEMA = pa.schema(
     [
         ("cycle", pa.string()),
         ("reference_time", pa.timestamp("ms", tz="UTC")),
-        *(CASE_SCHEMA.field(name) for name in _COLUMNS),
+        *(CASE_SCHEMA.field(name) for name in _HISTORY_COLUMNS),
     ]
 )
 CHANGES_FILE = "changes.csv"
 # fmt: off
-COLUMNS = (
+CHANGES_COLUMNS = (
     "case", "outcome", "why", "earlier_cycle", "earlier_side", "side", "earlier_class", "class",
     "earlier_arrival", "keep_arrival", "arrival", "keep_fuel", "fuel", "saving_percent", "apart_m",
     "members_count", "members_flips", "members_sides", "members_mean_fuel", "members_p90_fuel",
@@ -87,7 +97,7 @@ COLUMNS = (
     "status", "reason",
 )
 # fmt: on
-"""Columns; `earlier_` is yesterday's route, `keep_` yesterday's route in tonight's current."""
+"""Columns of `changes.csv`; `earlier_` is yesterday's route, `keep_` yesterday's route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = frames.Layer(
     "routes",
@@ -96,7 +106,17 @@ LAYER = frames.Layer(
     "routes.parquet has all routes",
     geometry_type="LineString",
 )
-_TEXT = ("case", "scenario", "season", "pair", "departure", "vessel", "member", "side", "class")
+_LAYER_TEXTS = (
+    "case",
+    "scenario",
+    "season",
+    "pair",
+    "departure",
+    "vessel",
+    "member",
+    "side",
+    "class",
+)
 # Figures of a route in the layer: those of the layer of a run.
 _FIGURES = tuple(
     name
@@ -130,20 +150,23 @@ def write_history(earlier: LookBack, tonight: pa.Table, path: Path, newest: Newe
             for group in range(before.num_row_groups):
                 write(before.read_row_group(group))
         for name, cases_path in earlier.later:
-            cases = pq.read_table(cases_path, columns=list(_COLUMNS))
+            cases = pq.read_table(cases_path, columns=list(_HISTORY_COLUMNS))
             write(_with_cycle(cases, name, cycle_time(name)))
-        write(_with_cycle(tonight.select(_COLUMNS), newest.cycle, newest.time))
+        write(_with_cycle(tonight.select(_HISTORY_COLUMNS), newest.cycle, newest.time))
 
 
 @contextlib.contextmanager
 def _history_writer(path: Path) -> Iterator[Callable[[pa.Table], None]]:
     """Yield a function that adds rows to the new history, in groups of _GROUP_ROWS or more."""
     waiting: list[pa.Table] = []
-    with path.open("wb") as file, pq.ParquetWriter(file, SCHEMA, compression="zstd") as writer:
+    with (
+        path.open("wb") as file,
+        pq.ParquetWriter(file, HISTORY_SCHEMA, compression="zstd") as writer,
+    ):
 
         def flush(least: int) -> None:
             if waiting and sum(table.num_rows for table in waiting) >= least:
-                writer.write_table(pa.concat_tables(waiting).cast(SCHEMA), _GROUP_ROWS)
+                writer.write_table(pa.concat_tables(waiting).cast(HISTORY_SCHEMA), _GROUP_ROWS)
                 waiting.clear()
 
         def write(table: pa.Table) -> None:
@@ -157,19 +180,19 @@ def _history_writer(path: Path) -> Iterator[Callable[[pa.Table], None]]:
 def _with_cycle(cases: pa.Table, cycle: str, reference: datetime | None) -> pa.Table:
     """Return rows of the history from a cycle's cases."""
     count = cases.num_rows
-    times = pa.array([reference] * count, SCHEMA.field("reference_time").type)
+    times = pa.array([reference] * count, HISTORY_SCHEMA.field("reference_time").type)
     table = cases.append_column("cycle", pa.array([cycle] * count, pa.string()))
-    return table.append_column("reference_time", times).select(SCHEMA.names)
+    return table.append_column("reference_time", times).select(HISTORY_SCHEMA.names)
 
 
 def write_changes(cases: Iterable[Row], path: Path) -> None:
     """Write the changes of a cycle; without an earlier cycle, only the header."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
+        writer.writerow(CHANGES_COLUMNS)
         for row in cases:
             if row["earlier_cycle"]:
-                writer.writerow([_spelled(row[column]) for column in COLUMNS])
+                writer.writerow([_spelled(row[column]) for column in CHANGES_COLUMNS])
 
 
 def _spelled(value: object) -> object:
@@ -210,7 +233,7 @@ def _frame(routes: list[Row]) -> frames.GeoDataFrame:
     return (
         geopandas.GeoDataFrame(
             routes,
-            columns=[*_TEXT, "rank", *_FIGURES],
+            columns=[*_LAYER_TEXTS, "rank", *_FIGURES],
             geometry=geopandas.GeoSeries.from_wkb([row["geometry"] for row in routes]),
             crs="EPSG:4326",
         )
