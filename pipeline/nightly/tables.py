@@ -97,7 +97,7 @@ CHANGES_COLUMNS = (
     "status", "reason",
 )
 # fmt: on
-"""Columns of the changes; `earlier_` is yesterday's route, `keep_` the same in tonight's current."""
+"""Columns; `earlier_` is yesterday's route, `keep_` the same route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = frames.Layer(
     "routes",
