@@ -147,7 +147,8 @@ def test_points_and_areas_are_set_by_clicks_and_what_is_wrong_is_told(open_page:
     asked = json.loads(sent.value.post_data or "")
     assert asked["via"] == [page.input_value("#vias input")]
     assert len(asked["areas"][0]) == 3
-    expect(page.get_by_role("alert")).to_contain_text("no vessel; give 'Vessel'")
+    alert = page.get_by_role("alert")  # a worker gives it, which may have to start first
+    expect(alert).to_contain_text("no vessel; give 'Vessel'", timeout=30_000)
     page.get_by_role("button", name="Remove area 1").click()
     page.get_by_role("button", name="Remove point 1").click()
     expect(page.locator(".pin")).to_have_count(2)
