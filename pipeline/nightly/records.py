@@ -199,7 +199,7 @@ def earlier_routes(cycle: str, path: Path) -> dict[str, EarlierRoute]:
             row.get("island", ""),
             row["class"],
             row["fuel"],
-            row["arrival"],
+            row["arrival"] and row["arrival"].astimezone(UTC),  # plain: the store holds no others
             shapely.get_coordinates(shapely.from_wkb(row["geometry"])),
         )
         for row in table.to_pylist()

@@ -504,7 +504,9 @@ def decoded_times(time: "xr.DataArray", values: FloatArray, units: str) -> list[
             only_use_python_datetimes=True,
         )
         stamps: list[datetime] = np.atleast_1d(np.asarray(decoded, dtype=object)).tolist()
-        moments = [(stamp + half - offset).replace(microsecond=0, tzinfo=UTC) for stamp in stamps]
+        # Plain datetimes: a store holds none of netCDF4's own kind.
+        plain = [datetime.combine(stamp.date(), stamp.time(), UTC) for stamp in stamps]
+        moments = [(moment + half - offset).replace(microsecond=0) for moment in plain]
     except (ValueError, ArithmeticError, TypeError, LookupError) as error:
         raise ValueError(
             f"{time.name} is no time: units {units!r} ({error}); give them as 'hours since "

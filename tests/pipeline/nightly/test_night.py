@@ -18,6 +18,7 @@ import shapely
 import renew
 from pipeline.errors import RequestError, StageError
 from pipeline.nightly.config import load_config
+from pipeline.nightly.cycles import Partial, rows_of_parts
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.publishing import check_files
@@ -79,7 +80,9 @@ def test_a_first_night_is_whole_and_a_second_run_touches_nothing(
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*")} == before
 
 
-def test_a_second_night_sails_the_first_ones_routes_again(tmp_path: Path, cluster: str) -> None:
+def test_a_second_night_sails_the_first_ones_routes_again(
+    tmp_path: Path, cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     output = tmp_path / "out"
     file = region_night(tmp_path)
     write_forecast(tmp_path / "currents" / "m1.nc")
@@ -92,8 +95,17 @@ def test_a_second_night_sails_the_first_ones_routes_again(tmp_path: Path, cluste
     assert rows(output)[0]["leaves"].isoformat() == "2026-11-21T06:00:00+00:00"
 
     write_forecast(tmp_path / "currents" / "m1.nc", REFERENCE + timedelta(days=1), seed=7)
+    kept, clear = [], Partial.clear
+
+    def look_and_clear(partial: Partial) -> None:
+        kept.extend(row for part in rows_of_parts(partial.folder) for row in part)
+        clear(partial)
+
+    monkeypatch.setattr(Partial, "clear", look_and_clear)
     second = run_night(load_config(file, output), scheduler=cluster)
     assert second.cycle == "2026-11-22T00Z"
+    # Ended before this, it would have gone on from here.
+    assert {row["case"] for row in kept} == {row["case"] for row in rows(output)}
     with (output / "latest" / "changes.csv").open(newline="") as changes:
         changed = list(csv.DictReader(changes))
     assert [row["earlier_cycle"] for row in changed] == ["2026-11-21T00Z"] * 2
