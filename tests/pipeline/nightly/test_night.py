@@ -18,7 +18,7 @@ import shapely
 import renew
 from pipeline.errors import RequestError, StageError
 from pipeline.nightly.config import load_config
-from pipeline.nightly.cycles import Partial, rows_of_parts
+from pipeline.nightly.cycles import Partial, Row, rows_of_parts
 from pipeline.nightly.night import run_night
 from pipeline.nightly.outcome import ComeAgainError
 from pipeline.nightly.publishing import check_files
@@ -95,7 +95,7 @@ def test_a_second_night_sails_the_first_ones_routes_again(
     assert rows(output)[0]["leaves"].isoformat() == "2026-11-21T06:00:00+00:00"
 
     write_forecast(tmp_path / "currents" / "m1.nc", REFERENCE + timedelta(days=1), seed=7)
-    kept, clear = [], Partial.clear
+    kept, clear = list[Row](), Partial.clear
 
     def look_and_clear(partial: Partial) -> None:
         kept.extend(row for part in rows_of_parts(partial.folder) for row in part)
