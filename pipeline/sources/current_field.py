@@ -15,10 +15,13 @@ from typing import Any
 
 import numpy as np
 import shapely
+from scipy import ndimage
 
+import renew
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
+from pipeline.errors import RequestError
 from pipeline.geo.lonlat import METRES_PER_DEGREE
-from pipeline.model import Note
+from pipeline.model import CurrentGrid, Note
 
 # Depth above which a level counts as the surface, m: the uppermost level of ocean models is
 # 0.5 to 1.5 m deep.
@@ -189,27 +192,13 @@ _WATER_SHARE = 0.05
 _MAX_STEP_VARIATION = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class Shift:
-    """By how much a field was moved from its place: `east` and `north`, in degrees.
+def find_shift(field: Field, mask: LandMask) -> tuple[float, float, int, int] | None:
+    """Find by how much a field was moved from its place: where its gaps match the land best.
 
-    `land_cells` counts the cells of land to which such a move would bring data. `explained` counts
-    the cells among them that have data here, and lose the data when the move is undone.
+    Returns the move to east and to north, degrees; how many cells of land have data here and lose
+    them when the move is undone; and to how many cells of land such a move would bring data. None
+    where the field is in its place.
     """
-
-    east: float
-    north: float
-    explained: int
-    land_cells: int
-
-    @property
-    def share(self) -> float:
-        """Share of the land cells that the shift explains, up to 1."""
-        return self.explained / max(self.land_cells, 1)
-
-
-def find_shift(field: Field, mask: LandMask) -> Shift | None:
-    """Find the offset at which the field's gaps match the land best; None where it is in place."""
     window = _testable_window(field, mask)
     if window is None:
         return None
@@ -234,11 +223,11 @@ def find_shift(field: Field, mask: LandMask) -> Shift | None:
         return None
     east, north, explained, land_cells = best
     # The land matches at this offset, so the field itself was moved the other way.
-    return Shift(
-        east=-east / _POINTS_PER_CELL * field.cell_deg[0],
-        north=-north / _POINTS_PER_CELL * field.cell_deg[1],
-        explained=explained,
-        land_cells=land_cells,
+    return (
+        -east / _POINTS_PER_CELL * field.cell_deg[0],
+        -north / _POINTS_PER_CELL * field.cell_deg[1],
+        explained,
+        land_cells,
     )
 
 
@@ -301,3 +290,34 @@ def _land_shares(
         return share >= _LAND_SHARE, share <= _WATER_SHARE
 
     return entirely
+
+
+def bilinear(grid: CurrentGrid, lonlat: FloatArray, step: int = 0) -> FloatArray:
+    """Interpolate east and north velocity (..., 2), m/s, bilinearly at lon/lat (..., 2).
+
+    `step` is the index of one of the grid's times. Gaps are filled first. Points beyond the grid
+    get the value at its nearest edge.
+    """
+    east, north = np.moveaxis(fill_gaps(np.stack([grid.u[step], grid.v[step]], axis=-1)), -1, 0)
+    return renew.GriddedCurrent(grid.lon, grid.lat, east, north)(lonlat)
+
+
+def fill_gaps(field: FloatArray) -> FloatArray:
+    """Fill the NaN of a field (ny, nx, 2) outward from its values, ring by ring.
+
+    A filled cell is the mean of those of its eight neighbours that are known. Known values stay
+    unchanged.
+    """
+    field = np.array(field, dtype=float)
+    known = np.isfinite(field).all(axis=-1)
+    if not known.any():
+        raise RequestError("the current has no values at all; name another source in 'currents'")
+    field[~known] = 0.0
+    ring_and_middle = np.ones((3, 3))
+    while not known.all():
+        count = ndimage.convolve(known.astype(float), ring_and_middle, mode="constant")
+        total = ndimage.convolve(field, ring_and_middle[..., None], mode="constant")
+        ring = ~known & (count > 0)
+        field[ring] = total[ring] / count[ring][:, None]
+        known |= ring
+    return field

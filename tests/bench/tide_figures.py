@@ -17,7 +17,7 @@ import renew
 from pipeline.model import Credit, CurrentGrid
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.sources.tides.fit import fit_files
+from pipeline.sources.cf.harmonic_fit import fit_files
 from tests.bench.figure import Figure, at_most
 from tests.bench.palawan_figures import cases_of, fetched_data
 from tests.stream_scenes import stream_scene

@@ -42,12 +42,14 @@ from pipeline.sources.cf.dataset import coordinate_values, open_dataset, reading
 from pipeline.sources.cf.fields import SelectedSteps, Window, find_window, read_window
 from pipeline.sources.copernicus.client import LOGIN, around_missing, has_account
 from pipeline.sources.copernicus.download import (
-    CachedDownload,
     SubsetRequest,
+    cached_metadata,
     download,
     label_format,
     last_step,
+    save,
     select,
+    staging_folder,
     step_ends,
 )
 from pipeline.sources.current_field import SURFACE_DEPTH_M, Field, LandMask, water_without_data
@@ -63,23 +65,23 @@ class Copernicus(CurrentSource):
 
     spec: CopernicusSpec
 
-    def needs_network(self, region: Polygon, season: Season, folder: Path) -> bool:
-        """Whether the season's file is not in the cache."""
-        asked = self.asked(region, season)
-        return self._fresh_metadata(asked, self.cached_download(asked, season, folder)) is None
+    def needs_network(self, region: Polygon, case: Season, folder: Path) -> bool:
+        """Whether the case's file is not in the cache."""
+        asked = self.asked(region, case)
+        return self._fresh_metadata(asked, self.cached_file(asked, case, folder)) is None
 
-    def identity(self, season: Season) -> tuple[str, ...]:
+    def identity(self, case: Season) -> tuple[str, ...]:
         """Return dataset, version and time; and today's date while the data may still change."""
         now = datetime.now(UTC)
         try:
-            is_settled = self._is_settled(self._select(season)[0], now)
+            is_settled = self._is_settled(self._select(case)[0], now)
         except ValueError:
             is_settled = True  # there are no data, as `uncovered_reason` says
         return (
             self.spec.name,
             self.spec.model_dump_json(),
-            _asked_time(season),
-            season.resolved_time_method,
+            _asked_time(case),
+            case.resolved_time_method,
             "" if is_settled else now.date().isoformat(),
         )
 
@@ -89,7 +91,7 @@ class Copernicus(CurrentSource):
             return ""
         return f"{self.spec.name} needs a free Copernicus Marine account: set {LOGIN} once"
 
-    def uncovered_reason(self, region: Polygon, season: Season) -> str:
+    def uncovered_reason(self, region: Polygon, case: Season) -> str:
         """Say which part of the region or of the time lies outside the dataset."""
         spec = self.spec
         remedy = "name another source in 'currents'"
@@ -106,32 +108,32 @@ class Copernicus(CurrentSource):
                 f"{west:g} to {east:g}; move the region or {remedy}"
             )
         try:
-            steps, _ = self._select(season)
+            steps, _ = self._select(case)
         except ValueError as error:
-            return f"{spec.name}, asked for {_asked_time(season)}, {error}; {remedy}"
-        if not self._may_cover(steps, changes=season.is_changing):
-            return f"{spec.name} covers {spec.covers}, not {_asked_time(season)}; {remedy}"
+            return f"{spec.name}, asked for {_asked_time(case)}, {error}; {remedy}"
+        if not self._may_cover(steps, changes=case.is_changing):
+            return f"{spec.name} covers {spec.covers}, not {_asked_time(case)}; {remedy}"
         return ""
 
-    def covered_bounds(self, region: Polygon, season: Season) -> Bounds | None:
+    def covered_bounds(self, region: Polygon, case: Season) -> Bounds | None:
         """Return the part between the dataset's southern and northern limit."""
-        del season
+        del case
         west, south, east, north = region.bounds
         lowest, highest = self.spec.latitudes
         return common_bounds((west, south, east, north), (west, lowest, east, highest))
 
-    def issue(self, season: Season) -> Issue:
+    def issue(self, case: Season) -> Issue:
         """Ask for the dataset's last step; a forecast is of use for `days_ahead` before it."""
-        del season
+        del case
         last, version_label = last_step(self.spec)
         first = last - timedelta(days=self.spec.days_ahead)
         digest = hashlib.sha256(f"{self.spec.dataset} {version_label} {last}".encode()).hexdigest()
         return Issue(None, first, last, digest)
 
-    def current(self, region: Polygon, season: Season, land: Land, folder: Path) -> CurrentGrid:
+    def current(self, region: Polygon, case: Season, land: Land, folder: Path) -> CurrentGrid:
         """Read the file from the cache, or download, check and cache it."""
-        asked = self.asked(region, season)
-        cached = self.cached_download(asked, season, folder)
+        asked = self.asked(region, case)
+        cached = self.cached_file(asked, case, folder)
 
         def check(file: Path, metadata: Mapping[str, Any]) -> Accepted:
             return accept(file, _obtained(asked, metadata), metadata["missing_boxes"], land)
@@ -140,30 +142,30 @@ class Copernicus(CurrentSource):
         if metadata is not None:
             # A file from the cache may fail checks that were added since: it is downloaded again.
             with contextlib.suppress(StageError):
-                accepted = check(cached.file, metadata)
+                accepted = check(cached, metadata)
         if accepted is None or metadata is None:
-            with cached.staging_folder() as staging:
-                staged = staging / cached.file.name
+            with staging_folder(folder) as staging:
+                staged = staging / cached.name
 
                 def check_answer(answer: dict[str, Any]) -> tuple[Accepted, dict[str, Any]]:
                     metadata = self._metadata(asked, answer)
                     return check(staged, metadata), metadata
 
                 accepted, metadata = download(asked, staged, check_answer)
-                metadata = cached.save(staged, metadata)
+                metadata = save(staged, cached, metadata)
         field, notes = accepted
         obtained = _obtained(asked, metadata)
         if obtained.changes and self.spec.kind == "mean" and self.spec.step in {"day", "month"}:
             # Steps so long can't show the tide.
             notes = (Note.of("steps-are-means", step=self.spec.step), *notes)
         return CurrentGrid(
-            case=season.name,
+            case=case.name,
             lon=field.lon,
             lat=field.lat,
             u=field.u,
             v=field.v,
             times_s=np.array(obtained.selected.times_s),
-            valid=self._valid(season, obtained),
+            valid=self._valid(case, obtained),
             credit=Credit(
                 name=f"{self.spec.product}, {self.spec.dataset} {metadata['version']}",
                 kind="current",
@@ -173,24 +175,24 @@ class Copernicus(CurrentSource):
                 retrieved=metadata["retrieved_utc"],
             ),
             notes=notes,
-            files=((cached.file.name, metadata["sha256"]),),
+            files=((cached.name, metadata["sha256"]),),
         )
 
-    def asked(self, region: Polygon, season: Season) -> SubsetRequest:
-        """Return the request for a season; ValueError where the dataset can't have its steps."""
-        return SubsetRequest(self.spec, region, *self._select(season))
+    def asked(self, region: Polygon, case: Season) -> SubsetRequest:
+        """Return the request for a case; ValueError where the dataset can't have its steps."""
+        return SubsetRequest(self.spec, region, *self._select(case))
 
-    def cached_download(self, asked: SubsetRequest, season: Season, folder: Path) -> CachedDownload:
-        """Return the place of the season's file in the cache."""
+    def cached_file(self, asked: SubsetRequest, case: Season, folder: Path) -> Path:
+        """Return the path of the case's file in the cache, whether it is there or not."""
         labels = asked.steps.labels
-        valid = season.valid.replace(":", "") or f"{labels[0]}_{labels[-1]}"
+        valid = case.valid.replace(":", "") or f"{labels[0]}_{labels[-1]}"
         fingerprint = hashlib.sha256(json.dumps(asked.record).encode()).hexdigest()[:12]
-        return CachedDownload(folder / f"{self.spec.dataset}_{valid}_{fingerprint}.nc")
+        return folder / f"{self.spec.dataset}_{valid}_{fingerprint}.nc"
 
-    def _select(self, season: Season) -> tuple[TimeSteps, SelectedSteps]:
-        """Select the time steps of the season's fields; ValueError where there can be none."""
-        method = "changing" if season.is_changing else season.resolved_time_method
-        return select(self.spec, season.period, method)
+    def _select(self, case: Season) -> tuple[TimeSteps, SelectedSteps]:
+        """Select the time steps of the case's fields; ValueError where there can be none."""
+        method = "changing" if case.is_changing else case.resolved_time_method
+        return select(self.spec, case.period, method)
 
     def _may_cover(self, steps: TimeSteps, *, changes: bool) -> bool:
         """Whether the dataset may have the steps; if in doubt, the service is asked."""
@@ -211,11 +213,9 @@ class Copernicus(CurrentSource):
         _, end = step_ends(self.spec, steps.moments[-1])
         return moment >= end + timedelta(days=self.spec.settles_after_days)
 
-    def _fresh_metadata(
-        self, asked: SubsetRequest, cached: CachedDownload
-    ) -> dict[str, Any] | None:
+    def _fresh_metadata(self, asked: SubsetRequest, cached: Path) -> dict[str, Any] | None:
         """Return the sidecar of a cached file that is valid and not out of date; else None."""
-        metadata = cached.metadata(asked.record)
+        metadata = cached_metadata(cached, asked.record)
         if metadata is None:
             return None
         retrieved = datetime.fromisoformat(metadata["retrieved_utc"])
@@ -238,14 +238,14 @@ class Copernicus(CurrentSource):
             "missing_boxes": answer["missing_boxes"],
         }
 
-    def _valid(self, season: Season, obtained: SubsetRequest) -> str:
+    def _valid(self, case: Season, obtained: SubsetRequest) -> str:
         """Return the time that the fields are valid for, which may be near the one asked for."""
         labels, moments = obtained.steps.labels, obtained.steps.moments
         if obtained.changes:
             return f"{moments[0]:%Y-%m-%dT%H:%MZ}/{moments[-1]:%Y-%m-%dT%H:%MZ}"
         if self.spec.kind == "climatology":
             return f"month {labels[0]} of the mean year"
-        return season.valid if len(labels) > 1 else labels[0]
+        return case.valid if len(labels) > 1 else labels[0]
 
 
 def _obtained(asked: SubsetRequest, metadata: Mapping[str, Any]) -> SubsetRequest:
@@ -253,11 +253,11 @@ def _obtained(asked: SubsetRequest, metadata: Mapping[str, Any]) -> SubsetReques
     return asked.until(datetime.fromisoformat(metadata["stamps_utc"][-1]))
 
 
-def _asked_time(season: Season) -> str:
-    """Spell the time that a season asks for: of its one field, or from its departure on."""
-    if not season.is_changing:
-        return season.valid
-    ends = (f"{end:%Y-%m-%dT%H:%MZ}" for end in (season.period.begin, season.period.end))
+def _asked_time(case: Season) -> str:
+    """Spell the time that a case asks for: of its one field, or from its departure on."""
+    if not case.is_changing:
+        return case.valid
+    ends = (f"{end:%Y-%m-%dT%H:%MZ}" for end in (case.period.begin, case.period.end))
     return "/".join(dict.fromkeys(ends))
 
 

@@ -30,7 +30,7 @@ from functools import lru_cache
 from importlib.metadata import version
 from itertools import compress
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -72,11 +72,8 @@ _HEADER = len(_MULTIPOLYGON)
 _POINT = 16
 
 
-class NearPolygons(NamedTuple):
-    """Geometries (n,) of a shoreline near a box, as they are, and whether each is valid (n,)."""
-
-    polygons: Geometries
-    is_valid: BoolArray
+NearPolygons: TypeAlias = tuple[Geometries, BoolArray]
+"""Polygons (n,) of a shoreline near a box, not repaired, and whether each is valid (n,)."""
 
 
 def polygons_near(
@@ -139,7 +136,7 @@ def read_near(wkb: bytes, box: shapely.Polygon, least_deg: float = 0.0) -> NearP
         polygons[_near(shapely.bounds(polygons), box, least_deg)] for polygons, _, _ in _chunks(wkb)
     ]
     polygons, _ = shapes.near_box(np.concatenate([np.empty(0, dtype=object), *near]), box)
-    return NearPolygons(polygons, shapely.is_valid(polygons))
+    return polygons, shapely.is_valid(polygons)
 
 
 def _near(bounds: FloatArray, box: shapely.Polygon, least_deg: float) -> IntArray:
@@ -213,7 +210,7 @@ def read_cached(path: Path, box: shapely.Polygon, least_deg: float = 0.0) -> Nea
     except ValueError:
         return None
     polygons, index = shapes.near_box(geometries, box)
-    return NearPolygons(polygons, table["is_valid"][near][index])
+    return polygons, table["is_valid"][near][index]
 
 
 @lru_cache(maxsize=6)

@@ -298,15 +298,6 @@ def one_line(message: object) -> str:
     return clean(_ADVICE.sub("", _FUNCTION.sub("", clean(str(message)))), _MAX_REASON)
 
 
-def unread_reason(wkb: bytes) -> str:
-    """Say why a geometry in WKB can't be built."""
-    try:
-        shapely.from_wkb(wkb)
-    except shapely.errors.ShapelyError as error:
-        return f"a geometry that can't be built: {one_line(error)}"
-    return "a geometry that can't be built"
-
-
 def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
     """Turn errors about a chart's file into a RequestError, and list warnings."""
     return reading(
@@ -315,26 +306,20 @@ def reading_chart(path: Path) -> AbstractContextManager[list[str]]:
     )
 
 
-def chart_fault(path: Path, fault: str) -> RequestError:
-    """Return an error about a chart's file."""
-    return RequestError(f"{path} {fault}")
-
-
 def layer_name(path: Path, name: str) -> str:
     """Return the name of the layer to read."""
     pyogrio = vector_library()
 
     names = [str(layer) for layer, kind in pyogrio.list_layers(path) if kind is not None]
     if not names:
-        raise chart_fault(
-            path, "has no layer with geometries; correct it, or give the file that has the land"
+        raise RequestError(
+            f"{path} has no layer with geometries; correct it, or give the file that has the land"
         )
     if name and name not in names:
-        raise chart_fault(path, f"has no layer {name!r}: {near_miss(name, names)}")
+        raise RequestError(f"{path} has no layer {name!r}: {near_miss(name, names)}")
     if not name and len(names) != 1:
-        raise chart_fault(
-            path,
-            f"has {len(names)} layers with geometries ({', '.join(names)}); name one in a "
+        raise RequestError(
+            f"{path} has {len(names)} layers with geometries ({', '.join(names)}); name one in a "
             f'scenario: {{ path = "{path.name}", layer = "…" }}',
         )
     return name or names[0]
@@ -343,15 +328,14 @@ def layer_name(path: Path, name: str) -> str:
 def crs_of(path: Path, given: str | None) -> pyproj.CRS:
     """Return the CRS of a layer, given as text."""
     if not given:
-        raise chart_fault(
-            path,
-            "does not give its CRS: add its .prj file, or name the CRS in a scenario: "
+        raise RequestError(
+            f"{path} does not give its CRS: add its .prj file, or name the CRS in a scenario: "
             f'{{ path = "{path.name}", crs = "EPSG:4326" }} for degrees',
         )
     try:
         return pyproj.CRS.from_user_input(given)
     except pyproj.exceptions.CRSError as error:
-        raise chart_fault(path, f"has a CRS that pyproj does not know ({error})") from error
+        raise RequestError(f"{path} has a CRS that pyproj does not know ({error})") from error
 
 
 # A GeoJSON's member "crs" that is an object, its letters escaped or not. GDAL takes JSON strictly.
