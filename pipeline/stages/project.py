@@ -35,7 +35,7 @@ from pipeline.model import (
 )
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import MembersSpec, Season
-from pipeline.sources.current_field import bilinear
+from pipeline.sources.interpolation import bilinear
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
 from pipeline.sources.tide_stations import stations_of
 from pipeline.stages.places import (

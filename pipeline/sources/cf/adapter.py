@@ -41,7 +41,8 @@ from pipeline.sources.cf.fields import (
     stream_steps,
     weak_cells,
 )
-from pipeline.sources.current_field import Field, LandMask, bilinear, water_without_data
+from pipeline.sources.current_field import Field, LandMask, water_without_data
+from pipeline.sources.interpolation import bilinear
 from pipeline.sources.plausibility import (
     OFFSHORE_CELLS,
     Assessment,
