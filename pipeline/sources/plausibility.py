@@ -10,9 +10,10 @@ for long. With one sign wrong, or with the components swapped, shear and strain 
 divergence, and divergence as shear and strain. So among the field as it is and its variants, the
 right one diverges least. The four combinations of derivatives come from Okubo (1970), the standard
 error from a delete-one jackknife over blocks (Efron and Stein 1981). Two wrong signs can't be
-detected, as they leave the size of the divergence unchanged. A quarter turn is never certain
-either, as waves and tides diverge more than they rotate; nor is a variant that diverges hardly
-less than a quarter turn. Nothing is judged where all water moves along one line, as in a strait.
+detected, as they leave the size of the divergence unchanged. A quarter turn (swapped, and one sign
+wrong) is never certain either, as waves and tides diverge more than they rotate. It is taken for
+the likeliest variant even if another one diverges a little less. Nothing is judged where all water
+moves along one line, as in a strait.
 """
 
 from collections.abc import Iterable, Sequence
@@ -243,11 +244,11 @@ def _first_few(messages: Sequence[str]) -> tuple[str, ...]:
 _BLOCKS_PER_SIDE = 6
 # Least number of blocks with moving water: with fewer the standard error means nothing.
 _MIN_BLOCKS = 8
-# Multiple of a variant's divergence up to which a quarter turn's is hardly larger; real fields have
-# 1.5.
+# A quarter turn counts as the likeliest variant if its divergence is at most this multiple of the
+# least one; in real fields it is 1.5 times the least one.
 _TIE = 1.2
-# Share of squared speeds across the main direction up to which all water moves along one line; real
-# fields have 0.12.
+# Ratio of the squared speeds across and along the main direction up to which all water moves along
+# one line. Real fields have 0.12.
 _STRAIGHT_SHARE = 0.05
 # Least number of corners between four cells of moving water.
 _MIN_CORNERS = 40

@@ -1,7 +1,7 @@
 """The one place that chooses an adapter for a source; embedded tables and still water are here.
 
-A new source is an adapter in this package, a spec in `pipeline.scenario.catalogue`, a
-branch below, and an entry in `catalog/sources`.
+A new source needs an adapter in this package, a spec in `pipeline.scenario.catalogue`, a branch
+below, and an entry in `catalog/sources`.
 """
 
 import csv
@@ -96,7 +96,7 @@ def _single_source(
     if is_s57:
         from pipeline.sources.land.s57 import S57Chart, find_cells
 
-        find_cells(path)  # refused before a missing draught is
+        find_cells(path)  # a folder without cells is refused before a missing draught
         return S57Chart(path, _depth_rule(chart, draught_m, tide))
     from pipeline.sources.land.vector import VectorFile
 
@@ -142,10 +142,6 @@ def current_source(named: Currents, members: MembersSpec | None = None) -> Curre
     if isinstance(spec, catalogue.ChartEntry):
         raise RequestError(f"source {named!r} gives land, not currents")
     assert_never(spec)
-
-
-# Deviation of a coordinate from a regular axis, degrees: two roundings to four decimals.
-_STEP_TOLERANCE_DEG = 2e-4
 
 
 @dataclass(frozen=True)
@@ -223,46 +219,33 @@ class EmbeddedTable(CurrentSource):
 
     def _grid(self, part: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return axes lon (nx,) and lat (ny,), and u, v (ny, nx) with NaN where there is no row."""
-        points = self._points(part)
-        name = self.spec.table
-        if not len(points):
-            raise StageError(f"{name} has no rows for season {part!r}; correct the table")
-        lon, column = _axis(points[:, 0], f"{name}, {part}, lon")
-        lat, row = _axis(points[:, 1], f"{name}, {part}, lat")
+        lines = self._bytes.decode("utf-8").splitlines()
+        rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+        points = np.array(
+            [
+                [float(row[key]) for key in ("lon", "lat", "u", "v")]
+                for row in rows
+                if row["season"] == part
+            ]
+        )
+        lon, column = _axis(points[:, 0])
+        lat, row = _axis(points[:, 1])
         u = np.full((lat.size, lon.size), np.nan)
         v = u.copy()
         u[row, column], v[row, column] = points[:, 2], points[:, 3]
-        if np.count_nonzero(np.isfinite(u)) != len(points):
-            raise StageError(f"{name}, {part}: a point comes twice; correct the table")
         return lon, lat, u, v
 
-    def _points(self, part: str) -> FloatArray:
-        """Return a part's rows (n, 4) of lon, lat, u, v."""
-        lines = self._bytes.decode("utf-8").splitlines()
-        rows = csv.DictReader(line for line in lines if not line.startswith("#"))
-        points = [
-            [float(row[key]) for key in ("lon", "lat", "u", "v")]
-            for row in rows
-            if row["season"] == part
-        ]
-        return np.array(points, dtype=float).reshape(-1, 4)
 
-
-def _axis(values: FloatArray, name: str) -> tuple[FloatArray, IndexArray]:
+def _axis(values: FloatArray) -> tuple[FloatArray, IndexArray]:
     """Return the regular axis through all values, and each value's index on it."""
     distinct = np.unique(values)
-    if distinct.size < 2:
-        raise StageError(f"{name}: only one value, no grid; correct the table")
     # A grid line without data leaves a wider gap, so the least gap is the step.
     step = float(np.diff(distinct).min())
     steps = np.rint((distinct - distinct[0]) / step).astype(np.intp)
     # The mean step, as the rounding to four decimals would add up over a long axis.
     step = float((distinct[-1] - distinct[0]) / steps[-1])
     axis = distinct[0] + step * np.arange(steps[-1] + 1)
-    index = np.rint((values - distinct[0]) / step).astype(np.intp)
-    if np.abs(axis[index] - values).max() > _STEP_TOLERANCE_DEG:
-        raise StageError(f"{name}: the values lie on no regular grid; correct the table")
-    return axis, index
+    return axis, np.rint((values - distinct[0]) / step).astype(np.intp)
 
 
 _CREDIT = "planned without currents, as in still water"

@@ -1,8 +1,8 @@
 """Currents from the user's own files: NetCDF or Zarr by the CF conventions, and GRIB.
 
-Only the region's part of the steps needed is read. Each field is checked (speeds, directions, gaps,
-position) in a wider window than the planner is given, as faults are easier to detect there. The
-fields are read one after the other, as all of them would not fit in memory.
+Only the steps that are needed are read, and only in the region. Each field is checked (speeds,
+directions, gaps, position) in a wider window than the planner is given, as faults are easier to
+detect there. The fields are read one after the other, as all of them would not fit in memory.
 
 Two kinds of current are made of several: the mean of a forecast's members (files, folders, or
 places along a dimension of them), and tidal streams by harmonic constants plus a residual current.
@@ -69,8 +69,9 @@ _ZARR_METADATA = {"zarr.json", ".zgroup", ".zarray", ".zattrs", ".zmetadata"}
 class CfFiles(CurrentSource):
     """Files that belong together, given by paths and patterns.
 
-    They have the fields of time steps, or harmonic constants; `with_mean` adds the mean of these.
-    Of a further dimension, only one `index` is read: its name, and the place along it.
+    They have the fields of time steps, or harmonic constants; `with_mean` adds the mean that the
+    file of constants has. `index` is the name of a further dimension, and the only place along it
+    that is read.
     """
 
     paths: tuple[str, ...]
@@ -247,11 +248,11 @@ _SPEED_LIMIT_M_S = 10.0
 # Share of the region's open water without data above which a file is refused; smaller gaps are
 # filled from the water around.
 _GAP_FAULT_SHARE = 0.2
-# If at least this share of the cells far inland has data, a shift of the field can't be detected.
+# Share of the cells far inland with data above which a shift of the field can't be detected.
 _FILLED_LAND_SHARE = 0.5
-# Zeros mean "no data" where at least this share of land is zero,
+# Zeros mean "no data" if at least this share of the land is zero.
 _MIN_ZERO_LAND_SHARE = 0.9
-# and at most this share of water.
+# Zeros don't mean "no data" if more than this share of the open water is zero.
 _MAX_ZERO_WATER_SHARE = 0.01
 
 
@@ -269,6 +270,9 @@ def read_checked_fields(
     """
     name = name_of(contents.files)
     window = find_window(contents.lon, contents.lat, _check_bounds(contents, bounds))
+    inside_x = (window.lon >= bounds[0]) & (window.lon <= bounds[2])
+    inside_y = (window.lat >= bounds[1]) & (window.lat <= bounds[3])
+    lon, lat = window.lon[inside_x], window.lat[inside_y]
     mask = LandMask.world()
     kept: list[Field] = []
     try:
@@ -281,7 +285,8 @@ def read_checked_fields(
             def fields() -> Iterator[Field]:
                 others = (_without(wide, zeros) for wide in reader.fields(selected.weights[1:]))
                 for wide in itertools.chain([first], others):
-                    kept.append(_cropped(wide, bounds))
+                    part = np.ix_(inside_y, inside_x)
+                    kept.append(Field(lon, lat, wide.u[part], wide.v[part]))
                     yield wide
 
             assessment = assess_series(fields(), selected.labels, mask, _SPEED_LIMIT_M_S)
@@ -299,15 +304,7 @@ def read_checked_fields(
         *water_without_data(first, mask, region),
         *assessment.doubts(name),
     )
-    return Field(kept[0].lon, kept[0].lat, u, v), notes
-
-
-def _cropped(field: Field, bounds: Bounds) -> Field:
-    """Return the part of a field inside bounds."""
-    west, south, east, north = bounds
-    x = (field.lon >= west) & (field.lon <= east)
-    y = (field.lat >= south) & (field.lat <= north)
-    return Field(field.lon[x], field.lat[y], field.u[np.ix_(y, x)], field.v[np.ix_(y, x)])
+    return Field(lon, lat, u, v), notes
 
 
 def _zeros_on_land(
@@ -524,7 +521,7 @@ def _mean(parts: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
     return np.asarray(np.tensordot(weights, np.array(parts), axes=1))
 
 
-# Steps of a residual closer than these show the tide, which would count twice.
+# Least time between a residual's steps: closer ones show the tide, which would count twice.
 _LEAST_STEP = timedelta(hours=12)
 
 
@@ -620,7 +617,7 @@ def _sum(streams: CurrentGrid, residual: CurrentGrid) -> CurrentGrid:
     if residual.changes:
         times = times[: max(2, int(np.searchsorted(times, residual.times_s[-1], side="right")))]
     u, v = streams.u[: times.size].copy(), streams.v[: times.size].copy()
-    # One field of the residual after the other: each weighs in the hours around it.
+    # Each field of the residual has a weight in the time between the fields before and after it.
     for step, at_step in enumerate(np.eye(len(residual.times_s))):
         weight = np.interp(times, residual.times_s, at_step)
         flow = bilinear(residual, lonlat, step)

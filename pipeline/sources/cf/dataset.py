@@ -244,7 +244,11 @@ def _fatal(files: tuple[Path, ...]) -> Iterator[tuple[Path, str]]:
                 worker.call(probe, file, _FILE_CPU_S + values_s)
                 fault = worker.result(_FILE_S + 4 * values_s)
             except WorkerEndedError as ended:
-                fault = _fatal_end(file, ended.exit_code)
+                end = "hangs"
+                if ended.exit_code is not None and Signals(-ended.exit_code).name != "SIGXCPU":
+                    end = f"ends by {Signals(-ended.exit_code).name}"
+                library = "ecCodes" if is_grib(file) else "the HDF5 library"
+                fault = f"it is damaged: {library} {end} on it; fetch it again"
             if fault:
                 yield file, fault
 
@@ -255,15 +259,6 @@ def _load_libraries() -> None:
     import netCDF4
 
     del h5py, netCDF4
-
-
-def _fatal_end(file: Path, exit_code: int | None) -> str:
-    """Return how the library ended the process that opened a file."""
-    end = "hangs"
-    if exit_code is not None and Signals(-exit_code).name != "SIGXCPU":
-        end = f"ends by {Signals(-exit_code).name}"
-    library = "ecCodes" if is_grib(file) else "the HDF5 library"
-    return f"it is damaged: {library} {end} on it; fetch it again"
 
 
 def probe(file: Path, cpu_s: float) -> str:

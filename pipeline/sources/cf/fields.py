@@ -1,8 +1,8 @@
 """The fields of a case: which steps of the files make them up, with which weights; reading them.
 
 Only a window is read. It is cut out of each step before the steps are summed, some megabytes at a
-time. The fields of tidal streams are sums of harmonic constants; here is the time between them, and
-where the constants are weak.
+time. The fields of tidal streams are sums of harmonic constants. How far apart in time these fields
+are is decided here, and so is where the constants are too weak to rely on.
 """
 
 import calendar
@@ -428,7 +428,7 @@ class FieldReader:
         series: Sequence[StepInFile],
         weights: Sequence[Mapping[int, float]],
     ) -> FloatArray:
-        """Return a component's sums (n, ny, nx), m/s, for n weightings that name the same steps."""
+        """Return a component's sums (n, ny, nx), m/s, for n sets of weights of the same steps."""
         total = np.zeros((len(weights), self._window.lat.size, self._window.lon.size))
         for steps, values in self.blocks(series, weights[0]):
             shares = [[share_of[step] for step in steps] for share_of in weights]
@@ -482,7 +482,7 @@ WEAK_SHARE = 0.7
 """Share of the variance below which the constants of a node count as unreliable."""
 # Largest difference between the streams and straight lines in time between their fields, m/s.
 _ERROR_M_S = 0.03
-# Times between fields, minutes: parts of an hour, so that the hours of other currents are kept.
+# Times between fields, minutes: each divides an hour, so that every full hour has a field.
 _STEPS_MIN = (60, 30, 20, 15, 12, 10, 6, 5)
 # Number of values in all fields together above which a longer time between them is taken: 160 MB a
 # component.

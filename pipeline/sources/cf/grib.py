@@ -60,7 +60,7 @@ _Axis = tuple[float, float, int]
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A grid: its kind, and the first and last value (degrees) and the number of both axes' nodes.
+    """A grid: its kind; of each axis the first and the last node (degrees), and how many there are.
 
     `steps_deg` are the steps that the file states for longitude and latitude; 0 where it does not.
     Values run along longitudes first, unless `by_column`, and `snakes` if each line turns round.

@@ -354,16 +354,19 @@ def _read(dataset: "xr.Dataset", asked: SubsetRequest) -> tuple[list[str], Field
     if not (window.lon.size and window.lat.size):
         return ["it has no data in the region"], None
     faults, u, v = _read_fields(dataset, asked, window)
-    faults += _extent_faults(window, asked)
+    cell_deg = asked.spec.cell_deg
+    cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
+    if lacking := sides_beyond(asked.region.bounds, cells):
+        faults.append(f"it has no data {' nor '.join(lacking)}")
     return faults, Field(window.lon, window.lat, u, v)
 
 
 def _read_fields(
     dataset: "xr.Dataset", asked: SubsetRequest, window: Window
 ) -> tuple[list[str], FloatArray, FloatArray]:
-    """Return both components of the fields (nt, ny, nx), and the first faulty step's faults.
+    """Return the first faulty step's faults, and both components of the fields (nt, ny, nx).
 
-    Step by step, so that a month of hours need not fit in memory where its mean is the field.
+    Steps are read one by one: a month of hours need not fit in memory if its mean is the field.
     """
     shape = (window.lat.size, window.lon.size)
     weights, labels = asked.selected.weights, asked.steps.labels
@@ -475,14 +478,6 @@ def _depth_faults(dataset: "xr.Dataset") -> list[str]:
         if levels.size != 1 or not levels[0] < SURFACE_DEPTH_M:
             return [f"its levels are {levels[:4].tolist()} m, not the surface alone"]
     return []
-
-
-def _extent_faults(window: Window, asked: SubsetRequest) -> list[str]:
-    """Find sides of the region that the cells don't cover."""
-    cell_deg = asked.spec.cell_deg
-    cells = cell_bounds(window.lon, window.lat, (cell_deg, cell_deg))
-    lacking = sides_beyond(asked.region.bounds, cells)
-    return [f"it has no data {' nor '.join(lacking)}"] if lacking else []
 
 
 def _gap_faults(field: Field, mask: LandMask) -> list[str]:

@@ -126,7 +126,10 @@ class SubsetRequest:
         return len(self.selected.weights) > 1
 
     def until(self, last: datetime) -> "SubsetRequest":
-        """Leave out the steps that begin after a moment, where each is a field of its own."""
+        """Return the request without the steps that begin after a moment.
+
+        If all steps together make up one field, it stays as it is.
+        """
         if not self.changes:
             return self
         begins = [step_ends(self.spec, moment)[0] for moment in self.steps.moments]

@@ -260,24 +260,6 @@ def _chunks(wkb: bytes) -> Iterator[tuple[Geometries, IntArray, int]]:
 ACCURACY_M = 60.0
 
 
-def land(region: shapely.Polygon) -> Land:
-    """Return the land near a region, with the second shoreline, as the fetch stage passes it on."""
-    second = land_polygons(region, shoreline="Gshhg")
-    return replace(land_polygons(region), second_shore=second.polygons)
-
-
-def credit() -> Credit:
-    """Return the credit line that the Open Database License asks for."""
-    release = version(NAME)
-    return Credit(
-        name=f"OpenStreetMap land polygons (roaring-landmask {release})",
-        kind="land",
-        text=f"© OpenStreetMap contributors, land polygons via roaring-landmask {release}",
-        licence="ODbL 1.0",
-        url="https://www.openstreetmap.org/copyright",
-    )
-
-
 def land_polygons(
     region: shapely.Polygon, beyond_m: float = shapes.BEYOND_M, shoreline: Shoreline = "Osm"
 ) -> Land:
@@ -301,7 +283,16 @@ def land_polygons(
     near, notes = polygons_near(shoreline, box)
     polygons, repairs = clean(near, box)
     notes = (*notes, *shapes.repair_note("OpenStreetMap land", repairs))
-    return Land(tuple(polygons.tolist()), (credit(),), ACCURACY_M, notes)
+    release = version(NAME)
+    # The Open Database License asks for this credit line.
+    credit = Credit(
+        name=f"OpenStreetMap land polygons (roaring-landmask {release})",
+        kind="land",
+        text=f"© OpenStreetMap contributors, land polygons via roaring-landmask {release}",
+        licence="ODbL 1.0",
+        url="https://www.openstreetmap.org/copyright",
+    )
+    return Land(tuple(polygons.tolist()), (credit,), ACCURACY_M, notes)
 
 
 def clean(near: NearPolygons, box: shapely.Polygon) -> tuple[Geometries, int]:
@@ -336,11 +327,12 @@ class OsmLand:
     @property
     def identity(self) -> tuple[str, ...]:
         """Release of the package: its data change with it."""
-        return ("osm-land", version("roaring-landmask"))
+        return ("osm-land", version(NAME))
 
     def land(self, region: shapely.Polygon) -> Land:
-        """Return the land near a region (lon/lat degrees)."""
-        return land(region)
+        """Return the land near a region (lon/lat degrees), with GSHHG as the second shoreline."""
+        second = land_polygons(region, shoreline="Gshhg")
+        return replace(land_polygons(region), second_shore=second.polygons)
 
 
 # Distance outside the region's bounds up to which maps show land, as a share of the longer side: a

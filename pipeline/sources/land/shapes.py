@@ -344,10 +344,10 @@ _JSON_CRS = re.compile(
 )
 # Types of such a CRS that name it: the others are links.
 _NAMED = {"name", "epsg", "ogc"}
-# Number of bytes in which such a CRS ends.
+# Number of bytes up to which such a CRS is read; a longer one counts as a link.
 _MOST = 100_000
-# What names a file in a CRS: grids or a model of a shift of datum (that of EPSG:3857 is null), a
-# list of definitions.
+# Parts of a CRS that name another file: grids or a model for a shift of datum (EPSG:3857 has the
+# grid "null", which is no file), or a list of definitions.
 _FILES = re.compile(
     r'grids[\\"\s]*[=,](?![\\"\s]*@null[\s"\\])|\b(file|model|catalog|init)\s*=|parameterfile',
     re.IGNORECASE,

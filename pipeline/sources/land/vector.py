@@ -208,8 +208,12 @@ class VectorLayer:
             geometry = shapely.from_wkb(wkb, on_invalid="ignore")
         unread = shapely.is_missing(geometry)
         if unread.any():
-            first = int(unread.argmax())
-            raise self._damaged(int(numbers[first]), "a geometry that can't be built")
+            first, fault = int(unread.argmax()), "a geometry that can't be built"
+            try:
+                shapely.from_wkb(wkb[first])
+            except shapely.errors.ShapelyError as error:
+                fault += f": {shapes.one_line(error)}"
+            raise self._damaged(int(numbers[first]), fault)
         coordinates, index = shapely.get_coordinates(geometry, return_index=True)
         if not np.isfinite(coordinates).all():
             first = int(index[~np.isfinite(coordinates).all(axis=1)][0])

@@ -118,7 +118,7 @@ def test_real_islands_across_180_degrees_are_whole(region: shapely.Polygon, isla
 
 
 def test_credit_names_the_licence_and_the_release() -> None:
-    credit = osm.credit()
+    (credit,) = osm.land_polygons(PALAWAN).credits
     assert "© OpenStreetMap contributors" in credit.text
     assert "roaring-landmask 0." in credit.text
     assert credit.licence == "ODbL 1.0"
@@ -151,8 +151,8 @@ def test_memory_stays_low(root: Path) -> None:
     # VmHWM and not ru_maxrss, which a child inherits from the process that started it.
     script = """
 import re, pathlib, shapely
-from pipeline.sources.land.osm import land
-assert len(land(shapely.box(115.5, 7.0, 122.0, 13.5)).polygons) > 1000
+from pipeline.sources.land.osm import OsmLand
+assert len(OsmLand().land(shapely.box(115.5, 7.0, 122.0, 13.5)).polygons) > 1000
 print(re.search(r"VmHWM:\\s*(\\d+) kB", pathlib.Path("/proc/self/status").read_text())[1])
 """
     if not Path("/proc/self/status").exists():
