@@ -35,12 +35,13 @@ from pipeline.model.inputs import TideRange
 from pipeline.scenario import catalogue, strict
 from pipeline.scenario.model import TideSpec
 from pipeline.scenario.strict import NonNegative, Number, near_miss, shown, validated
+from pipeline.texts import clean
 
 # Least number of constants of a tide: M2, S2, K1 and O1.
 _LEAST_CONSTANTS = 4
 # Sum of amplitudes, m, that no place reaches: larger sums are in feet or centimetres. The largest
 # range of the tide is 17 m, in the Bay of Fundy. At Boston, outside it, the sum is 1.23 times half
-# of the range from LAT to HAT: some 10.5 m in the bay.
+# of the range from LAT to HAT; so it is some 10.5 m in the bay.
 _MOST_M = 12.0
 _METRES = {"m", "metre", "metres", "meter", "meters", "metric"}
 # Figures among a station's datums that are ranges or intervals, not levels.
@@ -186,11 +187,6 @@ class _EntryRow(_Loose):
     phase: Number
 
 
-class _Source(_Loose):
-    name: str = ""
-    id: str = ""
-
-
 class _Entry(_Loose):
     """A station of the tide-database: metres, and phases at Greenwich, in UTC."""
 
@@ -198,7 +194,7 @@ class _Entry(_Loose):
     latitude: strict.Latitude
     longitude: strict.Longitude
     type: Literal["reference", "subordinate"] = "reference"
-    source: _Source = _Source()
+    source: dict[str, Any] = {}
     chart_datum: str = ""
     datums: dict[str, Number] = {}
     offsets: dict[str, Any] = {}
@@ -224,7 +220,9 @@ def _entry(data: _Entry, faults: list[str]) -> Station:
         datum=data.chart_datum,
         mean_level_m=levels.get("MSL", math.nan),
         datums=levels,
-        credit=", ".join(filter(None, (data.source.name, data.source.id))),
+        credit=", ".join(
+            clean(str(data.source[key])) for key in ("name", "id") if data.source.get(key)
+        ),
     )
 
 

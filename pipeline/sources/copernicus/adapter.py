@@ -123,7 +123,7 @@ class Copernicus(CurrentSource):
         return common_bounds((west, south, east, north), (west, lowest, east, highest))
 
     def issue(self, case: Season) -> Issue:
-        """Ask for the dataset's last step; a forecast is of use for `days_ahead` before it."""
+        """Ask for the dataset's last step; the first of use is `days_ahead` days before it."""
         del case
         last, version_label = last_step(self.spec)
         first = last - timedelta(days=self.spec.days_ahead)
@@ -202,7 +202,8 @@ class Copernicus(CurrentSource):
         last = today + timedelta(days=self.spec.days_ahead + 1)
         first = datetime.fromisoformat(self.spec.first_day).replace(tzinfo=UTC)
         begin, _ = step_ends(self.spec, steps.moments[0])
-        # Where the current changes, the steps around the departure will do for a short voyage.
+        # A current that changes must have the steps around the departure; a short voyage needs no
+        # more.
         end = step_ends(self.spec, steps.moments[0 if changes else -1])[1]
         return first <= begin and end <= last
 
@@ -223,7 +224,7 @@ class Copernicus(CurrentSource):
         return metadata if is_of_today or self._is_settled(asked.steps, retrieved) else None
 
     def _metadata(self, asked: SubsetRequest, answer: dict[str, Any]) -> dict[str, Any]:
-        """Return the content and origin of a file; no credentials."""
+        """Return what a file's sidecar says: its content and origin, but no credentials."""
         return {
             "source": self.spec.name,
             "product": self.spec.product,
@@ -249,7 +250,7 @@ class Copernicus(CurrentSource):
 
 
 def _obtained(asked: SubsetRequest, metadata: Mapping[str, Any]) -> SubsetRequest:
-    """Return what a file has of what was asked for, by its sidecar."""
+    """Return the part of a request that a file has, by its sidecar."""
     return asked.until(datetime.fromisoformat(metadata["stamps_utc"][-1]))
 
 
@@ -269,12 +270,14 @@ _STANDARD_NAMES = {
 # Deviation of an axis's steps from the cell size, as a share of it, that rounding to float32 may
 # cause: 6e-6 degrees at 122 degrees.
 _STEP_TOLERANCE = 1e-3
-# A cell is damaged, as by a flipped bit, if it differs from all its neighbours by more than this
-# speed and more than this multiple of the differences among them, or by more than this share of the
-# speed limit. Of 1.7 million cells of real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree)
-# none exceeds 0.2 m/s and 3 times at once, and none 0.6 m/s.
+# A cell is a spike, as by a flipped bit, if it differs from all its neighbours by more than this
+# speed, and by more than _SPIKE_RATIO times the differences among them. Of 1.7 million cells of
+# real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree) none exceeds 0.2 m/s and 3 times at once.
 _SPIKE_M_S = 0.3
+# Multiple of the differences among the neighbours, see above.
 _SPIKE_RATIO = 4.0
+# Share of the speed limit by which a spike differs from all its neighbours whatever these are; no
+# cell of the real fields differs by 0.6 m/s.
 _SPIKE_SHARE = 0.25
 # Least number of neighbours with data that a cell is compared with.
 _MIN_NEIGHBOURS = 5
@@ -507,11 +510,11 @@ def _missing_chunk_faults(
     cell = asked.spec.cell_deg
     missing = np.zeros(field.u.shape, dtype=bool)
     for west, south, east, north in boxes:
-        # Counted eastward from the box's west edge, as both may be whole turns apart.
+        # Eastward from the box's west edge: the field may lie whole turns away from the box.
         column = (field.lon - west + cell / 2) % 360 <= east - west + cell
         row = (field.lat >= south - cell / 2) & (field.lat <= north + cell / 2)
         missing |= row[:, None] & column[None, :]
-    # Further out the field is not used, and the land is not known.
+    # Beyond one cell around the region the field is not used, and the land is not known.
     west, south, east, north = widened(asked.region.bounds, cell, cell)
     column = (field.lon > west) & (field.lon < east)
     row = (field.lat > south) & (field.lat < north)

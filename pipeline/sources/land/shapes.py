@@ -105,7 +105,7 @@ def near_box(geometries: Geometries, box: shapely.Polygon) -> tuple[Geometries, 
 
 
 def joined_at_180(parts: Geometries) -> tuple[Geometries, BoolArray]:
-    """Continue the longitudes of parts that jump by more than half a turn; say which they are (n,).
+    """Make longitudes continuous where they jump by more than half a turn; say in which parts (n,).
 
     No edge is that long: the part crosses 180 degrees (or 0), and its file has not split it there.
     """
@@ -130,7 +130,7 @@ def _continued(part: shapely.Geometry) -> shapely.Geometry:
         turns = np.concatenate([[0.0], -np.cumsum(np.sign(steps) * jumps)])
         if not (is_area and turns[-1]):
             points[:, 0] += _TURN * turns
-        if lines:  # a hole belongs inside
+        if lines:  # a hole: moved by whole turns to its shell
             apart = lines[0][:, 0].mean() - points[:, 0].mean()
             points[:, 0] += _TURN * np.round(apart / _TURN)
         lines.append(points)
@@ -243,7 +243,7 @@ def named_places(names: Sequence[object], geometries: Geometries) -> Iterator[Pl
 # Largest longitude and latitude, degrees. Longitudes are counted to 180 or to 360 degrees, and may
 # lie half a turn beyond either range. Latitudes may lie beyond a pole by rounding.
 MAX_LONLAT = (540.0, 90.01)
-# Names of GDAL's own functions, which open some of its messages.
+# Names of GDAL's own functions, with which some of its messages begin.
 _FUNCTION = re.compile(r"\bOGR\w+\(\): ")
 # Ends of GDAL's messages that are about its own options.
 _ADVICE = re.compile(r"(\.; It might help|\. To avoid accepting|\. Further messages).*|\.$")
@@ -256,13 +256,13 @@ _MAX_REASON = 200
 # GDAL's drivers that are used: each reads a file and its sidecar files alone. Of its others, some
 # take a file's content for a command: to read other files or addresses, to start a program.
 _DRIVERS = {"CSV", "ESRI Shapefile", "FlatGeobuf", "GPKG", "GeoJSON", "LIBKML", "S57"}
-# No file is a reason to ask the network: libcurl refuses such a proxy before it opens a socket.
+# No file needs the network: libcurl refuses this proxy before it opens a socket.
 _NO_NETWORK = {"GDAL_HTTP_PROXY": "none://"}
 
 
 @cache
 def vector_library() -> ModuleType:
-    """Import pyogrio, with those of GDAL's drivers alone that follow nothing in a file."""
+    """Import pyogrio with only those of GDAL's drivers that follow nothing in a file."""
     pyogrio = import_module("pyogrio")
     from pyogrio._ogr import _register_drivers  # it has no public function for this
 
@@ -415,7 +415,7 @@ def _of_geojson(path: Path) -> Iterator[str]:
             try:
                 crs, _ = json.JSONDecoder().raw_decode(text)
             except ValueError:
-                crs = {"type": "link"}  # damaged, or as long as none is
+                crs = {"type": "link"}  # damaged, or longer than any true CRS
             kinds = [str(value) for key, value in crs.items() if key.casefold() == "type"]
             if not {kind.casefold() for kind in kinds} <= _NAMED:
                 raise RequestError(
