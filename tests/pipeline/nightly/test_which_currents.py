@@ -12,8 +12,8 @@ import pytest
 
 from pipeline.nightly import night as night_module
 from pipeline.nightly.config import load_config
-from pipeline.nightly.night import run_night
-from pipeline.nightly.outcome import ComeAgainError, NightOutcome
+from pipeline.nightly.currents import ComeAgainError
+from pipeline.nightly.night import NightOutcome, run_night
 from tests.pipeline.nightly.nights import (
     REFERENCE,
     plane_night,
