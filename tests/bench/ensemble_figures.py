@@ -13,7 +13,7 @@ import numpy as np
 import renew
 from pipeline.scenario.loading import load_scenario
 from renew._types import FloatArray
-from renew.vary.statistics import statistic, worst_weights
+from renew.vary.members import statistic, worst_weights
 from tests.bench.figure import Figure, at_most, quoted
 from tests.bench.palawan_figures import cases_of, fetched_data
 from tests.ensembles import Lattice, evened, gyre_chart, island_between, stirred
