@@ -271,8 +271,8 @@ _STANDARD_NAMES = {
 # cause: 6e-6 degrees at 122 degrees.
 _STEP_TOLERANCE = 1e-3
 # A cell is a spike, as by a flipped bit, if it differs from all its neighbours by more than this
-# speed, and by more than _SPIKE_RATIO times the differences among them. Of 1.7 million cells of
-# real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree) none exceeds 0.2 m/s and 3 times at once.
+# speed, and by more than _SPIKE_RATIO times the differences among them. None of 1.7 million cells
+# of real fields (GLO12, DUACS, OCM at 1, 1/4 and 1/10 degree) is above both 0.2 m/s and 3 times.
 _SPIKE_M_S = 0.3
 # Multiple of the differences among the neighbours, see above.
 _SPIKE_RATIO = 4.0
