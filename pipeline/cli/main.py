@@ -20,6 +20,7 @@ import gc
 import json
 import os
 import sys
+import webbrowser
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -37,7 +38,6 @@ from pipeline.cli.tide import app as tide_app
 from pipeline.errors import Faults, RequestError, StageError
 from pipeline.formats.figures.kinds import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
-from pipeline.serve.options import ServerOptions
 from pipeline.texts import seen
 from pipeline.underway.request import UnderWayRequest
 from pipeline.voyage.readers import EXAMPLES, halves
@@ -96,8 +96,15 @@ def root(
     del version
 
 
-# Smallest allowed time limit of a season, s: starting its process takes about as long.
+# Smallest allowed time limit of a season or a plan, s: starting its process takes about as long.
 _MIN_LIMIT_S = 1.0
+# Largest number of a port.
+_MAX_PORT = 65_535
+# Least memory with which anything can be planned, GB.
+_MIN_MEMORY_GB = 0.5
+_GB = 1_000_000_000
+# Largest number of workers of a server: it has two processes for each.
+_MAX_WORKERS = 64
 
 
 @app.command(cls=options.Command)
@@ -168,19 +175,45 @@ def go(
 
 
 @app.command(cls=options.Command)
-@options.with_options(ServerOptions)
-def serve(**given: Any) -> None:  # noqa: ANN401 - the options of a server
+def serve(
+    *,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=_MAX_PORT,
+            help="Port of 127.0.0.1; 0 for any that is free. Left out, 8137 or any that is free.",
+        ),
+    ] = None,
+    opens: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    output: options.Output = Path("outputs"),
+    offline: options.Offline = False,
+    limit: Annotated[
+        float,
+        typer.Option(min=_MIN_LIMIT_S, metavar="SECONDS", help="Time limit of a plan."),
+    ] = 600.0,
+    memory: Annotated[
+        float,
+        typer.Option(min=_MIN_MEMORY_GB, metavar="GB", help="Memory limit of a plan's process."),
+    ] = 4.0,
+    workers: Annotated[
+        int, typer.Option(min=1, max=_MAX_WORKERS, help="Number of plans at a time.")
+    ] = 1,
+) -> None:
     """Serve a page on this machine where voyages are planned on a map; needs the extra `web`.
 
     It answers to 127.0.0.1 only, and to whom has the address that it prints.
     """
     with reported_errors():
         try:
-            from pipeline.serve.start import serve as serve_page
+            from pipeline.serve.app import serve as serve_page
+            from pipeline.serve.plans import Plans
         except ImportError as error:
             raise StageError(
                 f"renew serve needs the extra `web` ({error}): pip install fastapi uvicorn"
             ) from error
+
+        from pipeline.machine.paths import folder_to_write
 
         def tell(address: str) -> None:
             typer.echo(address)
@@ -189,8 +222,17 @@ def serve(**given: Any) -> None:  # noqa: ANN401 - the options of a server
                 "yourself. Ctrl-C ends.",
                 err=True,
             )
+            if opens:
+                webbrowser.open(address)
 
-        serve_page(read(ServerOptions, given, spelling(ServerOptions, "command")), on_ready=tell)
+        plans = Plans(
+            folder_to_write(output, "--output"),
+            offline=offline,
+            workers=workers,
+            limit_s=limit,
+            memory_bytes=round(memory * _GB),
+        )
+        serve_page(plans, port, on_ready=tell)
 
 
 @app.command(cls=options.Command)

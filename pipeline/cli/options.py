@@ -23,7 +23,6 @@ _TYPES: dict[str, type[Any]] = {
     "folder": Path,
     "flag": bool,
     "number": float,
-    "count": int,
 }
 
 
@@ -65,13 +64,11 @@ def _info(table: type[Any], one: Option) -> Any:  # noqa: ANN401 - typer's argum
     known: dict[str, Any] = {
         "help": help_text(one, spelling(table, "command")),
         "metavar": one.metavar or None,
-        "min": one.least,
-        "max": one.limit,
         "autocompletion": known_names(one.section) if one.section else None,
     }
     if not one.group:
         return typer.Argument(**known)
-    return typer.Option(*filter(None, (one.typed, one.short)), rich_help_panel=one.group, **known)
+    return typer.Option(one.typed, rich_help_panel=one.group, **known)
 
 
 def known_names(section: CatalogueSection) -> Callable[[str], list[str]]:

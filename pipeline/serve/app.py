@@ -1,19 +1,22 @@
-"""The HTTP interface and the page: what the server answers to whom the guard lets through."""
+"""The server: a port of this machine, and what it answers to whom the guard lets through."""
 
 import asyncio
 import contextlib
 import io
 import re
+import socket
 import zipfile
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
+import uvicorn
 from fastapi import FastAPI, Path as InPath, Query, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.errors import PipelineError, RequestError, StageError
 from pipeline.formats.palette import style_colours
@@ -31,6 +34,18 @@ from pipeline.serve.request import (
 )
 from pipeline.voyage.readers import read_position
 
+HOST = "127.0.0.1"
+"""The one address that the server listens at: nobody else's machine reaches it."""
+USUAL_PORT = 8137
+"""The port where none is asked for, if it is free."""
+# Folder, inside the output folder, of the files that the page is given.
+_GIVEN = ".given"
+# Connections at a time: a browser opens six. For another, the oldest without a request is closed.
+_MAX_CONNECTIONS = 200
+# Seconds in which the head of a request must come.
+_HEAD_S = 10.0
+# Seconds that answers in progress have at the end.
+_GRACE_S = 2
 _Identity = Annotated[str, InPath(pattern=r"^[0-9a-f]{32}$")]
 _TYPES = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
 # Seconds that a browser may keep a tile of the land.
@@ -45,6 +60,85 @@ REPORT_POLICY = (
     "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """What a report may do: run its own script, in an origin of its own."""
+
+
+def serve(plans: Plans, port: int | None, on_ready: Callable[[str], None]) -> None:
+    """Serve the page until the process is stopped; call `on_ready` with the first address.
+
+    `port` is 0 for any that is free, and None for the usual one if that is free.
+
+    Raises
+    ------
+    RequestError
+        The port is taken.
+    """
+    with _listening(port) as opened:
+        keys = Keys(opened.getsockname()[1])
+        config = uvicorn.Config(
+            make_app(keys, plans, GivenFiles(plans.output / _GIVEN)),
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            http=_Connection,
+            limit_concurrency=_MAX_CONNECTIONS + 1,
+            timeout_graceful_shutdown=_GRACE_S,
+        )
+        on_ready(keys.address)  # the port is open already, and requests wait for the server
+        uvicorn.Server(config).run(sockets=[opened])
+
+
+class _Connection(H11Protocol):
+    """A connection that is closed if no request comes in time, or when others need its place."""
+
+    _open: ClassVar[dict["_Connection", None]] = {}  # the oldest first
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Make room, and wait for a request."""
+        super().connection_made(transport)
+        if len(self._open) >= _MAX_CONNECTIONS:
+            next(filter(_Connection.is_idle, self._open), self).end_if_idle()
+        self._open[self] = None
+        self._head = self.loop.call_later(_HEAD_S, self.end_if_idle)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._open.pop(self, None)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Take a part of a request; the head of the next one has its own time."""
+        super().data_received(data)
+        if not self.is_idle() or self._head.when() < self.loop.time():
+            self._head.cancel()
+            self._head = self.loop.call_later(_HEAD_S, self.end_if_idle)
+
+    def is_idle(self) -> bool:
+        """Whether there is no request whose answer is not complete."""
+        return self.cycle is None or self.cycle.response_complete  # type: ignore[redundant-expr]
+
+    def end_if_idle(self) -> None:
+        """Close the connection, unless a request is at work."""
+        if self.is_idle():
+            self._open.pop(self, None)
+            self.transport.abort()
+
+
+@contextlib.contextmanager
+def _listening(port: int | None) -> Iterator[socket.socket]:
+    """Open a port of this machine."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as opened:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            opened.bind((HOST, USUAL_PORT if port is None else port))
+        except OSError as error:
+            if port is not None:
+                raise RequestError(
+                    f"--port = {port} can't be opened ({error.strerror}); choose another one, or "
+                    "leave it out for any that is free"
+                ) from error
+            opened.bind((HOST, 0))
+        opened.listen()
+        yield opened
 
 
 def make_app(keys: Keys, plans: Plans, files: GivenFiles) -> FastAPI:
@@ -326,5 +420,5 @@ def _add_given(app: FastAPI, files: GivenFiles) -> None:
         """Send a file as the body; the answer has the `id` by which a plan names it."""
         if int(request.headers.get("content-length", "0")) > MAX_FILE_BYTES:
             raise TooLargeError(too_large(name))
-        found = await files.receive(name, request.stream())
-        return {"id": found.id, "name": found.name, "size": found.size}
+        path = await files.receive(name, request.stream())
+        return {"id": path.parent.name, "name": path.name, "size": path.stat().st_size}

@@ -10,7 +10,6 @@ import re
 import shlex
 import uuid
 from collections.abc import AsyncIterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -47,25 +46,15 @@ class TooLargeError(RequestError):
     """A file is too large."""
 
 
-@dataclass(frozen=True, slots=True)
-class GivenFile:
-    """A file on the disk: the `id` by which a request names it, its own name, and its bytes."""
-
-    id: str
-    name: str
-    size: int
-    path: Path
-
-
 class GivenFiles:
-    """The files that a server was given, each in a folder of its own below `folder`.
+    """The files that a server was given, each in a folder below `folder` whose name is its id.
 
     The same content with the same name is the same file, today and tomorrow.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._files: dict[str, GivenFile] = {}
+        self._files: dict[str, Path] = {}
         self._bytes = 0  # of all files
 
     def path(self, name: str, key: str) -> Path:
@@ -81,18 +70,18 @@ class GivenFiles:
                 f"{key} = {name!r} is neither in the catalogue nor a file that this server was "
                 "given; send the file to /api/files first, and name it by its id"
             )
-        return self._files[name].path
+        return self._files[name]
 
-    def keep(self, content: bytes, name: str) -> GivenFile:
+    def keep(self, content: bytes, name: str) -> Path:
         """Keep a file of our own making."""
-        found = self._named(hashlib.sha256(content), name, len(content))
+        path = self._path_of(hashlib.sha256(content), name)
         with writing(self._folder):
-            found.path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(found.path, content.decode())
-        return self._files.setdefault(found.id, found)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, content.decode())
+        return self._files.setdefault(path.parent.name, path)
 
-    async def receive(self, name: str, chunks: AsyncIterator[bytes]) -> GivenFile:
-        """Write a file to the disk as it comes.
+    async def receive(self, name: str, chunks: AsyncIterator[bytes]) -> Path:
+        """Write a file to the disk as it comes; return its path.
 
         Raises
         ------
@@ -110,19 +99,19 @@ class GivenFiles:
         unfinished = self._folder / f"{uuid.uuid4().hex}.part"
         try:
             with writing(self._folder):
-                found = await self._written(unfinished, name, chunks)
-                found.path.parent.mkdir(parents=True, exist_ok=True)
-                unfinished.replace(found.path)
+                path = await self._written(unfinished, name, chunks)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                unfinished.replace(path)
         finally:
             with contextlib.suppress(OSError):
                 unfinished.unlink(missing_ok=True)
-        return self._files.setdefault(found.id, found)
+        return self._files.setdefault(path.parent.name, path)
 
-    async def _written(self, path: Path, name: str, chunks: AsyncIterator[bytes]) -> GivenFile:
-        """Write a file to a path; return it as it is to be called."""
+    async def _written(self, unfinished: Path, name: str, chunks: AsyncIterator[bytes]) -> Path:
+        """Write an unfinished file; return the path that it gets when it is complete."""
         digest, size = hashlib.sha256(), 0
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("xb") as file:
+        unfinished.parent.mkdir(parents=True, exist_ok=True)
+        with unfinished.open("xb") as file:
             async for chunk in chunks:
                 size += len(chunk)
                 if size > MAX_FILE_BYTES:
@@ -136,15 +125,14 @@ class GivenFiles:
                 file.write(chunk)
         if not size:
             raise RequestError(f"{name} is empty; give a file with content")
-        found = self._named(digest, name, size)
-        self._bytes += size if found.id not in self._files else 0
-        return found
+        path = self._path_of(digest, name)
+        self._bytes += size if path.parent.name not in self._files else 0
+        return path
 
-    def _named(self, digest: "hashlib._Hash", name: str, size: int) -> GivenFile:
-        """Return the file with a content; its name is part of its id, as its ending says a lot."""
+    def _path_of(self, digest: "hashlib._Hash", name: str) -> Path:
+        """Return the path of the file with a content; its id depends on its name as well."""
         digest.update(b"\0" + name.encode())
-        identity = digest.hexdigest()[:_ID_DIGITS]
-        return GivenFile(identity, name, size, self._folder / identity / name)
+        return self._folder / digest.hexdigest()[:_ID_DIGITS] / name
 
 
 def too_large(name: str) -> str:
@@ -202,7 +190,7 @@ class _DrawnAreas(BaseModel):
         if faults.lines:
             raise RequestError(faults.lines)
         if self.areas:
-            given["avoid"].append(str(files.keep(_geojson(self.areas), "areas.geojson").path))
+            given["avoid"].append(str(files.keep(_geojson(self.areas), "areas.geojson")))
         return given
 
 

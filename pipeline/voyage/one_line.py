@@ -7,7 +7,6 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import RequestError
 from pipeline.findings.result import RunResult
 from pipeline.findings.text import moment_text
 from pipeline.run import Event, EventHandler, Outcome, ignore, run
@@ -16,20 +15,19 @@ from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import asked_currents, parse_scenario
 from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season, departure_name, period
+from pipeline.scenario.strict import validated
 from pipeline.sources.registry import current_source
 from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.region import are_water_swapped, least_region, require_sailable
 from pipeline.voyage.readers import (
     Position,
-    VesselFigures,
     continued,
     joined,
     spelled,
-    vessel_of_figures,
     voyage_name,
 )
-from pipeline.voyage.request import VoyageRequest, faults_of_pairs
-from pipeline.voyage.table import help_text, options, read, spelling
+from pipeline.voyage.request import VoyageRequest, read_voyage
+from pipeline.voyage.table import help_text, options, spelling
 
 # Datasets of the service with monthly means, the best first; the first that has the month is used.
 _SERVICE = (
@@ -49,18 +47,24 @@ _PROVEN_SHARE = 1 / 48
 # or to this time, if that is shorter.
 _MAX_PROVEN = timedelta(hours=1)
 _MINUTE = timedelta(minutes=1)
+# Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement
+# hulls, because its engine is not known.
+_FUEL_EXPONENT = 3.0
 
 
 def go(
     start: str | tuple[float, float],
     goal: str | tuple[float, float],
     *,
-    vessel: str | VesselSpec | VesselFigures,
+    vessel: str | VesselSpec | None = None,
+    speed: str | tuple[float, float] = "",
+    length: str = "",
+    turning_circle: str = "",
+    draught: str = "",
     months: Sequence[str] = (),
     depart: datetime | None = None,
     until: datetime | None = None,
     arrive_by: datetime | None = None,
-    speeds_m_s: tuple[float, float] | None = None,
     currents: Sequence[str | Path] = (),
     via: Sequence[str | tuple[float, float]] = (),
     avoid: Sequence[Path] = (),
@@ -83,8 +87,7 @@ def go(
     """Plan a voyage and write its results to `output/<name>/`, as `renew go` does.
 
     Positions are texts, or (lon, lat) in degrees; times have a zone. `vessel` may also be a
-    `VesselSpec`, or `VesselFigures` in place of the figures that the command line takes.
-    `speeds_m_s` are the lowest and the highest speed through water, in place of the vessel's.
+    `VesselSpec`. A range of speeds may also be a pair in m/s.
 
     Parameters
     ----------
@@ -99,15 +102,7 @@ def go(
     StageError
         The voyage can't be planned for another reason, or the results can't be written.
     """
-    given = dict(locals())
-    at = spelling(VoyageRequest, "python")
-    if isinstance(vessel, VesselFigures):
-        given |= {"vessel": None, **vars(vessel)}
-        at.speed = "VesselFigures.speed"
-    if speeds_m_s is not None:
-        given["speed"] = speeds_m_s
-        at.speed = "speeds_m_s"
-    request = read(VoyageRequest, given, at, faults_of_pairs)
+    request = read_voyage(dict(locals()), "python")
     scenario, notes = voyage_scenario(request)
     on_event = on_event or ignore
     for note in notes:
@@ -118,16 +113,9 @@ def go(
 def _parameters() -> str:
     """Return the section of `go`'s docstring on its arguments, from the table of options."""
     at = spelling(VoyageRequest, "python")
-    arguments: dict[str, list[str]] = {}
-    for one in options(VoyageRequest):
-        text = textwrap.fill(help_text(one, at), 88)
-        argument = (
-            "vessel" if one.argument.startswith(VesselFigures.__name__) else getattr(at, one.field)
-        )
-        arguments.setdefault(argument, []).append(text)
     return "\n".join(
-        f"{argument}\n{textwrap.indent(chr(10).join(texts), '    ')}"
-        for argument, texts in arguments.items()
+        f"{one.field}\n{textwrap.indent(textwrap.fill(help_text(one, at), 88), '    ')}"
+        for one in options(VoyageRequest)
     )
 
 
@@ -205,13 +193,25 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
 
 
 def _vessel(request: VoyageRequest) -> VesselSpec:
-    """Return the requested vessel; a turning circle is given for the highest speed."""
-    speed = request.speed[1] if isinstance(request.speed, tuple) else request.speed
+    """Return the requested vessel, by its name or its figures.
+
+    Its turn rate is its highest speed divided by the radius of its turning circle.
+    """
     if request.vessel is not None:
         return request.vessel
-    if speed is None or request.length is None or request.turning_circle is None:
-        raise RequestError("no vessel, and its speed, length or turning circle is missing")
-    return vessel_of_figures(speed, request.length, request.turning_circle, request.draught)
+    speed = request.speed[1] if isinstance(request.speed, tuple) else request.speed
+    circle_m = request.turning_circle
+    assert speed is not None  # noqa: S101 - a request without a vessel has its figures
+    assert circle_m is not None  # noqa: S101
+    figures = {
+        "speed_m_s": speed,
+        "length_m": request.length,
+        "draught_m": request.draught,
+        "turn_rate_deg_s": math.degrees(speed / (circle_m / 2)),
+        "fuel_exponent": _FUEL_EXPONENT,
+        "origin": f"Figures of the request; turning circle {circle_m:g} m; propeller law",
+    }
+    return validated(VesselSpec, figures)
 
 
 def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:

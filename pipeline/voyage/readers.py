@@ -5,7 +5,6 @@ reason and the remedy. Positions are read as people write them: in decimals or m
 or W before or after.
 """
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -433,40 +432,3 @@ def _vessel_in_file(path: str) -> "VesselSpec":
     data = read_toml(file)
     data.pop("schema_version", None)
     return validated(VesselSpec, data, lambda line: f"{path}: {line}")
-
-
-@dataclass(frozen=True)
-class VesselFigures:
-    """A vessel's speed and dimensions as typed; "" stands for a value that was not given.
-
-    The turning circle is given by its diameter, as in a ship's trial manoeuvres.
-    """
-
-    speed: str = ""
-    length: str = ""
-    turning_circle: str = ""
-    draught: str = ""
-
-
-# Exponent of the fuel law of a vessel that is given by figures: the propeller law of displacement
-# hulls, because its engine is not known.
-_FUEL_EXPONENT = 3.0
-
-
-def vessel_of_figures(
-    speed_m_s: float, length_m: float, turning_circle_m: float, draught_m: float | None
-) -> "VesselSpec":
-    """Return the vessel given by figures; its turn rate is speed divided by turning radius."""
-    from pipeline.scenario.catalogue import VesselSpec
-    from pipeline.scenario.strict import validated
-
-    data = {
-        "speed_m_s": speed_m_s,
-        "length_m": length_m,
-        "turn_rate_deg_s": math.degrees(speed_m_s / (turning_circle_m / 2)),
-        "fuel_exponent": _FUEL_EXPONENT,
-        "origin": f"Figures of the request; turning circle {turning_circle_m:g} m; propeller law",
-    }
-    if draught_m is not None:
-        data["draught_m"] = draught_m
-    return validated(VesselSpec, data)

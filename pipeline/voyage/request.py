@@ -88,7 +88,6 @@ class VoyageRequest:
         float | tuple[float, float] | None,
         _vessel(
             read=speed_or_range,
-            argument="speeds_m_s",
             example="12kn",
             help="Speed through water, such as 12kn or 6m/s, in place of {vessel}. Or a range, "
             "such as 4kn..9kn, also with {vessel}: the planner then chooses a speed for each leg, "
@@ -99,7 +98,6 @@ class VoyageRequest:
         float | None,
         _vessel(
             read=dimension_m,
-            argument="VesselFigures.length",
             example="90m",
             help="Length of the vessel, as 90m, 300ft.",
         ),
@@ -108,7 +106,6 @@ class VoyageRequest:
         float | None,
         _vessel(
             read=dimension_m,
-            argument="VesselFigures.turning_circle",
             example="400m",
             help="Diameter of the turning circle, helm hard over, as 400m.",
         ),
@@ -117,7 +114,6 @@ class VoyageRequest:
         float | None,
         _vessel(
             read=dimension_m,
-            argument="VesselFigures.draught",
             example="4m; for depths",
             help="Draught, as 4m; charts with depths need it.",
         ),

@@ -15,7 +15,7 @@ from pipeline.errors import RequestError
 from pipeline.machine.paths import folder_to_write
 
 Asker = Literal["command", "page", "python"]
-Kind = Literal["text", "place", "time", "file", "source", "folder", "flag", "number", "count"]
+Kind = Literal["text", "place", "time", "file", "source", "folder", "flag", "number"]
 CatalogueSection = Literal["scenarios", "vessels", "stations", "sources"]
 _Value = TypeVar("_Value")
 _Table = TypeVar("_Table")
@@ -44,14 +44,10 @@ class Option:
     name
         Its name on the command line and in JSON, if it is not the field's name, which is the
         argument in Python.
-    argument
-        What stands for it in Python, if that is another argument.
-    metavar, short
-        What stands for its value in the help of the command line, and its short name there.
+    metavar
+        What stands for its value in the help of the command line.
     most
         Largest number of values; 0 for an option with one.
-    least, limit
-        Smallest and largest number.
     section
         Section of the catalogue with the names to choose from.
     layer
@@ -70,12 +66,8 @@ class Option:
     read: Callable[[Any], Any] = lambda value: value
     kind: Kind = "text"
     name: str = ""
-    argument: str = ""
     metavar: str = ""
-    short: str = ""
     most: int = 0
-    least: float | None = None
-    limit: float | None = None
     section: CatalogueSection | Literal[""] = ""
     layer: Literal["", "polygon", "point"] = ""
     is_of_run: bool = False
@@ -99,7 +91,7 @@ class Option:
         """Return the option as an asker writes it: `--month`, 'Months' in a form, or months."""
         if asker == "command":
             return self.typed
-        return (self.argument or self.field) if asker == "python" else f"'{self.title}'"
+        return self.field if asker == "python" else f"'{self.title}'"
 
     def words(self, value: Any) -> list[str]:  # noqa: ANN401 - whatever the option takes
         """Return the option with its value as they are typed on the command line."""
