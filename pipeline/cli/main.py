@@ -29,10 +29,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pipeline.cli import failures, options
+from pipeline.cli import failures, options, upkeep
 from pipeline.cli.failures import reported_errors
 from pipeline.cli.nightly import app as nightly_app
-from pipeline.cli.qgis import app as qgis_app
 from pipeline.cli.terminal import say, still_at_work
 from pipeline.cli.tide import app as tide_app
 from pipeline.errors import Faults, RequestError, StageError
@@ -147,7 +146,7 @@ def run(
         run_to_end(run, wanted, notes, as_json=as_json, quiet=quiet)
 
 
-@app.command(cls=options.GroupedCommand)
+@app.command(cls=options.Command)
 @options.with_options(VoyageRequest, without=("start", "goal"))
 def go(
     positions: Annotated[
@@ -268,7 +267,7 @@ def replan(
 
 app.add_typer(nightly_app, name="nightly")
 app.add_typer(tide_app, name="tide")
-app.add_typer(qgis_app, name="qgis")
+app.add_typer(upkeep.qgis_app, name="qgis")
 
 
 @app.command(cls=options.Command)
@@ -304,10 +303,10 @@ def plot(
             notes,
         ),
     ):
-        from pipeline.cli.plot import draw
         from pipeline.cli.reporting import progress
         from pipeline.findings.names import output_directory
         from pipeline.findings.text import season_text
+        from pipeline.formats.figures.kinds import draw
         from pipeline.machine.paths import short_path
         from pipeline.run import planned_scenario
 
@@ -396,12 +395,10 @@ def clean(
 ) -> None:
     """Free space: remove stored stages and downloads from OUTPUT/.artefacts/, never results."""
     with reported_errors():
-        from pipeline.cli.upkeep import freed, require_consent
-
         if everything and not yes:
-            require_consent()
+            upkeep.require_consent()
     with reported_errors(), still_at_work():
-        say(freed(output, older=older, everything=everything))
+        say(upkeep.freed(output, older=older, everything=everything))
 
 
 @app.command(cls=options.Command)
@@ -413,10 +410,8 @@ def doctor(
 ) -> None:
     """Check that this machine can run RENEW; exit code 1 if something would make a run fail."""
     with reported_errors(), still_at_work():
-        from pipeline.cli.upkeep import examine
-
         findings = []
-        for finding in examine(output, offline=offline):
+        for finding in upkeep.examine(output, offline=offline):
             findings.append(finding)
             if not as_json:
                 say(str(finding))
@@ -431,9 +426,7 @@ def doctor(
 def warm() -> None:
     """Compile the planner's code now, so that the first plan does not have to wait for it."""
     with reported_errors(), still_at_work():
-        from pipeline.cli.upkeep import warm as warm_up
-
-        typer.echo(warm_up())
+        typer.echo(upkeep.warm())
 
 
 @contextlib.contextmanager

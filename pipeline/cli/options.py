@@ -136,33 +136,18 @@ _NON_BREAKING_HYPHEN = "\N{NON-BREAKING HYPHEN}"
 
 
 class _WholeWords:
-    """A command whose help breaks lines between words only."""
+    """A command whose help breaks lines between words, not at the hyphens of options."""
 
     def get_help(self, ctx: Any) -> str:  # noqa: ANN401 - see above
-        """Return the help; no line breaks at the hyphen of an option."""
-
-        class Formatter(ctx.formatter_class):  # type: ignore[misc]
-            """Replaces hyphens before it wraps a text."""
-
-            def write_text(self, text: str) -> None:
-                """Write a paragraph."""
-                super().write_text(text.replace("-", _NON_BREAKING_HYPHEN))
-
-            def write_dl(self, rows: Any, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - see above
-                """Write a list of names with their meanings."""
-                unbroken = [(name, text.replace("-", _NON_BREAKING_HYPHEN)) for name, text in rows]
-                super().write_dl(unbroken, *args, **kwargs)
-
-        ctx.formatter_class = Formatter
+        """Return the help."""
+        commands = getattr(self, "commands", {}).values()
+        for described in (self, *self.params, *commands):  # type: ignore[attr-defined]
+            described.help = (described.help or "").replace("-", _NON_BREAKING_HYPHEN)
         text: str = super().get_help(ctx)  # type: ignore[misc]
         return text.replace(_NON_BREAKING_HYPHEN, "-")
 
 
 class Command(_WholeWords, TyperCommand):
-    """A command with whole words in its help."""
-
-
-class GroupedCommand(Command):
     """A command with groups of options, which parses negative numbers as arguments."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - see above
@@ -192,7 +177,12 @@ class BriefRefusals(_WholeWords, TyperGroup):
         with formatter.section("Commands"):
             formatter.write_dl(
                 [
-                    (name, " ".join((command.help or "").split("\n\n", 1)[0].split()))
+                    (
+                        name,
+                        " ".join((command.help or "").split("\n\n", 1)[0].split()).replace(
+                            "-", _NON_BREAKING_HYPHEN
+                        ),
+                    )
                     for name, command in commands
                     if command is not None and not command.hidden
                 ]
