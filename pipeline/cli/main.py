@@ -201,7 +201,7 @@ def serve(
 ) -> None:
     """Serve a page on this machine where voyages are planned on a map; needs the extra `web`.
 
-    It answers to 127.0.0.1 only, and to whom has the address that it prints.
+    It answers on 127.0.0.1 only, and needs the token in the address that it prints.
     """
     with reported_errors():
         try:

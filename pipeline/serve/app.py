@@ -1,4 +1,4 @@
-"""The server: a port of this machine, and what it answers to whom the guard lets through."""
+"""The server: a port of this machine, and the answers to requests that the guard lets through."""
 
 import asyncio
 import contextlib
@@ -23,12 +23,14 @@ from pipeline.formats.palette import style_colours
 from pipeline.formats.report import assets
 from pipeline.scenario import catalogue
 from pipeline.serve.guard import FILES, Guard, Keys, refused
-from pipeline.serve.plans import AskedPlan, FullQueueError, Plans
-from pipeline.serve.request import (
+from pipeline.serve.plans import (
     ASKED,
     MAX_FILE_BYTES,
+    AskedPlan,
+    FullQueueError,
     GivenFiles,
     PlanRequest,
+    Plans,
     TooLargeError,
     too_large,
 )
@@ -59,7 +61,7 @@ REPORT_POLICY = (
     f"script-src '{assets.content_hash(assets.script())}'; style-src 'unsafe-inline'; "
     "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""What a report may do: run its own script, in an origin of its own."""
+"""The policy of a report: it may run its own script alone, in an origin of its own."""
 
 
 def serve(plans: Plans, port: int | None, on_ready: Callable[[str], None]) -> None:
@@ -245,12 +247,12 @@ def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
     text = assets.own_script("text")
     files = {
         "/": templates.get_template("plan.html.jinja").render(
-            options={one.field: one for one in ASKED}
+            options={option.field: option for option in ASKED}
         ),
         "/api": templates.get_template("api.html.jinja").render(api=interface),
         "/static/style.css": style,
         "/static/leaflet.js": assets.leaflet(),
-        # As a module that exports all that it defines.
+        # Made a module: its definitions are exported.
         "/static/text.js": f"{text}\nexport {{ {', '.join(_DEFINED.findall(text))} }};\n",
         **own,
     }
@@ -298,7 +300,7 @@ def _add_names(app: FastAPI) -> None:
 
 
 def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
-    """Take, tell and cancel plans."""
+    """Serve requests to plan a voyage, to report a plan and to cancel it."""
 
     @app.post("/api/plan", status_code=202)
     async def add(request: PlanRequest) -> dict[str, Any]:
@@ -308,9 +310,9 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
 
     @app.post("/api/prepare", status_code=204)
     async def prepare(request: PlanRequest) -> None:
-        """Make land and currents of a voyage ready, if nothing else is at work: it may be planned.
+        """Fetch land and currents of a voyage that may be planned soon, if nothing else is at work.
 
-        Nothing is planned, and nothing is told of it.
+        Nothing is planned or reported.
         """
         plans.prepare(await asyncio.to_thread(request.options, files))
 
@@ -336,7 +338,7 @@ def _add_plans(app: FastAPI, plans: Plans, files: GivenFiles) -> None:
 
 
 def _unknown() -> Response:
-    """Return the answer to who asks for a plan that is not known."""
+    """Return the answer where a plan is not known."""
     return refused(404, "there is no such plan; the server keeps the latest ones only")
 
 
@@ -352,7 +354,7 @@ def _brief(plan: AskedPlan) -> dict[str, Any]:
 
 
 def told(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
-    """Return all that is known of a plan."""
+    """Return how a plan goes, and its results."""
     return {
         **_brief(plan),
         "command": plans.command(plan),
@@ -369,7 +371,7 @@ def told(plans: Plans, plan: AskedPlan) -> dict[str, Any]:
 
 
 def _add_results(app: FastAPI, plans: Plans) -> None:
-    """Serve the files of plans that ended; their names are known, and nothing else is opened."""
+    """Serve the files of plans that ended, by their known names; nothing else is opened."""
 
     @app.get("/api/plan/{identity}/files/{name}", response_model=None)
     async def one_file(identity: _Identity, name: str) -> Response:
@@ -398,7 +400,7 @@ def _add_results(app: FastAPI, plans: Plans) -> None:
 
     @app.get("/plan/{identity}/report.html", include_in_schema=False, response_model=None)
     async def report(identity: _Identity) -> Response:
-        """Show a plan's report, shut in: its scripts reach nothing of this server."""
+        """Show a plan's report; its scripts can ask nothing of this server."""
         found, headers = _files(plans, identity, "report.html"), {_POLICY: REPORT_POLICY}
         return FileResponse(found[0], headers=headers) if found else refused(*_GONE)
 
@@ -413,7 +415,7 @@ def _files(plans: Plans, identity: str, name: str = "") -> list[Path]:
 
 
 def _add_given(app: FastAPI, files: GivenFiles) -> None:
-    """Take files: currents, charts, depths, areas, constants of the tide."""
+    """Receive files: currents, charts, depths, areas, constants of the tide."""
 
     @app.post(FILES, status_code=201)
     async def receive(request: Request, name: Annotated[str, Query(max_length=200)]) -> Any:  # noqa: ANN401 - JSON

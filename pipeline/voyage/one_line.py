@@ -2,12 +2,11 @@
 
 import math
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from pipeline.findings.result import RunResult
 from pipeline.findings.text import moment_text
 from pipeline.run import Event, EventHandler, Outcome, ignore, run
 from pipeline.scenario import catalogue
@@ -17,7 +16,6 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import STILL, Season, departure_name, period
 from pipeline.scenario.strict import validated
 from pipeline.sources.registry import current_source
-from pipeline.stages.plan_case import OnStep, ignore_step
 from pipeline.stages.region import are_water_swapped, least_region, require_sailable
 from pipeline.voyage.readers import (
     Position,
@@ -114,35 +112,23 @@ def _parameters() -> str:
     """Return the section of `go`'s docstring on its arguments, from the table of options."""
     at = spelling(VoyageRequest, "python")
     return "\n".join(
-        f"{one.field}\n{textwrap.indent(textwrap.fill(help_text(one, at), 88), '    ')}"
-        for one in options(VoyageRequest)
+        f"{option.field}\n{textwrap.indent(textwrap.fill(help_text(option, at), 88), '    ')}"
+        for option in options(VoyageRequest)
     )
 
 
 go.__doc__ = str(go.__doc__).replace("    {parameters}", textwrap.indent(_parameters(), "    "))
 
 
-def run_voyage(
-    request: VoyageRequest,
-    scenario: Scenario,
-    *,
-    said: Sequence[str],
-    on_event: EventHandler,
-    on_step: OnStep = ignore_step,
-    on_result: Callable[[RunResult], None] | None = None,
-) -> Outcome:
-    """Run a voyage's scenario, after a quick check of its currents and its stops."""
+def run_voyage(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Outcome:  # noqa: ANN401 - see `run`
+    """Run a voyage's scenario, after a quick check of its currents and its stops.
+
+    `reports` are the arguments of `pipeline.run.run` that report the run: `said`, `on_event`,
+    `on_step` and `on_result`.
+    """
     require_sailable(scenario)
-    return run(
-        scenario,
-        request.output,
-        offline=request.offline,
-        strict=request.strict,
-        on_event=on_event,
-        on_step=on_step,
-        on_result=on_result,
-        said=said,
-    )
+    where = {"offline": request.offline, "strict": request.strict}
+    return run(scenario, request.output, **where, **reports)
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.serve import request as files
-from pipeline.serve.request import GivenFiles
+from pipeline.serve import plans as files
+from pipeline.serve.plans import GivenFiles
 from tests.pipeline.serve.client import Server, serving
 
 

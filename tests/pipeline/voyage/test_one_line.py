@@ -49,7 +49,7 @@ def voyage(chart: Path, outputs: Path, *currents: str | Path, **options: object)
         currents=currents,
         charts=chart,
         output=outputs,
-        **FIGURES | options,  # type: ignore[arg-type]
+        **FIGURES | options,
     )
 
 

@@ -11,7 +11,7 @@ import pytest
 import pipeline
 from pipeline.errors import RequestError
 from pipeline.serve.app import page_files
-from pipeline.serve.request import ASKED, PlanRequest
+from pipeline.serve.plans import ASKED, PlanRequest
 from pipeline.voyage.request import VoyageRequest
 from pipeline.voyage.table import Option, described, help_text, options, spelling
 from tests.command_reference import commands, options as typed_options
