@@ -445,7 +445,7 @@ def _loaded(
     """
     from pipeline.machine.paths import folder_to_write
     from pipeline.scenario.catalogue import read_scenario
-    from pipeline.scenario.loading import load_scenario, require_seasons
+    from pipeline.scenario.loading import load_scenario
 
     notes: list[str] = []
     faults = Faults()
@@ -457,7 +457,12 @@ def _loaded(
         read = partial(load_scenario, file, charts=charts, currents=currents or ())
         scenario = faults.collect(partial(read, on_note=notes.append))
         if scenario is not None:
-            faults.collect(partial(require_seasons, scenario, seasons))
+            known = [season.name for season in scenario.seasons]
+            faults.lines += [
+                f"{scenario.name} has no season {name!r}: it has {', '.join(known)}"
+                for name in seasons
+                if name not in known
+            ]
         if scenario is None or faults.lines:
             raise RequestError(faults.lines)
         yield scenario, file, notes

@@ -240,9 +240,14 @@ def vessel(name: str) -> VesselSpec:
     """Read and check a vessel's entry."""
     if name not in names("vessels"):
         raise RequestError(f"unknown vessel {name!r}: {near_miss(name, names('vessels'))}")
-    data = entry("vessels", name)
+    return vessel_in(root() / "vessels" / f"{name}.toml", f"vessel {name!r}")
+
+
+def vessel_in(file: Path, label: str) -> VesselSpec:
+    """Read and check the vessel in a file; faults begin with the label."""
+    data = read_toml(file)
     data.pop("schema_version", None)
-    return strict.validated(VesselSpec, data, lambda line: f"vessel {name!r}: {line}")
+    return strict.validated(VesselSpec, data, lambda line: f"{label}: {line}")
 
 
 def scenario_path(asked: str) -> Path:

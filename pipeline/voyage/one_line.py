@@ -141,6 +141,8 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
     """
     start, goal = joined(request.start, request.goal)
     via = tuple(continued(point, start.lon) for point in request.via)
+    members = _given(members=request.members)
+    clearance_m = request.clearance_m
     data: dict[str, Any] = {
         "schema_version": 1,
         "name": request.name or voyage_name(start, goal),
@@ -148,21 +150,16 @@ def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
         "vessel": _vessel(request).model_dump(exclude_defaults=True),
         "start": [start.lon, start.lat],
         "goal": [goal.lon, goal.lat],
-        "seasons": [
-            season | ({"members": request.members} if request.members else {})
-            for season in _seasons(request, (start, goal))
-        ],
-        **_tables_of_files(request),
-    }
-    if via:
-        data["via"] = [
+        "via": [
             {"at": [point.lon, point.lat], "wait": point.wait}
             if point.wait
             else [point.lon, point.lat]
             for point in via
-        ]
-    if request.clearance_m is not None:
-        data["planner"] = {"clearance": request.clearance_m}
+        ],
+        "seasons": [season | members for season in _seasons(request, (start, goal))],
+        "planner": {} if clearance_m is None else {"clearance": clearance_m},
+        **_tables_of_files(request),
+    }
     scenario = parse_scenario(data)
     places = (start, goal, *via)
     doubtful = [(place.lon, place.lat) for place in places if place.either_order]
@@ -200,27 +197,25 @@ def _vessel(request: VoyageRequest) -> VesselSpec:
     return validated(VesselSpec, figures)
 
 
+def _given(**entries: object) -> dict[str, Any]:
+    """Return the entries of a table that are not empty."""
+    return {key: entry for key, entry in entries.items() if entry}
+
+
 def _tables_of_files(request: VoyageRequest) -> dict[str, Any]:
     """Return the tables of a scenario that name files: chart, areas to avoid, havens and tide."""
-    data: dict[str, Any] = {}
-    chart: dict[str, Any] = {}
-    if request.charts is not None:
-        chart["source"] = {"path": str(request.charts)}
-    if request.depths is not None:
-        chart["depths"] = str(request.depths)
-    if request.datum:
-        chart["datum"] = request.datum
-    if chart:
-        data["chart"] = chart
-    if request.avoid:
-        data["avoid"] = [{"path": str(path)} for path in request.avoid]
-    if request.havens is not None:
-        limits = {"within": request.within, "endurance": request.endurance}
-        given = {key: limit for key, limit in limits.items() if limit}
-        data["havens"] = {"path": str(request.havens), **given}
-    if request.tide:
-        data["tide"] = {"stations": list(request.tide)}
-    return data
+    chart = _given(
+        source=request.charts and {"path": str(request.charts)},
+        depths=request.depths and str(request.depths),
+        datum=request.datum,
+    )
+    limits = _given(within=request.within, endurance=request.endurance)
+    return _given(
+        chart=chart,
+        avoid=[{"path": str(path)} for path in request.avoid],
+        havens=request.havens and {"path": str(request.havens), **limits},
+        tide=request.tide and {"stations": list(request.tide)},
+    )
 
 
 def _seasons(request: VoyageRequest, ends: tuple[Position, Position]) -> Iterator[dict[str, Any]]:
@@ -244,10 +239,9 @@ def _seasons(request: VoyageRequest, ends: tuple[Position, Position]) -> Iterato
 
 def _passage(request: VoyageRequest) -> dict[str, Any]:
     """Return the keys of a season for departure, latest arrival and speeds."""
-    passage: dict[str, Any] = {"departure": request.depart, "arrive_by": request.arrive_by}
-    if isinstance(request.speed, tuple):
-        passage["speed"] = dict(zip(("least", "most"), request.speed, strict=True))
-    return {key: value for key, value in passage.items() if value is not None}
+    least, most = request.speed if isinstance(request.speed, tuple) else (None, None)
+    speed = _given(least=least, most=most)
+    return _given(departure=request.depart, arrive_by=request.arrive_by, speed=speed)
 
 
 def _window(request: VoyageRequest) -> dict[str, Any]:

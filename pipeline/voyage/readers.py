@@ -406,29 +406,19 @@ def read_name(text: str) -> str:
 
 
 def read_vessel(given: "str | VesselSpec") -> "VesselSpec":
-    """Read a vessel by its name in the catalogue, or by the path of its file."""
+    """Read a vessel by its name in the catalogue, or by the path of a file with a vessel's keys."""
     from pipeline.scenario import catalogue
     from pipeline.scenario.strict import looks_like_path, near_miss
 
     if not isinstance(given, str):
         return given
     if looks_like_path(given):
-        return refusing(lambda: _vessel_in_file(given))
+        file = refusing(lambda: expanded(given, ""))
+        if reason := unreadable_reason(file):
+            raise ValueError(f"{given} {reason}; `renew show usv-7m` prints one")
+        return refusing(lambda: catalogue.vessel_in(file, given))
     known = catalogue.names("vessels")
     if given not in known:
         hint = "write a file as a path: './my-vessel.toml'"
         raise ValueError(f"{given!r} is not in the catalogue: {near_miss(given, known)}; {hint}")
     return catalogue.vessel(given)
-
-
-def _vessel_in_file(path: str) -> "VesselSpec":
-    """Return the vessel in a TOML file with the keys of a [vessel] table."""
-    from pipeline.scenario.catalogue import VesselSpec, read_toml
-    from pipeline.scenario.strict import validated
-
-    file = expanded(path, "")
-    if reason := unreadable_reason(file):
-        raise ValueError(f"{path} {reason}; `renew show usv-7m` prints one")
-    data = read_toml(file)
-    data.pop("schema_version", None)
-    return validated(VesselSpec, data, lambda line: f"{path}: {line}")
