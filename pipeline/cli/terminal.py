@@ -126,7 +126,7 @@ def log_event(log: Any, status: str, fields: dict[str, object]) -> None:  # noqa
 
 
 def progress_bar(title: str) -> "Progress":
-    """Return a bar with a title, the number of steps and the time; it is shown on a terminal only."""
+    """Return a bar with a title, the number of steps and the time, shown on a terminal only."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 

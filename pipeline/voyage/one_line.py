@@ -127,8 +127,8 @@ def run_voyage(request: VoyageRequest, scenario: Scenario, **reports: Any) -> Ou
     `on_step` and `on_result`.
     """
     require_sailable(scenario)
-    where = {"offline": request.offline, "strict": request.strict}
-    return run(scenario, request.output, **where, **reports)
+    offline, strict = request.offline, request.strict
+    return run(scenario, request.output, offline=offline, strict=strict, **reports)
 
 
 def voyage_scenario(request: VoyageRequest) -> tuple[Scenario, tuple[str, ...]]:
