@@ -17,13 +17,13 @@ from tests.conftest import ROOT
 ROOMS = {
     "renew": (1_445, 27),
     "pipeline": (1_108, 12),
-    "pipeline/cli": (2_417, 6),
+    "pipeline/cli": (2_419, 6),
     "pipeline/findings": (3_378, 20),
     "pipeline/formats": (8_133, 21),
     "pipeline/geo": (818, 5),
     "pipeline/machine": (1_634, 10),
     "pipeline/model": (1_383, 35),
-    "pipeline/nightly": (4_046, 37),
+    "pipeline/nightly": (3_606, 28),
     "pipeline/scenario": (2_547, 36),
     "pipeline/serve": (1_516, 10),
     "pipeline/sources": (8_448, 47),
@@ -42,9 +42,15 @@ ROOMS = {
     "renew/vary": (1_827, 9),
     "renew/voyage": (774, 6),
 }
-MOST_FILES = 224
+<<<<<<< HEAD
+MOST_FILES = 220
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (64, 777)}
+WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (62, 760)}
+=======
+MOST_FILES = 220
+# Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
+WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (62, 760)}
+>>>>>>> f7f82833d133c2baaf83b425617e05c0fc73264a
 
 
 def modules(room: str) -> dict[Path, str]:
