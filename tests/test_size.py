@@ -42,15 +42,9 @@ ROOMS = {
     "renew/vary": (1_827, 9),
     "renew/voyage": (774, 6),
 }
-<<<<<<< HEAD
 MOST_FILES = 220
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
 WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (62, 760)}
-=======
-MOST_FILES = 220
-# Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (62, 760)}
->>>>>>> f7f82833d133c2baaf83b425617e05c0fc73264a
 
 
 def modules(room: str) -> dict[Path, str]:
