@@ -42,15 +42,9 @@ ROOMS = {
     "renew/vary": (1_827, 9),
     "renew/voyage": (774, 6),
 }
-<<<<<<< HEAD
 MOST_FILES = 217
 # Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
 WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (61, 599)}
-=======
-MOST_FILES = 217
-# Word -> largest number of files of pipeline/ that hold it, and of their lines with it.
-WORDS = {"endurance": (5, 23), "optimality_gap": (6, 13), "seasons?": (61, 599)}
->>>>>>> 4f7452d0fe2c095c72244db25fd21bfbd799c1b1
 
 
 def modules(room: str) -> dict[Path, str]:
