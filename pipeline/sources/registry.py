@@ -18,7 +18,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray, IndexArray
 from pipeline.errors import RequestError, StageError
-from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
+from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import NO_TIDE, CurrentSource, DepthRule, Issue, LandSource, TideRange

@@ -23,7 +23,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import BoolArray, FloatArray
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import MARGIN_CELLS, Bounds, common_bounds, widened
+from pipeline.geo.projection import MARGIN_CELLS, Bounds, common_bounds, widened
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, CurrentGrid, Land, MemberGrid, Note

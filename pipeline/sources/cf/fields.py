@@ -19,7 +19,7 @@ import numpy as np
 
 import renew
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond, widened
+from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond, widened
 from pipeline.model import Note
 from pipeline.scenario.season import Period, Season, TimeMethod
 from pipeline.sources.cf.axes import SAME_SHARE, TimeSteps, label

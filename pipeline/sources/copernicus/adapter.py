@@ -25,7 +25,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray
 from pipeline.errors import StageError
-from pipeline.geo.lonlat import (
+from pipeline.geo.projection import (
     MARGIN_CELLS,
     Bounds,
     cell_bounds,

@@ -27,7 +27,7 @@ import shapely
 
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import DepthCover
+from pipeline.geo.projection import DepthCover
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land, Note, PlaceName, Zone
 from pipeline.model.inputs import DepthArea, DepthRule, TidalWater

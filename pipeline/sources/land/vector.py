@@ -18,7 +18,7 @@ import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land, Note, Place, PlaceName
 from pipeline.scenario.catalogue import VectorSpec
