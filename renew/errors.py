@@ -194,15 +194,6 @@ class PlanningError(Exception):
         """The places that the message names, (2,) m each."""
         return self.text.places
 
-    def located(
-        self,
-        place: PlaceSpelling,
-        moment: MomentSpelling = in_seconds,
-        length: LengthSpelling = str,
-    ) -> str:
-        """Return the message with its places, moments and lengths spelled in another way."""
-        return self.text.spelled(place, moment, length)
-
     def __reduce__(self) -> "tuple[type[PlanningError], tuple[Text]]":
         """Pickle the text: the error can then come back from a worker process."""
         return type(self), (self.text,)

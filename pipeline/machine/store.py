@@ -45,7 +45,6 @@ _LIBRARIES = (
     "scipy",
     "shapely",
     "pyproj",
-    "networkx",
     "triangle",
     "numba",
 )

@@ -385,11 +385,11 @@ class TidalDepth:
         leg, area = self._tree.query(legs, predicate="intersects")
         spare = np.empty((len(schedules), len(leg)))
         for tide in set(self._tides):
-            own = np.array([one is tide for one in self._tides])[area]
+            in_them = np.array([relied_on is tide for relied_on in self._tides])[area]
             # Points are close, so the tide on a leg is nearly that at one of its ends.
             for row, times in zip(spare, schedules, strict=True):
                 heights = tide.heights(times)
-                row[own] = np.minimum(heights[:-1], heights[1:])[leg[own]]
+                row[in_them] = np.minimum(heights[:-1], heights[1:])[leg[in_them]]
         return leg, area, spare - np.asarray(self.needs)[area]
 
     @cached_property

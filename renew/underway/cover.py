@@ -130,7 +130,7 @@ def _fault(haven: Haven, request: Request) -> PlanningError | None:
         return ParameterError(
             f"haven {haven.name} is open from {{0}} until {{1}}; the route departs at {{2}}, and "
             "the current is known until {3}",
-            *(Moment(one) for one in (haven.opens, haven.closes, first, last)),
+            *(Moment(time) for time in (haven.opens, haven.closes, first, last)),
         )
     return None
 
@@ -217,9 +217,9 @@ def no_return(survey: Survey) -> LastTurn | None:
     may_be = np.flatnonzero(back <= left)
     last = min(int(may_be[-1]) + 1, len(survey.times) - 1)
     for good in (last, last // 2, last // 8, last // 32):
-        found = _last_turn(survey, -1, good, last, math.inf) if good > 0 else None
-        if found is not None:
-            return found
+        last_turn = _last_turn(survey, -1, good, last, math.inf) if good > 0 else None
+        if last_turn is not None:
+            return last_turn
     return None
 
 
@@ -228,21 +228,19 @@ def equal_points(survey: Survey) -> tuple[EqualPoint, ...]:
     nearest = survey.least.argmin(axis=0)
     points = list[EqualPoint]()
     for change in (np.flatnonzero(np.diff(nearest)) + 1).tolist():
-        one, other = int(nearest[change - 1]), int(nearest[change])
-        if survey.least[one, change] <= _EQUAL * survey.limit[change]:
-            point = _equal_point(survey, one, other, change)
+        before, after = int(nearest[change - 1]), int(nearest[change])
+        if survey.least[before, change] <= _EQUAL * survey.limit[change]:
+            point = _equal_point(survey, before, after, change)
             points += [] if point is None else [point]
     return tuple(points)
 
 
-def _equal_point(survey: Survey, one: int, other: int, change: int) -> EqualPoint | None:
+def _equal_point(survey: Survey, before: int, after: int, change: int) -> EqualPoint | None:
     """Return the place near a sample before which one haven is nearer, after it the other."""
 
     def point_at(sample: int) -> EqualPoint | None:
-        before, after = (
-            survey.planned(number, sample, is_thorough=False) for number in (one, other)
-        )
-        return None if before is None or after is None else EqualPoint(before, after)
+        ways = [survey.planned(haven, sample, is_thorough=False) for haven in (before, after)]
+        return EqualPoint(ways[0], ways[1]) if ways[0] and ways[1] else None
 
     def difference(point: EqualPoint | None) -> float:
         """Return how much longer (s) the way to the first haven takes; NaN if one has no way."""

@@ -123,13 +123,13 @@ def plan(
         speed=speed,
     )
     if speed is not None:
-        found = plan_with_speeds(request, departure)
+        result = plan_with_speeds(request, departure)
     elif arrive_by is not None:
         latest = latest_departure(request, departure, float(arrive_by))
-        found = all_classes_at(request, latest)[0]
+        result = all_classes_at(request, latest)[0]
     else:
-        found = plan_request(request)
-    return finished(found, request)
+        result = plan_request(request)
+    return finished(result, request)
 
 
 def plan_departures(
@@ -226,7 +226,7 @@ def plan_departures(
     )
     check_departures(request.current, times)
     if speed is not None:
-        found = departures_with_speeds(request, times, progress)
+        result = departures_with_speeds(request, times, progress)
     else:
         window = DepartureWindow(request, times, spacing=spacing, progress=progress)
         if window.best.found is None:
@@ -234,8 +234,8 @@ def plan_departures(
         if to_within is not None:
             window.refine(to_within)
             window.refine_around_best()
-        found = window.departures(window.plan_best() if with_classes else window.best.plan)
-    return replace(found, plan=finished(found.plan, request))
+        result = window.departures(window.plan_best() if with_classes else window.best.plan)
+    return replace(result, plan=finished(result.plan, request))
 
 
 def _sweep_faults(method: object, speed: object, arrive_by: object, to_within: object) -> list[str]:

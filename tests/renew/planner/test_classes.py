@@ -37,14 +37,14 @@ def test_a_blocked_class_names_its_strait_and_its_cost() -> None:
     assert rejected.reason.startswith("blocked at (50, 45) m, between (")
     assert "the gap is 6.00 m wide, and the padding takes 3.20 m on the left" in rejected.reason
     # A caller who knows longitude and latitude can spell the places in them.
-    assert rejected.located_reason(lambda place: f"<{place[0]:g}>").startswith("blocked at <50>")
+    assert rejected.text.spelled(lambda place: f"<{place[0]:g}>").startswith("blocked at <50>")
     # The strait would be the short way: 80 m. The way round costs more because of the padding.
     assert rejected.unpadded_fuel == pytest.approx(80, rel=1e-3)
     assert plan.best.fuel > 100
     again = pickle.loads(pickle.dumps(rejected))  # noqa: S301  (our own bytes)
     assert again.unpadded_fuel == rejected.unpadded_fuel
     assert again.reason == rejected.reason
-    assert again.located_reason(str) == rejected.located_reason(str)
+    assert again.text.spelled(str) == rejected.text.spelled(str)
 
 
 def test_classes_blocked_by_the_padding_of_others_are_planned_for_themselves() -> None:
@@ -115,7 +115,7 @@ def test_where_adaptive_padding_blocks_all_the_largest_fixed_one_is_suggested() 
     assert "widest way through has a gap of 6.00 m" in text
     assert text.startswith("the only class was rejected: class e: blocked at (50, 45) m")
     # Where a planar metre is a kilometre, only what the option takes stays in planar metres.
-    at_scale = caught.value.located(str, length=lambda one: f"{one.metres:.2f} km")
+    at_scale = caught.value.text.spelled(str, length=lambda one: f"{one.metres:.2f} km")
     assert "widest way through has a gap of 6.00 km" in at_scale
     assert re.search(r"padding = 2\.\d+ \(planar m\) would leave one, .* 3\.00 km clear", at_scale)
 
