@@ -37,7 +37,7 @@ from pipeline.scenario.model import Scenario
 from pipeline.scenario.season import MembersSpec, Season
 from pipeline.sources.interpolation import bilinear
 from pipeline.sources.land.shapes import BEYOND_M, in_plane
-from pipeline.sources.tides.station import stations_of
+from pipeline.sources.tide_stations import stations_of
 from pipeline.stages.places import (
     area_identities,
     check_endpoints,

@@ -310,7 +310,7 @@ def chosen_region(scenario: Scenario, store: Store, *, offline: bool) -> ChosenR
     def mask_of(bounds: Bounds) -> LandMask:
         box = shapely.box(*bounds)
         if is_world:
-            return LandMask.of(osm.polygons_near("Osm", box, least_deg)[0].polygons, bounds)
+            return LandMask.of(osm.polygons_near("Osm", box, least_deg)[0][0], bounds)
         return LandMask.of(source.land(box).polygons, bounds)
 
     stops = tuple(scenario.stops.values())

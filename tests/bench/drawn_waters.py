@@ -176,7 +176,7 @@ def drawn(seed: int) -> DrawnWater:
         voyage = DirectLine.between(*ends)
 
         def mask_of(bounds: tuple[float, float, float, float]) -> LandMask:
-            return LandMask.of(osm.land(shapely.box(*bounds)).polygons, bounds)
+            return LandMask.of(osm.OsmLand().land(shapely.box(*bounds)).polygons, bounds)
 
         bounds, leaves_out = choose_region(voyage, mask_of, _WORLD)
         water = DrawnWater(f"water {seed}", bounds, *ends, spec, leaves_out)

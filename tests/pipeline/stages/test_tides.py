@@ -28,7 +28,7 @@ from pipeline.machine.store import Artefact
 from pipeline.model import Case, Land, SimplifiedLand
 from pipeline.run import Outcome, run
 from pipeline.scenario.loading import load_scenario, parse_scenario
-from pipeline.sources.tides.station import find_station
+from pipeline.sources.tide_stations import find_station
 from pipeline.stages.choose import Chosen, with_onward_legs
 from pipeline.stages.fetch import FetchedData
 from pipeline.stages.places import tidal_depth
