@@ -93,10 +93,6 @@ class CurrentField(ABC):
         """Whether it is the same at all times."""
         return len(self.slice_times) == 1
 
-    def max_speed(self, bounds: tuple[float, float, float, float]) -> float:
-        """Strongest current inside (xmin, ymin, xmax, ymax), m/s; here that of its table."""
-        return self.table(bounds).strongest
-
     def table(self, bounds: tuple[float, float, float, float]) -> CurrentTable:
         """The field inside (xmin, ymin, xmax, ymax) as nodes for compiled code."""
         return tabulated(self, bounds)
@@ -237,11 +233,6 @@ class UniformCurrent(CurrentField):
         shape = np.asarray(points).shape
         return np.broadcast_to(np.array([self.u, self.v], dtype=float), shape).copy()
 
-    def max_speed(self, bounds: tuple[float, float, float, float]) -> float:
-        """Speed of the current (m/s), wherever."""
-        del bounds
-        return float(np.hypot(self.u, self.v))
-
 
 @dataclass(frozen=True, slots=True)
 class GyreCurrent(CurrentField):
@@ -267,11 +258,6 @@ class GyreCurrent(CurrentField):
         x = np.pi * self.columns * points[..., 0] / self.width
         y = np.pi * self.rows * points[..., 1] / self.height
         return self.amplitude * np.stack([-np.sin(x) * np.cos(y), np.cos(x) * np.sin(y)], axis=-1)
-
-    def max_speed(self, bounds: tuple[float, float, float, float]) -> float:
-        """Amplitude (m/s): sin²cos² + cos²sin² is at most 1."""
-        del bounds
-        return abs(self.amplitude)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""Places that are open at some hours only: shut areas, water that the tide lays bare, and havens.
+"""Places that are open at some hours only: shut areas, tidal water, havens.
 
 A prediction of the tide knows neither wind nor pressure, and a tide runs early or late. So a vessel
 relies on the least predicted height within a `lag` of its time, less a `surge`.
@@ -47,7 +47,7 @@ _AROUND = 86_400.0
 class Opening(ABC):
     """A `polygon` (m) that is open at some hours and shut at others.
 
-    All that a plan knows of areas, tides and weather is when their water is shut.
+    A plan knows no more of areas, tides and weather than when their water is shut.
     """
 
     polygon: Polygon | MultiPolygon

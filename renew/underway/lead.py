@@ -1,8 +1,8 @@
 """Lead a vessel under way onto its route, out of V and round from its heading; choose the class.
 
-The way ahead is what it still has before it of the path that was planned. It joins this way on an
-arc by its turn rate, and then holds a straight course to a point of the way. (Without a current: a
-Dubins path of an arc and a line.)
+The way ahead is the rest of the planned path. The vessel turns towards it on an arc by its turn
+rate, and then holds a straight course to a point of the way. (Without a current: a Dubins path of
+an arc and a line.)
 
 The class that was planned is kept, unless another saves enough.
 """

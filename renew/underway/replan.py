@@ -97,8 +97,7 @@ _OFF = 0.02
 class Replanned:
     """What to do from where the vessel is, and what it costs.
 
-    Fuels are in fuel units: `burnt` + `fuel` = what was planned + `by_drift` + `by_forecast` -
-    `saved`.
+    Fuels are in fuel units: `burnt` + `fuel` = planned fuel + `by_drift` + `by_forecast` - `saved`.
 
     Attributes
     ----------
@@ -118,8 +117,9 @@ class Replanned:
     by_drift : fuel beyond the planned fuel, in the previous plan's current, for the way back to the
         path and on along it: the cost of being off the path, late or early; inf without such a way.
     by_forecast : further fuel that the same way needs in the new current.
-    saved : fuel that the best way saves against that way, in the new current; negative where that
-        way is not safe any more, or the vessel has to turn first; 0 if it turns off to a haven.
+    saved : fuel that the best way saves against the planned way, in the new current; negative if
+        the planned way is not safe any more, or the vessel has to turn first; 0 if it turns off to
+        a haven.
     cause : the error that says why there is no way to the goal, or None.
     turn_offs : if there is none, the ways to havens, least fuel first.
     havens_left_out : havens to which there is no way either, each with the reason.

@@ -2,10 +2,10 @@
 
 Ways to havens are planned from places of the route, on its heading, for vessels that are early, on
 time and late. Between two stations the vessel may carry on and turn off at the next one: its time
-to the haven is then at most the rest of the stretch and the way from there. So one planned way
-covers all places before it, as far as the limits go. Conversely, a vessel at x has passed a place a
-before it, and needs at least the least time from a to the haven, less the time from a to x. So
-bounds at close samples prove all places between them uncovered.
+to the haven is then at most the time to that station plus the time of the way from there. So one
+planned way covers all places before it from which this sum is within the limits. Conversely, a
+vessel at x came from an earlier place a. It needs at least the least time from a to the haven, less
+the time from a to x. So bounds at close samples prove all places between them uncovered.
 """
 
 import itertools
@@ -39,11 +39,11 @@ class Diversion:
     time : when a vessel that is on time turns off, s, on the current's clock.
     place : where it turns off, (2,) m.
     heading : the route's heading there, rad, anticlockwise from the x-axis; the way begins on it.
-    route : the way as it is planned and steered, for a vessel that is as early as the route allows
-        for; it is safe for all that are early, on time or late.
+    route : the planned way, for the earliest vessel that the route allows for; it is safe for every
+        vessel that is early, on time or late.
     duration : time to the haven, s, for a vessel on time, with the wait until it opens.
-    fuel : fuel for that (fuel units).
-    longest : the most time to the haven, s, of all vessels that are early, on time or late.
+    fuel : fuel that a vessel on time needs to the haven (fuel units).
+    longest : the longest time to the haven, s, for any vessel that is early, on time or late.
     """
 
     haven: Haven
@@ -69,9 +69,9 @@ class Stretch:
         neither is shown.
     diversion : the way to take: carry on along the route to its place, no earlier than `end`, and
         turn off there. None unless covered.
-    longest : the most time to the haven, s, from any place of it, the rest of the stretch included;
-        inf unless covered.
-    least : no vessel on time gets to a haven in less than this, s, from any place of it.
+    longest : the longest time to the haven, s, from any place of the stretch, with the way along
+        the rest of the stretch; inf unless covered.
+    least : from no place of the stretch does a vessel on time get to a haven in less than this, s.
     cause : why the last plan from a stretch that is not settled failed, or None.
     """
 
@@ -104,8 +104,8 @@ class EqualPoint:
 
     Attributes
     ----------
-    before, after : the ways from there: to the haven that is nearer before it, and to the one that
-        is nearer after it.
+    before : the way from there to the haven that is nearest before it.
+    after : the way from there to the haven that is nearest after it.
     """
 
     before: Diversion
@@ -125,7 +125,8 @@ class ClassTurn:
     ----------
     other : the route of that class from the start.
     diversion : the way from there to the goal, in that class; its haven has the class's name.
-    fuel : fuel of the whole voyage: along the route up to there, and on by the way (fuel units).
+    fuel : fuel of the whole voyage, along the route up to that place and then along the way (fuel
+        units).
     """
 
     other: Route
@@ -262,7 +263,7 @@ class Survey:
         self.times = np.linspace(begin, end, max(2, math.ceil((end - begin) / step) + 1))
         self.limit = np.array([self.limit_at(time, self.within) for time in self.times])
         places = np.array([self.row(time)[:2] for time in self.times.tolist()])
-        # Bounds are close up to the limits, and hold for whoever is under way until the last does.
+        # Bounds are close up to the limits only, and hold until the latest vessel has arrived.
         voyage, most = planner_of(self.request).problem.voyage, _ABOVE * float(self.limit.max())
         last = end + self.off(end)
         bounds = [

@@ -16,7 +16,6 @@ from renew.inputs.options import (
     PlanOptions,
     ViaPoints,
     as_departures,
-    check_objects,
     is_one_of,
 )
 from renew.planner.plan import finished, plan_request
@@ -202,7 +201,6 @@ def plan_departures(
     PlanningError
         As for :func:`plan`, if no given departure has a route.
     """
-    check_objects(chart, vessel, avoid, depth)
     if not isinstance(with_classes, bool | np.bool_):
         raise ParameterError(f"with_classes = {shown(with_classes)} must be true or false")
     if not (is_finite(spacing) and spacing >= 0):
