@@ -17,7 +17,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pipeline._types import BoolArray, FloatArray
-from pipeline.geo.lonlat import Bounds, DepthCover, KnownCells, position_text
+from pipeline.geo.projection import Bounds, DepthCover, KnownCells, position_text
 from pipeline.scenario.season import Season
 from pipeline.texts import clean
 

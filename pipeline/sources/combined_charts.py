@@ -24,7 +24,7 @@ from scipy import ndimage
 
 from pipeline._types import BoolArray, FloatArray, Geometries
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds, DepthCover, KnownCells
+from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, DepthCover, KnownCells
 from pipeline.machine.paths import require_readable, shown
 from pipeline.machine.store import file_hash
 from pipeline.model import Credit, Land, Note, Zone

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.model import Note
 
 # Depth above which a level counts as the surface, m: the uppermost level of ocean models is

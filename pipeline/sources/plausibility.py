@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline._types import BoolArray, FloatArray, IndexArray
-from pipeline.geo.lonlat import EARTH_RADIUS_M
+from pipeline.geo.projection import EARTH_RADIUS_M
 from pipeline.model import Note
 from pipeline.sources.current_field import Field, LandMask, find_shift
 

@@ -18,7 +18,7 @@ from shapely.geometry import Polygon
 
 from pipeline._types import FloatArray, IndexArray
 from pipeline.errors import RequestError, StageError
-from pipeline.geo.lonlat import Bounds, cell_bounds, common_bounds, sides_beyond
+from pipeline.geo.projection import Bounds, cell_bounds, common_bounds, sides_beyond
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, CurrentGrid, Land, Note
 from pipeline.model.inputs import NO_TIDE, CurrentSource, DepthRule, Issue, LandSource, TideRange
@@ -43,7 +43,7 @@ def charted_land(scenario: Scenario) -> LandSource:
 
 
 def land_source(chart: ChartSpec, draught_m: float | None, tide: TideRange = NO_TIDE) -> LandSource:
-    """Return all of a chart's sources as one; with depths they need the draught, with squat."""
+    """Return all of a chart's sources as one; a chart with depths needs the draught, with squat."""
     from pipeline.sources.combined_charts import Overlay
 
     sources = tuple(_single_source(source, chart, draught_m, tide) for source in chart.source)

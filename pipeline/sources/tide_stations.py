@@ -28,8 +28,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 import renew
 from pipeline._types import FloatArray, Geometries
 from pipeline.errors import Faults, RequestError
-from pipeline.geo.lonlat import position_text
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import Projection, position_text
 from pipeline.machine.paths import NOT_THERE, expanded, shown as shown_path, unreadable_reason
 from pipeline.model.inputs import TideRange
 from pipeline.scenario import catalogue, strict

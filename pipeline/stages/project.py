@@ -17,8 +17,7 @@ import shapely
 import renew
 from pipeline._types import FloatArray
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import METRES_PER_DEGREE
-from pipeline.geo.projection import Projection, rotated
+from pipeline.geo.projection import METRES_PER_DEGREE, Projection, rotated
 from pipeline.machine.store import Artefact, Store
 from pipeline.model import (
     Case,

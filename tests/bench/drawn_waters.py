@@ -20,8 +20,7 @@ from shapely.geometry import Polygon
 
 import renew
 from pipeline._types import FloatArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE, Bounds
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import METRES_PER_DEGREE, Bounds, Projection
 from pipeline.model import Land
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.sources.current_field import LandMask

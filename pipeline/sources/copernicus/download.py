@@ -28,7 +28,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 from shapely.geometry import Polygon
 
 from pipeline.errors import StageError, one_line
-from pipeline.geo.lonlat import MARGIN_CELLS, widened
+from pipeline.geo.projection import MARGIN_CELLS, widened
 from pipeline.machine.files import write_whole
 from pipeline.machine.store import file_hash
 from pipeline.machine.workers import WorkerEndedError, call_in_process

@@ -37,7 +37,7 @@ import numpy.typing as npt
 import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.files import UNFINISHED, whole_file
 from pipeline.model import Credit, Land, Note
 from pipeline.sources.land import shapes

@@ -30,8 +30,7 @@ from shapely import affinity
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IntArray
 from pipeline.errors import PipelineError, RequestError
-from pipeline.geo.lonlat import METRES_PER_DEGREE
-from pipeline.geo.projection import MAX_EDGE_M, Projection
+from pipeline.geo.projection import MAX_EDGE_M, METRES_PER_DEGREE, Projection
 from pipeline.machine.paths import require_readable
 from pipeline.machine.store import file_hash
 from pipeline.model import Note, PlaceName

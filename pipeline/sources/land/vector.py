@@ -18,7 +18,7 @@ import shapely
 
 from pipeline._types import BoolArray, FloatArray, Geometries, IndexArray
 from pipeline.errors import RequestError
-from pipeline.geo.lonlat import METRES_PER_DEGREE
+from pipeline.geo.projection import METRES_PER_DEGREE
 from pipeline.machine.paths import require_readable
 from pipeline.model import Credit, Land, Note, Place, PlaceName
 from pipeline.scenario.catalogue import VectorSpec
@@ -197,7 +197,7 @@ class VectorLayer:
         yield shapely.box(*bounds)
 
     def _read(self, but: IndexArray, **which: object) -> Geometries:
-        """Read some of the geometries, unchanged but without collections; leave out features."""
+        """Read geometries, unchanged but taken out of collections; leave out some features."""
         _, numbers, wkb, _ = shapes.vector_library().raw.read(
             self.path, layer=self.name, columns=[], return_fids=True, **which
         )

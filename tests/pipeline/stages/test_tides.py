@@ -22,8 +22,7 @@ from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
 from pipeline.formats.passage.waypoints import case_waypoints
 from pipeline.formats.tables import headings, rows
-from pipeline.geo.lonlat import DepthCover
-from pipeline.geo.projection import Projection
+from pipeline.geo.projection import DepthCover, Projection
 from pipeline.machine.store import Artefact
 from pipeline.model import Case, Land, SimplifiedLand
 from pipeline.run import Outcome, run
