@@ -113,8 +113,7 @@ def load_libraries() -> None:
 
 def formats_of(result: RunResult) -> dict[str, Format]:
     """Return the function that writes each file of a run, keyed by file name."""
-    from pipeline.findings.choices import trade_offs
-    from pipeline.findings.ensembles import has_ensembles
+    from pipeline.findings.choices import has_ensembles, trade_offs
     from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.passage_plan import write_passage_plan

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from pipeline.findings.columns import COLUMNS
+from pipeline.findings.names import COLUMNS
 from tests.command_reference import between
 from tests.conftest import ROOT
 

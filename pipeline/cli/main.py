@@ -35,7 +35,7 @@ from pipeline.cli.qgis import app as qgis_app
 from pipeline.cli.terminal import say, still_at_work
 from pipeline.cli.tide import app as tide_app
 from pipeline.errors import Faults, RequestError, StageError
-from pipeline.formats.figures.kinds import Form, Kind, Width
+from pipeline.formats.appearance import Form, Kind, Width
 from pipeline.machine.interpreters import ignoring_working_directory, seldom_collecting
 from pipeline.serve.options import ServerOptions
 from pipeline.texts import seen

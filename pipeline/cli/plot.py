@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.findings.names import safe_name
 from pipeline.findings.result import RunCase, RunResult
-from pipeline.formats.figures.kinds import Form, Kind, Width, figure
+from pipeline.formats.appearance import WIDTHS_PT, Form, Kind, Width, season_colour
 from pipeline.machine.files import needed, whole_file
 
 if TYPE_CHECKING:
@@ -58,6 +58,20 @@ def draw(
         _save(figure(case, kind, width), path, f"{about}, {case.title}: {kind}")
         files.append(path)
     return files
+
+
+def figure(case: RunCase, kind: Kind, width: Width = "screen") -> "Figure":
+    """Draw a figure of a case that has a route."""
+    from pipeline.formats.figures.chart_map import in_season_colour
+    from pipeline.formats.figures.plots import profile_figure
+    from pipeline.formats.figures.season_map import overview_figure
+
+    width_pt = WIDTHS_PT.get(width)
+    if kind is Kind.ROUTES:
+        return overview_figure([case], width_pt)
+    drawn = profile_figure(case.routes[0], width_pt)
+    in_season_colour(drawn, season_colour(case.number))
+    return drawn
 
 
 def _save(drawing: "Figure", path: Path, title: str) -> None:

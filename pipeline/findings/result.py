@@ -128,7 +128,7 @@ class RunCase:
 
     @property
     def name(self) -> str:
-        """The name of its season."""
+        """Its name."""
         return self.result.name
 
     @property
@@ -160,7 +160,7 @@ class RunCase:
 
     @property
     def spec(self) -> Season:
-        """The season as the scenario describes it."""
+        """The case as the scenario describes it."""
         return self.scenario.seasons[self.number]
 
     @cached_property
@@ -230,7 +230,7 @@ class RunCase:
 
     @property
     def title(self) -> str:
-        """Its name for readers, with the season's title if that adds anything.
+        """Its name for readers, with the title in the scenario if that adds anything.
 
         A stand-in has no title: "July 2024" would be wrong for it.
         """
@@ -306,8 +306,8 @@ class RunResult:
     straits : the shut straits, the widest first.
     departures : the choices of when to leave, for the cases that leave it open.
     coverages : from where along each case's best route a haven is reached, if any are given.
-    side_bounds : waits for the bounds of cases whose routes differ in their side, which are still
-        being computed while files that don't show them are written.
+    side_bounds : returns the bounds of cases whose routes differ in their side, by name. It may
+        wait: they are computed while files that don't show them are written.
     kept : what several output files need and is computed once, such as waypoints.
     """
 
@@ -459,7 +459,7 @@ def _projected(
 
 
 def addressed(notes: Iterable[Note], scenario: Scenario) -> tuple[Note, ...]:
-    """Return notes that name their seasons only where the scenario has several."""
+    """Return notes that name their cases only where the scenario has several."""
     if len(scenario.seasons) > 1:
         return tuple(notes)
     return tuple(note.about() for note in notes)

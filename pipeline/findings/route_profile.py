@@ -252,7 +252,7 @@ def route_profile(ranked: RankedRoute, *, points: int = 200) -> RouteProfile:
     coast = coast_index(case.water.land)
     closest = coast.closest_approach(sampled, projection)
     if closest is not None:
-        sampled = _with_point(sampled, closest.point, _SAME_POINT * length)
+        sampled = _with_point(sampled, closest[0], _SAME_POINT * length)
 
     lonlat = projection.to_lonlat(sampled)
     azimuth, back, step_m = pyproj.Geod(ellps="WGS84").inv(
@@ -264,9 +264,9 @@ def route_profile(ranked: RankedRoute, *, points: int = 200) -> RouteProfile:
     step_fuel = found.planner_s * found.through_water_m_s**case.vessel.fuel_exponent
     clearance = coast.clearance_m(sampled, projection, crosses_land=metrics.land_m > 0)
     if closest is not None:
-        nearest = np.argmin(np.linalg.norm(sampled - closest.point, axis=1))
+        nearest = np.argmin(np.linalg.norm(sampled - closest[0], axis=1))
         # A route over land has no clearance, however far the coastline may be.
-        least_m = 0.0 if metrics.land_m > 0 else closest.clearance_m
+        least_m = 0.0 if metrics.land_m > 0 else closest[1]
         clearance = np.maximum(clearance, least_m)
         clearance[nearest] = least_m
     return RouteProfile(
@@ -282,14 +282,6 @@ def route_profile(ranked: RankedRoute, *, points: int = 200) -> RouteProfile:
         ).sum(axis=1),
         clearance_m=clearance,
     )
-
-
-@dataclass(frozen=True)
-class ClosestApproach:
-    """The point (2,) of a route where land is nearest, and its distance in true metres."""
-
-    point: FloatArray
-    clearance_m: float
 
 
 @dataclass(frozen=True)
@@ -321,11 +313,11 @@ class CoastIndex:
 
     def closest_approach(
         self, sampled: FloatArray, projection: Projection
-    ) -> ClosestApproach | None:
-        """Return the closest approach to the coast of a line (n, 2); None without a coast.
+    ) -> tuple[FloatArray, float] | None:
+        """Return the point (2,) of a line (n, 2) where land is nearest, and how far, true metres.
 
-        The nearest coast in the plane need not be the nearest on earth, so all gaps that are nearly
-        as small are measured.
+        None without a coast. The nearest coast in the plane need not be the nearest on earth, so
+        all gaps that are nearly as small are measured.
         """
         if not len(self.edges):
             return None
@@ -342,7 +334,7 @@ class CoastIndex:
         ).reshape(-1, 2, 2)
         lengths = [projection.geodesic_length_m(gap) for gap in gaps]
         best = int(np.argmin(lengths))
-        return ClosestApproach(gaps[best, 0], lengths[best])
+        return gaps[best, 0], lengths[best]
 
 
 def edges_of(areas: Sequence[shapely.Geometry]) -> FloatArray:

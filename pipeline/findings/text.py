@@ -273,22 +273,22 @@ def exact_moment_text(moment: datetime) -> str:
     return moment_text(moment) if is_whole else f"{moment.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def season_name(season: str) -> str:
-    """Name a season for readers: "july", or its departure if it has no name."""
-    departure = named_departure(season)
-    return season if departure is None else f"departure {moment_text(departure)}"
+def season_name(case: str) -> str:
+    """Name a case for readers: "july", or its departure if it has no name."""
+    departure = named_departure(case)
+    return case if departure is None else f"departure {moment_text(departure)}"
 
 
-def seasons_text(seasons: Sequence[str]) -> str:
-    """Name seasons in a message: "season 'july'", "departure 2026-11-22 06:00 UTC"."""
-    if any(named_departure(season) for season in seasons):
-        return ", ".join(map(season_name, seasons))
-    return f"season{'s' * (len(seasons) > 1)} {', '.join(map(repr, seasons))}"
+def seasons_text(cases: Sequence[str]) -> str:
+    """Name cases in a message: "season 'july'", "departure 2026-11-22 06:00 UTC"."""
+    if any(map(named_departure, cases)):
+        return ", ".join(map(season_name, cases))
+    return f"season{'s' * (len(cases) > 1)} {', '.join(map(repr, cases))}"
 
 
-def season_text(season: str) -> str:
-    """Name one season in a message."""
-    return seasons_text([season])
+def season_text(case: str) -> str:
+    """Name one case in a message."""
+    return seasons_text([case])
 
 
 # Characters in an attribute that a reader of XML would take for other white space.

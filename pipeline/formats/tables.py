@@ -6,22 +6,23 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 
 import numpy as np
 
 import renew
 from pipeline._types import FloatArray, IntArray
-from pipeline.findings.choices import SpeedTradeOff, trade_offs
-from pipeline.findings.columns import figure_columns, figures, used
-from pipeline.findings.ensembles import (
+from pipeline.findings.choices import (
     ENSEMBLE_COLUMNS,
     ENSEMBLE_FIGURES,
+    SpeedTradeOff,
     ensemble_figures,
     ensemble_rows,
+    trade_offs,
 )
 from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, coverage_of, haven_rows
-from pipeline.findings.result import RunCase, RunResult
+from pipeline.findings.names import figure_columns, figures, used
+from pipeline.findings.result import RankedRoute, RunCase, RunResult
 from pipeline.findings.route_profile import coast_index, cumulative, steps_along_legs
 from pipeline.findings.text import duration as duration_text, fuel as fuel_text, percent, to_minute
 from pipeline.formats.figures.chart_map import drawable
@@ -176,7 +177,7 @@ def write_ensemble_csv(result: RunResult, path: Path) -> None:
 
 
 def write_scenario(result: RunResult, path: Path) -> None:
-    """Write the scenario as TOML, with the departures among which one was chosen."""
+    """Write the scenario as TOML, with all departures that were to be chosen from."""
     open_ones = {choice.season: choice.asked for choice in result.departures}
     seasons = tuple(
         open_ones.get(one.name) or one
@@ -193,38 +194,30 @@ _ERROR_M = 5.0
 _NO_CURRENT_KN = 0.05
 
 
-class Row(NamedTuple):
-    """A waypoint's cells as text, with the figures of the leg that leads to it, if there is one."""
-
-    name: str
-    latitude: str
-    longitude: str
-    course: str = ""
-    leg_nm: str = ""
-    to_go_nm: str = ""
-    speed_kn: str = ""
-    passed: str = ""
-    limits_m: str = ""
-    current: str = ""
-    clearance: str = ""
-    water: str = ""
-    nearest_land: str = ""
-
-
-_HEADINGS = Row(
-    *("Waypoint", "Latitude", "Longitude", "Course\n° true", "Leg\nNM", "To go\nNM"),
-    *("Speed over\nground, kn", "Passed", "Limits, m\nport / stbd"),
-    *("Current on leg\nto ° true, kn", "Least\nclearance", "", "from where on the leg"),
-)
+_LEGS = {
+    "name": "Waypoint",
+    "latitude": "Latitude",
+    "longitude": "Longitude",
+    "course": "Course\n° true",
+    "leg_nm": "Leg\nNM",
+    "to_go_nm": "To go\nNM",
+    "speed_kn": "Speed over\nground, kn",
+    "passed": "Passed",
+    "limits_m": "Limits, m\nport / stbd",
+    "current": "Current on leg\nto ° true, kn",
+    "clearance": "Least\nclearance",
+    "water": "Water under\nkeel, m",
+    "nearest_land": "from where on the leg",
+}
 
 
-def headings(points: Waypoints) -> Row:
-    """Return the headings of a route's table, as its speeds and the tide ask for."""
-    found = _HEADINGS
+def leg_headings(points: Waypoints) -> dict[str, str]:
+    """Return the headings of a route's table; the water's is empty without a tide."""
+    found = dict(_LEGS)
     if has_speeds(points):
-        found = found._replace(speed_kn="Speed, kn\nSOG / STW")
-    if points.ranked.route.least_water is not None:
-        found = found._replace(water="Water under\nkeel, m")
+        found["speed_kn"] = "Speed, kn\nSOG / STW"
+    if points.ranked.route.least_water is None:
+        found["water"] = ""
     return found
 
 
@@ -233,8 +226,8 @@ def has_speeds(points: Waypoints) -> bool:
     return bool(np.ptp(points.ranked.route.speeds) > 0)
 
 
-def rows(points: Waypoints, departure: datetime | None) -> list[Row]:
-    """Return rows of a route's waypoints, from start to goal."""
+def rows(points: Waypoints, departure: datetime | None) -> list[dict[str, str]]:
+    """Return the rows of a route's waypoints, each with the leg that leads to it."""
     case = points.ranked.case.case
     begin, end = points.lonlat[:-1], points.lonlat[1:]
     drawn = tracks(begin, end, points.curve, case.projection, _ERROR_M)
@@ -245,17 +238,17 @@ def rows(points: Waypoints, departure: datetime | None) -> list[Row]:
     to_go = np.append(np.cumsum(points.length_m[:-1][::-1])[::-1], 0.0) / NAUTICAL_MILE_M
     found = []
     for index, (longitude, latitude) in enumerate(points.lonlat):
-        row = Row(
-            name=points.names[index],
-            latitude=position(float(latitude), "NS", 2),
-            longitude=position(float(longitude), "EW", 3),
-            to_go_nm=f"{to_go[index]:.1f}",
-            passed=_moment_cell(float(points.time_s[index]), departure),
-        )
+        row = {
+            "name": points.names[index],
+            "latitude": position(float(latitude), "NS", 2),
+            "longitude": position(float(longitude), "EW", 3),
+            "to_go_nm": f"{to_go[index]:.1f}",
+            "passed": _moment_cell(float(points.time_s[index]), departure),
+        }
         if index:
-            nearest = _nearest_land(drawn.xy[drawn.leg == index - 1], case.water)
-            row = row._replace(**_leg(points, index - 1), **nearest)
-            row = row._replace(current=currents[index - 1], water=water[index - 1])
+            row |= _leg(points, index - 1)
+            row |= _nearest_land(drawn.xy[drawn.leg == index - 1], case.water)
+            row |= {"current": currents[index - 1], "water": water[index - 1]}
         found.append(row)
     return found
 
@@ -322,23 +315,25 @@ def _nearest_land(line: FloatArray, water: Water) -> dict[str, str]:
     closest = coast_index(water.land).closest_approach(line, water.projection)
     if closest is None:
         return {"clearance": "no land"}
-    longitude, latitude = water.projection.to_lonlat(closest.point)
+    longitude, latitude = water.projection.to_lonlat(closest[0])
     where = f"{position(float(latitude), 'NS', 2)}  {position(float(longitude), 'EW', 3)}"
-    return {"clearance": distance_text(closest.clearance_m), "nearest_land": where}
+    return {"clearance": distance_text(closest[1]), "nearest_land": where}
 
 
-def tightest_text(points: Waypoints) -> str:
+def tightest_text(ranked: RankedRoute) -> str:
     """Say the padding where the route is nearest to a padded edge; empty without padding."""
-    case = points.ranked.case.case
-    found = renew.tightest(points.ranked.route, case.current, case.vessel)
+    case = ranked.case.case
+    found = renew.tightest(ranked.route, case.current, case.vessel)
     if found is None:
         return ""
-    longitude, latitude = case.projection.to_lonlat(found.point)
+    where = case.water.place_text(found.point)
+    if not case.water.is_planar:
+        longitude, latitude = case.projection.to_lonlat(found.point).tolist()
+        where = f"{position(latitude, 'NS', 2)} {position(longitude, 'EW', 3)}"
     widths = (found.padding, found.turns, found.gap)
     padding, turns, gap = (f"{math.floor(one * case.projection.scale):,} m" for one in widths)
     return (
-        f"Padding at the tightest place, {position(float(latitude), 'NS', 2)} "
-        f"{position(float(longitude), 'EW', 3)}: {padding}, of which turns need {turns}, and the "
+        f"Padding at the tightest place, {where}: {padding}, of which turns need {turns}, and the "
         f"planned path keeps {gap} from the hard no-go zone there."
     )
 
@@ -351,8 +346,8 @@ HAVEN_COLUMNS = (
     *("turn_off_s", "lon", "lat", "haven_lon", "haven_lat", "bearing_deg", "length_m", "hours"),
     *("fuel", "longest_hours", "least_hours", "reason"),
 )
-"""Times are UTC, empty without a departure; `_s` are seconds since departure. `way` is the number
-of the way among the season's; lengths are true metres, fuel is in the planner's units."""
+"""Times are UTC, empty without a departure; `_s` are seconds since departure. `way` numbers a
+case's ways; lengths are true metres, fuel is in the planner's units."""
 
 
 def write_havens(result: RunResult, path: Path) -> None:
@@ -416,12 +411,12 @@ PRINTED = {
 """Columns of the printed table, with their headings; the fuel is in the planner's units."""
 
 
-def printed_rows(case: RunCase) -> list[tuple[str, ...]]:
-    """Return the rows of a case for the passage plan, in the columns of `PRINTED`."""
+def printed_rows(case: RunCase) -> list[dict[str, str]]:
+    """Return the rows of a case for the passage plan, by the columns of `PRINTED`."""
     rows = [haven_texts(row, case.spec.departure) for row in haven_rows(case)]
     for row in rows:
         row["haven"] = drawable(row.get("haven", ""), _MAX_NAME)
-    return [tuple(row.get(column, "") for column in PRINTED) for row in rows]
+    return rows
 
 
 def _moment_cell(seconds: float, departure: datetime | None) -> str:

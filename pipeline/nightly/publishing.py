@@ -18,8 +18,8 @@ import shapely
 
 from pipeline.errors import StageError
 from pipeline.findings import text
-from pipeline.findings.ensembles import flips_text
-from pipeline.formats.palette import style_colours
+from pipeline.findings.choices import flips_text
+from pipeline.formats.appearance import style_colours
 from pipeline.geo.lonlat import bounds_of
 from pipeline.machine.store import load_artefact
 from pipeline.nightly import records, tables
@@ -330,7 +330,7 @@ def _faults(folder: Path, count: int) -> list[str]:
         with closing(sqlite3.connect(uri, uri=True)) as database:
             if database.execute("PRAGMA quick_check").fetchone()[0] != "ok":
                 faults.append(f"{tables.GEOPACKAGE_FILE} is damaged")
-            database.execute(f'SELECT count(*) FROM "{tables.LAYER.name}"').fetchone()  # noqa: S608 - our own name
+            database.execute("SELECT count(*) FROM routes").fetchone()
         json.loads((folder / ITEM_FILE).read_text(encoding="utf-8"))
         if "</html>" not in (folder / PAGE_FILE).read_text(encoding="utf-8")[-20:]:
             faults.append(f"{PAGE_FILE} has no end")

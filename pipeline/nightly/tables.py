@@ -14,8 +14,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.findings import columns
-from pipeline.formats.gis import frames
+from pipeline.findings import names as columns
+from pipeline.formats.gis import layers as frames
 from pipeline.nightly.cycles import Row
 from pipeline.nightly.newest_currents import Newest, cycle_time
 from pipeline.nightly.records import LookBack
@@ -99,13 +99,12 @@ CHANGES_COLUMNS = (
 # fmt: on
 """Columns; `earlier_` is yesterday's route, `keep_` the same route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
-LAYER = frames.Layer(
-    "routes",
-    title="Routes of the night",
-    description="The best route of each case (rank 1), and its best route on each other side; "
+LAYER = {
+    "title": "Routes of the night",
+    "description": "The best route of each case (rank 1), and its best route on each other side; "
     "routes.parquet has all routes",
-    geometry_type="LineString",
-)
+    "geometry_type": "LineString",
+}
 _LAYER_TEXTS = (
     "case",
     "scenario",
@@ -217,11 +216,11 @@ def write_geopackage(routes: Iterable[Row], path: Path, reference: datetime | No
     best = {(row["index"], row["side"]): row for row in reversed(list(routes))}
     shown = sorted(best.values(), key=lambda row: (row["index"], row["rank"]))
     with frames.system_errors(path):
-        frames.write_layer(path, _frame(shown), LAYER)
+        frames.write_layer(path, _frame(shown), "routes", LAYER)
         with frames.opened(path) as database:
             stamp = reference.strftime("%Y-%m-%dT%H:%M:%S.000Z") if reference else _NO_DATE
             database.execute("UPDATE gpkg_contents SET last_change = ?", (stamp,))
-            frames.check_count(database, LAYER.name, len(shown))
+            frames.check_count(database, "routes", len(shown))
 
 
 def _frame(routes: list[Row]) -> frames.GeoDataFrame:

@@ -15,8 +15,8 @@ import shapely
 
 import renew
 from pipeline.errors import one_line
-from pipeline.findings.columns import figures
-from pipeline.findings.ensembles import ensemble_figures, flips_text, sides_text
+from pipeline.findings.choices import ensemble_figures, flips_text, sides_text
+from pipeline.findings.names import figures
 from pipeline.findings.way_names import way_names
 from pipeline.model import Case, CaseResult, RouteMetrics
 from pipeline.nightly.charts import NightCurrent, case_of, loaded_chart, loaded_current

@@ -12,8 +12,7 @@ import shapely
 
 import renew
 from pipeline.errors import LateFaults
-from pipeline.findings.choices import replanned_notes, speed_notes
-from pipeline.findings.ensembles import ensemble_notes
+from pipeline.findings.choices import ensemble_notes, replanned_notes, speed_notes
 from pipeline.findings.other_ways import shut_straits, side_bound
 from pipeline.findings.result import RunResult, addressed, unsafe_notes
 from pipeline.findings.way_names import WayNames, way_names

@@ -1,4 +1,4 @@
-"""Base of all maps, and parts of all figures: axes in points, lines, areas, text; figures as SVG.
+"""Base of all maps: axes, lines, areas and text, with sizes in points; figures as SVG.
 
 Maps are in the planner's plane, so that shapes and angles are true, with a lon/lat graticule. All
 use matplotlib's object interface, without pyplot and global settings.
@@ -19,7 +19,6 @@ from matplotlib import font_manager
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.collections import LineCollection
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -30,10 +29,10 @@ from matplotlib.path import Path as Outline
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
-from pipeline._types import ArrayLike, FloatArray, Geometries
+from pipeline._types import ArrayLike, Geometries
 from pipeline.findings.result import RunResult
+from pipeline.formats.appearance import COLOURS
 from pipeline.formats.figures.map_marks import GridLine, graticule, scale_bar_m
-from pipeline.formats.palette import COLOURS
 from pipeline.geo.projection import Projection
 from pipeline.texts import clean
 
@@ -84,11 +83,6 @@ def stroke(path: ArrayLike, colour: str, width_pt: float, zorder: float) -> Line
         solid_joinstyle="round",
         solid_capstyle="round",
     )
-
-
-def lines(edges: FloatArray, colour: str, width_pt: float, zorder: float) -> LineCollection:
-    """Return segments (e, 2, 2) as one artist."""
-    return LineCollection(list(edges), colors=colour, linewidths=width_pt, zorder=zorder)
 
 
 def draw_scale_bar(axes: Axes, projection: Projection, *, drop_pt: float = 24.0) -> None:
@@ -172,7 +166,7 @@ def drawable(text: str, limit: int = 60) -> str:
 
 
 def in_season_colour(drawn: Artist, colour: str) -> None:
-    """Replace the best route's colour in a figure, or a part of it, by a season's."""
+    """Draw the best route of a figure, or of a part of one, in a case's colour."""
     for artist in drawn.findobj():
         for name in ("color", "edgecolor", "markeredgecolor", "markerfacecolor"):
             get = getattr(artist, f"get_{name}", None)

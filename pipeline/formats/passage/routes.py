@@ -35,7 +35,7 @@ from pipeline.findings.text import (
     turns_text,
     xml_environment,
 )
-from pipeline.formats.palette import season_colour
+from pipeline.formats.appearance import season_colour
 from pipeline.formats.passage.safe_corridor import tracks
 from pipeline.formats.passage.waypoints import (
     KNOTS_PER_M_S,

@@ -286,11 +286,11 @@ def vessel_name(scenario: Scenario) -> str:
 def route_name(ranked: RankedRoute) -> str:
     """Return the name of a route in a plotter's list: "Palawan summer 01 west", sorted by rank.
 
-    The scenario's name, the season, the rank, and how the route passes the main island.
+    The scenario's name, the case, the rank, and how the route passes the main island.
     """
     digits = len(str(len(ranked.case.routes)))
     words = re.split(r"[-_\s]+", ranked.case.scenario.name)
-    # After the season's own name the word "season" says nothing.
+    # Beside the case's own name the word "season" says nothing.
     place = " ".join(word for word in words if word.lower() != "season")
     rank = f"{ranked.rank:0{digits}d}"
     parts = (capitalised(place), ranked.case.name, rank, ranked.label or ranked.metrics.main_side)

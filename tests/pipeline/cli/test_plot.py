@@ -17,7 +17,7 @@ from pipeline.cli.main import app
 from pipeline.cli.plot import draw
 from pipeline.errors import StageError
 from pipeline.findings.names import output_directory
-from pipeline.formats.figures.kinds import Form, Kind
+from pipeline.formats.appearance import Form, Kind
 from pipeline.run import Event, EventHandler, planned_scenario, run
 from pipeline.scenario.catalogue import read_toml, scenario_path
 from pipeline.scenario.loading import parse_scenario, scenario_text

@@ -320,7 +320,7 @@ def speeds_in_files(result: RunResult, season: str, folder: Path) -> dict[str, F
         ],
         ".geojson": [one["speed_over_ground_m_s"] for one in own if one["feature"] == "waypoint"],
         ".gpkg": legs.speed_over_ground_m_s,
-        "passage plan": [float(row.speed_kn.split(" ")[0]) / KNOTS_PER_M_S for row in plan[1:]],
+        "passage plan": [float(row["speed_kn"].split(" ")[0]) / KNOTS_PER_M_S for row in plan[1:]],
     }
     found[".geojson"] = found[".geojson"][:-1]
     return {name: np.array(speeds, dtype=float) for name, speeds in found.items()}

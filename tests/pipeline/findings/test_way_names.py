@@ -15,8 +15,7 @@ from hypothesis import given, strategies as st
 from pyproj import Geod
 
 import renew
-from pipeline.findings.islands import islands
-from pipeline.findings.way_names import class_names_text, way_names
+from pipeline.findings.way_names import class_names_text, islands, way_names
 from pipeline.geo.projection import Projection
 from pipeline.model import Case, CaseResult, Measures, PlaceName, RouteMetrics, Water
 from pipeline.model.result import NumberedIsland

@@ -22,7 +22,7 @@ from pipeline.findings.choices import (
 )
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
-from pipeline.formats.figures.choice_plots import trade_off_figure
+from pipeline.formats.figures.plots import trade_off_figure
 from pipeline.formats.report.page import gather, render
 from pipeline.formats.tables import write_scenario, write_trade_off_csv
 from pipeline.scenario.catalogue import read_toml

@@ -15,7 +15,7 @@ import shapely
 from lxml import etree
 
 from pipeline.findings.result import RunResult
-from pipeline.formats.palette import season_colour
+from pipeline.formats.appearance import season_colour
 from pipeline.formats.passage.routes import write_kml
 from pipeline.formats.passage.waypoints import both_sides
 from tests.pipeline.formats import oracles, runs, small_run

@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Page
 
 import renew
 from pipeline.findings.result import RunResult
-from pipeline.formats.palette import COLOURS, season_colour
+from pipeline.formats.appearance import COLOURS, season_colour
 from pipeline.formats.report import page as report_page
 from tests.pipeline.formats import small_run
 from tests.pipeline.formats.report.actions import closest, drawn, pixels, season, written
