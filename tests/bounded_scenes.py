@@ -157,7 +157,7 @@ SIDE_M = 200.0
 """Side of the square of water."""
 
 FUELS = Path(__file__).with_name("bounded_scenes.csv")
-"""The oracle's fuels, by seed: `python -m tests.bench bounds` works them out again."""
+"""The oracle's fuels, by seed: a test works some of them out again."""
 
 _KINDS = ("still", "uniform", "gyre", "grid", "function")
 # Spacing of the oracle's grid, m, and its stencil: 80 neighbours.

@@ -30,7 +30,6 @@ from renew.inputs.options import Changes
 from tests import column_reference, command_reference, scenario_reference
 from tests.bench.__main__ import SUITES
 from tests.bench.figure import COLUMNS, FOLDER, recorded
-from tests.bench.history import HISTORY
 from tests.conftest import ROOT
 from tests.readme_table import BEGIN, END, METRICS
 from tests.test_docs import DOCUMENTS, FENCE, SHELL, SPAN
@@ -69,7 +68,7 @@ class Limit(float):
 
 def measured() -> list[Path]:
     """Files of figures that a bench wrote for pages to quote."""
-    return [path for path in FOLDER.glob("*.csv") if path not in {METRICS, HISTORY}]
+    return [path for path in FOLDER.glob("*.csv") if path != METRICS]
 
 
 def figures() -> dict[str, SimpleNamespace]:

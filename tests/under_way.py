@@ -155,7 +155,6 @@ class Outcome:
     arrival: float
     stranded: bool
     switches: int = 0
-    without_way: int = 0
 
 
 def sailed(sea: Waters, plan: renew.Plan) -> Outcome:
@@ -168,23 +167,21 @@ def sailed(sea: Waters, plan: renew.Plan) -> Outcome:
 def replanned(sea: Waters, plan: renew.Plan) -> Outcome:
     """Sail a plan, and plan again in each new forecast."""
     vessel = Vessel.at_start(sea, plan.best)
-    switches = without_way = 0
-    issued = RENEWED_S
+    switches, issued = 0, RENEWED_S
     vessel.sail(plan.best.path, issued)
     while not vessel.has_arrived and issued < HORIZON_S - RENEWED_S:
         answer = renew.replan(
             plan, vessel.at, vessel.time, heading=vessel.heading, current=sea.forecast(issued)
         )
         switches += answer.answer == "switched"
-        without_way += answer.answer == "no way"
         plan = answer.plan or plan
         issued += RENEWED_S
         vessel.sail(plan.best.path, issued)
-    return _outcome(vessel, switches, without_way)
+    return _outcome(vessel, switches)
 
 
-def _outcome(vessel: Vessel, switches: int = 0, without_way: int = 0) -> Outcome:
+def _outcome(vessel: Vessel, switches: int = 0) -> Outcome:
     """Return what a voyage came to."""
     arrival = vessel.time if vessel.has_arrived else math.inf
     strands = _strands(vessel.sea.chart, np.array(vessel.track))
-    return Outcome(arrival, strands, switches, without_way)
+    return Outcome(arrival, strands, switches)

@@ -33,8 +33,8 @@ from pipeline.voyage.one_line import run_voyage, voyage_scenario
 from pipeline.voyage.request import VoyageRequest, read_voyage
 from pipeline.write import load_libraries
 from renew._compiled import is_cold
+from renew.results import Step
 from renew.warming import rehearse_half
-from renew.watching import Step
 
 # Plans after which a worker is replaced, so that memory that libraries leak stays bounded.
 _MAX_PLANS = 50

@@ -1,21 +1,17 @@
-"""Figures of plans in ensembles: bounds, coverage, calibration, sides that are equal, turns."""
+"""Figures of plans in ensembles: bounds, coverage, calibration, and sides that are equal."""
 
 from __future__ import annotations
 
 import itertools
-import resource
-import time
 from collections.abc import Iterator, Sequence
-from typing import Literal, cast
+from typing import Literal
 
 import numpy as np
 
 import renew
-from pipeline.scenario.loading import load_scenario
 from renew._types import FloatArray
-from renew.vary.statistics import statistic, worst_weights
+from renew.vary.members import statistic, worst_weights
 from tests.bench.figure import Figure, at_most, quoted
-from tests.bench.palawan_figures import cases_of, fetched_data
 from tests.ensembles import Lattice, evened, gyre_chart, island_between, stirred
 from tests.strategies import PAPER_VESSEL, SIZE, random_scene
 
@@ -32,22 +28,14 @@ _COVERED, _TRUTHS, _SIDES, _SIDE_TRUTHS = 20, 400, 10, 60
 _EQUAL, _DEARER, _OFF_M = 200, 50, 2.4
 # Scenes of each kind in which members' own paths are tried.
 _OWN = 6
-# Turns to simulate.
-_TURNS = 200_000
-# Wave length of Palawan's eddies (m), their rms speed (m/s), members and classes.
-_EDDY_M, _EDDY, _MANY, _CLASSES = 80_000.0, 0.2, 50, 8
 
 
 def figures() -> Iterator[Figure]:
     """Yield all figures of ensembles."""
-    yield from _equal_members()
-    yield from _gaps()
     yield from _p90()
     yield from _sides()
     yield from _too_close()
     yield from _own_paths()
-    yield from _palawan()
-    yield from _turns()
     yield from _bounds()
 
 
@@ -93,39 +81,6 @@ def _bounds() -> Iterator[Figure]:
         above,
     )
     yield quoted(f"{name}: median gap of the mean, %", gap=100 * float(np.median(tightest)))
-
-
-def _gaps() -> Iterator[Figure]:
-    """Yield gaps of the mean and of the worst quarter in a gyre of 0.5 m/s, spread 0.2 m/s."""
-    mean, cvar = list[float](), list[float]()
-    for seed in range(6):
-        found = _in_gyre(16, seed)
-        least = float(found.statistics["mean"].min())
-        mean.append(100 * (least / found.bound.of("mean") - 1))
-        worst = statistic("cvar90", found.fuels, found.members.weights, 0.25)
-        cvar.append(100 * (float(worst.min()) / found.bound.of("cvar90", 0.25) - 1))
-    name = "gyre, crab, spread 0.2 m/s, 16 members, mean of 6 ensembles"
-    yield at_most(f"{name}: gap of the mean", float(np.mean(mean)), 3.5, " %")
-    yield at_most(f"{name}: gap of the worst quarter's mean", float(np.mean(cvar)), 4.0, " %")
-
-
-def _equal_members() -> Iterator[Figure]:
-    """Yield how many figures differ from the plain plan's, where all members are equal."""
-    differ = 0
-    for seed, drift in itertools.product(range(5), ("crab", "projected")):
-        one = stirred(_GYRE, 1, 0.2, seed)[0]
-        twin = renew.GriddedCurrent(one.x, one.y, one.uv[..., 0], one.uv[..., 1])
-        own = PAPER_VESSEL, _START, _GOAL
-        kind = cast("Literal['crab', 'projected']", drift)
-        plain = renew.plan(gyre_chart(), one, *own, classes=4, drift=kind)
-        found = renew.plan_ensemble(gyre_chart(), [one, twin, one], *own, classes=4, drift=kind)
-        for a, b in itertools.zip_longest(found.routes, plain.routes):
-            differ += int(
-                not np.array_equal(a.trajectory, b.trajectory)
-                or a.fuel != b.fuel
-                or a.optimality_gap != b.optimality_gap
-            )
-    yield _none("equal members: routes that differ from the plain plan's, 10 scenes", differ)
 
 
 def _p90() -> Iterator[Figure]:
@@ -220,59 +175,6 @@ def _too_close() -> Iterator[Figure]:
         dearer += (other / best - 1).tolist()
     more = f"{100 * min(dearer):.1f} to {100 * max(dearer):.1f} % dearer in all members"
     yield at_most(f"too close to call, {_DEARER} scenes, one side {more}", 2.0 * wrong, 5, " %", 0)
-
-
-def _turns() -> Iterator[Figure]:
-    """Yield how many turns meet land, in any member, early, on time and late."""
-    trials = hits = 0
-    for seed in itertools.count():
-        if trials >= _TURNS:
-            break
-        members: list[renew.CurrentField] = [*stirred(_GYRE, 8, 0.2, [seed, 8])]
-        if seed % 2:
-            # Members that change: one field becomes another while the vessel is under way.
-            pairs = itertools.pairwise([*members, members[0]])
-            members = [renew.VaryingCurrent([0.0, 90.0, 400.0], [*pair, pair[0]]) for pair in pairs]
-        own = PAPER_VESSEL, _START, _GOAL
-        found = renew.plan_ensemble(gyre_chart(), members, *own, classes=4, drift="crab")
-        for route, member in itertools.product(found.routes, members):
-            flown = renew.contingency(
-                route, gyre_chart(), member, PAPER_VESSEL, seed=seed, drift="crab"
-            )
-            trials, hits = trials + flown.trials, hits + flown.collisions
-    yield _none(f"of {trials:,} turns in single members, early, on time and late, meet land", hits)
-
-
-def _palawan() -> Iterator[Figure]:
-    """Yield the time of 50 members and 8 classes of Palawan."""
-    scenario = load_scenario("palawan-usv")
-    scene, _ = cases_of(scenario, fetched_data(scenario))
-    base = cast("renew.GriddedCurrent", scene.current)
-    members = stirred(base, _MANY, _EDDY, 0, (base.x, base.y), _EDDY_M)
-    wall, cpu = time.perf_counter(), time.process_time()
-    found = renew.plan_ensemble(
-        scene.chart,
-        members,
-        scene.vessel,
-        scene.start,
-        scene.goal,
-        classes=_CLASSES,
-        distinct_by=scenario.planner.distinct_by,
-    )
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    name = f"Palawan, {_MANY} members, {len(found.routes)} classes"
-    yield at_most(f"{name}: time on the wall", wall, 60.0, " s", 1)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    yield quoted(f"{name}: CPU s, memory GB of the process", cpu=cpu, gb=peak)
-    cpu = time.process_time()
-    gaps = {name: 100 * found.gap(name) for name in ("mean", "cvar90")}
-    cpu = time.process_time() - cpu
-    yield quoted(f"{name}: bounds, CPU s; gaps of mean and CVaR, %", cpu=cpu, **gaps)
-    land = sum(
-        renew.contingency(found.best, scene.chart, one, scene.vessel, spacing=500.0).collisions
-        for one in members[::5]
-    )
-    yield _none(f"{name}: turns of the best route that meet land in 10 members", land)
 
 
 def _in_gyre(count: int, seed: int) -> renew.EnsemblePlan:

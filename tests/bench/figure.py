@@ -16,8 +16,7 @@ from tests.conftest import ROOT
 class Figure:
     """A measured figure beside the one asked for; `met` is None where nothing was asked.
 
-    `values` are those that pages quote, by their names in docs/figures/SUITE.csv. `seconds` is
-    what a time took: `--save` keeps it.
+    `values` are those that pages quote, by their names in docs/figures/SUITE.csv.
     """
 
     name: str
@@ -25,15 +24,11 @@ class Figure:
     reached: str
     met: bool | None = None
     values: dict[str, float] = field(default_factory=dict)
-    seconds: float | None = None
 
     @property
     def verdict(self) -> str:
         """Return "met", "missed" or nothing."""
         return {True: "met", False: "missed", None: ""}[self.met]
-
-
-_SECONDS = {" s": 1.0, " ms": 1e-3}
 
 
 def at_most(
@@ -42,8 +37,7 @@ def at_most(
     """Figure that should not be above a limit; pages quote it by `key`, if that is given."""
     text = f"{value:.{digits}f}{unit}"
     values = {key: value} if key else {}
-    seconds = value * _SECONDS[unit] if unit in _SECONDS else None
-    return Figure(name, f"<= {limit:g}{unit}", text, value <= limit, values, seconds)
+    return Figure(name, f"<= {limit:g}{unit}", text, value <= limit, values)
 
 
 def quoted(name: str, **values: float) -> Figure:

@@ -1,8 +1,7 @@
 """Figures of the nightly job: beside plain processes, its memory, its reruns.
 
 The full figures take hours: RENEW_NIGHT_PLANS (60 by default) and RENEW_NIGHT_SMALL_PLANS (400)
-say how many plans are made in Palawan and on the single gyre; 0 leaves a night out. The night and
-the plain processes take turns RENEW_NIGHT_ROUNDS (1) times: other programs at work then meet both.
+say how many plans are made in Palawan and on the single gyre; 0 leaves a night out.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import contextlib
 import json
 import os
 import resource
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,11 +24,10 @@ from pipeline.nightly.cases import expand
 from pipeline.nightly.config import load_config
 from tests.bench.figure import Figure, at_most
 from tests.pipeline.nightly.nights import rows, write_night
-from tests.pipeline.processes import descendants
+from tests.pipeline.processes import ROOT, descendants, started
 
 _PLANS = int(os.environ.get("RENEW_NIGHT_PLANS", "60"))
 _SMALL_PLANS = int(os.environ.get("RENEW_NIGHT_SMALL_PLANS", "400"))
-_ROUNDS = int(os.environ.get("RENEW_NIGHT_ROUNDS", "1"))
 _PALAWAN_PAIRS = min(20, _PLANS)
 # One of two plain processes: every second case, planned and evaluated one after the other.
 _PLAIN = """
@@ -70,7 +67,7 @@ def figures() -> Iterator[Figure]:
             yield from _beside_plain("nightly, single gyre", *night, 0.8)
 
 
-def gyre_night(folder: Path, plans: int, workers: int = 2) -> tuple[Path, Path]:
+def gyre_night(folder: Path, plans: int) -> tuple[Path, Path]:
     """Write a night of pairs across the paper's single gyre; return its file and its output."""
     ends = np.random.default_rng(1).uniform((5, 5, 85, 85), (15, 15, 95, 95), (plans, 4))
     pairs = [",".join(f"{x:.4f}" for x in row) + f",p{i:05}" for i, row in enumerate(ends)]
@@ -78,7 +75,7 @@ def gyre_night(folder: Path, plans: int, workers: int = 2) -> tuple[Path, Path]:
         "start_x,start_y,goal_x,goal_y,name\n" + "\n".join(pairs) + "\n"
     )
     cases = 'scenario = "single-gyre"\npairs = "pairs.csv"\n'
-    return write_night(folder, cases, workers=workers, memory_gb=1.0), folder / "out"
+    return write_night(folder, cases, workers=2, memory_gb=1.0), folder / "out"
 
 
 def palawan_night(folder: Path) -> tuple[Path, Path]:
@@ -102,7 +99,7 @@ def palawan_night(folder: Path) -> tuple[Path, Path]:
 
 
 class _Measured(NamedTuple):
-    """What one round took, s: all of a night, its planning, and the same in plain processes."""
+    """What it took, s: all of a night, its planning, and the same in plain processes."""
 
     night_s: float
     night_cpu_s: float
@@ -122,35 +119,28 @@ class _Peaks(NamedTuple):
 def _beside_plain(name: str, file: Path, output: Path, share: float) -> Iterator[Figure]:
     """Measure a night, and the same plans in two plain processes."""
     count = len(expand(load_config(file, output)))
-    rounds, peaks = list[_Measured](), list[_Peaks]()
-    for _ in range(_ROUNDS):
-        _forget_cycles(output)
-        measured, peak = _round(file, output)
-        rounds.append(measured)
-        peaks.append(peak)
+    took, peaks = _round(file, output)
     planned = sum(row["status"] == "planned" for row in rows(output))
     yield Figure(f"{name}: cases planned", f"{count}", f"{planned}", planned == count)
-    sums = _Measured(*map(sum, zip(*rounds, strict=True)))
-    reached = sums.plain_s / sums.plan_s
+    reached = took.plain_s / took.plan_s
     yield Figure(
-        f"{name}: {_ROUNDS} x {count} plans, rate beside two plain processes",
+        f"{name}: {count} plans, rate beside two plain processes",
         f">= {share:g}",
-        f"{reached:.2f} ({sums.plan_s:.0f} s, plain {sums.plain_s:.0f} s; "
-        f"all of the night {sums.night_s:.0f} s)",
+        f"{reached:.2f} ({took.plan_s:.0f} s, plain {took.plain_s:.0f} s; "
+        f"all of the night {took.night_s:.0f} s)",
         reached >= share,
     )
-    cpu = sums.plain_cpu_s / sums.night_cpu_s
+    cpu = took.plain_cpu_s / took.night_cpu_s
     yield Figure(
         f"{name}: the same by processor time, all that a night does counted",
         f">= {share:g}",
-        f"{cpu:.2f} ({sums.night_cpu_s:.0f} s, plain {sums.plain_cpu_s:.0f} s)",
+        f"{cpu:.2f} ({took.night_cpu_s:.0f} s, plain {took.plain_cpu_s:.0f} s)",
         cpu >= share,
     )
-    overhead = 1 - sums.planning_s / (2 * sums.plan_s)
+    overhead = 1 - took.planning_s / (2 * took.plan_s)
     yield at_most(f"{name}: share of two workers' time that is not planning", overhead, 0.1)
-    main_mb, worker_mb = map(max, zip(*peaks, strict=True))
-    yield at_most(f"{name}: main process", main_mb, 500, " MB", 0)
-    yield at_most(f"{name}: a worker", worker_mb, 1000, " MB", 0)
+    yield at_most(f"{name}: main process", peaks.main_mb, 500, " MB", 0)
+    yield at_most(f"{name}: a worker", peaks.worker_mb, 1000, " MB", 0)
     begun = time.perf_counter()
     _night(file, output)
     yield at_most(f"{name}: rerun of a finished cycle", time.perf_counter() - begun, 3, " s", 1)
@@ -170,15 +160,6 @@ def _children_cpu_s() -> float:
     """Processor time of all processes that have ended below this one, s."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
-
-
-def _forget_cycles(output: Path) -> None:
-    """Remove what a round has published; what it fetched and drew is kept."""
-    for path in output.glob("*"):
-        if path.is_symlink():
-            path.unlink()
-        elif not path.name.startswith("."):
-            shutil.rmtree(path)
 
 
 def _night(file: Path, output: Path) -> _Peaks:
@@ -211,3 +192,42 @@ def _plain(file: Path, output: Path) -> tuple[float, float]:
     ]
     said = [process.communicate()[0].split()[-2:] for process in processes]
     return max(float(wall) for wall, _ in said), sum(float(cpu) for _, cpu in said)
+
+
+_JOB = ROOT / "catalog" / "operation" / "nightly.slurm"
+
+
+def slurm_job() -> Iterator[Figure]:
+    """Yield the time of a night that the script of the Slurm job plans, with two workers.
+
+    Here `srun` runs what it is given twice on this machine. RENEW_KERNELS is the folder that
+    `renew warm` has filled for the job; else its workers compile.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        file, output = gyre_night(folder, _PLANS)
+        programs = folder / "programs"
+        programs.mkdir()
+        for program, command in (
+            # As `srun`, it ends its tasks when it is told to end.
+            ("srun", "trap 'kill $(jobs -p)' TERM\n" + '"$@" &\n' * 2 + "wait"),
+            ("dask", f'exec {sys.executable} -m dask "$@"'),
+            ("renew", f'exec {sys.executable} -m pipeline.cli.main "$@"'),
+        ):
+            (programs / program).write_text(f"#!/bin/sh\n{command}\n")
+            (programs / program).chmod(0o755)
+        variables = {
+            "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}",
+            "SLURM_JOB_ID": "1",
+            "RENEW_KERNELS": os.environ.get("RENEW_KERNELS", str(folder / "kernels")),
+        }
+        begun, processor = time.perf_counter(), _children_cpu_s()
+        script = ("/bin/bash", str(_JOB), str(file), str(output))
+        with started(*script, variables=variables) as process:
+            _, errors = process.communicate(timeout=7200.0)
+        if process.returncode:
+            raise RuntimeError(f"the job ended with {process.returncode}: {errors[-1000:]}")
+        wall_s, cpu_s = time.perf_counter() - begun, _children_cpu_s() - processor
+        planned = sum(row["status"] == "planned" for row in rows(output))
+    text = f"{planned:,} in {wall_s:,.0f} s, on the cores {cpu_s:,.0f} s"
+    yield Figure("Slurm job, cases planned by two workers", f"{_PLANS}", text, planned == _PLANS)

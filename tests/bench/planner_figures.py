@@ -1,4 +1,4 @@
-"""Figures of the planner: padding, the gyre, random scenes, time beside the sampled method."""
+"""Figures of the planner: padding, the gyre, random scenes, first classes, times."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 import renew
+from renew.classes.h_signature import Rays, name
 from renew.turns.turn_reach import turn_reach
 from tests.bench.clock import Took, warm
 from tests.bench.figure import Figure, at_most, quoted
+from tests.class_oracle import paths_by_class
 from tests.oracles import grid_dijkstra, tighten
 from tests.published import ABLATION, FOUR_GYRE, GYRE
-from tests.strategies import PAPER_VESSEL, Scene, random_scene, single_gyre
+from tests.strategies import PAPER_VESSEL, SIZE, Scene, random_scene, single_gyre
 
 Method: TypeAlias = Literal["optimal", "sampled"]
 
@@ -24,6 +26,12 @@ SAMPLES = 500
 """Chains a class of the sampled method, as published."""
 ORACLE_SPACING = 4.0
 """Of the oracle's grid (m), before its path is tightened."""
+CLASSES = 16
+"""Number of first classes that are looked for."""
+LABELS = 24
+"""Classes that their oracle follows: those that wind about islands are among them."""
+CELLS = 100
+"""Cells a side of its grid."""
 
 
 def paddings() -> Iterator[Figure]:
@@ -109,6 +117,34 @@ def random_scenes() -> Iterator[Figure]:
     yield at_most(f"{name}: dearest beside the oracle", dearest, 1.005, digits=4, key="dearest")
     yield quoted(f"{name}: above the oracle, %", above=100 * (dearest - 1))
     yield at_most(f"{name}: largest optimality gap", 100 * max(gaps), 5, " %", key="largest_gap")
+
+
+def first_classes() -> Iterator[Figure]:
+    """How many of the true first classes are among the first that are planned.
+
+    The oracle's grid can't pass the narrowest straits: a class that only the planner finds is as
+    true as its fuel, and is counted for itself.
+    """
+    for islands in (7, 25, 50):
+        shared, unseen = [], []
+        for seed in range(3):
+            scene = random_scene(seed, islands=islands)
+            found = paths_by_class(*scene.asked, SIZE / CELLS, labels=LABELS)
+            rays, least = Rays.of(scene.chart), dict[str, float]()
+            for fuel, path in found:  # the least first
+                least.setdefault(name(rays.word(path)), fuel)
+            plan = scene.plan(padding="none", classes=CLASSES)
+            ours = {route.homotopy: route.fuel for route in plan.routes}
+            both = ours | least
+            true = sorted(both, key=lambda one: both[one])[:CLASSES]
+            shared.append(sum(one in ours for one in true))
+            unseen.append(sum(one not in least for one in true))
+        text = (
+            f"{', '.join(map(str, shared))} (unseen by the oracle: {', '.join(map(str, unseen))})"
+        )
+        asked = "at least 14" if islands > 7 else ""
+        is_met = min(shared) >= 14 if asked else None
+        yield Figure(f"of the true first {CLASSES} classes, {islands} islands", asked, text, is_met)
 
 
 def times() -> Iterator[Figure]:

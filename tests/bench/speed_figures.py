@@ -13,7 +13,6 @@ from shapely import box
 import renew
 from renew._types import FloatArray
 from renew.inputs.options import Drift
-from tests.bench.clock import warm
 from tests.bench.figure import Figure, at_most
 from tests.moving_waters import moving_scene
 from tests.speed_oracles import CostModel, improved, least_fuel, least_fuel_in_table
@@ -42,11 +41,10 @@ _DRIFTS: tuple[Drift, ...] = ("projected", "crab")
 
 
 def figures() -> Iterator[Figure]:
-    """Fuel, bound, safety and time."""
+    """Fuel, bound and safety."""
     yield from _exact()
     yield from _beside_an_optimizer()
     yield from _turns()
-    yield from _times()
     yield from _changing()
     yield from _turns_as_it_changes()
     yield from _hardly_changing()
@@ -134,26 +132,6 @@ def _turns() -> Iterator[Figure]:
             flown = scene.turns(route, spacing=0.5)
             trials, collisions = trials + flown.trials, collisions + flown.collisions
     yield at_most(f"turns at chosen speeds that touch land, of {trials:,}", collisions, 0, digits=0)
-
-
-def _times() -> Iterator[Figure]:
-    """CPU time beside that of a plan at constant speed."""
-    chart, current, start, goal = random_scene(3).parts
-    constant, plan = warm(lambda: renew.plan(chart, current, PAPER_VESSEL, start, goal))
-    by = plan.best.times[-1]
-    chosen, _ = warm(
-        lambda: renew.plan(
-            chart, current, PAPER_VESSEL, start, goal, speed=(0.9, 1.5), arrive_by=by
-        )
-    )
-    name = "chosen speeds beside constant ones, CPU"
-    yield Figure(name, "", f"{chosen.cpu / constant.cpu:.1f} ({chosen.cpu:.2f} s)")
-    scene = moving_scene(8)
-    there = scene.plan()
-    changing, _ = warm(scene.plan, 1)
-    by_clock, _ = warm(lambda: scene.plan(speed=(0.9, 1.5), arrive_by=there.best.times[-1]), 1)
-    name = "chosen speeds beside constant ones as the current changes, CPU"
-    yield Figure(name, "", f"{by_clock.cpu / changing.cpu:.1f} ({by_clock.cpu:.2f} s)")
 
 
 def _changing() -> Iterator[Figure]:

@@ -1,9 +1,7 @@
-"""Figures of the tide: streams that turn round Palawan, heights beside libraries, constants."""
+"""Figures of the tide: streams that turn round Palawan, and heights beside libraries and NOAA."""
 
 from __future__ import annotations
 
-import itertools
-import math
 import tempfile
 import tracemalloc
 from collections.abc import Iterator
@@ -14,23 +12,16 @@ from pathlib import Path
 import numpy as np
 
 import renew
-from pipeline.model import Credit, CurrentGrid
+from pipeline.geo.projection import Projection
+from pipeline.machine.store import Store
+from pipeline.model import Case, Credit, CurrentGrid, Fetched
 from pipeline.scenario.loading import load_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.sources.tides.fit import fit_files
+from pipeline.stages.fetch import fetch
+from pipeline.stages.project import project
+from pipeline.stages.simplify import simplify_land
 from tests.bench.figure import Figure, at_most
-from tests.bench.palawan_figures import cases_of, fetched_data
-from tests.stream_scenes import stream_scene
-from tests.tidal_waters import SCALE, TidalScene, tidal_scene
-from tests.tide_oracles import (
-    NOISE,
-    PREDICTORS,
-    apart,
-    fit_errors,
-    highest_and_lowest,
-    series,
-    stations,
-)
+from tests.tide_oracles import PREDICTORS, apart, highest_and_lowest, stations
 
 _FIRST = datetime(2026, 11, 22, tzinfo=UTC)
 # Departure, and length of the series: hours after its first step.
@@ -55,9 +46,9 @@ def figures() -> Iterator[Figure]:
         }
     ]
     scenario = Scenario.model_validate(table)
-    fetched = fetched_data(given)
+    fetched = _fetched_data(given)
     tracemalloc.start()
-    (scene,) = cases_of(scenario, replace(fetched, currents=(_tide(scenario),)))
+    (scene,) = _cases_of(scenario, replace(fetched, currents=(_tide(scenario),)))
     current = scene.current
     current.table(scene.chart.bounds)
     field, _ = tracemalloc.get_traced_memory()
@@ -116,20 +107,31 @@ def _tide(scenario: Scenario) -> CurrentGrid:
     return CurrentGrid("tide", lon, lat, u, v, "2026-11-22", credit, times_s=times_s)
 
 
+def _fetched_data(scenario: Scenario) -> Fetched:
+    """Land, and both seasons' currents of the embedded table."""
+    with tempfile.TemporaryDirectory() as folder:
+        return fetch(scenario, Store(Path(folder)), offline=True).fetched
+
+
+def _cases_of(scenario: Scenario, fetched: Fetched) -> tuple[Case, ...]:
+    """The planner's cases, as a run makes them."""
+    if scenario.region is None:
+        raise ValueError(f"{scenario.name} has no region")
+    region = scenario.region
+    simplified = simplify_land(
+        fetched.land.polygons,
+        region.shape,
+        margin_m=scenario.chart.margin_m,
+        accuracy_m=fetched.land.accuracy_m,
+        endpoints=(scenario.start, scenario.goal),
+        projection=Projection.for_region(region.shape, 1.0, region.crs),
+    )
+    return project(scenario, fetched, simplified)
+
+
 BEGIN = np.datetime64("2026-11-22")
 # HAT and LAT of this station both lie 0.11 m above what its own mean sea level and constants give.
 OTHER_LEVEL = "noaa-9415193"
-BARS, FLOWN, RAISED = range(20), range(100), range(220)
-"""Seeds of the scenes with bars that are planned beside the oracle, of those that are flown, and of
-those whose tide is raised, and whose bound is held against a coarse oracle."""
-STREAMS = range(20)
-"""Seeds of the scenes in tidal streams."""
-FUEL = 1.005
-"""Largest fuel over the oracle's."""
-MOST_RAISED = 3.0
-"""Largest height (m) by which a tide is raised: most of its bars are open at all times then."""
-ROUNDING = 1e-9
-"""Share of a bound by which equal ones may differ."""
 
 
 def water_levels() -> Iterator[Figure]:
@@ -155,106 +157,3 @@ def water_levels() -> Iterator[Figure]:
         "beside HAT and LAT: rms", 1000 * float(np.sqrt(np.mean(np.square(off)))), 10.0, " mm", 1
     )
     yield at_most("beside HAT and LAT: most", 1000 * float(np.abs(off).max()), 25.0, " mm", 1)
-    yield from fits()
-    yield from streams()
-    yield from bars()
-    yield from raised()
-
-
-def bars() -> Iterator[Figure]:
-    """Yield figures of scenes with one to three bars that the tide shuts for some hours."""
-    ratios, bounds, roundabout, shut, low, turns = [], [], 0, 0, 0, 0
-    for seed in BARS:
-        scene = tidal_scene(seed)
-        fuel, path = scene.oracle(2.0 * SCALE)
-        in_time = scene.is_in_time_for_water(path) and len(path) > 0
-        try:
-            best = scene.plan(padding="none", classes=8).best
-        except renew.UnreachableError:
-            shut += 1
-            roundabout += in_time
-            continue
-        bounds.append(best.fuel_bound.value / fuel)
-        if in_time and best.fuel > FUEL * fuel:
-            roundabout += 1
-        else:
-            ratios.append(best.fuel / fuel)
-    yield at_most(
-        f"{len(BARS)} scenes with bars: dearest beside the oracle", max(ratios), FUEL, "", 5
-    )
-    yield Figure("ways that go roundabout until a bar opens are better", "", f"{roundabout}")
-    yield Figure("every way is shut without", "", f"{shut}")
-    yield at_most("bound beside the oracle", max(bounds), 1.0, "", 4)
-    for seed in FLOWN:
-        scene = tidal_scene(seed)
-        try:
-            routes = scene.plan(classes=3).routes
-        except renew.UnreachableError:
-            continue
-        found = [scene.too_shallow(route) for route in routes]
-        low, turns = low + sum(one for one, _ in found), turns + sum(count for _, count in found)
-    yield at_most(f"passages and turns over too little water, of {turns:,}", low, 0)
-
-
-def raised() -> Iterator[Figure]:
-    """Yield what a higher tide does to fuel and bound, and how the bound lies to an oracle."""
-    dearer, higher, shares = dict[int, float](), 0, list[float]()
-    for seed in RAISED:
-        scene = tidal_scene(seed)
-        rises = [0.0, *np.sort(np.random.default_rng(seed).uniform(0.0, MOST_RAISED, 2)).tolist()]
-        tides = [scene.with_tide_raised(rise) for rise in rises]
-        fuels, bounds = [least_fuel(one) for one in tides], [one.bound for one in tides]
-        changes = [
-            after / before - 1 for before, after in itertools.pairwise(fuels) if before < math.inf
-        ]
-        if changes:
-            dearer[seed] = max(changes)
-        higher += any(
-            after > before * (1 + ROUNDING) for before, after in itertools.pairwise(bounds)
-        )
-        fuel, _ = scene.oracle(6.0 * SCALE, is_coarse=True)
-        shares += [bounds[0] / fuel] if math.isfinite(fuel) else []
-    worst = max(dearer, key=dearer.__getitem__)
-    what = f"tides raised twice by up to {MOST_RAISED:g} m"
-    yield at_most(
-        f"{what}, {len(dearer)} scenes with a way: dearer by at most (seed {worst})",
-        100 * dearer[worst],
-        0.1,
-        " %",
-        4,
-    )
-    yield at_most(f"{what}: bound higher, of {len(RAISED)} scenes", higher, 0)
-    above = sum(share > 1 for share in shares)
-    name = f"bound above a coarse oracle with the clock, {len(shares)} scenes with a way"
-    yield Figure(name, "0", f"{above} (nearest {max(shares):.4f})", above == 0)
-
-
-def least_fuel(scene: TidalScene) -> float:
-    """Return the fuel of the best route; infinite where the tide shuts every way."""
-    try:
-        return scene.plan(classes=4).best.fuel
-    except renew.UnreachableError:
-        return math.inf
-
-
-def fits() -> Iterator[Figure]:
-    """Yield the errors of constants that are fitted to a synthetic year."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = f"{folder}/hourly.nc"
-        series(365).to_netcdf(path, engine="netcdf4")
-        amplitude, phase, month = fit_errors(fit_files([path]))
-    yield at_most("fit of a synthetic year: amplitudes", 100 * amplitude, 1.0, " %")
-    yield at_most("fit of a synthetic year: phases", phase, 1.0, "°")
-    yield at_most("fit of a synthetic year: the month after, rms", month, NOISE / 10, " m/s", 4)
-
-
-def streams() -> Iterator[Figure]:
-    """Yield by how much arrivals in the fields of constants differ from those in the exact sum."""
-    apart_shares = []
-    with tempfile.TemporaryDirectory() as folder:
-        for seed in STREAMS:
-            scene = stream_scene(seed, Path(folder))
-            best = scene.plan().best
-            apart_shares.append(abs(best.times[-1] / scene.arrival(best.path) - 1))
-    what = f"streams from constants beside the exact sum, {len(STREAMS)} scenes: arrival"
-    yield at_most(what, 100 * max(apart_shares), 0.1, " %", 4)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import statistics
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from tests.moving_waters import moving_scene
 from tests.oracles import grid_dijkstra, tighten
 from tests.renew.steering.motion import assert_sailable
 from tests.strategies import PAPER_VESSEL, random_scene, single_gyre
+from tests.under_way import Waters, replanned, sailed
 
 CHANNEL = renew.Chart(box(0, 0, 200, 60))
 FROM, TO = (20.0, 30.0), (180.0, 30.0)
@@ -362,3 +364,18 @@ def test_plans_that_cannot_be_planned_again_say_why() -> None:
     assert renew.replan(kept, plan.best.path[5], float(plan.best.times[5])).answer == "kept"
     with pytest.raises(renew.ParameterError, match="previous chose speeds"):
         renew.replan(gyre_plan(classes=1, speed=(0.9, 1.1)), (50.0, 50.0), 50.0)
+
+
+@pytest.mark.slow
+def test_voyages_planned_again_in_each_forecast_arrive_nearly_as_soon_as_can_be() -> None:
+    seas = [Waters.of(seed) for seed in range(100)]
+    plans = [sea.plan(sea.forecast(0.0)) for sea in seas]
+    again = [replanned(sea, plan) for sea, plan in zip(seas, plans, strict=True)]
+    assert not any(one.stranded for one in again)
+    assert statistics.median(one.switches for one in again) <= 1
+    known = [sailed(sea, sea.plan(sea.truth)).arrival for sea in seas]
+    beside = [one.arrival / best for one, best in zip(again, known, strict=True)]
+    assert statistics.median(beside) <= 1.02
+    never = [sailed(sea, plan).arrival for sea, plan in zip(seas, plans, strict=True)]
+    sooner = sum(one.arrival <= late for one, late in zip(again, never, strict=True))
+    assert sooner >= 90
