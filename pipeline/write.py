@@ -113,7 +113,7 @@ def load_libraries() -> None:
 
 def formats_of(result: RunResult) -> dict[str, Format]:
     """Return the function that writes each file of a run, keyed by file name."""
-    from pipeline.findings.choices import has_ensembles, trade_offs
+    from pipeline.findings.choices import trade_offs
     from pipeline.formats import tables
     from pipeline.formats.gis.geopackage import write_geopackage
     from pipeline.formats.passage_plan import write_passage_plan
@@ -122,7 +122,7 @@ def formats_of(result: RunResult) -> dict[str, Format]:
 
     tables_of = {
         "departures.csv": (tables.write_departures_csv, bool(result.departures)),
-        "ensemble.csv": (tables.write_ensemble_csv, has_ensembles(result)),
+        "ensemble.csv": (tables.write_ensemble_csv, any(one.ensemble for one in result.results)),
         "havens.csv": (write_havens, bool(result.coverages)),
         "trade-off.csv": (tables.write_trade_off_csv, bool(trade_offs(result))),
     }

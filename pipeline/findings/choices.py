@@ -249,7 +249,7 @@ _LEAST_M = 1.0
 
 
 def replanned_notes(result: RunResult) -> Iterator[Note]:
-    """Yield what planning again answered for the case that is sailed."""
+    """Yield a note on the new plan of a voyage under way."""
     for one in result.results:
         if one.replanned is not None:
             yield Note.of("replanned", found=one.replanned).about(one.name)
@@ -280,7 +280,7 @@ def _answer(found: ReplanFigures) -> str:
 
 
 def _place(found: ReplanFigures) -> str:
-    """Say where and when the vessel is beside its plan."""
+    """Say how far the vessel is off its plan, and how late or early."""
     off = f"{text.distance(found.off_m)} off its plan" if found.off_m >= _LEAST_M else "on its plan"
     if abs(found.late_s) < _LEAST_S:
         return f"{off} and on time"
@@ -324,15 +324,10 @@ ENSEMBLE_COLUMNS = ("season", "member", "weight", "rank", "way", "homotopy", "fu
 """Fuel is in the planner's units, of the route in this member; empty where it can't be sailed."""
 
 
-def has_ensembles(result: RunResult) -> bool:
-    """Whether any case has members."""
-    return any(one.ensemble is not None for one in result.results)
-
-
 ENSEMBLE_FIGURES = ("members_count", "members_flips", "members_waiting_saves", "members_gap")
 """How sure a case's first route is: how many members there are, in how many of them another side
-is the best, what is saved on average if the member is known before (the planner's fuel), and the
-share by which any single route may have a smaller mean, at most."""
+is the best, what is saved on average if the member is known before (the planner's fuel), and by
+what share the mean of another single route may be smaller, at most."""
 
 
 def way_text(one: RouteMetrics) -> str:
@@ -394,7 +389,7 @@ def ensemble_notes(result: RunResult) -> tuple[Note, ...]:
 
 
 def _sentences(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Iterator[str]:
-    """Yield what the members say of a case's routes."""
+    """Yield sentences on a case's routes in the members of its current."""
     metrics = [one.metrics for one in routes]
     best = way_text(metrics[0])
     others = close_sides(found, metrics)

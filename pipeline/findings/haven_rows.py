@@ -1,7 +1,7 @@
-"""What a route's coverage by havens says, as rows for tables, maps and the passage plan.
+"""The coverage of a route by havens, as rows for tables, maps and the passage plan.
 
-Times and distances are true ones: in a steady current the planner's differ a little, by the scale
-of its plane.
+Times and distances are true. In a steady current the planner's differ a little, by the scale of its
+plane.
 """
 
 import math
@@ -89,8 +89,10 @@ def coverage_of(case: RunCase) -> renew.Coverage:
 
 
 def haven_ways(case: RunCase) -> dict[renew.Diversion, Way]:
-    """Return the ways to havens of a case's best route, in the order of their times."""
-    coverage, projection, (begin, stretch) = coverage_of(case), case.case.projection, _clock(case)
+    """Return the ways to havens of a case's best route, in the order of their times, if any."""
+    if case.coverage is None:
+        return {}
+    projection, (begin, stretch) = case.case.projection, _clock(case)
     return {
         one: Way(
             number=number,
@@ -104,15 +106,15 @@ def haven_ways(case: RunCase) -> dict[renew.Diversion, Way]:
             fuel=one.fuel,
             route=one.route,
         )
-        for number, one in enumerate(coverage.diversions, start=1)
+        for number, one in enumerate(case.coverage.diversions, start=1)
     }
 
 
 def main_ways(case: RunCase) -> list[Way]:
     """Return the ways that a navigator needs at hand, in the order of their times.
 
-    They serve stretches of a share of the limit at least, or are those of the last places to turn
-    off. Near a limit there are many more, each for a few minutes of the route.
+    These serve long stretches, or the last places to turn off. Near the limit of time there are
+    many more ways, each for a few minutes of the route.
     """
     coverage = coverage_of(case)
     stretches = coverage.stretches
@@ -128,9 +130,13 @@ def main_ways(case: RunCase) -> list[Way]:
 def haven_rows(case: RunCase) -> list[HavenRow]:
     """Return the rows of a case's best route: its stretches, then its last places to turn off.
 
-    These are abort points, the point of no return, equal points, and last changes.
+    These are abort points, the point of no return, equal points, and last changes. There are no
+    rows without havens.
     """
-    coverage, (begin, stretch), ways = coverage_of(case), _clock(case), haven_ways(case)
+    coverage, ways = case.coverage, haven_ways(case)
+    if coverage is None:
+        return []
+    begin, stretch = _clock(case)
     rows = [
         HavenRow(
             one.state,

@@ -1,7 +1,5 @@
 """Ways that no route takes: a lower bound on the fuel of some, and straits that are shut.
 
-Gaps.
-
 Between two close coasts there are many gaps, most of them between rocks and useless. Gaps are taken
 in the order of their width, and each gap between two parts of the land joins them into one: wider
 gaps between these two are skipped (Kruskal, *On the shortest spanning subtree of a graph*, 1956).
@@ -54,15 +52,15 @@ _LONGER = 1.05
 # Largest distance between a strait's bank and the original land, as a multiple of the sum of margin
 # and tolerance.
 _AT_LAND = 1.1
-# Largest width at which a shut strait counts as shut by its own banks, as a multiple of the width
-# that the planner needs. The excess allows for the errors of margin, tolerance and projection. A
-# wider strait without water is part of enclosed water, which is land to the planner. The straits
-# that enclose this water are found separately.
+# A shut strait up to this multiple of the width that the planner needs is shut by its own banks.
+# The excess allows for the errors of margin, tolerance and projection. A wider strait without water
+# lies in enclosed water, which is land to the planner; the straits that enclose it are found
+# separately.
 _COVERED = 1.05
 # Open width below which a gap is an artefact of rounding and not a way, true metres.
 _NO_WATER_M = 1.0
-# Fuel of the other side, as a multiple of the best route's, at which its bound ends: a bound just
-# above the best route's fuel proves the side, but doesn't say by how much.
+# The search for a bound ends at this multiple of the best route's fuel. At the fuel itself it would
+# prove the side, but would not say by how much.
 _PLAIN = 1.01
 
 
@@ -292,7 +290,7 @@ class _StraitFinder:
         """Whether margin, tolerance and padding leave no way through a gap (2, 2)."""
         scale = self.water.projection.scale
         width = float(np.linalg.norm(line[1] - line[0]))
-        # A gap narrower than margins and padding is shut; any other needs a test on the zone.
+        # A gap narrower than margins and padding is shut. Any other is measured.
         if width * scale < 2 * self.simplified.margin_m + 2 * self.padding * scale:
             return True
         return self._open_water(line) <= max(2 * self.padding, _NO_WATER_M / scale)

@@ -32,10 +32,10 @@ _KILOMETRES_FROM_M = 1_000.0
 _DAY_S = 86_400.0
 _HOUR_S = 3_600.0
 _MINUTE_S = 60.0
-# Minimum fuel, unit, and name of the unit: fuel may be any number, as the vessel's rate sets its
+# Least fuel for a unit, the unit, and its name. Fuel may be any number: the vessel's rate sets its
 # unit.
 _FUEL_UNITS = ((1e9, 1e9, "billion"), (1e6, 1e6, "million"), (1e5, 1e3, "thousand"))
-# Part of the last decimal place that counts as the value's own rounding error.
+# Part of the last decimal place below which a difference is the value's own rounding error.
 _EXACT = 1e-6
 
 

@@ -1,13 +1,11 @@
 """Names of ways for navigators: "west of Palawan", "between islands 2 and 5".
 
 An island has the chart's name, else the catalogue's
-(:mod:`pipeline.findings.way_names`), else its number in the planner's homotopy classes
+(`island_places`), else its number in the planner's homotopy classes
 (:mod:`renew.classes.h_signature`: the largest island is 1). If several islands share a name, only
 the largest has it. A way's name has only as many islands as distinguish its route from the other
 routes of its case. Numbers are equal in all cases. Every name begins with the main island: the
 largest that distinguishes any two routes.
-
-Islands of a scene: their names in the catalogue, and the narrow gaps between them.
 
 A polygon of land is an island of the catalogue on three conditions. It lies in the island's bounds
 and is about as large. It contains the island's own point, or reaches as far as the island on every
@@ -20,11 +18,10 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -47,24 +44,13 @@ _NEAR = 2.0
 _MAX_LETTERS = 8
 
 
-class WayNames(NamedTuple):
-    """The passages of each route, and the islands in names of ways and in names of classes."""
+def way_names(
+    water: Water, results: Sequence[CaseResult], places: Sequence[PlaceName]
+) -> tuple[tuple[CaseResult, ...], tuple[NumberedIsland, ...], tuple[NumberedIsland, ...]]:
+    """Name the way of each route; `places` are the chart's names of land.
 
-    passages: Mapping[RouteKey, tuple[Passage, ...]]
-    islands: tuple[NumberedIsland, ...] = ()
-    class_islands: tuple[NumberedIsland, ...] = ()
-
-    def name(self, result: CaseResult) -> CaseResult:
-        """Return a case's result with the names of its ways."""
-        rows = tuple(
-            replace(row, passages=self.passages.get((result.name, row.rank), ()))
-            for row in result.measures.routes
-        )
-        return replace(result, measures=replace(result.measures, routes=rows))
-
-
-def way_names(water: Water, results: Sequence[CaseResult], places: Sequence[PlaceName]) -> WayNames:
-    """Name the way of each route; `places` are the chart's names of land."""
+    Returns the results with names, the islands in them, and the islands in names of classes.
+    """
     routes = {
         (result.name, rank): route
         for result in results
@@ -72,8 +58,16 @@ def way_names(water: Water, results: Sequence[CaseResult], places: Sequence[Plac
     }
     namer = _WayNamer(water, routes, tuple(places))
     passages = {key: namer.passages(key) for key in routes}
+    named = []
+    for result in results:
+        rows = (
+            replace(row, passages=passages.get((result.name, row.rank), ()))
+            for row in result.measures.routes
+        )
+        measures = replace(result.measures, routes=tuple(rows))
+        named.append(replace(result, measures=measures))
     rejected = [one for result in results if result.plan for one in result.plan.rejected]
-    return WayNames(passages, namer.islands(), namer.class_islands(_letters(rejected)))
+    return tuple(named), namer.islands(), namer.class_islands(_letters(rejected))
 
 
 def class_names_text(names: Sequence[str], water: Water) -> Iterator[str]:

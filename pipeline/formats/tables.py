@@ -23,7 +23,12 @@ from pipeline.findings.choices import (
 from pipeline.findings.haven_rows import LAST_TURNS, MOMENTS, HavenRow, coverage_of, haven_rows
 from pipeline.findings.names import figure_columns, figures, used
 from pipeline.findings.result import RankedRoute, RunCase, RunResult
-from pipeline.findings.route_profile import coast_index, cumulative, steps_along_legs
+from pipeline.findings.route_profile import (
+    closest_approach,
+    coast_edges,
+    cumulative,
+    steps_along_legs,
+)
 from pipeline.findings.text import duration as duration_text, fuel as fuel_text, percent, to_minute
 from pipeline.formats.figures.chart_map import drawable
 from pipeline.formats.passage.safe_corridor import tracks
@@ -94,7 +99,7 @@ def write_metrics(result: RunResult, path: Path) -> None:
 
 
 def _spelled(value: object) -> object:
-    """Return what stands in a cell, so that figures read back exactly; "" if not finite."""
+    """Return a cell's content: figures read back exactly, and one that is not finite is empty."""
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else ""
     if isinstance(value, datetime):
@@ -284,9 +289,9 @@ def distance_text(metres: float) -> str:
 
 
 def _least_water(line: FloatArray, ends: IntArray, times: FloatArray, case: Case) -> list[str]:
-    """Return the least water under the keel on each leg when passed, m, rounded down.
+    """Return the least water under the keel on each leg when it is sailed, m, rounded down.
 
-    It is empty where no depth counts with the tide: there is enough water at any time.
+    It is empty where there is enough water at any state of the tide.
     """
     if case.tidal_depth is None:
         return [""] * (len(ends) - 1)
@@ -296,7 +301,7 @@ def _least_water(line: FloatArray, ends: IntArray, times: FloatArray, case: Case
 
 
 def _currents(line: FloatArray, ends: IntArray, times: FloatArray, case: Case) -> list[str]:
-    """Return the mean current on each leg when passed: direction of set, and speed in knots."""
+    """Return the mean current on each leg when it is sailed: direction of set, and knots."""
     lonlat = case.projection.to_lonlat(line)
     velocity = case.projection.rotate_to_lonlat(lonlat, case.current.velocity(line, times))
     texts = []
@@ -312,7 +317,7 @@ def _currents(line: FloatArray, ends: IntArray, times: FloatArray, case: Case) -
 
 def _nearest_land(line: FloatArray, water: Water) -> dict[str, str]:
     """Return the least clearance of a leg from the original land, and the point where it is."""
-    closest = coast_index(water.land).closest_approach(line, water.projection)
+    closest = closest_approach(coast_edges(water.land), line, water.projection)
     if closest is None:
         return {"clearance": "no land"}
     longitude, latitude = water.projection.to_lonlat(closest[0])
@@ -321,7 +326,7 @@ def _nearest_land(line: FloatArray, water: Water) -> dict[str, str]:
 
 
 def tightest_text(ranked: RankedRoute) -> str:
-    """Say the padding where the route is nearest to a padded edge; empty without padding."""
+    """Say how wide the padding is where the route is closest to it; empty without padding."""
     case = ranked.case.case
     found = renew.tightest(ranked.route, case.current, case.vessel)
     if found is None:
@@ -355,7 +360,6 @@ def write_havens(result: RunResult, path: Path) -> None:
     rows = (
         _cells(case.name, row, case.spec.departure)
         for case in result.cases
-        if case.coverage is not None
         for row in haven_rows(case)
     )
     write_csv(path, HAVEN_COLUMNS, rows)
@@ -450,7 +454,7 @@ def haven_texts(row: HavenRow, departure: datetime | None) -> dict[str, str]:
 
 
 def haven_facts(case: RunCase) -> list[str]:
-    """Return what a reader needs to know beside the table: limits, shares, how to use it."""
+    """Return sentences that explain the table of havens: limits, shares, how to use it."""
     coverage, limits = coverage_of(case), case.scenario.havens
     shares = ", ".join(f"{percent(coverage.share(state))} {state}" for state in STATES)
     left_out = ", ".join(haven.name for haven, _ in coverage.left_out)

@@ -111,7 +111,7 @@ def rows_of(case: NightCaseTask, batch: PlanBatch) -> list[Row]:
             voyage = replace(voyage, departure=case.leaves)
         options = with_offing(chart.scenario, voyage, chart.accuracy_m)
         planned = plan_case(voyage, options)
-        planned = way_names(voyage.water, [planned], ()).name(planned)
+        ((planned,), *_) = way_names(voyage.water, [planned], ())
         figures = planned.measures.routes
     except Exception as error:  # noqa: BLE001 - the other cases continue
         return [failed_row(case, one_line(error), batch.stale)]

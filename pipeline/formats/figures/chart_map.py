@@ -41,7 +41,7 @@ POINTS_PER_INCH = 72.0
 SMALL_PT = 8.2
 # Size of a map's lower title.
 PLAIN_PT = 9.5
-# Length of a scale bar, points, below which it has room for one label only, beside it.
+# A scale bar shorter than this, points, has one label beside it, and a longer one labels below it.
 _SHORT_BAR_PT = 45.0
 # Width of a small letter or figure, points.
 _LETTER_PT = 0.6 * SMALL_PT
@@ -195,7 +195,7 @@ def _glyphs() -> frozenset[int]:
 
 
 def draw_island_labels(axes: Axes, result: RunResult) -> None:
-    """Write each island's number or name on it, on a halo, below the routes' ends."""
+    """Write each island's number or name on it, with a halo."""
     for island in result.islands:
         axes.text(
             island.x,
@@ -243,7 +243,7 @@ def page_svg(figure: Figure | None, *, identity: str, label: str) -> Markup:
     box = re.search(r'viewBox="[^"]*"', head)
     if box is None:
         raise ValueError("matplotlib wrote an SVG without a viewBox")
-    # The only text from elsewhere is the label.
+    # Only the label comes from outside, and it is escaped.
     return Markup(  # noqa: S704 - our own
         f'<svg class="map" xmlns="http://www.w3.org/2000/svg" {box[0]} role="img"'
         f' aria-label="{escape(label)}">{body.strip()}'
@@ -301,7 +301,7 @@ _LEGEND_TEXT_PT = 7.5
 _TITLES = ((11.0, True), (PLAIN_PT, False))
 # Least room between the labels of meridians.
 _LABEL_SPACE_PT = 4.0
-# Room of an entry of a legend beside its text, in sizes of the text: handle, gaps, spacing.
+# Width of handle, gaps and spacing of an entry of the legend, in sizes of its text.
 _LEGEND_EXTRA = 4.2
 # Least width of a map in a figure of a given width.
 _MIN_WIDTH_PT = 160.0

@@ -55,8 +55,8 @@ def graticule(
         step = nice_step(max(xmax - xmin, ymax - ymin) / (2 * _MIN_LINES), down=False)
         bounds = (xmin, ymin, xmax, ymax)
         return _lines(extent, bounds, step, lambda xy: xy, lambda value, *_: f"{value:g} m")
-    # The edge of a region that begins at a whole degree is a meridian; the chart's edge is the
-    # straight line beside it.
+    # A region's edge at a whole degree is a meridian. The chart's edge is a straight line beside
+    # it, so that the meridian may lie a little outside the chart.
     tolerance = _EDGE_TOLERANCE * math.hypot(xmax - xmin, ymax - ymin)
     near = extent.buffer(tolerance, join_style="mitre")
     outline = projection.geometry_to_lonlat(shapely.segmentize(extent, extent.length / 256))
@@ -219,7 +219,7 @@ def on_water(water: Water, positions: FloatArray) -> BoolArray:
     """Whether positions (n, 2) in the plane lie inside the chart and not on land."""
     chart, land = water.chart, np.array(water.land, dtype=object)
     inside = np.asarray(shapely.contains_xy(chart.extent, positions))
-    # The land is the query, not the tree: shapely prepares queries, and a coast may be long.
+    # The points are the tree: shapely prepares the query, which helps where the coast is long.
     on_land = shapely.STRtree(shapely.points(positions)).query(land, predicate="intersects")[1]
     inside[on_land] = False
     return inside

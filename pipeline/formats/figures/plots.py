@@ -325,7 +325,7 @@ _MARGIN = 0.12
 
 
 def departure_figure(choice: DepartureChoice) -> Figure | None:
-    """Plot time under way by departure, and the bound between them; None for a single departure.
+    """Plot time under way by departure, with its lower bound; None for a single departure.
 
     Where speeds are chosen it shows fuel, since each voyage takes nearly all the allowed time.
     """
@@ -406,7 +406,8 @@ def trade_off_figure(found: SpeedTradeOff) -> Figure | None:
 _ROW_PT = 30.0
 # Largest number of rows.
 _MAX_ROWS = 6
-# Ratio to the mean of the route taken from which a route is only drawn if it is the best somewhere.
+# A route that needs this multiple of the first route's fuel is drawn only if it is the best in some
+# member.
 _MUCH_DEARER = 1.3
 # Largest number of letters of a way.
 _MAX_WAY = 52
@@ -457,7 +458,7 @@ def fan_figure(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Figur
 
 
 def _quantiles(values: FloatArray, weights: FloatArray) -> tuple[float, float, float]:
-    """Return the value that a tenth lie below, the mean, and the value that a tenth lie above."""
+    """Return the first decile, the mean and the ninth decile of weighted values."""
     order = np.argsort(values)
     below = np.cumsum(weights[order]) / weights.sum()
     low, high = (values[order][np.searchsorted(below, share - 1e-9)] for share in (0.1, 0.9))

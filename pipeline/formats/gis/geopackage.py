@@ -84,7 +84,7 @@ _WRAP = 100
 _PAGES_MM = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
 # Margin of a page.
 _MARGIN_MM = 10.0
-# Height of the title on an A4 page; on A3 it is larger by the ratio of the pages, as are the next.
+# Height of the title on an A4 page. On A3 this and the next two grow with the page's width.
 _TITLE_MM = 12.0
 # Height of the credits on an A4 page.
 _CREDITS_MM = 16.0
@@ -247,7 +247,7 @@ def _add_records(
         " VALUES ('geopackage', ?)",
         (row.lastrowid,),
     )
-    # Software shows either the name of a column or its title.
+    # Name and title are equal, because software shows one or the other.
     database.executemany(
         "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description)"
         " VALUES (?, ?, ?, ?, ?)",

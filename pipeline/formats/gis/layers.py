@@ -1,6 +1,6 @@
-"""Layers as tables: their columns with names and meanings, and how a GeoPackage gets them.
+"""The layers of a run in lon/lat, and how they are written to a GeoPackage.
 
-The layers of a run in lon/lat; `layers.toml` has their titles and descriptions.
+`layers.toml` has their titles and descriptions.
 """
 
 import math
@@ -75,7 +75,7 @@ def frame(
 
 
 def rows_frame(geometry: Geometries, rows: Sequence[Mapping[str, Any]]) -> GeoDataFrame:
-    """Make the frame of a layer of one geometry per row of cells by column."""
+    """Make the frame of a layer whose features each have a geometry and a row of cells."""
     return frame(geometry, {name: [row[name] for row in rows] for name in (rows[:1] or [{}])[0]})
 
 
@@ -490,12 +490,7 @@ def _havens(result: RunResult) -> GeoDataFrame:
 
 def _diversions(result: RunResult) -> GeoDataFrame:
     """Return the ways to havens, one line each."""
-    found = [
-        (case.name, way)
-        for case in result.cases
-        if case.coverage is not None
-        for way in haven_ways(case).values()
-    ]
+    found = [(case.name, way) for case in result.cases for way in haven_ways(case).values()]
     ways = [way for _, way in found]
     names = ("haven", "length_m", "duration_s", "longest_s", "fuel", "bearing_deg")
     return frame(
@@ -514,26 +509,19 @@ def _coverage(result: RunResult) -> GeoDataFrame:
     found = [
         (case, row)
         for case in result.cases
-        if case.coverage is not None
         for row in haven_rows(case)
         if row.kind not in LAST_TURNS
     ]
-    return rows_frame(
+    rows = [row for _, row in found]
+    return frame(
         to_lonlat(result, [stretch_line(case, row) for case, row in found], ROUTE_STEP_M),
-        [
-            {
-                "season": case.name,
-                "begin_s": row.begin_s,
-                "end_s": row.end_s,
-                "longest_s": row.longest_s,
-                "least_s": row.least_s,
-                "state": row.kind,
-                "haven": row.way.haven if row.way else "",
-                "diversion": row.way.number if row.way else 0,
-                "reason": row.reason,
-            }
-            for case, row in found
-        ],
+        {
+            "season": [case.name for case, _ in found],
+            **columns_of(rows, "begin_s", "end_s", "longest_s", "least_s", state="kind"),
+            "haven": [row.way.haven if row.way else "" for row in rows],
+            "diversion": [row.way.number if row.way else 0 for row in rows],
+            "reason": [row.reason for row in rows],
+        },
     )
 
 

@@ -169,7 +169,7 @@ def rendered(template: str, **values: object) -> str:
 
 
 def inert(text: str) -> str:
-    """Return a text in which QGIS finds nothing to evaluate, as it does between [% and %]."""
+    """Break up each [% of a text: QGIS would evaluate what stands between [% and %]."""
     return text.replace("[%", "[ %")
 
 
@@ -291,7 +291,7 @@ def _finer_than(about: dict[str, Any], view: View) -> float:
 
 
 def _case_labels(layer: str, view: View) -> list[dict[str, Any]]:
-    """Return labels of the best routes: titles of cases along them, names of the leading's ends."""
+    """Return labels of the best routes: titles along them, and names at the leading one's ends."""
     if layer == "routes":
         return [
             {
@@ -315,9 +315,9 @@ def _case_labels(layer: str, view: View) -> list[dict[str, Any]]:
 
 
 def _arrows(view: View, case: RunCase) -> list[dict[str, Any]]:
-    """Draw arrows towards which the current sets: darker and longer if stronger.
+    """Return rules that draw the current as arrows: darker and longer if stronger.
 
-    An arrow has a true length within limits on paper.
+    Their length is fixed on the ground, but for a least and a greatest length on paper.
     """
     rotation = '"direction"' + (f" - {view.convergence}" if view.convergence else "")
     limits, spacing_m = view.speed_limits, _across_m(case.run) * _SPACING_SHARE

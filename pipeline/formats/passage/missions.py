@@ -29,7 +29,7 @@ import shapely
 from pipeline._types import FloatArray
 from pipeline.findings.haven_rows import Way, haven_ways
 from pipeline.findings.result import RankedRoute, RunCase
-from pipeline.findings.route_profile import coast_index
+from pipeline.findings.route_profile import closest_approach, coast_edges
 from pipeline.findings.text import json_value, speed_over_ground, write_json
 from pipeline.formats.passage.routes import gpx_document, rtz_text
 from pipeline.formats.passage.safe_corridor import Obstacles, in_pieces, kept_out, tracks
@@ -314,9 +314,9 @@ def write_plan(case: RunCase, path: Path) -> None:
 
 
 def plan_content(points: Waypoints, told: Autopilot) -> dict[str, object]:
-    """Return a route's plan, with what an autopilot is told beside the way.
+    """Return a route's plan, with its fence and rally points.
 
-    Programs pass over the key `renew`: how the route is not safe, what is not known or was decided.
+    The key `renew`, which programs ignore, says how the route is not safe, and what is not known.
     """
     start = _position(points, 0)
     speed = round(speed_over_ground(points.metrics), _SPEED_DIGITS)
@@ -428,7 +428,7 @@ def _waypoints(way: Way, case: RunCase, obstacles: Obstacles) -> Waypoints:
 def _ranked(way: Way, case: RunCase) -> RankedRoute:
     """Return a way as a route, with the figures that the formats show."""
     route, water = way.route, case.run.water
-    nearest = coast_index(water.land).closest_approach(route.path, water.projection)
+    nearest = closest_approach(coast_edges(water.land), route.path, water.projection)
     metrics = RouteMetrics(
         rank=way.number,
         homotopy=route.homotopy,

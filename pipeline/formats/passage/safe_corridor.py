@@ -199,7 +199,7 @@ _QUADRANT_SEGMENTS = 4
 class Obstacles:
     """Land, no-go zone and edge of a case's chart, planar metres, indexed once for all its routes.
 
-    `areas` are shut when a route passes them, and count as land then.
+    `areas` are shut when a route would pass them: they count as land.
     """
 
     def __init__(self, case: Case, areas: Sequence[shapely.Geometry] = ()) -> None:

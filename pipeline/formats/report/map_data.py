@@ -26,7 +26,7 @@ from pipeline.model import RouteKey, Water
 
 # Minimum steps along a chart's longer side; at most ten times as many: 1 m each on 700 km.
 _MIN_STEPS = 2e5
-# Number of steps in a series' range; more are not needed, as a fifth digit is never shown.
+# Number of steps in the range of a series: the page never shows a fifth digit.
 _SERIES_STEPS = 50_000
 
 # Number of cells along each side of the chart, at whose corners positions are given: between them

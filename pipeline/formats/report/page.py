@@ -204,40 +204,37 @@ def comparison(result: RunResult) -> tuple[dict[str, Any], ...]:
     published = result.scenario.published
     if published is None:
         return ()
-    rows = []
-    titles = {case.name: case.title for case in result.cases}
+    rows: list[dict[str, Any]] = []
     for case in result.cases:
-        for ranked in case.routes[:1]:
-            metrics = ranked.metrics
-            rows.append(
-                {
-                    "season": case.title,
-                    "planner": "This run",
-                    "is_ours": True,
-                    "scale": result.scenario.scale,
-                    "way": metrics.main_passage,
-                    "fuel_per_distance": metrics.fuel_per_distance,
-                    "fuel": metrics.fuel,
-                    "length": metrics.length,
-                    "length_m": metrics.length_m,
-                    "clearance_m": metrics.clearance_m,
-                }
-            )
         rows += [
             {
-                "season": titles.get(row.season, row.season),
+                "season": case.title,
+                "planner": "This run",
+                "is_ours": True,
+                "scale": result.scenario.scale,
+                "way": m.main_passage,
+                "fuel_per_distance": m.fuel_per_distance,
+                "fuel": m.fuel,
+                "length": m.length,
+                "length_m": m.length_m,
+                "clearance_m": m.clearance_m,
+            }
+            for m in case.measures.routes[:1]
+        ]
+        rows += [
+            {
+                "season": row.season and case.title,
                 "planner": row.label,
                 "is_ours": False,
                 "scale": published.scale,
                 "way": row.side,
-                # F/D as published, or from fuel and length.
-                "fuel_per_distance": row.fuel / row.length
-                if row.fuel_per_distance is None and row.fuel is not None and row.length is not None
-                else row.fuel_per_distance,
+                # As published, or else from fuel and length.
+                "fuel_per_distance": row.fuel_per_distance
+                or (row.fuel / row.length if row.fuel and row.length else None),
                 "fuel": row.fuel,
                 "length": row.length,
-                "length_m": None if row.length is None else row.length * published.scale,
-                "clearance_m": None if row.clearance is None else row.clearance * published.scale,
+                "length_m": row.length and row.length * published.scale,
+                "clearance_m": row.clearance and row.clearance * published.scale,
             }
             for row in published.rows
             if row.season == case.name or (not row.season and not case.number)
@@ -305,7 +302,7 @@ def _choices(
     found: choices.SpeedTradeOff | None,
     anchor: str,
 ) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
-    """Yield what is kept under way, when to leave and how fast to go: title, sentences, plot."""
+    """Yield title, sentences and plot: the new plan under way, when to leave, how fast to go."""
     if case.result.replanned is not None:
         yield "Planned again under way", replanned_text(case.result.replanned), Markup()
     choice = case.departure_choice
@@ -322,7 +319,7 @@ def _choices(
 
 
 def _members(case: RunCase, anchor: str) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
-    """Yield how sure the side is: sentences with the fans of fuel."""
+    """Yield title, sentences and plot of how sure the side is, if there are members."""
     found, ranked = case.result.ensemble, case.routes
     if found is None or not ranked:
         return

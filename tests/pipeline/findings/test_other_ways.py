@@ -177,8 +177,8 @@ def planned_around(island: shapely.Polygon, speed: float) -> tuple[list[renew.Ro
         for rank, route in enumerate(plan.routes, start=1)
     )
     result = CaseResult("gyre", plan, "", 0.0, measures=Measures(rows))
-    names = way_names(water, [result], ())
-    bound = side_bound(case, names.name(result), names.islands[0], like.scenario.planner)
+    (named,), (main, *_), _ = way_names(water, [result], ())
+    bound = side_bound(case, named, main, like.scenario.planner)
     assert bound is not None
     return list(plan.routes), bound
 

@@ -25,7 +25,7 @@ from pipeline._types import FloatArray
 from pipeline.findings.result import RankedRoute, RunResult
 from pipeline.findings.route_profile import (
     RouteProfile,
-    coast_index,
+    coast_edges,
     legs,
     metres_along,
     route_profile,
@@ -220,10 +220,10 @@ def test_a_repeated_vertex_is_one(planar_result: RunResult) -> None:
 
 
 def test_the_coast_is_indexed_once_for_all_routes(result: RunResult) -> None:
-    coast_index.cache_clear()
+    coast_edges.cache_clear()
     for ranked in result.routes:
         route_profile(ranked)
-    assert coast_index.cache_info().misses == 1
+    assert coast_edges.cache_info().misses == 1
 
 
 def test_land_with_a_lake_counts_its_inner_shore(planar_result: RunResult) -> None:

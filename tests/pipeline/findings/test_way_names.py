@@ -61,9 +61,9 @@ class Named(NamedTuple):
 
 def named(case: Case, *results: CaseResult, places: tuple[PlaceName, ...] = ()) -> Named:
     """Name the ways of some results."""
-    names = way_names(case.water, results, places)
-    rows = tuple(row for one in results for row in names.name(one).measures.routes)
-    return Named(rows, names.islands, names.class_islands)
+    named, islands, class_islands = way_names(case.water, results, places)
+    rows = tuple(row for one in named for row in one.measures.routes)
+    return Named(rows, islands, class_islands)
 
 
 def _north_of(row: RouteMetrics) -> set[int]:

@@ -222,13 +222,6 @@ def test_without_a_departure_no_point_has_a_time(any_run: RunResult, tmp_path: P
     assert len(root.findall(f".//{NAMESPACE}time")) == 1
 
 
-def test_the_credits_are_in_the_file(any_run: RunResult, tmp_path: Path) -> None:
-    gpx = written(any_run, tmp_path / "a.gpx")
-    for credit in any_run.credits:
-        assert credit.text in (gpx.description or "")
-        assert credit.text in (gpx.copyright_author or "")
-
-
 def test_without_land_no_clearance_is_stated(tmp_path: Path) -> None:
     (route,) = written(runs.open_sea(), tmp_path / "a.gpx").routes
     assert re.match(r"[\d.]+ km, [\d.]+ h\. No depths in this chart", route.description or "")

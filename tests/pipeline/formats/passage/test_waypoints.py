@@ -264,11 +264,6 @@ def test_waypoints_are_computed_once_per_result() -> None:
     assert case_waypoints(result.case(runs.SEASON)) is case_waypoints(result.case(runs.SEASON))
 
 
-def test_high_latitudes_get_orthodromes() -> None:
-    assert {p.curve for p in every(runs.far_north())} == {"Orthodrome"}
-    assert {p.curve for p in every(runs.long_way())} == {"Loxodrome"}
-
-
 def test_routes_of_a_planar_scenario_are_thinned_too(planar_result: RunResult) -> None:
     for points in every(planar_result):
         assert 2 <= len(points.lonlat) <= len(points.ranked.route.path)
