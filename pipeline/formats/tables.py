@@ -3,8 +3,8 @@
 import csv
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from datetime import UTC, datetime, timedelta
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,7 +15,6 @@ from pipeline._types import FloatArray, IntArray
 from pipeline.findings.choices import (
     ENSEMBLE_COLUMNS,
     ENSEMBLE_FIGURES,
-    SpeedTradeOff,
     ensemble_figures,
     ensemble_rows,
     trade_offs,
@@ -39,7 +38,7 @@ from pipeline.formats.passage.waypoints import (
     time_after,
     wrapped_longitude,
 )
-from pipeline.model import Case, DepartureChoice, Water
+from pipeline.model import Case, Water
 from pipeline.scenario.loading import scenario_text
 from pipeline.texts import cell
 from renew.underway.survey import State
@@ -76,11 +75,6 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, An
         writer.writerows(written)
 
 
-def utc_text(moment: datetime) -> str:
-    """Write a time as ISO 8601, UTC, to the second."""
-    return f"{moment.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
-
-
 def write_metrics(result: RunResult, path: Path) -> None:
     """Write the evaluation as CSV; departure and arrival are empty where none is given."""
     rows = []
@@ -99,86 +93,60 @@ def write_metrics(result: RunResult, path: Path) -> None:
 
 
 def _spelled(value: object) -> object:
-    """Return a cell's content: figures read back exactly, and one that is not finite is empty."""
+    """Return a cell's content: figures read back exactly, times are UTC; "" if not finite."""
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else ""
     if isinstance(value, datetime):
-        return utc_text(value)
+        return f"{value.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
     return "" if value is None else cell(value)
 
 
-def write_departures_csv(result: RunResult, path: Path) -> None:
-    """Write all departures of all cases as CSV."""
-    rows = (
-        row
-        for choice in result.departures
-        for row in _departure_rows(choice, result.case(choice.season))
-    )
-    write_csv(path, DEPARTURE_COLUMNS, rows)
-
-
-def _departure_rows(choice: DepartureChoice, case: RunCase) -> Iterator[dict[str, Any]]:
+def _departure_rows(result: RunResult) -> Iterator[dict[str, Any]]:
     """Yield a row for each departure, with its way if a planned route has the same class."""
-    ways = {one.homotopy: one.way for one in case.measures.routes}
-    unproven = choice.unproven_s / 60 if math.isfinite(choice.unproven_s) else None
-    best = int(abs(choice.departures_s - choice.chosen_s).argmin())
-    planned = zip(
-        choice.departures_s.tolist(),
-        choice.durations_s.tolist(),
-        choice.fuels.tolist(),
-        choice.homotopies,
-        choice.reasons,
-        strict=True,
-    )
-    for at, (departure, duration, fuel, homotopy, reason) in enumerate(planned):
-        is_route = math.isfinite(duration)
-        yield {
-            "season": choice.season,
-            "departure": _moment(choice, departure),
-            "arrival": _moment(choice, departure + duration) if is_route else None,
-            "hours": duration / 3600 if is_route else None,
-            "fuel": fuel if is_route else None,
-            "homotopy": homotopy,
-            "way": ways.get(homotopy, ""),
-            "is_best": at == best,
-            "unproven_min": unproven if at == best else None,
-            "reason": reason,
-        }
+    for choice in result.departures:
+        routes = result.case(choice.season).measures.routes
+        ways = {one.homotopy: one.way for one in routes}
+        unproven = choice.unproven_s / 60 if math.isfinite(choice.unproven_s) else None
+        best = int(abs(choice.departures_s - choice.chosen_s).argmin())
+        planned = zip(
+            choice.departures_s.tolist(),
+            choice.durations_s.tolist(),
+            choice.fuels.tolist(),
+            choice.homotopies,
+            choice.reasons,
+            strict=True,
+        )
+        for at, (departure, duration, fuel, homotopy, reason) in enumerate(planned):
+            is_route = math.isfinite(duration)
+            yield {
+                "season": choice.season,
+                "departure": time_after(choice.first, departure),
+                "arrival": time_after(choice.first, departure + duration) if is_route else None,
+                "hours": duration / 3600 if is_route else None,
+                "fuel": fuel if is_route else None,
+                "homotopy": homotopy,
+                "way": ways.get(homotopy, ""),
+                "is_best": at == best,
+                "unproven_min": unproven if at == best else None,
+                "reason": reason,
+            }
 
 
-def _moment(choice: DepartureChoice, seconds: float) -> str:
-    """Write a time of the choice's clock."""
-    return utc_text(choice.first + timedelta(seconds=round(seconds)))
-
-
-def write_trade_off_csv(result: RunResult, path: Path) -> None:
-    """Write the trade-offs of all cases as CSV."""
-    rows = (
-        {"season": found.case, **row}
-        for found in trade_offs(result)
-        for row in _trade_off_rows(found)
-    )
-    write_csv(path, TRADE_OFF_COLUMNS, rows)
-
-
-def _trade_off_rows(found: SpeedTradeOff) -> Iterator[dict[str, Any]]:
-    """Yield a row for each arrival, ascending; the chosen one is among them."""
-    at = int(np.searchsorted(found.durations_s, found.duration_s))
-    durations = np.insert(found.durations_s, at, found.duration_s)
-    fuels = np.insert(found.fuels, at, found.fuel)
-    for index, (duration, fuel) in enumerate(zip(durations.tolist(), fuels.tolist(), strict=True)):
-        yield {
-            "arrival": utc_text(found.moment(duration)),
-            "hours": duration / 3600,
-            "fuel": fuel,
-            "of_chosen": fuel / found.fuel,
-            "is_chosen": index == at,
-        }
-
-
-def write_ensemble_csv(result: RunResult, path: Path) -> None:
-    """Write the fuel of each route in each member, of all cases with members, as CSV."""
-    write_csv(path, ENSEMBLE_COLUMNS, ensemble_rows(result))
+def _trade_off_rows(result: RunResult) -> Iterator[dict[str, Any]]:
+    """Yield a row for each arrival, ascending for each case; the chosen one is among them."""
+    for found in trade_offs(result):
+        at = int(np.searchsorted(found.durations_s, found.duration_s))
+        durations = np.insert(found.durations_s, at, found.duration_s).tolist()
+        fuels = np.insert(found.fuels, at, found.fuel).tolist()
+        for index, (duration, fuel) in enumerate(zip(durations, fuels, strict=True)):
+            yield {
+                "season": found.case,
+                "arrival": found.moment(duration),
+                "hours": duration / 3600,
+                "fuel": fuel,
+                "of_chosen": fuel / found.fuel,
+                "is_chosen": index == at,
+            }
 
 
 def write_scenario(result: RunResult, path: Path) -> None:
@@ -355,47 +323,50 @@ HAVEN_COLUMNS = (
 case's ways; lengths are true metres, fuel is in the planner's units."""
 
 
-def write_havens(result: RunResult, path: Path) -> None:
-    """Write the coverage of all cases as CSV: stretches first, then the last places to turn."""
-    rows = (
-        _cells(case.name, row, case.spec.departure)
-        for case in result.cases
-        for row in haven_rows(case)
-    )
-    write_csv(path, HAVEN_COLUMNS, rows)
+def _haven_cells(result: RunResult) -> Iterator[dict[str, Any]]:
+    """Yield the coverage of each case: its stretches first, then the last places to turn."""
+    for case in result.cases:
+        departure = case.spec.departure
+        for row in haven_rows(case):
+            cells: dict[str, Any] = {
+                "season": case.name,
+                "kind": row.kind,
+                "begin": departure and time_after(departure, row.begin_s),
+                "end": departure and time_after(departure, row.end_s),
+                "begin_s": row.begin_s,
+                "end_s": row.end_s,
+                "longest_hours": row.longest_s / 3600,
+                "least_hours": row.least_s / 3600,
+                "reason": row.reason,
+            }
+            if (way := row.way) is not None:
+                cells |= {
+                    "haven": way.haven,
+                    "way": way.number,
+                    "turn_off": departure and time_after(departure, way.turn_off_s),
+                    "turn_off_s": way.turn_off_s,
+                    **_place("", way.place.tolist()),
+                    **_place("haven_", way.haven_place.tolist()),
+                    "bearing_deg": round(way.bearing_deg, 3),
+                    "length_m": way.length_m,
+                    "hours": way.duration_s / 3600,
+                    "fuel": way.fuel,
+                }
+            yield cells
 
 
-def _cells(case: str, row: HavenRow, departure: datetime | None) -> dict[str, Any]:
-    """Return a row's cells by column."""
+_TABLES: dict[str, tuple[Sequence[str], Callable[[RunResult], Iterator[dict[str, Any]]]]] = {
+    "departures.csv": (DEPARTURE_COLUMNS, _departure_rows),
+    "ensemble.csv": (ENSEMBLE_COLUMNS, ensemble_rows),
+    "havens.csv": (HAVEN_COLUMNS, _haven_cells),
+    "trade-off.csv": (TRADE_OFF_COLUMNS, _trade_off_rows),
+}
 
-    def moment(seconds: float) -> str:
-        return "" if departure is None else utc_text(time_after(departure, seconds))
 
-    cells: dict[str, Any] = {
-        "season": case,
-        "kind": row.kind,
-        "begin": moment(row.begin_s),
-        "end": moment(row.end_s),
-        "begin_s": row.begin_s,
-        "end_s": row.end_s,
-        "longest_hours": row.longest_s / 3600,
-        "least_hours": row.least_s / 3600,
-        "reason": row.reason,
-    }
-    if (way := row.way) is not None:
-        cells |= {
-            "haven": way.haven,
-            "way": way.number,
-            "turn_off": moment(way.turn_off_s),
-            "turn_off_s": way.turn_off_s,
-            **_place("", way.place.tolist()),
-            **_place("haven_", way.haven_place.tolist()),
-            "bearing_deg": round(way.bearing_deg, 3),
-            "length_m": way.length_m,
-            "hours": way.duration_s / 3600,
-            "fuel": way.fuel,
-        }
-    return cells
+def write_table(result: RunResult, path: Path) -> None:
+    """Write the table of all cases that the file's name stands for, as CSV."""
+    columns, rows = _TABLES[path.name]
+    write_csv(path, columns, rows(result))
 
 
 PRINTED = {

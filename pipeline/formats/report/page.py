@@ -17,7 +17,6 @@ from markupsafe import Markup
 
 from pipeline._types import FloatArray
 from pipeline.findings import choices, text
-from pipeline.findings.choices import replanned_text
 from pipeline.findings.haven_rows import HavenRow, haven_rows
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import MAX_STRAITS, RankedRoute, RunCase, RunResult, addressed
@@ -289,43 +288,29 @@ def case_section(case: RunCase) -> dict[str, Any]:
         "picture": case_svg(case, identity=anchor, label=f"Map of {label}"),
         "profile": _profile(ranked[0], title, anchor) if ranked else "",
         "havens": haven_section(case),
-        "choices": [
-            *_choices(case, found, anchor),
-            *_members(case, anchor),
-        ],
+        "choices": list(_choices(case, found)),
         "speeds": found and (found.slowest, found.fastest),
     }
 
 
 def _choices(
-    case: RunCase,
-    found: choices.SpeedTradeOff | None,
-    anchor: str,
+    case: RunCase, found: choices.SpeedTradeOff | None
 ) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
-    """Yield title, sentences and plot: the new plan under way, when to leave, how fast to go."""
+    """Yield title, sentences and plot of each choice: way kept, departure, speed, and side."""
+    anchor, ensemble = f"season-{case.number + 1}", case.result.ensemble
     if case.result.replanned is not None:
-        yield "Planned again under way", replanned_text(case.result.replanned), Markup()
-    choice = case.departure_choice
-    if choice is not None:
+        yield "Planned again under way", choices.replanned_text(case.result.replanned), Markup()
+    if (choice := case.departure_choice) is not None:
         said = choices.departure_text(choice)
-        figure = departure_figure(choice)
-        plot = page_svg(figure, identity=f"{anchor}-departure", label=said[0])
+        plot = page_svg(departure_figure(choice), identity=f"{anchor}-departure", label=said[0])
         yield "When to leave", said, plot
     if found is not None:
-        said = choices.trade_off_text(found)
-        figure = trade_off_figure(found)
+        said, figure = choices.trade_off_text(found), trade_off_figure(found)
         plot = page_svg(figure, identity=f"{anchor}-trade-off", label=" ".join(said))
         yield "How fast", said, plot
-
-
-def _members(case: RunCase, anchor: str) -> Iterator[tuple[str, tuple[str, ...], Markup]]:
-    """Yield title, sentences and plot of how sure the side is, if there are members."""
-    found, ranked = case.result.ensemble, case.routes
-    if found is None or not ranked:
-        return
-    said = choices.ensemble_text(case)
-    fans = fan_figure(found, ranked)
-    yield "How sure", said, page_svg(fans, identity=f"{anchor}-fans", label=said[0])
+    if ensemble is not None and case.routes:
+        said, figure = choices.ensemble_text(case), fan_figure(ensemble, case.routes)
+        yield "How sure", said, page_svg(figure, identity=f"{anchor}-fans", label=said[0])
 
 
 def case_facts(case: RunCase) -> CaseFacts | None:
