@@ -168,8 +168,8 @@ def shut_straits(
     )
     finder = _StraitFinder(planned[0][0].water, stops[0], stops[-1], simplified, padding)
     rejected = finder.rejected([result for _, result in planned])
-    found = [*rejected, *finder.shut(_LONGER * max(best))]
-    return tuple(sorted(found, key=lambda strait: -strait.width_m))
+    straits = [*rejected, *finder.shut(_LONGER * max(best))]
+    return tuple(sorted(straits, key=lambda strait: -strait.width_m))
 
 
 @dataclass(frozen=True)
@@ -327,7 +327,7 @@ def narrow_gaps(
         return []
     close, owner = _close_pairs(bodies, widest_m)
     parts, bounds = DisjointSet(range(len(bodies))), shapely.bounds(bodies).reshape(-1, 2, 2)
-    found = []
+    gaps = []
     for coasts, pair in zip(close, owner.tolist(), strict=True):
         one, other = (parts[body] for body in pair)
         if one == other:
@@ -335,10 +335,10 @@ def narrow_gaps(
         line = shapely.get_coordinates(shapely.shortest_line(*coasts))
         if is_shut(line):
             both = bounds[[one, other]]
-            found.append((line, float(np.linalg.norm(np.diff(both, axis=1), axis=-1).min())))
+            gaps.append((line, float(np.linalg.norm(np.diff(both, axis=1), axis=-1).min())))
             parts.merge(one, other)
             bounds[parts[one]] = both[:, 0].min(axis=0), both[:, 1].max(axis=0)
-    return found
+    return gaps
 
 
 def _close_pairs(bodies: Geometries, widest_m: float) -> tuple[Geometries, IndexArray]:

@@ -38,12 +38,12 @@ def has_all_depths(metrics: model.RouteMetrics) -> bool:
 
 def route_notes(rows: Sequence[model.RouteMetrics]) -> list[Note]:
     """Note how much of a case's routes lacks depths, and how much lacks data of the current."""
-    found = []
+    notes = []
     for kind, name in (("current-filled", "filled_share"), ("depth-uncharted", "uncharted_share")):
         every = ((row.rank, getattr(row, name)) for row in rows)
         if shares := tuple(one for one in every if one[1] > NO_SHARE):
-            found.append(Note.of(kind, first=rows[0].rank, shares=shares))
-    return found
+            notes.append(Note.of(kind, first=rows[0].rank, shares=shares))
+    return notes
 
 
 def strait_notes(straits: Sequence[model.ShutStrait]) -> Iterator[Note]:
@@ -74,7 +74,7 @@ def _crossing_places(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
     for one in crossings:
         place = round(one.lon, _SAME_PLACE), round(one.lat, _SAME_PLACE)
         there.setdefault(place, []).append(one)
-    found = [
+    places = [
         (min(one.rank for one in group) > 1, max(group, key=lambda one: one.length_m), group)
         for group in there.values()
     ]
@@ -85,7 +85,7 @@ def _crossing_places(crossings: Sequence[ShoreCrossing]) -> tuple[Note, ...]:
             place=Place(longest.lon, longest.lat),
             routes=tuple(sorted({one.rank for one in group})),
         )
-        for _, longest, group in sorted(found, key=lambda one: (one[0], -one[1].length_m))
+        for _, longest, group in sorted(places, key=lambda one: (one[0], -one[1].length_m))
     )
 
 
@@ -225,8 +225,8 @@ class RunCase:
 
     def crossings(self, rank: int) -> FloatArray:
         """Return middles (n, 2), lon/lat, of a route's parts over the second shoreline's land."""
-        found = [(one.lon, one.lat) for one in self.measures.shore_crossings if one.rank == rank]
-        return np.array(found, dtype=float).reshape(-1, 2)
+        places = [(one.lon, one.lat) for one in self.measures.shore_crossings if one.rank == rank]
+        return np.array(places, dtype=float).reshape(-1, 2)
 
     @property
     def title(self) -> str:

@@ -96,8 +96,8 @@ def times_at(along: FloatArray, path: FloatArray, ranked: RankedRoute) -> FloatA
     The path is the route's own, or has more points; the goal is reached at the route's duration.
     """
     points = densified(path, _PIECE_M / ranked.case.case.projection.scale)
-    found = steps(points, ranked)
-    return np.asarray(np.interp(along, metres_along(points), cumulative(found.true_s)))
+    taken = steps(points, ranked)
+    return np.asarray(np.interp(along, metres_along(points), cumulative(taken.true_s)))
 
 
 def steps(points: FloatArray, ranked: RankedRoute) -> Steps:
@@ -106,9 +106,9 @@ def steps(points: FloatArray, ranked: RankedRoute) -> Steps:
     In a changing current they are the planner's own times, at which it read the current.
     """
     case, drift = ranked.case.case, ranked.case.scenario.planner.drift
-    found = sailed(*at_speeds_sailed(points, ranked), case, drift)
-    times = found.true_s if case.current.is_steady else found.planner_s
-    return replace(found, true_s=times * (ranked.metrics.duration_s / times.sum()))
+    taken = sailed(*at_speeds_sailed(points, ranked), case, drift)
+    times = taken.true_s if case.current.is_steady else taken.planner_s
+    return replace(taken, true_s=times * (ranked.metrics.duration_s / times.sum()))
 
 
 def sailed(
@@ -176,26 +176,26 @@ def steps_along_legs(line: FloatArray, ranked: RankedRoute) -> Steps:
     choice = ranked.case.case.speeds
     if choice is None:
         return at(speeds)
-    found = at(speeds)
-    if not np.isfinite(found.true_s).all():
+    taken = at(speeds)
+    if not np.isfinite(taken.true_s).all():
         # A speed chosen by the projected drift can be too low to head into the cross-current.
         speeds = np.full_like(speeds, choice.most)
-        found = at(speeds)
+        taken = at(speeds)
     length = np.linalg.norm(np.diff(line, axis=0), axis=1)
     moved = length > 0
     for _ in range(_ROUNDS):
-        late = found.true_s.sum() / ranked.metrics.duration_s
+        late = taken.true_s.sum() / ranked.metrics.duration_s
         if abs(late - 1) <= _IN_TIME:
             break
         # Relative change of the time, for a relative change of all speeds.
-        slopes = (found.through_water_m_s * found.planner_s**2)[moved] / length[moved]
-        change = late ** (found.planner_s.sum() / slopes.sum())
+        slopes = (taken.through_water_m_s * taken.planner_s**2)[moved] / length[moved]
+        change = late ** (taken.planner_s.sum() / slopes.sum())
         speeds = np.clip(speeds * change, choice.least, choice.most)
         nearer = at(speeds)
         if not np.isfinite(nearer.true_s).all():
             break
-        found = nearer
-    return found
+        taken = nearer
+    return taken
 
 
 # Maximum distance between points, true metres: between them the plane has one scale, and geodesics
@@ -258,10 +258,10 @@ def route_profile(ranked: RankedRoute, *, points: int = 200) -> RouteProfile:
     azimuth, back, step_m = pyproj.Geod(ellps="WGS84").inv(
         lonlat[:-1, 0], lonlat[:-1, 1], lonlat[1:, 0], lonlat[1:, 1]
     )
-    found = steps(sampled, ranked)
+    taken = steps(sampled, ranked)
     way = np.diff(sampled, axis=0)
     tangent = _with_last_repeated(way / np.linalg.norm(way, axis=1, keepdims=True))
-    step_fuel = found.planner_s * found.through_water_m_s**case.vessel.fuel_exponent
+    step_fuel = taken.planner_s * taken.through_water_m_s**case.vessel.fuel_exponent
     clearance = _to_coast_m(coast, sampled, projection)
     if closest is not None:
         if metrics.land_m > 0:
@@ -275,14 +275,14 @@ def route_profile(ranked: RankedRoute, *, points: int = 200) -> RouteProfile:
         clearance[nearest] = least_m
     return RouteProfile(
         distance_m=cumulative(step_m),
-        time_s=cumulative(found.true_s),
+        time_s=cumulative(taken.true_s),
         lonlat=lonlat,
         course_deg=np.append(azimuth, back[-1] + 180) % 360,
         fuel=cumulative(step_fuel * (metrics.fuel / step_fuel.sum())),
-        speed_m_s=_with_last_repeated(step_m / found.true_s),
-        through_water_m_s=_with_last_repeated(found.through_water_m_s),
+        speed_m_s=_with_last_repeated(step_m / taken.true_s),
+        through_water_m_s=_with_last_repeated(taken.through_water_m_s),
         current_along_m_s=(
-            case.current.velocity(sampled, cumulative(found.planner_s)) * tangent
+            case.current.velocity(sampled, cumulative(taken.planner_s)) * tangent
         ).sum(axis=1),
         clearance_m=clearance,
     )

@@ -96,8 +96,8 @@ def _gap_shares(case: RunCase) -> dict[str, object]:
     shares = case.measures.gap_shares
     if shares is None:
         return {}
-    found = {"chart": shares.chart, "padding": shares.padding, "bound": shares.bound}
-    return {"gap_shares": found | ({"tide": shares.tide} if case.scenario.tide else {})}
+    parts = {"chart": shares.chart, "padding": shares.padding, "bound": shares.bound}
+    return {"gap_shares": parts | ({"tide": shares.tide} if case.scenario.tide else {})}
 
 
 def provenance(result: RunResult) -> dict[str, object]:
@@ -134,15 +134,15 @@ def _named(argument: str) -> str:
 @cache
 def versions() -> dict[str, str]:
     """Return versions of Python, of the installed packages, and of the C libraries they use."""
-    found = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:
-            found[name] = importlib.metadata.version(name)
+            installed[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             continue
-    found["GEOS"] = shapely.geos_version_string
-    found["PROJ"] = pyproj.proj_version_str
-    return found
+    installed["GEOS"] = shapely.geos_version_string
+    installed["PROJ"] = pyproj.proj_version_str
+    return installed
 
 
 def _inputs(result: RunResult) -> dict[str, object]:

@@ -84,9 +84,9 @@ def write_metrics(result: RunResult, path: Path) -> None:
         cells: dict[str, Any] = {"season": case.name, "current": case.current_text}
         cells |= figures(metrics, "csv")
         cells |= dict(zip(_PASSAGE, passage, strict=False))
-        found = case.result.ensemble
-        if found is not None and ranked.rank == 1:
-            cells |= ensemble_figures(found, [one.metrics for one in case.routes])
+        ensemble = case.result.ensemble
+        if ensemble is not None and ranked.rank == 1:
+            cells |= ensemble_figures(ensemble, [one.metrics for one in case.routes])
         rows.append(cells)
     columns = ["season", *figure_columns("csv"), *ENSEMBLE_FIGURES, *_PASSAGE, "current"]
     write_csv(path, columns, rows)
@@ -186,12 +186,12 @@ _LEGS = {
 
 def leg_headings(points: Waypoints) -> dict[str, str]:
     """Return the headings of a route's table; the water's is empty without a tide."""
-    found = dict(_LEGS)
+    headings = dict(_LEGS)
     if has_speeds(points):
-        found["speed_kn"] = "Speed, kn\nSOG / STW"
+        headings["speed_kn"] = "Speed, kn\nSOG / STW"
     if points.ranked.route.least_water is None:
-        found["water"] = ""
-    return found
+        headings["water"] = ""
+    return headings
 
 
 def has_speeds(points: Waypoints) -> bool:
@@ -209,7 +209,7 @@ def rows(points: Waypoints, departure: datetime | None) -> list[dict[str, str]]:
     currents = _currents(line, ends, times, case)
     water = _least_water(line, ends, times, case)
     to_go = np.append(np.cumsum(points.length_m[:-1][::-1])[::-1], 0.0) / NAUTICAL_MILE_M
-    found = []
+    table = []
     for index, (longitude, latitude) in enumerate(points.lonlat):
         row = {
             "name": points.names[index],
@@ -222,8 +222,8 @@ def rows(points: Waypoints, departure: datetime | None) -> list[dict[str, str]]:
             row |= _leg(points, index - 1)
             row |= _nearest_land(drawn.xy[drawn.leg == index - 1], case.water)
             row |= {"current": currents[index - 1], "water": water[index - 1]}
-        found.append(row)
-    return found
+        table.append(row)
+    return table
 
 
 def _leg(points: Waypoints, leg: int) -> dict[str, str]:
@@ -296,14 +296,14 @@ def _nearest_land(line: FloatArray, water: Water) -> dict[str, str]:
 def tightest_text(ranked: RankedRoute) -> str:
     """Say how wide the padding is where the route is closest to it; empty without padding."""
     case = ranked.case.case
-    found = renew.tightest(ranked.route, case.current, case.vessel)
-    if found is None:
+    tightest = renew.tightest(ranked.route, case.current, case.vessel)
+    if tightest is None:
         return ""
-    where = case.water.place_text(found.point)
+    where = case.water.place_text(tightest.point)
     if not case.water.is_planar:
-        longitude, latitude = case.projection.to_lonlat(found.point).tolist()
+        longitude, latitude = case.projection.to_lonlat(tightest.point).tolist()
         where = f"{position(latitude, 'NS', 2)} {position(longitude, 'EW', 3)}"
-    widths = (found.padding, found.turns, found.gap)
+    widths = (tightest.padding, tightest.turns, tightest.gap)
     padding, turns, gap = (f"{math.floor(one * case.projection.scale):,} m" for one in widths)
     return (
         f"Padding at the tightest place, {where}: {padding}, of which turns need {turns}, and the "

@@ -368,37 +368,37 @@ def departure_figure(choice: DepartureChoice) -> Figure | None:
     return figure
 
 
-def trade_off_figure(found: SpeedTradeOff) -> Figure | None:
+def trade_off_figure(curve: SpeedTradeOff) -> Figure | None:
     """Plot least fuel by time, the best route, the deadline; None for a single arrival."""
-    if len(found.durations_s) < 2:
+    if len(curve.durations_s) < 2:
         return None
     figure, (axes,) = plot_panels(1, _HEIGHT_PT, 0.0)
-    longest = float(found.durations_s[-1])
+    longest = float(curve.durations_s[-1])
     unit_s, unit = next((size, name) for least, size, name in _UNITS if longest >= least)
-    scale, scale_name = titled_fuel_unit(float(found.fuels.max()))
-    x, y = found.durations_s / unit_s, found.fuels / scale
+    scale, scale_name = titled_fuel_unit(float(curve.fuels.max()))
+    x, y = curve.durations_s / unit_s, curve.fuels / scale
     draw_line(axes, x, y)
     low, high = float(y.min()), float(y.max())
     room = _MARGIN * max(high - low, 0.02 * high)
     axes.set_ylim(max(0.0, low - room), high + room)
-    deadline = found.choice.within_s / unit_s
+    deadline = curve.choice.within_s / unit_s
     if deadline <= x[-1]:
         axes.axvline(deadline, color=COLOURS["ink"], linewidth=1.0, linestyle=DASHES, zorder=2)
-    at, chosen = found.duration_s / unit_s, found.fuel / scale
+    at, chosen = curve.duration_s / unit_s, curve.fuel / scale
     mark_point(axes, at, chosen, "other", (6.0, 2.0))
     # Above and right of the falling curve there is room, unless the point is at its right end.
     on_left = at > 0.65 * x[-1] + 0.35 * x[0]
     plot_text(
         axes,
-        f"{moment_text(found.moment(found.duration_s))}\n{hours(found.duration_s)}, "
-        f"fuel {fuel(found.fuel)}",
+        f"{moment_text(curve.moment(curve.duration_s))}\n{hours(curve.duration_s)}, "
+        f"fuel {fuel(curve.fuel)}",
         (at, chosen),
         on_left=on_left,
         offset_pt=(8.0, 8.0),
     )
     note = "dashed: deadline" if deadline <= x[-1] else ""
     plot_title(axes, f"Least fuel by arrival{scale_name}", note)
-    plot_x_label(axes, f"arrival, {unit} after {moment_text(found.departure)}")
+    plot_x_label(axes, f"arrival, {unit} after {moment_text(curve.departure)}")
     return figure
 
 
@@ -413,33 +413,34 @@ _MUCH_DEARER = 1.3
 _MAX_WAY = 52
 
 
-def fan_figure(found: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Figure | None:
+def fan_figure(ensemble: EnsembleFigures, routes: tuple[RankedRoute, ...]) -> Figure | None:
     """Plot each route's fuel in each member, its mean, and the range of the middle eight tenths.
 
     None where no route can be sailed in every member.
     """
-    base = found.statistic("mean", 1)
+    base = ensemble.statistic("mean", 1)
     if not np.isfinite(base):
         return None
     # A few routes that are much dearer would squeeze the others together.
     shown = [
         one
         for one in routes
-        if found.share(one.rank) > 0 or np.median(found.fuels[one.rank - 1]) < _MUCH_DEARER * base
+        if ensemble.share(one.rank) > 0
+        or np.median(ensemble.fuels[one.rank - 1]) < _MUCH_DEARER * base
     ][:_MAX_ROWS]
     figure, (axes,) = plot_panels(1, _ROW_PT * len(shown), 0.0)
     for row, one in enumerate(reversed(shown)):
-        fuels = found.fuels[one.rank - 1]
+        fuels = ensemble.fuels[one.rank - 1]
         known = np.isfinite(fuels)
         more = 100 * (fuels[known] / base - 1)
         colour = COLOURS["best" if one.rank == 1 else "other"]
-        low, middle, high = _quantiles(more, found.weights[known])
+        low, middle, high = _quantiles(more, ensemble.weights[known])
         axes.plot([low, high], [row, row], color=colour, linewidth=5, alpha=0.3, zorder=2)
         axes.plot(
             more, np.full(more.size, row), "|", color=colour, markersize=8, alpha=0.7, zorder=3
         )
         axes.plot([middle], [row], "o", color=colour, markersize=4.5, zorder=4)
-        share = text.percent(found.share(one.rank), 0)
+        share = text.percent(ensemble.share(one.rank), 0)
         axes.text(
             0.005,
             row + 0.34,

@@ -170,9 +170,9 @@ def opened(path: Path) -> Iterator[sqlite3.Connection]:
 
 def check_count(database: sqlite3.Connection, layer: str, expected: int) -> None:
     """Count the features of a layer: on a full disk GDAL may close a file without an error."""
-    found = database.execute(f'SELECT count(*) FROM "{layer}"').fetchone()[0]  # noqa: S608 - names are our own layers
-    if found != expected:
-        raise sqlite3.DatabaseError(f"layer {layer} holds {found} of {expected} features")
+    count = database.execute(f'SELECT count(*) FROM "{layer}"').fetchone()[0]  # noqa: S608 - names are our own layers
+    if count != expected:
+        raise sqlite3.DatabaseError(f"layer {layer} holds {count} of {expected} features")
 
 
 @contextmanager
@@ -220,9 +220,9 @@ def chart_areas(result: RunResult) -> GeoDataFrame:
 
 def depth_areas(result: RunResult) -> GeoDataFrame:
     """Return areas of equal depth."""
-    found = result.fetched.land.depth_areas
-    columns = columns_of(found, "kind", depth_min_m="least_m", depth_max_m="greatest_m")
-    return frame(multipolygons([one.area for one in found]), columns)
+    areas = result.fetched.land.depth_areas
+    columns = columns_of(areas, "kind", depth_min_m="least_m", depth_max_m="greatest_m")
+    return frame(multipolygons([one.area for one in areas]), columns)
 
 
 def islands(result: RunResult) -> GeoDataFrame:
@@ -272,9 +272,9 @@ def no_go(result: RunResult) -> GeoDataFrame:
 
 def _zones(zones: Iterable[Zone]) -> GeoDataFrame:
     """Return areas of the chart, with their kinds, names and rules."""
-    found = list(zones)
+    listed = list(zones)
     return frame(
-        multipolygons([zone.area for zone in found]), columns_of(found, "kind", "name", "rule")
+        multipolygons([zone.area for zone in listed]), columns_of(listed, "kind", "name", "rule")
     )
 
 
@@ -459,10 +459,10 @@ def _contingency(result: RunResult) -> GeoDataFrame:
 
 def _shore_crossings(result: RunResult) -> GeoDataFrame:
     """Return middles of the routes' parts over land of the second shoreline."""
-    found = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
+    crossings = [(case.name, one) for case in result.cases for one in case.measures.shore_crossings]
     return rows_frame(
-        shapely.points(np.array([[one.lon, one.lat] for _, one in found]).reshape(-1, 2)),
-        [{"season": name, "rank": one.rank, "length_m": one.length_m} for name, one in found],
+        shapely.points(np.array([[one.lon, one.lat] for _, one in crossings]).reshape(-1, 2)),
+        [{"season": name, "rank": one.rank, "length_m": one.length_m} for name, one in crossings],
     )
 
 

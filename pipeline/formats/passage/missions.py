@@ -109,20 +109,20 @@ def _autopilot(case: RunCase) -> Autopilot:
     used = shapely.buffer(kept, _USED_SHARE * least_m)
     water = parts[shapely.distance(parts, used).argmin()]
     shapely.prepare(water)
-    found = _fence(flat, water, used, kept)
+    fence = _fence(flat, water, used, kept)
     given = case.coverage.havens if case.coverage is not None else ()
     # A rally point is open at all hours.
     places = [one.place for one in given if not np.isfinite([one.opens, one.closes]).any()]
     lonlat = case.run.water.projection.to_lonlat(np.reshape(places, (-1, 2)))
     havens = np.round(lonlat, _DECIMALS)
-    if found is not None:  # An autopilot passes over rally points outside its fence.
-        inside, *shut = (shapely.contains_xy(shapely.Polygon(ring), havens) for ring in found)
+    if fence is not None:  # An autopilot passes over rally points outside its fence.
+        inside, *shut = (shapely.contains_xy(shapely.Polygon(ring), havens) for ring in fence)
         havens = havens[inside & ~np.any(shut, axis=0)]
     havens = havens[:MAX_RALLY_POINTS]
     for rally in (havens, havens[:0]) if len(havens) else (havens,):
         if _is_clear(flat, water, points, rally):
-            return Autopilot(found, rally)
-    return Autopilot(found, None)
+            return Autopilot(fence, rally)
+    return Autopilot(fence, None)
 
 
 def open_water(case: RunCase) -> shapely.Geometry:

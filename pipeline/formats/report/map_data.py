@@ -358,10 +358,10 @@ def _route(ranked: RankedRoute, lattice: Lattice) -> dict[str, object]:
 
 def _turns(ranked: RankedRoute) -> tuple[FloatArray, FloatArray]:
     """Return points (n, 2) where hard-over turns begin: all harmful ones, some of the harmless."""
-    found = ranked.case.measures.turns[ranked.rank - 1]
-    harmless = found.points[~found.collided]
+    turns = ranked.case.measures.turns[ranked.rank - 1]
+    harmless = turns.points[~turns.collided]
     step = max(1, math.ceil(len(harmless) / _MAX_TURNS))
-    return harmless[::step], found.points[found.collided]
+    return harmless[::step], turns.points[turns.collided]
 
 
 def _current(case: RunCase, lattice: Lattice) -> dict[str, object] | None:
