@@ -1,12 +1,10 @@
-"""How maps and pages look: colours by role, kinds of figures, and the page's scripts and styles."""
+"""How maps and pages look: colours by role, and the scripts and style sheets of pages."""
 
 import base64
 import hashlib
 import re
-from enum import StrEnum
 from functools import cache
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 COLOURS = {
     "water": "#eef4f8",
@@ -78,23 +76,6 @@ SEASON_COLOURS = ("#d55e00", "#4a148c", "#111111", "#4f7fd0", "#7e0000", "#00666
 
 SEASON_COLOURS_ON_DARK = ("#ff8a3d", "#9a7bff", "#ffffff", "#4fc8ff", "#ffe000", "#ff3399")
 """Colours of cases on a dark background, one for each of `SEASON_COLOURS`."""
-
-
-class Kind(StrEnum):
-    """What a figure shows of a case: its map, or what the best route meets along the way."""
-
-    ROUTES = "routes"
-    ALONG = "along"
-
-
-Width: TypeAlias = Literal["column", "page", "screen"]
-"""Width of a figure: a journal's column, a journal's page, or a width that suits a screen."""
-
-Form: TypeAlias = Literal["png", "svg", "pdf"]
-"""File type of a figure."""
-
-WIDTHS_PT: dict[Width, float] = {"column": 72 * 3.3, "page": 72 * 7.0}
-"""Widths in points, 72 to an inch; on a screen each map has its own width."""
 
 
 def season_colour(index: int) -> str:

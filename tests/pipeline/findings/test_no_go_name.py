@@ -12,11 +12,10 @@ import pytest
 import shapely
 from matplotlib.text import Text
 
-from pipeline.cli.plot import figure
 from pipeline.cli.reporting import season_table
 from pipeline.findings.note_words import note_texts
 from pipeline.findings.result import RunResult
-from pipeline.formats.appearance import Kind
+from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.passage.routes import write_gpx, write_kml
 from pipeline.formats.passage_plan import write_passage_plan
 from pipeline.formats.report.page import gather, render

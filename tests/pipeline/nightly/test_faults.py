@@ -16,11 +16,11 @@ import pytest
 
 from pipeline.errors import MachineError, StageError
 from pipeline.machine.cluster import Fleet
-from pipeline.nightly.charts import CurrentTask
 from pipeline.nightly.config import load_config
+from pipeline.nightly.cycles import BusyError
 from pipeline.nightly.night import run_night
-from pipeline.nightly.outcome import BusyError
 from pipeline.nightly.planning import Preparation
+from pipeline.nightly.worker import CurrentTask
 from tests.pipeline.nightly.killed_nights import (
     cases_done,
     night,

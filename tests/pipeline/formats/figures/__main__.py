@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from PIL import Image
 
 from experiments.figures import method
-from pipeline.cli.plot import figure
 from pipeline.findings.result import RunResult
-from pipeline.formats.appearance import Kind
+from pipeline.formats.figures.kinds import Kind, figure
 from pipeline.formats.figures.season_map import overview_figure
 from pipeline.run import planned_scenario
 from pipeline.scenario.loading import load_scenario

@@ -22,10 +22,10 @@ from matplotlib.image import imread
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from pipeline.cli.plot import figure
 from pipeline.findings.result import RunResult
-from pipeline.formats.appearance import COLOURS, DARK, WIDTHS_PT, Kind, Width, season_colour
+from pipeline.formats.appearance import COLOURS, DARK, season_colour
 from pipeline.formats.figures.chart_map import side_room_pt
+from pipeline.formats.figures.kinds import WIDTHS_PT, Kind, Width, figure
 from pipeline.formats.figures.map_marks import (
     arrow_outlines,
     arrows,

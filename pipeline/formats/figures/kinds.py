@@ -1,18 +1,35 @@
-"""Draw the figures of `renew plot` to files, from the result of a run."""
+"""Kinds, widths and file types of a case's figures, and how they are drawn to files."""
 
 from collections.abc import Sequence
+from enum import StrEnum
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from pipeline.findings.names import safe_name
-from pipeline.findings.result import RunCase, RunResult
-from pipeline.formats.appearance import WIDTHS_PT, Form, Kind, Width, season_colour
 from pipeline.machine.files import needed, whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from pipeline.findings.result import RunCase, RunResult
+
+
+class Kind(StrEnum):
+    """What a figure shows of a case: its map, or what the best route meets along the way."""
+
+    ROUTES = "routes"
+    ALONG = "along"
+
+
+Width: TypeAlias = Literal["column", "page", "screen"]
+"""Width of a figure: a journal's column, a journal's page, or a width that suits a screen."""
+
+Form: TypeAlias = Literal["png", "svg", "pdf"]
+"""File type of a figure."""
+
+WIDTHS_PT: dict[Width, float] = {"column": 72 * 3.3, "page": 72 * 7.0}
+"""Widths in points, 72 to an inch; on a screen each map has its own width."""
 
 # Resolution of PNG files, dots per inch.
 _DPI = 200
@@ -25,8 +42,8 @@ _METADATA: dict[str, dict[str, str | None]] = {
 
 
 def draw(
-    result: RunResult,
-    cases: Sequence[RunCase],
+    result: "RunResult",
+    cases: Sequence["RunCase"],
     folder: Path,
     *,
     kinds: Sequence[Kind] = (),
@@ -60,20 +77,6 @@ def draw(
     return files
 
 
-def figure(case: RunCase, kind: Kind, width: Width = "screen") -> "Figure":
-    """Draw a figure of a case that has a route."""
-    from pipeline.formats.figures.chart_map import in_season_colour
-    from pipeline.formats.figures.plots import profile_figure
-    from pipeline.formats.figures.season_map import overview_figure
-
-    width_pt = WIDTHS_PT.get(width)
-    if kind is Kind.ROUTES:
-        return overview_figure([case], width_pt)
-    drawn = profile_figure(case.routes[0], width_pt)
-    in_season_colour(drawn, season_colour(case.number))
-    return drawn
-
-
 def _save(drawing: "Figure", path: Path, title: str) -> None:
     """Write a figure with its title under a temporary name, and rename the complete file."""
     import matplotlib as mpl
@@ -87,3 +90,18 @@ def _save(drawing: "Figure", path: Path, title: str) -> None:
         with settings, whole_file(path) as file:
             about = {**_METADATA[form], "Title": title}
             drawing.savefig(file, format=form, dpi=_DPI, metadata=about)
+
+
+def figure(case: "RunCase", kind: Kind, width: Width = "screen") -> "Figure":
+    """Draw a figure of a case that has a route."""
+    from pipeline.formats.appearance import season_colour
+    from pipeline.formats.figures.chart_map import in_season_colour
+    from pipeline.formats.figures.plots import profile_figure
+    from pipeline.formats.figures.season_map import overview_figure
+
+    width_pt = WIDTHS_PT.get(width)
+    if kind is Kind.ROUTES:
+        return overview_figure([case], width_pt)
+    drawn = profile_figure(case.routes[0], width_pt)
+    in_season_colour(drawn, season_colour(case.number))
+    return drawn
