@@ -7,9 +7,11 @@ import unicodedata
 from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pipeline.model import RouteMetrics
+if TYPE_CHECKING:
+    from pipeline.model import RouteMetrics
+
 
 MANIFEST = "manifest.json"
 # Maximum length of a file name that is derived from a text, in characters.
@@ -94,7 +96,7 @@ def figure_columns(file: str) -> tuple[str, ...]:
     return tuple(name for name, column in COLUMNS.items() if file in column.files)
 
 
-def figures(metrics: RouteMetrics, file: str) -> dict[str, Any]:
+def figures(metrics: "RouteMetrics", file: str) -> dict[str, Any]:
     """Return a route's figures for a kind of file, by column."""
     return {name: getattr(metrics, COLUMNS[name].attribute) for name in figure_columns(file)}
 

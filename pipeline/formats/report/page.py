@@ -247,8 +247,6 @@ _SIDE = 100.0
 _DETAIL = 0.006
 # Maximum number of vertices of the picture's land.
 _MAX_VERTICES = 900
-# Ratio of the sides beyond which a chart is cropped around its routes.
-_MAX_RATIO = 1.6
 
 
 def case_section(case: RunCase) -> dict[str, Any]:
@@ -443,8 +441,8 @@ def _remarks(best: RankedRoute) -> tuple[str, ...]:
 
 def thumbnail(result: RunResult, shown: Sequence[RankedRoute]) -> dict[str, Any]:
     """Return the sizes, outlines and places of a small map: the best route, and its rival."""
-    frame = _frame(result, shown)
-    xmin, ymin, xmax, ymax = frame
+    extent = result.water.chart.extent
+    xmin, ymin, xmax, ymax = result.water.chart.bounds
     side = max(xmax - xmin, ymax - ymin)
     scale = _SIDE / side
 
@@ -455,13 +453,12 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute]) -> dict[str, Any]
         points = placed(shapely.get_coordinates(line))
         return f"{_line(points[:-1])}Z" if isinstance(line, shapely.LinearRing) else _line(points)
 
-    box = shapely.intersection(result.water.chart.extent, shapely.box(*frame))
-    land = within(np.array(result.water.land, dtype=object), box)
+    land = within(np.array(result.water.land, dtype=object), extent)
     land = coarser(land, _DETAIL * side, _MAX_VERTICES)
     return {
         "width": scale * (xmax - xmin),
         "height": scale * (ymax - ymin),
-        "sea": outline(box.exterior),
+        "sea": outline(extent.exterior),
         "shore": "".join(map(outline, shapely.get_rings(shapely.get_parts(land)))),
         "ways": [
             outline(shapely.simplify(shapely.LineString(one.route.path), _DETAIL * side / 2))
@@ -470,21 +467,6 @@ def thumbnail(result: RunResult, shown: Sequence[RankedRoute]) -> dict[str, Any]
         "start": placed(result.stops[0]),
         "goal": placed(result.stops[-1]),
     }
-
-
-def _frame(result: RunResult, shown: Sequence[RankedRoute]) -> tuple[float, float, float, float]:
-    """Return the chart's bounds; a much longer side is cropped to what the routes need."""
-    xmin, ymin, xmax, ymax = result.water.chart.bounds
-    paths = shapely.MultiLineString([shapely.LineString(one.route.path) for one in shown])
-    low, high = np.array([xmin, ymin]), np.array([xmax, ymax])
-    if shown:
-        bounds = np.array(paths.bounds)
-        size = high - low
-        most = np.minimum(size, _MAX_RATIO * size.min())
-        middle = (bounds[:2] + bounds[2:]) / 2
-        half = np.maximum(most, 1.2 * (bounds[2:] - bounds[:2])) / 2
-        low, high = np.maximum(low, middle - half), np.minimum(high, middle + half)
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
 def _line(points: FloatArray) -> str:
