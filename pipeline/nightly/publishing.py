@@ -529,7 +529,8 @@ def check_files(folder: Path, count: int) -> None:
         cases = pq.read_table(folder / CASES_FILE, columns=["index", "routes"])
         if cases["index"].to_pylist() != list(range(count)):
             faults.append(f"{CASES_FILE} has {cases.num_rows:,} rows for {count:,} cases")
-        rows = pq.read_table(folder / ROUTES_FILE).num_rows
+        batches = pq.ParquetFile(folder / ROUTES_FILE).iter_batches()
+        rows = sum(batch.num_rows for batch in batches)
         if rows != (expected := pc.sum(cases["routes"]).as_py() or 0):
             faults.append(f"{ROUTES_FILE} has {rows:,} rows for {expected:,} routes")
         pq.read_table(folder / HISTORY_FILE, columns=["cycle"])
