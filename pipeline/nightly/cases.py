@@ -29,7 +29,7 @@ from pipeline.scenario import catalogue
 from pipeline.scenario.catalogue import VesselSpec
 from pipeline.scenario.loading import parse_scenario
 from pipeline.scenario.model import Scenario
-from pipeline.scenario.season import STILL, Season
+from pipeline.scenario.season import STILL, Currents, Season
 from pipeline.scenario.strict import Name, Point, looks_like_path, near_miss
 from pipeline.sources.land.shapes import box_around
 from pipeline.sources.registry import charted_land
@@ -42,7 +42,7 @@ _MAX_BYTES = 100 << 20
 _NAME: TypeAdapter[str] = TypeAdapter(Name)
 NONE = "-"
 """Stands for a part that the name of a case lacks; removed at the end of the name."""
-# Dimensions of a block, in the order of a case's name after the scenario.
+# Dimensions of a block, in the order in which a case's name has them after the scenario.
 _DIMENSIONS = ("seasons", "pairs", "departures", "vessels", "members")
 # Largest number of cases of a night: all are held in memory.
 _MAX_CASES = 20_000
@@ -172,6 +172,11 @@ class Block:
         """Number of cases."""
         return math.prod(len(getattr(self, dimension)) for dimension in _DIMENSIONS)
 
+    def sources(self) -> Iterator[tuple[Season, tuple[Currents, ...]]]:
+        """Yield each season with the sources of its currents: its own, or a member's file."""
+        for season, member in itertools.product(self.seasons, self.members):
+            yield season, sources_of(season, member)
+
     @cached_property
     def names(self) -> tuple[frozenset[str], ...]:
         """Names in each dimension, to find whether two blocks have a case in common."""
@@ -196,8 +201,13 @@ class Block:
         return replace(self, **kept)
 
 
+def sources_of(season: Season, member: str | None) -> tuple[Currents, ...]:
+    """Return sources of currents in order of preference: the season's own, or a member's file."""
+    return season.currents if member is None else ((member,),)
+
+
 def _name_of(part: Season | Pair | Departure | VesselSpec | str | None) -> str:
-    """Return a name of a case; that of a member is its file's name in the characters of names."""
+    """Return the name of a part of a case; that of a member is made of its file's name."""
     if isinstance(part, str):
         return _NO_NAME.sub("-", Path(part).stem.lower()).strip("-")[:64] or "member"
     return NONE if part is None else part.name

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.pipeline.dask_processes import cluster
 from tests.pipeline.nightly.killed_nights import (
-    External,
     Reader,
     Undisturbed,
     Victim,
@@ -49,14 +49,10 @@ def kill_and_continue(
     with Reader(output).reading() as reader:
         after_s = fraction * undisturbed.seconds
         if victim == "scheduler":
-            with External.started(folder) as external:
+            with cluster(folder, workers=2) as (process, address):
+                options = ("--scheduler", address)
                 code = killed(
-                    undisturbed.file,
-                    output,
-                    victim,
-                    after_s,
-                    address=external.address,
-                    external=external,
+                    undisturbed.file, output, victim, after_s, *options, scheduler=process
                 )
         else:
             code = killed(undisturbed.file, output, victim, after_s)
@@ -83,18 +79,18 @@ def test_a_scheduler_that_dies_and_returns(second_night: Undisturbed, tmp_path: 
     """The night ends with a plain reason; started again at the same address, it goes on."""
     output = second_night.again()
     with Reader(output).reading() as reader:
-        with External.started(tmp_path) as external:
-            address = external.address
+        with cluster(tmp_path, workers=2) as (scheduler, address):
             command = night(second_night.file, output, "--scheduler", address)
             with started(*command) as process:
                 wait_until(lambda: list(output.glob("*.partial/parts/*.part")))
-                external.processes["scheduler"][0].kill()
+                scheduler.kill()
                 _, errors = process.communicate(timeout=300)
             assert process.returncode == 1
             assert "no longer answers; all that was done is kept" in errors
             assert list(output.glob("*.partial"))
-        with External.started(tmp_path, port=int(address.rpartition(":")[2])) as external:
-            assert external.address == address
+        port = int(address.rpartition(":")[2])
+        with cluster(tmp_path, workers=2, port=port) as (_, same_address):
+            assert same_address == address
             run_to_the_end(second_night.file, output, "--scheduler", address)
     assert reader.faults == []
     assert len(reader.cycles) == 2

@@ -10,6 +10,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import geopandas
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pystac
 import pytest
@@ -22,7 +23,7 @@ from pipeline.nightly.currents import ComeAgainError
 from pipeline.nightly.cycles import Partial, Row, rows_of_parts
 from pipeline.nightly.night import run_night
 from pipeline.nightly.publishing import check_files
-from pipeline.nightly.records import case_lines, status_lines
+from pipeline.nightly.records import case_lines, earlier_routes, status_lines
 from pipeline.scenario.loading import load_scenario
 from tests.pipeline.nightly.nights import (
     REFERENCE,
@@ -173,12 +174,6 @@ def test_the_item_is_valid_by_the_schemas_that_pystac_carries(finished: Path) ->
         assert (finished / "latest" / asset.href).is_file()
 
 
-def test_currents_that_are_not_there_yet(tmp_path: Path, cluster: str) -> None:
-    with pytest.raises(ComeAgainError, match=r"no currents are there yet: no file matches"):
-        run_night(load_config(region_night(tmp_path), tmp_path / "out"), scheduler=cluster)
-    assert not (tmp_path / "out").exists()
-
-
 def test_half_a_forecast_is_planned_as_far_as_it_goes(tmp_path: Path, cluster: str) -> None:
     write_forecast(tmp_path / "currents" / "m1.nc", steps=3)
     file = region_night(tmp_path, departures=4)
@@ -243,15 +238,6 @@ def test_a_case_alone_has_an_output_of_its_own(tmp_path: Path, cluster: str) -> 
         run_night(config, only="quick/still/p9", scheduler=cluster)
 
 
-def test_what_is_left_between_the_last_two_renames(tmp_path: Path, cluster: str) -> None:
-    config = load_config(plane_night(tmp_path, workers=1), tmp_path / "out")
-    cycle = run_night(config, scheduler=cluster).cycle
-    (tmp_path / "out" / "latest").unlink()
-    again = run_night(config, scheduler=cluster)
-    assert (again.cycle, again.exit_code) == (cycle, 0)
-    assert (tmp_path / "out" / "latest").resolve().name == cycle
-
-
 def test_status_and_show(tmp_path: Path, finished: Path) -> None:
     output = tmp_path / "out"
     with pytest.raises(RequestError, match="no finished cycle"):
@@ -308,3 +294,20 @@ def test_write_night_is_refused_with_file_and_line(tmp_path: Path) -> None:
         load_config(file)
     assert caught.value.faults[0].startswith("night.toml, line 1: keep = 0 is below 1")
     assert caught.value.faults[1].startswith("night.toml, line 4: unknown key cases[0].every")
+
+
+def test_a_table_of_an_earlier_version_without_islands_is_read(tmp_path: Path) -> None:
+    row = {
+        "case": "quick/still",
+        "status": "planned",
+        "side": "west of Palawan",
+        "class": "p1",
+        "fuel": 3.0,
+        "arrival": None,
+        "geometry": shapely.to_wkb(shapely.LineString([(0, 0), (1, 2)])),
+    }
+    pq.write_table(pa.Table.from_pylist([row]), tmp_path / "cases.parquet")
+    routes = earlier_routes("2026-11-20T00Z", tmp_path / "cases.parquet")
+    assert list(routes) == ["quick/still"]
+    assert routes["quick/still"].columns()["earlier_side"] == "west of Palawan"
+    assert routes["quick/still"].island == ""

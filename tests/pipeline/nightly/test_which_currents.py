@@ -141,10 +141,13 @@ def test_a_revision_that_was_finished_and_not_named_is_named(tmp_path: Path, clu
     second = _run(file, cluster)
     assert second.cycle == f"{first.cycle}-r2"
     link = tmp_path / "out" / "latest"
-    link.unlink()
-    link.symlink_to(first.cycle)
-    assert _run(file, cluster).cycle == second.cycle
-    assert link.resolve().name == second.cycle
+    for left in ("the link of the night before", "nothing"):
+        link.unlink()
+        if left != "nothing":
+            link.symlink_to(first.cycle)
+        named = _run(file, cluster)
+        assert (named.cycle, named.exit_code) == (second.cycle, second.exit_code)
+        assert link.resolve().name == second.cycle
     shutil.rmtree(tmp_path / "out" / second.cycle)
     assert _run(file, cluster).cycle == second.cycle
 
