@@ -225,8 +225,9 @@ def kept_forecasts(
     for source in sources:
         time = _forecast_time(source, season) if isinstance(source, tuple) else None
         if time is not None:
-            kept = [one for one in _kept(output, source) if one.name <= time.strftime(_FORECAST)]
-            kept_sources.append(tuple(f"{escape(str(one))}/*" for one in kept[:count]))
+            tonight = time.strftime(_FORECAST)
+            kept = [path for path in _kept(output, source) if path.name <= tonight]
+            kept_sources.append(tuple(f"{escape(str(path))}/*" for path in kept[:count]))
     return tuple(filter(None, kept_sources))
 
 
@@ -237,8 +238,8 @@ def _folder(output: Path, source: Currents) -> Path:
 
 def _kept(output: Path, source: Currents) -> list[Path]:
     """Return the folders of a source's forecasts, the newest first."""
-    found = _folder(output, source).glob("*Z")
-    return sorted((path for path in found if path.is_dir()), reverse=True)
+    paths = _folder(output, source).glob("*Z")
+    return sorted((path for path in paths if path.is_dir()), reverse=True)
 
 
 def _copy_forecast(output: Path, source: tuple[str, ...], season: Season) -> None:

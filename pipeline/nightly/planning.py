@@ -277,12 +277,14 @@ def _ends(case: NightCase) -> tuple[Point, ...]:
 
 def _longest(case: NightCase) -> Scenario:
     """Return a case's scenario with the pair of its block that lies farthest apart."""
-    scenario, pairs = _scenario(case), [one for one in case.block.pairs if one is not None]
+    scenario, pairs = _scenario(case), [pair for pair in case.block.pairs if pair is not None]
     if not pairs:
         return scenario
     import pyproj
 
-    starts, goals = (np.array([getattr(one, name) for one in pairs]) for name in ("start", "goal"))
+    starts, goals = (
+        np.array([getattr(pair, name) for pair in pairs]) for name in ("start", "goal")
+    )
     farthest = pairs[int(pyproj.Geod(ellps="WGS84").inv(*starts.T, *goals.T)[2].argmax())]
     return scenario.model_copy(update={"start": farthest.start, "goal": farthest.goal})
 
