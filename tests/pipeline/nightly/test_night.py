@@ -6,7 +6,7 @@ import csv
 import json
 import shutil
 import sqlite3
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 import geopandas
@@ -266,26 +266,6 @@ def test_the_file_of_a_night_says_when_it_was_made(finished: Path) -> None:
     said = json.loads((finished / "latest" / "night.json").read_text())
     assert said["cases_by_status"] == {"planned": 6}
     assert said["begun"] <= said["finished"]
-
-
-@pytest.mark.parametrize("says_reference", [True, False])
-def test_a_cycle_is_named_by_its_currents(tmp_path: Path, says_reference: bool) -> None:
-    from pipeline.nightly.cases import expand
-    from pipeline.nightly.currents import newest_currents
-
-    file = region_night(tmp_path)
-    write_forecast(tmp_path / "currents" / "m1.nc", says_reference=says_reference)
-    write_forecast(
-        tmp_path / "currents" / "m2.nc",
-        REFERENCE - timedelta(hours=12),
-        says_reference=says_reference,
-    )
-    found = newest_currents(expand(load_config(file, tmp_path)), datetime.now(UTC))
-    if says_reference:
-        assert found.cycle == "2026-11-21T00Z"
-    else:
-        assert found.cycle.startswith("2026-11-23T00Z-")
-    assert found.departures_from == REFERENCE
 
 
 def test_write_night_is_refused_with_file_and_line(tmp_path: Path) -> None:
