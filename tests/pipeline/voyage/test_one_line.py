@@ -45,12 +45,11 @@ def voyage(chart: Path, outputs: Path, *currents: str | Path, **options: object)
     return pipeline.go(
         START,
         GOAL,
-        vessel=FIGURES,
         months=months,
         currents=currents,
         charts=chart,
         output=outputs,
-        **options,  # type: ignore[arg-type]
+        **FIGURES | options,
     )
 
 
@@ -90,7 +89,7 @@ def within_hours(
     @cache
     def made(hours: float) -> Outcome:
         by = DEPART + timedelta(hours=hours)
-        speeds = {"depart": DEPART, "arrive_by": by, "speeds_m_s": (1.0, 5.0)}
+        speeds = {"depart": DEPART, "arrive_by": by, "speed": (1.0, 5.0)}
         return voyage(chart, outputs, file, name=f"within-{60 * hours:.0f}-minutes", **speeds)
 
     return made
@@ -143,7 +142,7 @@ def test_a_departure_lets_the_currents_of_a_file_change_on_the_way(
     file = write_tide(tmp_path / "tide.nc")
     departure = datetime(2026, 11, 22, 6, 20, tzinfo=UTC)
     outcome = pipeline.go(
-        START, GOAL, vessel=FIGURES, depart=departure, currents=(file,), charts=chart,
+        START, GOAL, **FIGURES, depart=departure, currents=(file,), charts=chart,
         output=outputs, name="tide",
     )  # fmt: skip
     assert outcome.exit_code == 0
