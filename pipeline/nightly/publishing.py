@@ -112,7 +112,7 @@ CHANGES_COLUMNS = (
     "status", "reason",
 )
 # fmt: on
-"""Columns; `earlier_` is yesterday's route, `keep_` the same route in tonight's current."""
+"""Columns: `earlier_…` is of yesterday's route, `keep_…` of that route in tonight's current."""
 GEOPACKAGE_FILE = "routes.gpkg"
 LAYER = frames.Layer(
     "routes",
