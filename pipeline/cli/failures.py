@@ -38,7 +38,7 @@ _UNEXPECTED = 3
 _FRAMES = 6
 # Maximum length of an error's text, in characters.
 _MAX_MESSAGE = 500
-# Signs of errors of Python and of libraries that are the machine's, and what to do.
+# Patterns of errors of Python and libraries that are the machine's fault, and their remedies.
 _MACHINE = {
     r"MemoryError|bad_alloc|allocate memory|new thread|failed to map": "the memory ran out: free "
     "some, or raise the limit of this job (ulimit -v)",
@@ -170,7 +170,7 @@ def exit_code_of(error: BaseException) -> int:
 
 
 def _machine_fault(error: BaseException | None) -> str:
-    """Say what of the machine an unexpected error is about, with the remedy; "" if nothing."""
+    """Name the fault of the machine behind an unexpected error, with the remedy; "" if none."""
     while error is not None:
         text = f"{type(error).__name__}: {error}"
         if remedies := [said for sign, said in _MACHINE.items() if re.search(sign, text)]:

@@ -1,4 +1,4 @@
-"""Types of the catalogue's entries: strict tables, and numbers with limits; their error messages.
+"""Strict models of tables in TOML, types of their values, and the messages about their faults.
 
 The last sentence of a key's description is the remedy: an error message about the key ends in it.
 Each of pydantic's errors becomes a line that states the value, the limit and the remedy.
@@ -37,7 +37,7 @@ ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 class RemediedError(ValueError):
-    """Refuses a value for faults that have their own remedies, in place of the key's."""
+    """A refusal that has its own remedy: the one in the key's description is not added."""
 
 
 @cache
@@ -60,7 +60,7 @@ def _describe(schema: dict[str, Any], model: type[BaseModel]) -> None:
 
 
 class DiskPath(str):
-    """A path as it is on the disk: two blanks, or an accent of its own, are part of its name."""
+    """A path, which is not cleaned: two blanks, or an accent as a character, belong to a name."""
 
     __slots__ = ()
 
@@ -87,7 +87,7 @@ class StrictModel(BaseModel):
 
 
 def unit(name: str) -> "JsonDict":
-    """Return what the schema says of a number's unit, where the key's name does not."""
+    """Return the addition to the schema that gives a number's unit, if the key's name does not."""
     return {"unit": name}
 
 
@@ -200,7 +200,7 @@ def shown(value: object) -> str:
 def validated(
     model: type[ModelT], data: object, located: Callable[[Fault], str] = str, **context: object
 ) -> ModelT:
-    """Return a table as a model; RequestError with a line for each fault, made by `located`."""
+    """Return a table as a model; RequestError with a line for each fault, which `located` makes."""
     try:
         return model.model_validate(data, context=context)
     except ValidationError as error:

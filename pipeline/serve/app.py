@@ -14,11 +14,11 @@ import uvicorn
 from fastapi import FastAPI, Path as InPath, Query, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.errors import PipelineError, RequestError, StageError
+from pipeline.findings.text import environment
 from pipeline.formats.palette import style_colours
 from pipeline.formats.report import assets
 from pipeline.scenario import catalogue
@@ -222,14 +222,7 @@ def _add_pages(app: FastAPI) -> None:
 
 def page_files(interface: Mapping[str, Any]) -> dict[str, bytes]:
     """Return the content of each path of the page, and of that of an interface in OpenAPI."""
-    packages = ("pipeline.serve", "pipeline.formats.report")
-    templates = Environment(
-        loader=ChoiceLoader([PackageLoader(one) for one in packages]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    templates = environment("pipeline.serve", "pipeline.formats.report")
     style = "\n".join(
         (
             assets.leaflet_style(),

@@ -1,7 +1,7 @@
 """The world's land in tiles for the page's map: from the file of the whole world, simplified.
 
-Tiles are those of web maps: at zoom z the world is 2^z tiles wide, in Mercator's projection. A far
-view would read the outlines of continents with millions of vertices, so up to _COARSE_ZOOM land
+Tiles are those of web maps: at zoom z the world is 2^z tiles wide, in Mercator's projection. Small
+zooms would need the outlines of continents with millions of vertices, so up to _COARSE_ZOOM land
 comes from a coarse copy, which is made once and kept in the user's cache.
 """
 

@@ -457,7 +457,7 @@ class Plans:
             work = self._work[name] = asyncio.create_task(job)
             await asyncio.wait([work])
             self._work.pop(name, None)
-            if worker.memory_bytes > _MAX_IDLE_BYTES:
+            if worker.resident_bytes > _MAX_IDLE_BYTES:
                 worker.kill()
             if not worker.is_running:
                 worker, spare = spare, worker
