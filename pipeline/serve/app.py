@@ -27,11 +27,10 @@ from pipeline.serve.plans import (
     ASKED,
     MAX_FILE_BYTES,
     AskedPlan,
-    FullQueueError,
     GivenFiles,
+    NotTakenError,
     PlanRequest,
     Plans,
-    TooLargeError,
     too_large,
 )
 from pipeline.voyage.readers import read_position
@@ -183,7 +182,8 @@ def _add_errors(app: FastAPI) -> None:
         return JSONResponse({"faults": faults}, status_code=422)
 
     async def failed(_: Request, error: Exception) -> Response:
-        status = next(status for kind, status in _STATUS.items() if isinstance(error, kind))
+        by_kind = (status for kind, status in _STATUS.items() if isinstance(error, kind))
+        status = getattr(error, "status", next(by_kind))
         return JSONResponse({"faults": str(error).splitlines()}, status_code=status)
 
     async def unknown(_: Request, error: Exception) -> Response:
@@ -201,9 +201,7 @@ _ANY = "application/octet-stream"
 _POLICY = "content-security-policy"
 # The status of each error's answer, the particular ones first.
 _STATUS: dict[type[PipelineError], int] = {
-    TooLargeError: 413,
     RequestError: 422,
-    FullQueueError: 429,
     StageError: 507,
     PipelineError: 500,
 }
@@ -414,6 +412,6 @@ def _add_given(app: FastAPI, files: GivenFiles) -> None:
     async def receive(request: Request, name: Annotated[str, Query(max_length=200)]) -> Any:  # noqa: ANN401 - JSON
         """Send a file as the body; the answer has the `id` by which a plan names it."""
         if int(request.headers.get("content-length", "0")) > MAX_FILE_BYTES:
-            raise TooLargeError(too_large(name))
+            raise NotTakenError(too_large(name), 413)
         path = await files.receive(name, request.stream())
         return {"id": path.parent.name, "name": path.name, "size": path.stat().st_size}

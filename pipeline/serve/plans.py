@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from pipeline.errors import Faults, PipelineError, RequestError, StageError
+from pipeline.errors import Faults, PipelineError, RequestError
 from pipeline.machine.files import write_whole, writing
 from pipeline.scenario import catalogue
 from pipeline.serve.worker import ServingWorker
@@ -47,8 +47,12 @@ _Source = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
 _Corner = tuple[Annotated[float, Field(ge=-360, le=360)], Annotated[float, Field(ge=-90, le=90)]]
 
 
-class TooLargeError(RequestError):
-    """A file is too large."""
+class NotTakenError(PipelineError):
+    """A request that the server does not take, with the status of the answer."""
+
+    def __init__(self, text: str, status: int) -> None:
+        super().__init__(text)
+        self.status = status
 
 
 class GivenFiles:
@@ -91,7 +95,7 @@ class GivenFiles:
         Raises
         ------
         RequestError
-            The name has parts of a path, or the file is empty; TooLargeError if it, or all files
+            The name has parts of a path, or the file is empty; NotTakenError if it, or all files
             together, are too large. Nothing is left of it.
         StageError
             The disk refuses.
@@ -120,11 +124,12 @@ class GivenFiles:
             async for chunk in chunks:
                 size += len(chunk)
                 if size > MAX_FILE_BYTES:
-                    raise TooLargeError(too_large(name))
+                    raise NotTakenError(too_large(name), 413)
                 if self._bytes + size > _MAX_ALL_BYTES:
-                    raise TooLargeError(
+                    raise NotTakenError(
                         f"{name}: no room is left; this server takes {_MAX_ALL_BYTES:,} bytes in "
-                        "all; start it again"
+                        "all; start it again",
+                        413,
                     )
                 digest.update(chunk)
                 file.write(chunk)
@@ -275,10 +280,6 @@ _LIVE = {"waiting", "running"}
 _PREPARING = "preparing"
 
 
-class FullQueueError(StageError):
-    """Too many plans wait to take another one."""
-
-
 @dataclass
 class AskedPlan:
     """A plan: its request, and how far it has come.
@@ -386,7 +387,7 @@ class Plans:
 
         Raises
         ------
-        FullQueueError
+        NotTakenError
             Too many plans wait.
         """
         same = json.dumps(options, sort_keys=True)
@@ -397,8 +398,8 @@ class Plans:
             ):
                 return known
         if sum(one.state == "waiting" for one in self._plans.values()) >= _MAX_WAITING:
-            raise FullQueueError(
-                f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one"
+            raise NotTakenError(
+                f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one", 429
             )
         plan = AskedPlan(request, options)
         ends = ("start", "goal")

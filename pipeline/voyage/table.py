@@ -126,7 +126,7 @@ def help_text(option: Option, at: SimpleNamespace) -> str:
 def read(
     table: type[_Table],
     given: Mapping[str, Any],
-    at: SimpleNamespace,
+    asker: Asker,
     rules: Callable[
         [SimpleNamespace, SimpleNamespace, SimpleNamespace], Iterable[str]
     ] = lambda *_: (),
@@ -142,8 +142,9 @@ def read(
     Raises
     ------
     RequestError
-        The message has a line for each fault, with its option in the spelling `at`.
+        The message has a line for each fault, with its option as the asker writes it.
     """
+    at = spelling(table, asker)
     asked: dict[str, Any] = {}
     values: dict[str, Any] = {}
     faults = [*known]
