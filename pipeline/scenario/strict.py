@@ -43,14 +43,14 @@ class RemediedError(ValueError):
 @cache
 def descriptions(model: type[BaseModel]) -> dict[str, str]:
     """Return the docstrings of a model's keys; its source is read when they are first needed."""
-    found: dict[str, str] = {}
+    described: dict[str, str] = {}
     for owner in model.__mro__[model.__mro__.index(BaseModel) - 1 :: -1]:
         (table,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
         for key, text in itertools.pairwise(getattr(table, "body", ())):
             match key, text:
                 case ast.AnnAssign(ast.Name(name)), ast.Expr(ast.Constant(str(said))):
-                    found[model.model_fields[name].alias or name] = " ".join(said.split())
-    return found
+                    described[model.model_fields[name].alias or name] = " ".join(said.split())
+    return described
 
 
 def _describe(schema: dict[str, Any], model: type[BaseModel]) -> None:
@@ -210,12 +210,12 @@ def validated(
 def model_faults(error: ValidationError, model: type[BaseModel], data: object) -> list[Fault]:
     """Return one line per fault, in the order found; of the faults of a union, only the first."""
     lines: dict[str, Fault] = {}
-    found = error.errors(include_url=False)
-    for details in found:
+    errors = error.errors(include_url=False)
+    for details in errors:
         # pydantic counts only valid items: a list that has invalid ones need not be too short.
         depth = len(details["loc"])
         if details["type"] == "too_short" and any(
-            len(other["loc"]) > depth and other["loc"][:depth] == details["loc"] for other in found
+            len(other["loc"]) > depth and other["loc"][:depth] == details["loc"] for other in errors
         ):
             continue
         path = _path_in(data, details)
@@ -317,5 +317,5 @@ def model_in(annotation: object) -> type[BaseModel] | None:
     """Return the model inside an annotation such as `tuple[Season, ...]` or `Region | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = (model_in(part) for part in get_args(annotation))
-    return next((model for model in found if model is not None), None)
+    inner = (model_in(part) for part in get_args(annotation))
+    return next((model for model in inner if model is not None), None)

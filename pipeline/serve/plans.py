@@ -397,27 +397,27 @@ class Plans:
                 and json.dumps(known.options, sort_keys=True) == same
             ):
                 return known
-        if sum(one.state == "waiting" for one in self._plans.values()) >= _MAX_WAITING:
+        if sum(plan.state == "waiting" for plan in self._plans.values()) >= _MAX_WAITING:
             raise NotTakenError(
                 f"{_MAX_WAITING} plans wait already; wait until one has ended, or cancel one", 429
             )
         plan = AskedPlan(request, options)
         ends = ("start", "goal")
-        if self._ahead is not None and any(self._ahead[one] != options[one] for one in ends):
+        if self._ahead is not None and any(self._ahead[end] != options[end] for end in ends):
             self._ahead = None  # the voyage that is prepared is not the one that is planned
             if (task := self._work.pop(_PREPARING, None)) is not None:
                 task.cancel()
         self._plans[plan.id] = plan
         self._waiting.put_nowait(plan)
         # The oldest plans that ended are forgotten; their results stay on the disk.
-        ended = [one.id for one in self._plans.values() if one.state not in _LIVE]
+        ended = [known.id for known in self._plans.values() if known.state not in _LIVE]
         for identity in ended[: max(0, len(self._plans) - _MAX_KEPT)]:
             del self._plans[identity]
         return plan
 
     def prepare(self, options: Mapping[str, Any]) -> None:
         """Make a voyage's land and currents ready, unless a worker has something else to do."""
-        if self._ahead is None and not any(one.state in _LIVE for one in self._plans.values()):
+        if self._ahead is None and not any(plan.state in _LIVE for plan in self._plans.values()):
             self._ahead = options
             self._waiting.put_nowait(None)
 

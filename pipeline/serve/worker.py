@@ -176,7 +176,7 @@ def _plan(asked: Mapping[str, Any]) -> None:
     except Exception as error:  # noqa: BLE001 - the server tells it, and takes the next request
         _tell({"event": "failed", "faults": [without_secrets(one_line(error))]})
     else:
-        files = sorted(one.name for one in outcome.directory.iterdir() if one.is_file())
+        files = sorted(file.name for file in outcome.directory.iterdir() if file.is_file())
         directory, failures = str(outcome.directory), outcome.failures
         _tell({"event": "done", "directory": directory, "files": files, "failures": failures})
 
