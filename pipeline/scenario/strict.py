@@ -4,14 +4,10 @@ The last sentence of a key's description is the remedy: an error message about t
 Each of pydantic's errors becomes a line that states the value, the limit and the remedy.
 """
 
-import ast
 import difflib
-import inspect
 import itertools
 import json
-import textwrap
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import (
@@ -40,21 +36,17 @@ class RemediedError(ValueError):
     """A refusal that has its own remedy: the one in the key's description is not added."""
 
 
-@cache
 def descriptions(model: type[BaseModel]) -> dict[str, str]:
-    """Return the docstrings of a model's keys; its source is read when they are first needed."""
-    described: dict[str, str] = {}
-    for owner in model.__mro__[model.__mro__.index(BaseModel) - 1 :: -1]:
-        (table,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
-        for key, text in itertools.pairwise(getattr(table, "body", ())):
-            match key, text:
-                case ast.AnnAssign(ast.Name(name)), ast.Expr(ast.Constant(str(said))):
-                    described[model.model_fields[name].alias or name] = " ".join(said.split())
-    return described
+    """Return the docstrings of a model's keys, each on one line."""
+    return {
+        field.alias or name: " ".join(field.description.split())
+        for name, field in model.model_fields.items()
+        if field.description
+    }
 
 
 def _describe(schema: dict[str, Any], model: type[BaseModel]) -> None:
-    """Add the keys' descriptions to a model's schema."""
+    """Put each description in a model's schema on one line."""
     for key, text in descriptions(model).items():
         schema["properties"][key]["description"] = text
 
@@ -81,7 +73,11 @@ class StrictModel(BaseModel):
     """
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, json_schema_extra=_describe
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+        json_schema_extra=_describe,
     )
     _clean_texts = field_validator("*")(cleaned)
 
