@@ -62,7 +62,7 @@ def _parameter(table: type[Any], option: Option) -> inspect.Parameter:
 
 
 def _info(table: type[Any], option: Option) -> Any:  # noqa: ANN401 - typer's argument or option
-    """Return what typer is told of an option."""
+    """Return what typer has to know of an option."""
     known: dict[str, Any] = {
         "help": help_text(option, spelling(table, "command")),
         "metavar": option.metavar or None,

@@ -48,7 +48,7 @@ class Option:
     metavar
         What stands for its value in the help of the command line.
     most
-        Largest number of values; 0 for an option with option.
+        Largest number of values; 0 for an option that takes a single value.
     section
         Section of the catalogue with the names to choose from.
     layer
@@ -192,21 +192,3 @@ def _faults_of(error: ValueError | RequestError) -> tuple[str, ...]:
 def read_folder(path: str | Path) -> Path:
     """Read a folder to write to."""
     return folder_to_write(Path(path), "")
-
-
-def described(table: type[Any]) -> list[dict[str, Any]]:
-    """Return a table's options as JSON, for QGIS, whose Python can't import this option."""
-    at = spelling(table, "page")
-    return [
-        {
-            "name": option.key,
-            "option": option.typed if option.group else "",
-            "kind": option.kind,
-            "label": option.title,
-            "help": help_text(option, at),
-            "several": bool(option.most),
-            "layer": option.layer,
-        }
-        for option in options(table)
-        if not option.is_of_run
-    ]
