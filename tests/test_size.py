@@ -35,7 +35,7 @@ ROOMS = {
     "renew/inputs": (2_072, 23),
     "renew/kernels": (1_773, 15),
     "renew/paths": (1_799, 10),
-    "renew/planner": (2_195, 8),
+    "renew/planner": (2_200, 8),
     "renew/steering": (889, 1),
     "renew/turns": (1_551, 13),
     "renew/underway": (1_938, 12),
