@@ -16,7 +16,8 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-ROOT = Path(__file__).resolve().parent.parent
+from tests.conftest import ROOT
+
 OPERATION = ROOT / "catalog" / "operation"
 CONTAINERFILE = (OPERATION / "Containerfile").read_text("utf-8")
 SCRIPTS = Path(sys.executable).parent
